@@ -1,0 +1,57 @@
+"""Every complaint opir makes to a user: one class a cause, one exit code a class.
+
+A message names the place (a scene path, a component and whose it is, a sink) and the way out.
+"""
+
+from collections.abc import Iterable, Sequence
+
+from attrs import frozen
+
+
+class OpirError(Exception):
+    """The parent of all of opir's own errors; `exit_code` is what the command line returns for it."""
+
+    exit_code = 1
+
+
+@frozen
+class Problem:
+    """One thing wrong with a scene: where (`targets[0].launch.lat_deg`, or "" for the file) and what."""
+
+    path: str
+    message: str
+
+    def __str__(self) -> str:
+        """Return the problem as one line."""
+        return f"{self.path}: {self.message}" if self.path else self.message
+
+
+class SceneError(OpirError):
+    """A scene that cannot be read or cannot be meant; it carries all its problems, not only the first."""
+
+    exit_code = 2
+
+    def __init__(self, problems: Iterable[Problem], *, source: str = "scene") -> None:
+        self.problems: Sequence[Problem] = tuple(problems)
+        self.source = source
+        count = len(self.problems)
+        head = f"{source}: {count} problem{'s' if count != 1 else ''}"
+        super().__init__("\n".join([head, *(f"  {problem}" for problem in self.problems)]))
+
+
+class PluginError(OpirError):
+    """A component that is missing, claimed twice, or broken; the message says whose it is."""
+
+    exit_code = 3
+
+
+class ModelError(OpirError):
+    """A model that returned what its contract forbids (a wrong shape, a probability outside [0, 1])."""
+
+    exit_code = 4
+
+
+class SinkError(OpirError):
+    """An output that could not take events; the message says how many were delivered before."""
+
+    exit_code = 5
