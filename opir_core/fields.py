@@ -1,0 +1,164 @@
+"""Fields of configuration classes: each says its unit, its range, its meaning and where its default comes from.
+
+A configuration class is a frozen attrs class whose attributes are made here. The scene reader, the error messages
+and the generated reference all read the same `FieldInfo`, so they cannot disagree.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from attrs import NOTHING, Attribute, field, fields, frozen
+
+#: Where attrs metadata keeps a field's `FieldInfo`.
+METADATA_KEY = "opir"
+
+
+@frozen
+class FieldInfo:
+    """What a user is told about one configuration field."""
+
+    help: str
+    unit: str = ""
+    source: str = "notional"
+    minimum: float | None = None
+    maximum: float | None = None
+    above: float | None = None
+    below: float | None = None
+    choices: tuple[str, ...] = ()
+
+    @property
+    def interval(self) -> str:
+        """Return the allowed interval in the usual notation, `[0, 1]` or `(0, inf)`; "" where any number will do."""
+        low, high = _bound(self.minimum, self.above), _bound(self.maximum, self.below)
+        if low is None and high is None:
+            return ""
+        left = "[" if self.minimum is not None else "("
+        right = "]" if self.maximum is not None else ")"
+        return f"{left}{'-inf' if low is None else f'{low:g}'}, {'inf' if high is None else f'{high:g}'}{right}"
+
+    def accepts(self, value: float) -> bool:
+        """Return whether a number lies in the interval; NaN never does."""
+        return (
+            math.isfinite(value)
+            and (self.minimum is None or value >= self.minimum)
+            and (self.maximum is None or value <= self.maximum)
+            and (self.above is None or value > self.above)
+            and (self.below is None or value < self.below)
+        )
+
+
+def number(
+    *,
+    help: str,  # noqa: A002 - the word attrs, argparse and click users expect
+    default: Any = NOTHING,
+    unit: str = "",
+    source: str = "notional",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    above: float | None = None,
+    below: float | None = None,
+) -> Any:
+    """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`)."""
+    info = FieldInfo(help, unit, source, minimum, maximum, above, below)
+    return field(default=default, validator=_validate_number, metadata={METADATA_KEY: info}, kw_only=True)
+
+
+def text(
+    *,
+    help: str,  # noqa: A002
+    default: Any = NOTHING,
+    choices: tuple[str, ...] = (),
+    source: str = "notional",
+) -> Any:
+    """Return an attrs field for a string, one of `choices` where these are given."""
+    info = FieldInfo(help, source=source, choices=choices)
+    return field(default=default, validator=_validate_text, metadata={METADATA_KEY: info}, kw_only=True)
+
+
+def flag(*, help: str, default: Any = NOTHING, source: str = "notional") -> Any:  # noqa: A002
+    """Return an attrs field for a truth value (annotate it `bool`)."""
+    return field(default=default, metadata={METADATA_KEY: FieldInfo(help, source=source)}, kw_only=True)
+
+
+def nested(
+    *,
+    help: str,  # noqa: A002
+    default: Any = NOTHING,
+    unit: str = "",
+    source: str = "notional",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    check: Callable[[Any], str | None] | None = None,
+) -> Any:
+    """Return an attrs field for another configuration class, a tuple or a mapping.
+
+    `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns a complaint about the value as a
+    whole, or None.
+    """
+    info = FieldInfo(help, unit, source, minimum, maximum)
+    validators = [_validate_numbers_inside, *([_from_check(check)] if check else [])]
+    return field(default=default, validator=validators, metadata={METADATA_KEY: info}, kw_only=True)
+
+
+def info_of(attribute: "Attribute[Any]") -> FieldInfo:
+    """Return what is known of a configuration attribute; a bare attrs field has an empty help text."""
+    found = attribute.metadata.get(METADATA_KEY)
+    return found if isinstance(found, FieldInfo) else FieldInfo("", source="")
+
+
+def field_infos(config_class: type) -> dict[str, FieldInfo]:
+    """Return the fields of a configuration class, in order, by name."""
+    return {attribute.name: info_of(attribute) for attribute in fields(config_class)}
+
+
+def _bound(closed: float | None, opened: float | None) -> float | None:
+    return closed if closed is not None else opened
+
+
+def _validate_number(_instance: Any, attribute: "Attribute[Any]", value: Any) -> None:
+    info = info_of(attribute)
+    if value is None:
+        return
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"{value!r} is not a number")
+    _complain_unless_inside(info, value)
+
+
+def _validate_text(_instance: Any, attribute: "Attribute[Any]", value: Any) -> None:
+    info = info_of(attribute)
+    if value is not None and not isinstance(value, str):
+        raise ValueError(f"{value!r} is not text")
+    if value is not None and info.choices and value not in info.choices:
+        raise ValueError(f"{value!r} is not one of {', '.join(info.choices)}")
+
+
+def _validate_numbers_inside(_instance: Any, attribute: "Attribute[Any]", value: Any) -> None:
+    info = info_of(attribute)
+    for leaf in _numbers_inside(value):
+        _complain_unless_inside(info, leaf)
+
+
+def _numbers_inside(value: Any) -> list[float]:
+    if isinstance(value, bool):
+        return []
+    if isinstance(value, int | float):
+        return [value]
+    children = value.values() if isinstance(value, Mapping) else value if isinstance(value, tuple | list) else ()
+    return [leaf for child in children for leaf in _numbers_inside(child)]
+
+
+def _complain_unless_inside(info: FieldInfo, value: float) -> None:
+    if not math.isfinite(value):
+        raise ValueError(f"{value!r} is not a finite number")
+    if not info.accepts(value):
+        raise ValueError(f"{value!r} is outside {info.interval}{f' {info.unit}' if info.unit else ''}")
+
+
+def _from_check(check: Callable[[Any], str | None]) -> Callable[[Any, Any, Any], None]:
+    def validate(_instance: Any, _attribute: Any, value: Any) -> None:
+        complaint = check(value)
+        if complaint:
+            raise ValueError(complaint)
+
+    return validate

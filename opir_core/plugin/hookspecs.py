@@ -1,0 +1,97 @@
+"""The hooks a plugin may implement.
+
+Catalogue hooks (plural names) describe. The host calls each at most once, when a scene, `opir plugins` or `opir
+describe` first needs to know what is offered; never while a simulation runs, and not at all for a plugin that
+`OPIR_PLUGINS` leaves out or that nothing asked for. A hook takes no arguments and returns an iterable, which the host
+exhausts at once; what it yields is sorted by name, so the order of installation, of entry points and of yielding has no
+effect. Two owners of one name are refused, with both named. `tryfirst`, `trylast`, wrappers and `firstresult` have no
+meaning here and are refused.
+
+A hook must not import anything heavy, touch the network, the clock or global random state, or print. An exception from
+a hook is reported against the plugin that raised it and costs only that plugin's components.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+import pluggy
+
+if TYPE_CHECKING:
+    from opir_core.plugin import components as c
+
+PROJECT = "opir"
+
+hookspec = pluggy.HookspecMarker(PROJECT)
+hookimpl = pluggy.HookimplMarker(PROJECT)
+
+
+class CatalogueHooks:
+    """Hooks that say what a plugin has."""
+
+    @hookspec
+    def opir_constellations(self) -> Iterable[c.Constellation]:  # type: ignore[empty-body]
+        """Yield named fleets: satellites, their orbits and the sensor model they carry.
+
+        A scene chooses one with `constellation: NAME`. The model named need not come from the same plugin.
+        """
+
+    @hookspec
+    def opir_sensor_models(self) -> Iterable[c.SensorModel]:  # type: ignore[empty-body]
+        """Yield sensor models: when a sensor looks, what it sees, in which bands, how noisily.
+
+        A scene chooses one with `model: NAME` in a sensor's block.
+        """
+
+    @hookspec
+    def opir_detection_models(self) -> Iterable[c.DetectionModel]:  # type: ignore[empty-body]
+        """Yield detection models: exposures to probability of detection. A scene chooses one with `detection: NAME`."""
+
+    @hookspec
+    def opir_confidence_models(self) -> Iterable[c.ConfidenceModel]:  # type: ignore[empty-body]
+        """Yield confidence models: detections and their history to confidence. Chosen with `confidence: NAME`."""
+
+    @hookspec
+    def opir_classifiers(self) -> Iterable[c.ClassifierModel]:  # type: ignore[empty-body]
+        """Yield classifiers: measurements to the reported target type. Chosen with `classification: NAME`."""
+
+    @hookspec
+    def opir_trackers(self) -> Iterable[c.TrackerModel]:  # type: ignore[empty-body]
+        """Yield trackers: detections to tracks. Chosen with `tracker: NAME`.
+
+        A tracker sees detections only, never truth.
+        """
+
+    @hookspec
+    def opir_target_models(self) -> Iterable[c.TargetModel]:  # type: ignore[empty-body]
+        """Yield target models: launches to trajectories and plumes. Chosen with `model: NAME` in a target's block."""
+
+    @hookspec
+    def opir_atmosphere_models(self) -> Iterable[c.AtmosphereModel]:  # type: ignore[empty-body]
+        """Yield atmosphere models: a path to in-band transmittance. Chosen with `atmosphere: NAME`."""
+
+    @hookspec
+    def opir_background_models(self) -> Iterable[c.BackgroundModel]:  # type: ignore[empty-body]
+        """Yield background models: background radiance and discrete hot sources. Chosen with `background: NAME`."""
+
+    @hookspec
+    def opir_event_encoders(self) -> Iterable[c.EventEncoder]:  # type: ignore[empty-body]
+        """Yield event encoders: detections to message bytes. Chosen with `encoder: NAME` in an output's block."""
+
+    @hookspec
+    def opir_sinks(self) -> Iterable[c.SinkModel]:  # type: ignore[empty-body]
+        """Yield sinks: where events go. Chosen with `- NAME: {...}` under `outputs`."""
+
+
+class ExtensionHooks:
+    """Hooks that add to the command line."""
+
+    @hookspec
+    def opir_add_commands(self, commands: Any) -> None:
+        """Add commands to the `opir` command line.
+
+        `commands` is argparse's object of subparsers. Called when the command line is asked for a command that the core
+        does not have, or for its help; not when a core command runs. A parser added must set `run` as a default:
+        `parser.set_defaults(run=function)`, where `function(arguments) -> int` returns the exit code.
+        """

@@ -1,0 +1,234 @@
+"""What the parts of a simulation must do: arrays in, arrays out.
+
+A component's `build` returns one of these. Element-wise results must not depend on how rows are grouped into calls: the
+engine may hand over any slice of a run, and the bytes of the events must be the same.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from attrs import field, frozen
+from numpy.typing import NDArray
+
+from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks, Window
+
+
+@frozen
+class Band:
+    """A spectral band, in µm."""
+
+    name: str
+    lower_um: float
+    upper_um: float
+
+
+class Orbit(Protocol):
+    """Where a satellite is."""
+
+    #: Whether the position in ECEF does not change.
+    is_stationary: bool
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,)."""
+
+
+class ScanPattern(Protocol):
+    """When, within its period, a sensor looks at a direction."""
+
+    #: Time between two looks at one target, ns (a positive integer, so that look times are exact).
+    period_ns: int
+
+    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
+        """Return offsets (n,) in [0, period) of the looks at targets (n, 3); scan k looks at phase + k · period.
+
+        `uniform` is this sensor's own random number in [0, 1), for patterns whose start is random.
+        """
+
+
+@frozen(eq=False, kw_only=True)
+class Sensor:
+    """A sensor as the engine needs it: what a sensor model builds from a scene's block.
+
+    `detection_probability` is the chance of detection per look, by target type, that constant models use; `confusion`
+    gives, by true type, the chances of each reported type, or is empty. `minimum_elevation_rad` bounds the sensor's
+    elevation above the target's horizon and is -pi/2 where anything unobstructed is seen. `settings` is what the
+    sensor's block came to, for `opir explain` and the manifest.
+    """
+
+    id: str
+    type: str
+    orbital_slot_deg: float | None
+    bands: tuple[Band, ...]
+    orbit: Orbit
+    scan: ScanPattern
+    field_of_regard_half_angle_rad: float
+    minimum_elevation_rad: float
+    line_of_sight_sigma_rad: float
+    detection_probability: Mapping[str, float]
+    confusion: Mapping[str, Mapping[str, float]] = field(factory=dict)
+    false_alarm_susceptibility: str = "moderate"
+    spectral_discrimination: str = "none"
+    settings: Mapping[str, Any] = field(factory=dict)
+
+
+class Trajectories(Protocol):
+    """All targets of one model: when they burn and where they are."""
+
+    #: Codes into `TARGET_TYPES`, (n,) uint8.
+    type_code: NDArray[np.uint8]
+    #: Scene times between which the plume radiates, (n,) s.
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to burnout."""
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return one mapping a target, of plain values, for the truth file."""
+
+
+class Dice(Protocol):
+    """Random numbers for a batch of rows, each from the stream of its (sensor, target, purpose), addressed by scan.
+
+    The numbers of a row depend on the seed, the two ids, the purpose and the scan alone.
+    """
+
+    def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
+        """Return (rows, words) numbers in [0, 1), fresh for each scan."""
+
+    def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
+        """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
+
+
+@frozen(eq=False)
+class Measured:
+    """What a detection model says of the looks that detected: the bands that confirm (bit masks) and the SNR (or nan)."""
+
+    bands: NDArray[np.uint8]
+    snr: FloatArray
+
+
+class DetectionProbability(Protocol):
+    """Exposures to probability of detection."""
+
+    #: Whether `probability` reads the geometry columns of its exposures.
+    needs_geometry: bool
+
+    def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
+        """Return probabilities (n,) that hold for all looks of the pairs, or None where they vary from look to look."""
+
+    def probability(self, exposures: Exposures) -> FloatArray:
+        """Return the probability of detection of each look, in [0, 1]."""
+
+    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+        """Return what is measured in the looks that detected."""
+
+
+class Classifier(Protocol):
+    """Measurements to the reported target type."""
+
+    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+        """Return codes (n,) into `REPORTED_TYPES`."""
+
+
+class Confidence(Protocol):
+    """Detections and their history to confidence."""
+
+    def confidence(self, sightings: Sightings) -> FloatArray:
+        """Return confidences (n,) in [0, 1]."""
+
+
+@runtime_checkable
+class Tracker(Protocol):
+    """Detections to tracks; stepped on ticks of scene time, never on window edges.
+
+    `cadence_s` is the time between ticks, or None for a tracker that never steps.
+    """
+
+    cadence_s: float | None
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return track numbers (n,), -1 for none, judged by the tracks as they stood at the last tick; changes nothing."""
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Take in the detections since the last tick and return the estimates at this one, sorted by track."""
+
+
+class Encoder(Protocol):
+    """Detections to message bytes."""
+
+    content_type: str
+    schema_version: str
+
+    def encode(self, window: Window) -> bytes:
+        """Return the window's detections as messages, each ended by a newline and none containing one."""
+
+
+@frozen
+class Delivery:
+    """What became of a sink's events."""
+
+    delivered: int
+    spooled: int = 0
+    dropped: int = 0
+
+
+class Sink(Protocol):
+    """Where events go. A sink that fails raises `SinkError`; the other sinks go on."""
+
+    def write(self, window: Window) -> None:
+        """Take a window's events."""
+
+    def close(self) -> Delivery:
+        """Let go of everything held and say what became of the events; called once, also after a failure."""
+
+
+@frozen(kw_only=True)
+class SensorContext:
+    """What a sensor model is built with."""
+
+    id: str
+    epoch_us: int
+
+
+@frozen(kw_only=True)
+class TargetContext:
+    """What a target model is built with: the ids and scene paths of its targets, row by row with the configurations."""
+
+    ids: tuple[str, ...]
+    paths: tuple[str, ...]
+
+
+@frozen(kw_only=True)
+class ModelContext:
+    """What detection, classification and confidence models are built with."""
+
+    sensors: tuple[Sensor, ...]
+    #: Codes into `TARGET_TYPES` of the scene's targets.
+    target_type_code: NDArray[np.uint8] = field(eq=False)
+
+
+@frozen(kw_only=True)
+class TrackerContext:
+    """What trackers are built with: no targets, for a tracker sees detections alone."""
+
+    sensors: tuple[Sensor, ...]
+    epoch_us: int
+    duration_s: float
+
+
+@frozen(kw_only=True)
+class EncoderContext:
+    """What encoders are built with."""
+
+    sensors: tuple[Sensor, ...]
+    epoch_us: int
+
+
+@frozen(kw_only=True)
+class SinkContext:
+    """What sinks are built with; `encoder` is the one that the output's block names."""
+
+    encoder: Encoder
+    scene_name: str

@@ -1,0 +1,242 @@
+"""The columns that flow through a run: numpy arrays of one length, one row a look, a detection or a track.
+
+Records are `eq=False` and their arrays are to be read, not written: a record that leaves the engine has read-only
+buffers.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from attrs import fields, frozen
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from opir_core.protocols import Sensor
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+IndexArray = NDArray[np.int32]
+BoolArray = NDArray[np.bool_]
+
+
+class Columns:
+    """What all records of columns can do; the first attribute of a record gives its length."""
+
+    def __len__(self) -> int:
+        return len(getattr(self, fields(type(self))[0].name))
+
+    def take(self, rows: Any) -> Self:
+        """Return the rows chosen by an index array, a mask or a slice."""
+        return self._map(lambda column: column[rows])
+
+    def freeze(self) -> Self:
+        """Make every buffer read-only and return the record."""
+        for attribute in fields(type(self)):
+            getattr(self, attribute.name).flags.writeable = False
+        return self
+
+    @classmethod
+    def concatenate(cls, parts: Iterable[Self]) -> Self:
+        """Return one record of all rows, in order; of none, the empty record."""
+        pieces = list(parts)
+        if not pieces:
+            return cls.empty()
+        names = [attribute.name for attribute in fields(cls)]
+        return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no rows."""
+        raise TypeError(f"{cls.__name__} has no empty form")
+
+    def _map(self, change: Callable[[Any], Any]) -> Self:
+        return type(self)(*(change(getattr(self, attribute.name)) for attribute in fields(type(self))))
+
+
+@frozen(eq=False)
+class Exposures(Columns):
+    """Looks at radiating, visible targets, as a detection model sees them; one row a look.
+
+    `sensor` and `target` are indices into the plan's sensors and targets. Geometry columns are filled where the model
+    asks for them in `needs`, else they are empty arrays: `range_m` from sensor to target, `elevation_rad` of the sensor
+    above the target's horizon, `target_ecef_m` the target at the time of emission, `sensor_ecef_m` the sensor at the
+    time of the look.
+    """
+
+    time_s: FloatArray
+    emission_time_s: FloatArray
+    scan: IntArray
+    sensor: IndexArray
+    target: IndexArray
+    range_m: FloatArray
+    elevation_rad: FloatArray
+    target_ecef_m: FloatArray
+    sensor_ecef_m: FloatArray
+
+
+@frozen(eq=False)
+class Sightings(Columns):
+    """Looks that detected, as classifiers and confidence models see them; one row a detection.
+
+    `sensor` and `target` are indices into the plan's sensors and targets; `elevation_rad` is the sensor's elevation
+    above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is how often this sensor
+    has detected this target so far, this one included; `snr` is nan where the detection model has none.
+    """
+
+    time_s: FloatArray
+    sensor: IndexArray
+    target: IndexArray
+    range_m: FloatArray
+    elevation_rad: FloatArray
+    bands: NDArray[np.uint8]
+    band_count: IntArray
+    band_total: IntArray
+    detection_count: IndexArray
+    snr: FloatArray
+
+
+@frozen(eq=False)
+class Detections(Columns):
+    """What sensors report; one row a detection, sorted by time, then sensor, then look. No truth is in it.
+
+    `sensor` is an index into the run's sensors; `scan` counts the sensor's scans from the scene's epoch;
+    `detection_id` (n, 2) holds the two 64-bit halves of a UUID; `reported_type` is a code into `REPORTED_TYPES`;
+    `bands` a bit mask over the sensor's bands; `detection_count` how often this sensor has detected this object so far;
+    `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object, `azimuth_rad` and `elevation_rad` the
+    same in the sensor's local frame; `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan where the model has
+    none; `track` is the track's number or -1; `estimate` the row of the window's `estimates` that holds the track's
+    state at the last tick before the detection, or -1.
+    """
+
+    time_s: FloatArray
+    time_ns: IntArray
+    sensor: IndexArray
+    scan: IntArray
+    detection_id: NDArray[np.uint64]
+    reported_type: NDArray[np.uint8]
+    bands: NDArray[np.uint8]
+    detection_count: IndexArray
+    confidence: FloatArray
+    azimuth_rad: FloatArray
+    elevation_rad: FloatArray
+    line_of_sight_ecef: FloatArray
+    sensor_ecef_m: FloatArray
+    snr: FloatArray
+    track: IntArray
+    estimate: IntArray
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no detections."""
+        return _no_rows(cls, _DETECTION_SHAPES)
+
+
+@frozen(eq=False)
+class DetectionTruth(Columns):
+    """What was really seen, row by row beside `Detections`: kept apart from it, and never encoded into an event.
+
+    `target` is an index into the run's targets; `emission_time_s` when the detected light left it; `range_m` the true
+    distance; `target_elevation_rad` the sensor's elevation above the target's horizon; `probability` the look's
+    probability of detection.
+    """
+
+    target: IndexArray
+    emission_time_s: FloatArray
+    range_m: FloatArray
+    target_elevation_rad: FloatArray
+    probability: FloatArray
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no rows."""
+        return _no_rows(cls, _TRUTH_SHAPES)
+
+
+@frozen(eq=False)
+class Tracks(Columns):
+    """Estimates of a tracker, one row a track and tick, sorted by tick, then track.
+
+    Unknown quantities are nan. `launch` and `impact` (n, 3) are latitude_rad, longitude_rad and time_s;
+    `launch_covariance` and `impact_covariance` (n, 2, 2) are east-north, m²; `state` (n, 6) is ECEF position and
+    velocity, `state_covariance` (n, 6, 6) its covariance; `type_probability` (n, 4) is over `REPORTED_TYPES`.
+    """
+
+    tick_s: FloatArray
+    track: IntArray
+    state: FloatArray
+    state_covariance: FloatArray
+    launch: FloatArray
+    launch_covariance: FloatArray
+    impact: FloatArray
+    impact_covariance: FloatArray
+    type_probability: FloatArray
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no tracks."""
+        return _no_rows(cls, _TRACK_SHAPES)
+
+
+@frozen(eq=False)
+class Window:
+    """What happened in a slice of scene time [start_s, end_s).
+
+    `truth` lies row by row beside `detections`; `tracks` are the rows of the ticks in the window; `estimates` the rows
+    in force that `detections.estimate` points to.
+    """
+
+    start_s: float
+    end_s: float
+    looks: int
+    detections: Detections
+    truth: DetectionTruth
+    tracks: Tracks
+    estimates: Tracks
+
+
+@frozen(eq=False)
+class Run:
+    """A finished run: its columns, its summary and what is needed to repeat it."""
+
+    detections: Detections
+    truth: DetectionTruth
+    tracks: Tracks
+    estimates: Tracks
+    sensors: "Sequence[Sensor]"
+    target_ids: Sequence[str]
+    summary: Mapping[str, Any]
+    manifest: Mapping[str, Any]
+
+
+_Shapes = Mapping[str, tuple[Any, tuple[int, ...]]]
+
+_DETECTION_SHAPES: _Shapes = {
+    "time_ns": (np.int64, ()),
+    "sensor": (np.int32, ()),
+    "scan": (np.int64, ()),
+    "detection_id": (np.uint64, (2,)),
+    "reported_type": (np.uint8, ()),
+    "bands": (np.uint8, ()),
+    "detection_count": (np.int32, ()),
+    "line_of_sight_ecef": (np.float64, (3,)),
+    "sensor_ecef_m": (np.float64, (3,)),
+    "track": (np.int64, ()),
+    "estimate": (np.int64, ()),
+}
+_TRUTH_SHAPES: _Shapes = {"target": (np.int32, ())}
+_TRACK_SHAPES: _Shapes = {
+    "track": (np.int64, ()),
+    "state": (np.float64, (6,)),
+    "state_covariance": (np.float64, (6, 6)),
+    "launch": (np.float64, (3,)),
+    "launch_covariance": (np.float64, (2, 2)),
+    "impact": (np.float64, (3,)),
+    "impact_covariance": (np.float64, (2, 2)),
+    "type_probability": (np.float64, (4,)),
+}
+
+
+def _no_rows(record: type[Any], shapes: _Shapes) -> Any:
+    specified = ((shapes.get(attribute.name, (np.float64, ()))) for attribute in fields(record))
+    return record(*(np.empty((0, *shape), dtype=kind) for kind, shape in specified))
