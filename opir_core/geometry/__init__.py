@@ -1,0 +1,56 @@
+"""The geometry between sensors, targets, the Earth and the Sun: arrays in, arrays out, the last axis x, y, z."""
+
+from opir_core.geometry.ellipsoid import WGS84, Ellipsoid
+from opir_core.geometry.frames import ecef_to_eci, ecef_to_eci_state, eci_to_ecef, eci_to_ecef_state
+from opir_core.geometry.geodesics import DistanceBearing, LatitudeLongitude, geodesic_direct, geodesic_inverse
+from opir_core.geometry.geodetic import Geodetic, ecef_to_geodetic, geodetic_to_ecef
+from opir_core.geometry.intersection import intersection_with_ellipsoid
+from opir_core.geometry.looks import (
+    AzimuthElevationRange,
+    azimuth_elevation_range,
+    east_north_up_axes,
+    elevation_rad,
+    line_of_sight,
+    nadir_angle_rad,
+)
+from opir_core.geometry.occlusion import grazing_height_m, is_occluded
+from opir_core.geometry.sidereal import gmst_rad, julian_date
+from opir_core.geometry.sun import (
+    is_sunlit,
+    sun_position_ecef_m,
+    sun_position_eci_m,
+    sun_position_of_date_m,
+    sunlit_fraction,
+)
+
+__all__ = [
+    "WGS84",
+    "AzimuthElevationRange",
+    "DistanceBearing",
+    "Ellipsoid",
+    "Geodetic",
+    "LatitudeLongitude",
+    "azimuth_elevation_range",
+    "east_north_up_axes",
+    "ecef_to_eci",
+    "ecef_to_eci_state",
+    "ecef_to_geodetic",
+    "eci_to_ecef",
+    "eci_to_ecef_state",
+    "elevation_rad",
+    "geodesic_direct",
+    "geodesic_inverse",
+    "geodetic_to_ecef",
+    "gmst_rad",
+    "grazing_height_m",
+    "intersection_with_ellipsoid",
+    "is_occluded",
+    "is_sunlit",
+    "julian_date",
+    "line_of_sight",
+    "nadir_angle_rad",
+    "sun_position_ecef_m",
+    "sun_position_eci_m",
+    "sun_position_of_date_m",
+    "sunlit_fraction",
+]

@@ -1,0 +1,43 @@
+"""From the Earth-fixed frame to the inertial one and back: one rotation about z.
+
+ECI is ECEF frozen at the scene epoch: the frames coincide at `time_s` = 0.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.geometry.vectors import Floats, components, vector
+
+
+def ecef_to_eci(position_m: ArrayLike, time_s: ArrayLike) -> Floats:
+    """Return ECEF vectors (..., 3) in ECI at `time_s` seconds since scene epoch."""
+    return _turned(position_m, EARTH_ROTATION_RAD_S * np.asarray(time_s, dtype=np.float64))
+
+
+def eci_to_ecef(position_m: ArrayLike, time_s: ArrayLike) -> Floats:
+    """Return ECI vectors (..., 3) in ECEF at `time_s` seconds since scene epoch."""
+    return _turned(position_m, -EARTH_ROTATION_RAD_S * np.asarray(time_s, dtype=np.float64))
+
+
+def ecef_to_eci_state(position_m: ArrayLike, velocity_m_s: ArrayLike, time_s: ArrayLike) -> tuple[Floats, Floats]:
+    """Return position (m) and velocity (m/s) in ECI of a state given in ECEF: v + omega x r, turned."""
+    x, y, _ = components(position_m)
+    vx, vy, vz = components(velocity_m_s)
+    carried = vector(vx - EARTH_ROTATION_RAD_S * y, vy + EARTH_ROTATION_RAD_S * x, vz)
+    return ecef_to_eci(position_m, time_s), ecef_to_eci(carried, time_s)
+
+
+def eci_to_ecef_state(position_m: ArrayLike, velocity_m_s: ArrayLike, time_s: ArrayLike) -> tuple[Floats, Floats]:
+    """Return position (m) and velocity (m/s) relative to the turning Earth of a state given in ECI."""
+    position = eci_to_ecef(position_m, time_s)
+    x, y, _ = components(position)
+    vx, vy, vz = components(eci_to_ecef(velocity_m_s, time_s))
+    return position, vector(vx + EARTH_ROTATION_RAD_S * y, vy - EARTH_ROTATION_RAD_S * x, vz)
+
+
+def _turned(vectors: ArrayLike, angle_rad: Floats) -> Floats:
+    """Return vectors turned about z by an angle."""
+    x, y, z = components(vectors)
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    return vector(cosine * x - sine * y, sine * x + cosine * y, z)
