@@ -1,4 +1,4 @@
-"""What plugin authors import: the hook marker, the component types and the fields of configuration classes."""
+"""What plugin authors import: the hook marker, the component types, the fields of configuration classes and sensors."""
 
 from opir_core.fields import FieldInfo, flag, nested, number, text
 from opir_core.plugin.components import (
@@ -16,7 +16,9 @@ from opir_core.plugin.components import (
     TargetModel,
     TrackerModel,
 )
+from opir_core.plugin.defaults import cited, with_defaults
 from opir_core.plugin.hookspecs import hookimpl
+from opir_core.plugin.sensors import ScanningSensorConfig, scanning_sensor
 
 __all__ = [
     "AtmosphereModel",
@@ -29,13 +31,17 @@ __all__ = [
     "EventEncoder",
     "FieldInfo",
     "NoConfig",
+    "ScanningSensorConfig",
     "SensorModel",
     "SinkModel",
     "TargetModel",
     "TrackerModel",
+    "cited",
     "flag",
     "hookimpl",
     "nested",
     "number",
+    "scanning_sensor",
     "text",
+    "with_defaults",
 ]

@@ -1,0 +1,101 @@
+"""Classifiers: `paper` draws from confusion matrices; `always` is right each time; `none` and `never` give UNKNOWN."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.builtin.configs import ConfusionConfig
+from opir_core.errors import ModelError
+from opir_core.plugin.components import NoConfig
+from opir_core.plugin.confusion import Confusion, confusion_complaint
+from opir_core.protocols import Classifier, Dice, ModelContext, Sensor
+from opir_core.records import FloatArray, Sightings
+from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+
+
+@frozen(eq=False)
+class ConfusionClassifier:
+    """The reported type, drawn once for each sensor and target from the sensor's confusion matrix.
+
+    `thresholds` (sensors, true types, reported types - 1) are cumulative probabilities, 1 from the last type of any
+    probability on; a type is reported where the draw lies below its threshold and not below the one before.
+    """
+
+    thresholds: FloatArray
+    type_code: NDArray[np.uint8]
+
+    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+        """Return codes (n,) into `REPORTED_TYPES`."""
+        drawn = dice.pair_uniforms("classification")
+        passed = drawn >= self.thresholds[sightings.sensor, self.type_code[sightings.target]]
+        reported: NDArray[np.uint8] = passed.sum(axis=1, dtype=np.uint8)
+        return reported
+
+
+@frozen(eq=False)
+class TrueType:
+    """The true type, each time."""
+
+    type_code: NDArray[np.uint8]
+
+    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+        """Return codes (n,) into `REPORTED_TYPES`, of which the target types are the first."""
+        chosen: NDArray[np.uint8] = self.type_code[sightings.target]
+        return chosen
+
+
+@frozen
+class NoAnswer:
+    """UNKNOWN, each time."""
+
+    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+        """Return the code of UNKNOWN (n,)."""
+        return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
+
+
+def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Classifier:
+    """Return the classifier `paper`.
+
+    Raises `ModelError` where neither the configuration nor the sensor says how a type that the scene launches is
+    reported.
+    """
+    thresholds = np.ones((len(context.sensors), len(TARGET_TYPES), len(REPORTED_TYPES) - 1))
+    for number, sensor in enumerate(context.sensors):
+        matrix = {**sensor.confusion, **config.matrices.get(sensor.type, {})}
+        for code in np.unique(context.target_type_code).tolist():
+            thresholds[number, code] = _thresholds(_row(matrix, sensor, TARGET_TYPES[code]))
+    return ConfusionClassifier(thresholds, context.target_type_code)
+
+
+def true_type(_config: NoConfig, context: ModelContext) -> Classifier:
+    """Return the classifier `always`."""
+    return TrueType(context.target_type_code)
+
+
+def no_answer(_config: NoConfig, _context: ModelContext) -> Classifier:
+    """Return the classifier `none`."""
+    return NoAnswer()
+
+
+def _row(matrix: Confusion, sensor: Sensor, target_type: str) -> Mapping[str, float]:
+    row = matrix.get(target_type)
+    if row is None:
+        raise ModelError(
+            f"sensor {sensor.id} ({sensor.type}) has no confusion matrix row for {target_type} targets: give"
+            f" {target_type} in its confusion, or under matrices.{sensor.type} of classification: paper, or choose"
+            " classification: none"
+        )
+    complaint = confusion_complaint({target_type: row})
+    if complaint:
+        raise ModelError(f"sensor {sensor.id} ({sensor.type}): confusion matrix: {complaint}")
+    return row
+
+
+def _thresholds(row: Mapping[str, float]) -> FloatArray:
+    probability = np.array([row.get(name, 0.0) for name in REPORTED_TYPES])
+    cumulative = np.cumsum(probability)
+    # The sum may be 1 to rounding only; no draw may fall past the last type that has a probability.
+    cumulative[np.flatnonzero(probability)[-1] :] = 1.0
+    return cumulative[:-1]

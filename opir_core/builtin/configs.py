@@ -1,0 +1,108 @@
+"""What a scene may set of the built-in models. Nothing heavy is imported here."""
+
+import math
+from collections.abc import Mapping
+
+from attrs import Factory, frozen
+
+from opir_core.fields import nested, number, text
+from opir_core.plugin.confusion import Confusion, confusion_complaint
+from opir_core.scene import TARGET_TYPES
+
+#: How far the sum of the confidence weights may be from 1.
+WEIGHT_SUM_TOLERANCE = 1e-9
+
+PAPER_CONFIDENCE = "opir-simulator paper (2026), section 4.3, names the weights and not their values; notional"
+
+
+def _matrices_complaint(matrices: Mapping[str, Confusion]) -> str | None:
+    for sensor_type, matrix in matrices.items():
+        complaint = confusion_complaint(matrix)
+        if complaint:
+            return f"{sensor_type}: {complaint}"
+    return None
+
+
+@frozen(kw_only=True)
+class ConstantConfig:
+    """What a scene may set of the detection model `constant`."""
+
+    band_confirmation: float = number(
+        default=1.0,
+        minimum=0.0,
+        maximum=1.0,
+        help="chance that each band of the sensor confirms a detection, independently; if none would, the first does",
+    )
+
+
+@frozen(kw_only=True)
+class ConfusionConfig:
+    """What a scene may set of the classifier `paper`."""
+
+    matrices: Mapping[str, Confusion] = nested(
+        default=Factory(dict),
+        check=_matrices_complaint,
+        source="by default each sensor's own confusion matrix",
+        help="by sensor type and true target type the probabilities of each reported type; a row given here takes the"
+        " place of the sensor's own",
+    )
+
+
+@frozen(kw_only=True)
+class WeightedConfig:
+    """What a scene may set of the confidence model `weighted`; the weights sum to 1."""
+
+    band: float = number(
+        default=0.4, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the share of bands that confirm"
+    )
+    count: float = number(
+        default=0.3, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the number of detections so far"
+    )
+    geometry: float = number(
+        default=0.3, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the sine of the elevation"
+    )
+
+    def __attrs_post_init__(self) -> None:
+        total = math.fsum((self.band, self.count, self.geometry))
+        if abs(total - 1.0) > WEIGHT_SUM_TOLERANCE:
+            raise ValueError(f"the weights band, count and geometry sum to {total:.10g}, not to 1")
+
+
+@frozen(kw_only=True)
+class LaunchConfig:
+    """Where and when a target lifts off."""
+
+    lat_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude (WGS 84)")
+    lon_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude")
+    height_m: float = number(
+        default=0.0, unit="m", minimum=-500.0, maximum=9000.0, help="height above the WGS 84 ellipsoid"
+    )
+    time_s: float = number(
+        default=0.0, unit="s", minimum=0.0, maximum=31_557_600.0, help="ignition, after the scene's epoch"
+    )
+
+
+@frozen(kw_only=True)
+class AimConfig:
+    """Where a target is to come down."""
+
+    lat_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude (WGS 84)")
+    lon_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude")
+    height_m: float = number(
+        default=0.0, unit="m", minimum=-500.0, maximum=9000.0, help="height above the WGS 84 ellipsoid"
+    )
+
+
+@frozen(kw_only=True)
+class BallisticConfig:
+    """What a scene may set of a target of the model `ballistic`."""
+
+    type: str = text(choices=TARGET_TYPES, help="target type")
+    launch: LaunchConfig = nested(help="where and when it lifts off")  # noqa: RUF009 - an attrs field, not a default
+    aim: AimConfig = nested(help="where it comes down")  # noqa: RUF009
+    profile: str | None = text(
+        default=None, help="name of the class profile of its boost; by default the type's for the range to the aim"
+    )
+    burn_time_s: float | None = number(
+        default=None, unit="s", above=0.0, maximum=1000.0, help="burn time; by default the profile's"
+    )

@@ -1,0 +1,113 @@
+"""Detection models that know no radiometry: `constant`, `always` and `never`."""
+
+import numpy as np
+from attrs import define
+from numpy.typing import NDArray
+
+from opir_core.builtin.configs import ConstantConfig
+from opir_core.errors import ModelError
+from opir_core.plugin.components import NoConfig
+from opir_core.plugin.confusion import is_probability
+from opir_core.plugin.sensors import MAXIMUM_BANDS
+from opir_core.protocols import DetectionProbability, Dice, Measured, ModelContext, Sensor
+from opir_core.records import Exposures, FloatArray, IndexArray
+from opir_core.scene import TARGET_TYPES
+
+
+@define(eq=False)
+class ConstantDetection:
+    """A probability of detection for each sensor and target type, the same for every look.
+
+    `probability_table` is (sensors, target types), nan where the sensor has no figure; `type_code` the targets' codes
+    into `TARGET_TYPES`; `band_count` the sensors' numbers of bands. Each band confirms a detection independently with
+    probability `band_confirmation`; where none would, the sensor's first band does.
+    """
+
+    probability_table: FloatArray
+    type_code: NDArray[np.uint8]
+    band_count: NDArray[np.uint8]
+    band_confirmation: float
+    needs_geometry: bool = False
+
+    def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray:
+        """Return the probabilities (n,) of pairs."""
+        chosen: FloatArray = self.probability_table[sensor, self.type_code[target]]
+        return chosen
+
+    def probability(self, exposures: Exposures) -> FloatArray:
+        """Return the probabilities (n,) of looks: those of their pairs."""
+        return self.pair_probability(exposures.sensor, exposures.target)
+
+    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+        """Return the bands that confirm; there is no SNR in this model, so it is nan."""
+        counts = self.band_count[exposures.sensor]
+        bands = _all_bands(counts) if self.band_confirmation >= 1.0 else self._confirmed(counts, dice)
+        return Measured(bands, np.full(len(counts), np.nan))
+
+    def _confirmed(self, counts: NDArray[np.uint8], dice: Dice) -> NDArray[np.uint8]:
+        """Return masks of the bands that confirm.
+
+        Sensors with equally many bands draw together, so that a row's numbers do not hang on what else is in the scene.
+        """
+        bands = np.zeros(len(counts), dtype=np.uint8)
+        for count in np.unique(counts[counts > 0]).tolist():
+            rows = np.flatnonzero(counts == count)
+            confirms = dice.uniforms("bands", count)[rows] < self.band_confirmation
+            bands[rows] = np.packbits(confirms, axis=1, bitorder="little")[:, 0]
+        return np.where((bands == 0) & (counts > 0), np.uint8(1), bands)
+
+
+def constant_detection(config: ConstantConfig, context: ModelContext) -> DetectionProbability:
+    """Return the model `constant`: each sensor's own probability by target type.
+
+    Raises `ModelError` where a sensor has no probability for a type that the scene launches.
+    """
+    needed = [TARGET_TYPES[code] for code in np.unique(context.target_type_code).tolist()]
+    table = np.full((len(context.sensors), len(TARGET_TYPES)), np.nan)
+    for row, sensor in enumerate(context.sensors):
+        for name in needed:
+            table[row, TARGET_TYPES.index(name)] = _probability(sensor, name)
+    return _detection(table, context, config.band_confirmation)
+
+
+def always_detection(_config: NoConfig, context: ModelContext) -> DetectionProbability:
+    """Return the model `always`: every look detects, in all bands."""
+    return _detection(np.ones((len(context.sensors), len(TARGET_TYPES))), context, 1.0)
+
+
+def never_detection(_config: NoConfig, context: ModelContext) -> DetectionProbability:
+    """Return the model `never`: no look detects."""
+    return _detection(np.zeros((len(context.sensors), len(TARGET_TYPES))), context, 1.0)
+
+
+def _detection(table: FloatArray, context: ModelContext, band_confirmation: float) -> ConstantDetection:
+    counts = np.array([_band_count(sensor) for sensor in context.sensors], dtype=np.uint8)
+    return ConstantDetection(table, context.target_type_code, counts, band_confirmation)
+
+
+def _probability(sensor: Sensor, target_type: str) -> float:
+    probability = sensor.detection_probability.get(target_type)
+    if probability is None:
+        raise ModelError(
+            f"sensor {sensor.id} ({sensor.type}) has no probability of detection for {target_type} targets: give"
+            f" {target_type} in its detection_probability, or choose a detection model other than constant"
+        )
+    if not is_probability(probability):
+        raise ModelError(
+            f"sensor {sensor.id} ({sensor.type}): the probability of detection {probability!r} for {target_type}"
+            " targets is not in [0, 1]"
+        )
+    return probability
+
+
+def _band_count(sensor: Sensor) -> int:
+    if len(sensor.bands) > MAXIMUM_BANDS:
+        raise ModelError(
+            f"sensor {sensor.id} ({sensor.type}) has {len(sensor.bands)} bands; at most {MAXIMUM_BANDS} can confirm"
+        )
+    return len(sensor.bands)
+
+
+def _all_bands(counts: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return masks with the lowest `counts` bits set."""
+    return ((1 << counts.astype(np.uint16)) - 1).astype(np.uint8)

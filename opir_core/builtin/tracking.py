@@ -1,0 +1,28 @@
+"""The tracker `none`: it follows nothing."""
+
+import numpy as np
+from attrs import define
+
+from opir_core.plugin.components import NoConfig
+from opir_core.protocols import Tracker, TrackerContext
+from opir_core.records import Detections, IntArray, Tracks
+
+
+@define
+class NoTracker:
+    """A tracker that never steps and gives every detection the track number -1."""
+
+    cadence_s: float | None = None
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return -1 for each detection."""
+        return np.full(len(detections), -1, dtype=np.int64)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Return no estimates."""
+        return Tracks.empty()
+
+
+def no_tracker(_config: NoConfig, _context: TrackerContext) -> Tracker:
+    """Return the tracker `none`."""
+    return NoTracker()

@@ -1,0 +1,78 @@
+"""The `DSP` sensor model, after the Defense Support Program as the paper has it, and a notional fleet of four.
+
+The preset `heritage` carries what public accounts say of the real system instead of the paper's long-wave band and
+200 ms: a telescope turning with the spacecraft at 6 rpm, so one look in 10 s, lead sulfide detectors at 2.7 um and, on
+later satellites, a second band at 4.3 um (J. T. Richelson, America's Space Sentinels: DSP Satellites and National
+Security, University Press of Kansas, 1999). The edges of its bands, about those wavelengths, are notional.
+"""
+
+from collections.abc import Iterable
+from functools import partial
+
+from opir_core.plugin import (
+    Constellation,
+    ScanningSensorConfig,
+    SensorModel,
+    cited,
+    hookimpl,
+    scanning_sensor,
+    with_defaults,
+)
+
+PAPER = "opir-simulator paper (2026), section 3.1"
+
+#: Evenly spread; not any real satellite's.
+NOTIONAL_SLOTS_DEG = (-135.0, -45.0, 45.0, 135.0)
+
+#: Limited classification, in the paper's word (section 3.4): one band tells little of the motor.
+NOTIONAL_CONFUSION = {
+    "ICBM": {"ICBM": 0.55, "IRBM": 0.20, "SRBM": 0.05, "UNKNOWN": 0.20},
+    "IRBM": {"ICBM": 0.20, "IRBM": 0.45, "SRBM": 0.15, "UNKNOWN": 0.20},
+    "SRBM": {"ICBM": 0.05, "IRBM": 0.20, "SRBM": 0.45, "UNKNOWN": 0.30},
+}
+
+HERITAGE = {
+    "bands": {"SWIR": (2.5, 3.0), "MWIR": (4.2, 4.45)},
+    "scan_period_ms": 10_000.0,
+    "scan_phase": "swept",
+}
+
+
+@with_defaults(
+    bands=cited({"LWIR": (8.0, 12.0)}, PAPER),
+    scan_pattern=cited("spin", PAPER),
+    scan_period_ms=cited(200.0, PAPER),
+    detection_probability=cited({"ICBM": 0.60, "IRBM": 0.50, "SRBM": 0.35}, f"ICBM: {PAPER}; IRBM, SRBM: notional"),
+    line_of_sight_sigma_urad=50.0,
+    false_alarm_susceptibility=cited("high", PAPER),
+    spectral_discrimination=cited("none", "opir-simulator paper (2026), section 3.4"),
+    confusion=NOTIONAL_CONFUSION,
+)
+class DspConfig(ScanningSensorConfig):
+    """What a scene may set of a DSP sensor."""
+
+
+@hookimpl
+def opir_sensor_models() -> Iterable[SensorModel]:
+    """Yield the sensor model `DSP`."""
+    yield SensorModel(
+        name="DSP",
+        summary="spinning long-wave scanner with one band (preset heritage: 2.7 and 4.3 um, 10 s)",
+        config=DspConfig,
+        build=partial(scanning_sensor, type="DSP"),
+        presets={"heritage": HERITAGE},
+    )
+
+
+@hookimpl
+def opir_constellations() -> Iterable[Constellation]:
+    """Yield the constellation `DSP`."""
+    yield Constellation(
+        name="DSP",
+        summary="four DSP satellites in notional, evenly spread slots",
+        model="DSP",
+        satellites=[
+            {"id": f"DSP-{number}", "orbital_slot_deg": slot_deg}
+            for number, slot_deg in enumerate(NOTIONAL_SLOTS_DEG, start=1)
+        ],
+    )

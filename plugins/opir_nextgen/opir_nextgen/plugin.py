@@ -1,0 +1,65 @@
+"""The `NEXTGEN-GEO` sensor model, a projected three-band staring array as the paper has it, and a notional fleet."""
+
+from collections.abc import Iterable
+from functools import partial
+
+from opir_core.plugin import (
+    Constellation,
+    ScanningSensorConfig,
+    SensorModel,
+    cited,
+    hookimpl,
+    scanning_sensor,
+    with_defaults,
+)
+
+PAPER = "opir-simulator paper (2026), section 3.3"
+
+#: Evenly spread; not any real satellite's.
+NOTIONAL_SLOTS_DEG = (-105.0, -15.0, 75.0, 165.0)
+
+#: High classification, in the paper's word (section 3.4): three bands show the spectrum.
+NOTIONAL_CONFUSION = {
+    "ICBM": {"ICBM": 0.95, "IRBM": 0.03, "SRBM": 0.005, "UNKNOWN": 0.015},
+    "IRBM": {"ICBM": 0.03, "IRBM": 0.93, "SRBM": 0.02, "UNKNOWN": 0.02},
+    "SRBM": {"ICBM": 0.005, "IRBM": 0.025, "SRBM": 0.95, "UNKNOWN": 0.02},
+}
+
+
+@with_defaults(
+    bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0), "LWIR": (8.0, 12.0)}, PAPER),
+    scan_pattern=cited("staring", PAPER),
+    scan_period_ms=cited(50.0, PAPER),
+    detection_probability=cited({"ICBM": 0.95, "IRBM": 0.92, "SRBM": 0.85}, f"ICBM: {PAPER}; IRBM, SRBM: notional"),
+    line_of_sight_sigma_urad=10.0,
+    false_alarm_susceptibility=cited("low", PAPER),
+    spectral_discrimination=cited("triple-coincidence", "opir-simulator paper (2026), section 3.4"),
+    confusion=NOTIONAL_CONFUSION,
+)
+class NextGenConfig(ScanningSensorConfig):
+    """What a scene may set of a NEXTGEN-GEO sensor."""
+
+
+@hookimpl
+def opir_sensor_models() -> Iterable[SensorModel]:
+    """Yield the sensor model `NEXTGEN-GEO`."""
+    yield SensorModel(
+        name="NEXTGEN-GEO",
+        summary="staring three-band array with a triple-coincidence test",
+        config=NextGenConfig,
+        build=partial(scanning_sensor, type="NEXTGEN-GEO"),
+    )
+
+
+@hookimpl
+def opir_constellations() -> Iterable[Constellation]:
+    """Yield the constellation `NEXTGEN-GEO`."""
+    yield Constellation(
+        name="NEXTGEN-GEO",
+        summary="four NEXTGEN-GEO satellites in notional, evenly spread slots",
+        model="NEXTGEN-GEO",
+        satellites=[
+            {"id": f"NEXTGEN-GEO-{number}", "orbital_slot_deg": slot_deg}
+            for number, slot_deg in enumerate(NOTIONAL_SLOTS_DEG, start=1)
+        ],
+    )

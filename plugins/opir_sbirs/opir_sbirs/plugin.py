@@ -1,0 +1,65 @@
+"""The `SBIRS-GEO` sensor model, after the Space-Based Infrared System as the paper has it, and a notional fleet."""
+
+from collections.abc import Iterable
+from functools import partial
+
+from opir_core.plugin import (
+    Constellation,
+    ScanningSensorConfig,
+    SensorModel,
+    cited,
+    hookimpl,
+    scanning_sensor,
+    with_defaults,
+)
+
+PAPER = "opir-simulator paper (2026), section 3.2"
+
+#: Evenly spread; not any real satellite's.
+NOTIONAL_SLOTS_DEG = (-165.0, -75.0, 15.0, 105.0)
+
+#: Moderate classification, in the paper's word (section 3.4): the ratio of two bands tells the plume's temperature.
+NOTIONAL_CONFUSION = {
+    "ICBM": {"ICBM": 0.80, "IRBM": 0.10, "SRBM": 0.02, "UNKNOWN": 0.08},
+    "IRBM": {"ICBM": 0.12, "IRBM": 0.72, "SRBM": 0.08, "UNKNOWN": 0.08},
+    "SRBM": {"ICBM": 0.03, "IRBM": 0.10, "SRBM": 0.77, "UNKNOWN": 0.10},
+}
+
+
+@with_defaults(
+    bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)}, PAPER),
+    scan_pattern=cited("step-stare", PAPER),
+    scan_period_ms=cited(100.0, PAPER),
+    detection_probability=cited({"ICBM": 0.80, "IRBM": 0.72, "SRBM": 0.60}, f"ICBM: {PAPER}; IRBM, SRBM: notional"),
+    line_of_sight_sigma_urad=20.0,
+    false_alarm_susceptibility=cited("moderate", PAPER),
+    spectral_discrimination=cited("dual-band-ratio", "opir-simulator paper (2026), section 3.4"),
+    confusion=NOTIONAL_CONFUSION,
+)
+class SbirsConfig(ScanningSensorConfig):
+    """What a scene may set of a SBIRS-GEO sensor."""
+
+
+@hookimpl
+def opir_sensor_models() -> Iterable[SensorModel]:
+    """Yield the sensor model `SBIRS-GEO`."""
+    yield SensorModel(
+        name="SBIRS-GEO",
+        summary="step-staring two-band sensor with a dual-band ratio test",
+        config=SbirsConfig,
+        build=partial(scanning_sensor, type="SBIRS-GEO"),
+    )
+
+
+@hookimpl
+def opir_constellations() -> Iterable[Constellation]:
+    """Yield the constellation `SBIRS-GEO`."""
+    yield Constellation(
+        name="SBIRS-GEO",
+        summary="four SBIRS-GEO satellites in notional, evenly spread slots",
+        model="SBIRS-GEO",
+        satellites=[
+            {"id": f"SBIRS-GEO-{number}", "orbital_slot_deg": slot_deg}
+            for number, slot_deg in enumerate(NOTIONAL_SLOTS_DEG, start=1)
+        ],
+    )

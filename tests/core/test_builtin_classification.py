@@ -1,0 +1,144 @@
+"""Classifiers: draws from confusion matrices, overrides, complaints, and the null models."""
+
+import numpy as np
+import pytest
+from attrs import evolve
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from opir_core.builtin.classification import confusion_classifier, no_answer, true_type
+from opir_core.builtin.configs import ConfusionConfig
+from opir_core.errors import ModelError
+from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
+from opir_core.protocols import ModelContext, SensorContext
+from opir_core.records import Sightings
+from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+
+MATRIX = {
+    "ICBM": {"ICBM": 0.7, "IRBM": 0.1, "SRBM": 0.05, "UNKNOWN": 0.15},
+    "IRBM": {"IRBM": 0.5, "UNKNOWN": 0.5},
+    "SRBM": {"SRBM": 1.0},
+}
+
+
+class FakeDice:
+    """The numbers it was given, one a row."""
+
+    def __init__(self, numbers):
+        self.numbers = np.asarray(numbers, dtype=np.float64)
+
+    def uniforms(self, purpose, words=1):
+        raise AssertionError("a classification is drawn once for all scans of a pair")
+
+    def pair_uniforms(self, purpose, words=1):
+        assert (purpose, words) == ("classification", 1)
+        return self.numbers[:, None]
+
+
+def a_sensor(confusion=MATRIX, name="S", type_name="X"):
+    config = ScanningSensorConfig(
+        orbital_slot_deg=0.0,
+        bands={"SWIR": (2.5, 3.0)},
+        scan_period_ms=100.0,
+        detection_probability={},
+        confusion=confusion,
+    )
+    return scanning_sensor(config, SensorContext(id=name, epoch_us=0), type=type_name)
+
+
+def context_of(sensors, types=TARGET_TYPES):
+    codes = np.array([TARGET_TYPES.index(name) for name in types], dtype=np.uint8)
+    return ModelContext(sensors=tuple(sensors), target_type_code=codes)
+
+
+def sightings_of(sensor, target):
+    rows = len(sensor)
+    floats, counts = np.zeros(rows), np.ones(rows, np.int64)
+    index = [np.asarray(values, dtype=np.int32) for values in (sensor, target)]
+    return Sightings(
+        floats, *index, floats, floats, counts.astype(np.uint8), counts, counts, counts.astype(np.int32), floats
+    )
+
+
+def reported(classifier, sensor, target, numbers):
+    codes = classifier.reported_type(sightings_of(sensor, target), FakeDice(numbers))
+    assert codes.dtype == np.uint8
+    return [REPORTED_TYPES[code] for code in codes]
+
+
+@pytest.mark.parametrize(
+    ("true_type_name", "number", "answer"),
+    [
+        ("ICBM", 0.0, "ICBM"),
+        ("ICBM", 0.6999, "ICBM"),
+        ("ICBM", 0.7001, "IRBM"),
+        ("ICBM", 0.8001, "SRBM"),
+        ("ICBM", 0.8501, "UNKNOWN"),
+        ("IRBM", 0.0, "IRBM"),
+        ("IRBM", 0.5001, "UNKNOWN"),
+        ("SRBM", 0.0, "SRBM"),
+        ("SRBM", 1.0 - 2**-53, "SRBM"),
+    ],
+)
+def test_a_draw_falls_into_the_row_of_the_true_type(true_type_name, number, answer):
+    classifier = confusion_classifier(ConfusionConfig(), context_of([a_sensor()]))
+    assert reported(classifier, [0], [TARGET_TYPES.index(true_type_name)], [number]) == [answer]
+
+
+@pytest.mark.parametrize("true_type_name", TARGET_TYPES)
+def test_types_are_reported_as_often_as_the_matrix_says(true_type_name):
+    rows = 40_000
+    classifier = confusion_classifier(ConfusionConfig(), context_of([a_sensor()]))
+    numbers = np.random.default_rng([11, len(true_type_name)]).random(rows)
+    target = [TARGET_TYPES.index(true_type_name)] * rows
+    codes = classifier.reported_type(sightings_of([0] * rows, target), FakeDice(numbers))
+    for code, name in enumerate(REPORTED_TYPES):
+        low, high = binom.interval(0.999, rows, MATRIX[true_type_name].get(name, 0.0))
+        assert low <= np.count_nonzero(codes == code) <= high
+
+
+@st.composite
+def rows_of_confusion(draw):
+    names = draw(st.lists(st.sampled_from(REPORTED_TYPES), min_size=1, max_size=4, unique=True))
+    weights = [draw(st.floats(min_value=0.001, max_value=1.0)) for _ in names]
+    return {name: weight / sum(weights) for name, weight in zip(names, weights, strict=True)}
+
+
+@given(rows_of_confusion(), st.floats(min_value=0.0, max_value=1.0, exclude_max=True))
+def test_no_type_without_a_probability_is_ever_reported(row, number):
+    classifier = confusion_classifier(ConfusionConfig(), context_of([a_sensor({"ICBM": row})], ["ICBM"]))
+    for drawn in (number, 0.0, 1.0 - 2**-53):
+        assert row[reported(classifier, [0], [0], [drawn])[0]] > 0.0
+
+
+def test_each_sensor_has_its_own_matrix_and_the_configuration_overrides_by_row():
+    sensors = [a_sensor(type_name="A"), a_sensor({"ICBM": {"SRBM": 1.0}, "SRBM": {"ICBM": 1.0}}, type_name="B")]
+    config = ConfusionConfig(matrices={"B": {"ICBM": {"IRBM": 1.0}}})
+    classifier = confusion_classifier(config, context_of(sensors, ["ICBM", "SRBM"]))
+    assert reported(classifier, [0, 1, 0, 1], [0, 0, 1, 1], [0.0] * 4) == ["ICBM", "IRBM", "SRBM", "ICBM"]
+
+
+def test_a_sensor_without_a_row_is_told_what_to_do():
+    sensors = [a_sensor({"ICBM": {"ICBM": 1.0}}, name="X-7", type_name="SPY")]
+    confusion_classifier(ConfusionConfig(), context_of(sensors, ["ICBM"]))
+    with pytest.raises(ModelError, match=r"X-7 \(SPY\).*IRBM.*confusion.*matrices\.SPY.*classification: none"):
+        confusion_classifier(ConfusionConfig(), context_of(sensors, ["IRBM"]))
+
+
+def test_a_row_that_a_plugin_got_wrong_is_refused():
+    sensor = evolve(a_sensor(name="X-7"), confusion={"ICBM": {"ICBM": 0.5}})
+    with pytest.raises(ModelError, match=r"X-7 .* sums to 0\.5"):
+        confusion_classifier(ConfusionConfig(), context_of([sensor], ["ICBM"]))
+
+
+def test_matrices_are_checked_when_they_are_read():
+    with pytest.raises(ValueError, match=r"DSP: ICBM: the row sums to 0\.6"):
+        ConfusionConfig(matrices={"DSP": {"ICBM": {"ICBM": 0.6}}})
+
+
+def test_the_null_classifiers():
+    context, sightings = context_of([a_sensor({})]), sightings_of([0, 0, 0], [2, 0, 1])
+    no_dice = FakeDice([])
+    assert true_type(NoConfig(), context).reported_type(sightings, no_dice).tolist() == [2, 0, 1]
+    assert no_answer(NoConfig(), context).reported_type(sightings, no_dice).tolist() == [UNKNOWN_TYPE] * 3
