@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 from opir_core._version import __version__
 
 if TYPE_CHECKING:
-    from opir_core.engine import Engine, windows
+    from opir_core.engine import Engine
     from opir_core.errors import ModelError, OpirError, PluginError, Problem, SceneError, SinkError
     from opir_core.plan import Plan, compile_plan
     from opir_core.plugin.host import Host
     from opir_core.reading import load_scene, scene_from_mapping
     from opir_core.records import Detections, Run, Tracks, Window
-    from opir_core.run import simulate
+    from opir_core.run import simulate, windows
     from opir_core.scene import Scene
 
 _HOMES = {
@@ -38,7 +38,7 @@ _HOMES = {
     "load_scene": "reading",
     "scene_from_mapping": "reading",
     "simulate": "run",
-    "windows": "engine",
+    "windows": "run",
 }
 
 __all__ = [

@@ -4,7 +4,7 @@ A component's `build` returns one of these. Element-wise results must not depend
 engine may hand over any slice of a run, and the bytes of the events must be the same.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -103,7 +103,7 @@ class Dice(Protocol):
 
 @frozen(eq=False)
 class Measured:
-    """What a detection model says of the looks that detected: the bands that confirm (bit masks) and the SNR (or nan)."""
+    """What a detection model says of looks that detected: the bands that confirm (bit masks) and the SNR (or nan)."""
 
     bands: NDArray[np.uint8]
     snr: FloatArray
@@ -149,7 +149,7 @@ class Tracker(Protocol):
     cadence_s: float | None
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, judged by the tracks as they stood at the last tick; changes nothing."""
+        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Take in the detections since the last tick and return the estimates at this one, sorted by track."""
@@ -228,7 +228,11 @@ class EncoderContext:
 
 @frozen(kw_only=True)
 class SinkContext:
-    """What sinks are built with; `encoder` is the one that the output's block names."""
+    """What sinks are built with.
 
-    encoder: Encoder
+    `make_encoder` returns the encoder that the output's block names (`encoder: NAME`); what it needs is imported only
+    then, so a sink that never encodes never asks.
+    """
+
+    make_encoder: Callable[[], Encoder]
     scene_name: str

@@ -5,7 +5,7 @@ buffers.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 from attrs import fields, frozen
@@ -24,7 +24,7 @@ class Columns:
     """What all records of columns can do; the first attribute of a record gives its length."""
 
     def __len__(self) -> int:
-        return len(getattr(self, fields(type(self))[0].name))
+        return len(getattr(self, _names(type(self))[0]))
 
     def take(self, rows: Any) -> Self:
         """Return the rows chosen by an index array, a mask or a slice."""
@@ -32,8 +32,8 @@ class Columns:
 
     def freeze(self) -> Self:
         """Make every buffer read-only and return the record."""
-        for attribute in fields(type(self)):
-            getattr(self, attribute.name).flags.writeable = False
+        for name in _names(type(self)):
+            getattr(self, name).flags.writeable = False
         return self
 
     @classmethod
@@ -42,8 +42,7 @@ class Columns:
         pieces = list(parts)
         if not pieces:
             return cls.empty()
-        names = [attribute.name for attribute in fields(cls)]
-        return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names))
+        return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in _names(cls)))
 
     @classmethod
     def empty(cls) -> Self:
@@ -51,7 +50,7 @@ class Columns:
         raise TypeError(f"{cls.__name__} has no empty form")
 
     def _map(self, change: Callable[[Any], Any]) -> Self:
-        return type(self)(*(change(getattr(self, attribute.name)) for attribute in fields(type(self))))
+        return type(self)(*(change(getattr(self, name)) for name in _names(type(self))))
 
 
 @frozen(eq=False)
@@ -209,6 +208,7 @@ class Run:
     manifest: Mapping[str, Any]
 
 
+_Record = TypeVar("_Record")
 _Shapes = Mapping[str, tuple[Any, tuple[int, ...]]]
 
 _DETECTION_SHAPES: _Shapes = {
@@ -237,6 +237,10 @@ _TRACK_SHAPES: _Shapes = {
 }
 
 
-def _no_rows(record: type[Any], shapes: _Shapes) -> Any:
-    specified = ((shapes.get(attribute.name, (np.float64, ()))) for attribute in fields(record))
+def _no_rows(record: Callable[..., _Record], shapes: _Shapes) -> _Record:
+    specified = (shapes.get(name, (np.float64, ())) for name in _names(record))
     return record(*(np.empty((0, *shape), dtype=kind) for kind, shape in specified))
+
+
+def _names(record: Any) -> tuple[str, ...]:
+    return tuple(attribute.name for attribute in fields(record))

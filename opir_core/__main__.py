@@ -1,0 +1,7 @@
+"""`python -m opir_core` is `opir`."""
+
+import sys
+
+from opir_core.cli import main
+
+sys.exit(main())

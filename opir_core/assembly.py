@@ -1,0 +1,95 @@
+"""From looks that detect to detections: measured, classified, given a confidence and an id."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.dice import RowDice, WindowNumbers
+from opir_core.events.identifiers import stream_key_words, uuid8_words
+from opir_core.looks import Looks, Sites, exposures, look_times_ns, measured_directions
+from opir_core.plan import Plan
+from opir_core.protocols import Measured
+from opir_core.records import (
+    Columns,
+    Detections,
+    DetectionTruth,
+    Exposures,
+    FloatArray,
+    IndexArray,
+    IntArray,
+    Sightings,
+)
+
+#: The number of bits set in each byte.
+_BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
+
+
+@frozen(eq=False)
+class Hits(Columns):
+    """Looks of a window that detect: their rows among the looks, pairs, running detection counts and probabilities."""
+
+    row: IntArray
+    pair: IntArray
+    count: IndexArray
+    probability: FloatArray
+
+
+class Assembly:
+    """Makes detections of hits, block by block."""
+
+    def __init__(self, plan: Plan, sites: Sites, names: Sequence[tuple[str, str]]) -> None:
+        self._plan = plan
+        self._sites = sites
+        self._id_keys = stream_key_words(plan.scene, names)
+        self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)
+
+    def block(self, looks: Looks, hits: Hits, numbers: WindowNumbers) -> tuple[Detections, DetectionTruth]:
+        """Return the detections of a block of hits, and their truth."""
+        plan, dice = self._plan, numbers.of(hits.row, hits.pair)
+        scan = looks.scan[hits.row]
+        exposed = exposures(plan, self._sites, hits.pair, scan, geometry=True)
+        measured = plan.detection.measure(exposed, dice)
+        sightings = self._sightings(exposed, measured, hits)
+        detections = self._detections(exposed, sightings, hits, dice)
+        truth = DetectionTruth(
+            exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_rad, hits.probability
+        )
+        return detections, truth
+
+    def _sightings(self, exposed: Exposures, measured: Measured, hits: Hits) -> Sightings:
+        return Sightings(
+            time_s=exposed.time_s,
+            sensor=exposed.sensor,
+            target=exposed.target,
+            range_m=exposed.range_m,
+            elevation_rad=exposed.elevation_rad,
+            bands=measured.bands,
+            band_count=_BITS_SET[measured.bands],
+            band_total=self._band_totals[exposed.sensor],
+            detection_count=hits.count,
+            snr=measured.snr,
+        )
+
+    def _detections(self, exposed: Exposures, sightings: Sightings, hits: Hits, dice: RowDice) -> Detections:
+        plan = self._plan
+        directions = measured_directions(plan, self._sites, exposed, dice.uniforms("line-of-sight", 2))
+        none = np.full(len(hits), -1, dtype=np.int64)
+        return Detections(
+            time_s=exposed.time_s,
+            time_ns=look_times_ns(plan.pairs, hits.pair, exposed.scan),
+            sensor=exposed.sensor,
+            scan=exposed.scan,
+            detection_id=uuid8_words(self._id_keys[hits.pair], exposed.scan),
+            reported_type=plan.classifier.reported_type(sightings, dice),
+            bands=sightings.bands,
+            detection_count=hits.count,
+            confidence=plan.confidence.confidence(sightings),
+            azimuth_rad=directions.azimuth_rad,
+            elevation_rad=directions.elevation_rad,
+            line_of_sight_ecef=directions.line_of_sight_ecef,
+            sensor_ecef_m=exposed.sensor_ecef_m,
+            snr=sightings.snr,
+            track=none,
+            estimate=none,
+        )

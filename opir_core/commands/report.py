@@ -1,0 +1,73 @@
+"""What `opir run` prints: the run's totals, a row for each sensor and each target, and the files written."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from opir_core.commands.tables import counted, table
+
+if TYPE_CHECKING:
+    from opir_core.delivery import Outcome
+    from opir_core.scene import Scene
+
+#: Targets that are listed one by one; of more, the first so many.
+_LISTED = 12
+
+
+def as_json(outcome: "Outcome", files: Sequence[Path]) -> str:
+    """Return the summary, what each sink took, and the files, as one JSON document."""
+    from attrs import asdict
+
+    outputs = {name: asdict(result) for name, result in outcome.report.sinks.items()}
+    told = {**outcome.summary, "outputs": outputs, "files": [str(file) for file in files]}
+    return json.dumps(told, indent=2)
+
+
+def as_text(scene: "Scene", outcome: "Outcome", files: Sequence[Path]) -> str:
+    """Return the summary as tables."""
+    counts, targets = outcome.summary["counts"], outcome.summary["targets"]
+    head = (
+        f"{scene.name}: {counted(counts['detections'])} detections in {counted(counts['looks'])} looks, "
+        f"{scene.duration_s:g} s, seed {scene.seed}"
+    )
+    listed = [_target_cells(row) for row in targets[:_LISTED]]
+    left_out = len(targets) - len(listed)
+    parts = [
+        head,
+        table(_SENSOR_HEAD, [_sensor_cells(row) for row in outcome.summary["sensors"]], numbers=(2, 3, 4)),
+        table(_TARGET_HEAD, listed, numbers=(2, 3, 5, 6)) + (f"\n... and {left_out} more" if left_out else ""),
+        "\n".join([*_delivered(scene, outcome), *(f"wrote {file}" for file in files)]),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+_SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets")
+_TARGET_HEAD = ("target", "type", "ignition s", "latency s", "first seen by", "detections", "sensors", "reported")
+
+
+def _sensor_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    numbers = (row["looks"], row["detections"], row["targets_detected"])
+    return (row["sensor_id"], row["sensor_type"], *(counted(number) for number in numbers))
+
+
+def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    seen = row["latency_s"] is not None
+    return (
+        row["target_id"],
+        row["target_type"],
+        f"{row['ignition_s']:.3f}",
+        f"{row['latency_s']:.3f}" if seen else "-",
+        row["first_sensor_id"] if seen else "not seen",
+        counted(row["detections"]),
+        str(row["sensors"]),
+        row["reported_type"] if seen else "-",
+    )
+
+
+def _delivered(scene: "Scene", outcome: "Outcome") -> list[str]:
+    places = {choice.path: getattr(choice.config, "path", choice.name) for choice in scene.outputs}
+    return [
+        f"wrote {places.get(name, name)}: {counted(result.delivered)} events"
+        for name, result in outcome.report.sinks.items()
+    ]

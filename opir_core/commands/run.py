@@ -1,0 +1,90 @@
+"""`opir run`: simulate a scene; write events, truth and manifest; print what came of it."""
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from opir_core.commands.scene_arguments import add_scene_arguments, scene_of
+
+if TYPE_CHECKING:
+    from opir_core.delivery import Outcome
+    from opir_core.scene import Scene
+
+_STANDARD_OUTPUT = "-"
+_DEFAULT_OUT = "events.jsonl"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene, its settings, and where results go."""
+    add_scene_arguments(parser)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--out", metavar="PATH", help="write events here as JSON lines (- for standard output)")
+    where.add_argument("--sink", metavar="NAME", help="send events to this sink alone, instead of the scene's outputs")
+    parser.add_argument("--truth", metavar="PATH", help="write the truth here (default: beside the events)")
+    parser.add_argument("--manifest", metavar="PATH", help="write the run manifest here (default: beside the events)")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate the scene."""
+    from opir_core.commands.progress import progress
+    from opir_core.delivery import deliver
+    from opir_core.plan import compile_plan
+    from opir_core.plugin.host import Host
+
+    host = Host.discover()
+    scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_jsonl(_DEFAULT_OUT)}]",))
+    plan = compile_plan(scene, host)
+    truth, manifest = _beside(scene, arguments.truth, "truth.jsonl"), _beside(scene, arguments.manifest, "manifest.json")
+    with progress(scene, is_shown=not arguments.quiet and sys.stderr.isatty()) as on_window:
+        outcome = deliver(plan, truth_path=truth, on_window=on_window)
+    if manifest is not None:
+        _write_manifest(manifest, outcome.manifest)
+    _tell(arguments, scene, outcome, [path for path in (truth, manifest) if path is not None])
+    outcome.report.raise_for_failures()
+    return 0
+
+
+def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """Return the setting that `--out` or `--sink` stands for."""
+    if arguments.out is not None:
+        return (f"outputs=[{_jsonl(arguments.out)}]",)
+    return (f"outputs=[{json.dumps(arguments.sink)}]",) if arguments.sink is not None else ()
+
+
+def _jsonl(path: str) -> str:
+    return f"{{jsonl: {{path: {json.dumps(path)}}}}}"
+
+
+def _beside(scene: "Scene", path: str | None, suffix: str) -> Path | None:
+    """Return a path given, or one beside the first file of events, or None where there is no such file."""
+    if path is not None:
+        return Path(path)
+    files = [choice.config.path for choice in scene.outputs if choice.name == "jsonl"]
+    named = next((Path(file) for file in files if file != _STANDARD_OUTPUT), None)
+    return named.with_suffix(f".{suffix}") if named else None
+
+
+def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
+    from opir_core.errors import SinkError
+
+    try:
+        path.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise SinkError(f"the manifest {path} cannot be written: {error.strerror}") from error
+
+
+def _tell(arguments: argparse.Namespace, scene: "Scene", outcome: "Outcome", files: list[Path]) -> None:
+    """Print the summary: on standard output, or on standard error where that carries the events."""
+    from opir_core.commands.report import as_json, as_text
+
+    if arguments.quiet:
+        return
+    takes_events = any(getattr(choice.config, "path", "") == _STANDARD_OUTPUT for choice in scene.outputs)
+    stream = sys.stderr if takes_events else sys.stdout
+    text = as_json(outcome, files) if arguments.json else as_text(scene, outcome, files)
+    stream.write(text + "\n")

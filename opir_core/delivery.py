@@ -1,0 +1,70 @@
+"""A run on its way out: windows through the scene's sinks, the truth into its own file, and what came of it."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.manifest import run_manifest
+from opir_core.plan import Plan, built
+from opir_core.plugin.components import EventEncoder
+from opir_core.protocols import Encoder, EncoderContext, Sink, SinkContext
+from opir_core.pump import PumpReport, pump
+from opir_core.records import Window
+from opir_core.run import plan_windows
+from opir_core.scene import Choice
+from opir_core.summary import Tally
+
+
+@frozen(eq=False)
+class Outcome:
+    """What came of a run: its summary, its manifest, and what each sink took."""
+
+    summary: Mapping[str, Any]
+    manifest: Mapping[str, Any]
+    report: PumpReport
+
+
+def deliver(
+    plan: Plan, *, truth_path: Path | None = None, on_window: Callable[[Window], None] | None = None
+) -> Outcome:
+    """Run a plan into the sinks of its scene and return what came of it; memory use does not grow with duration.
+
+    `on_window` is called with each window once it is delivered. A failing sink does not stop the others: see the report.
+    """
+    tally = Tally(plan)
+    windows = tally.over(plan_windows(plan))
+    if truth_path is not None:
+        windows = _with_truth(plan, truth_path, windows)
+    report = pump(windows, _sinks(plan), on_window=on_window)
+    return Outcome(tally.summary(), run_manifest(plan, tally.counts()), report)
+
+
+def _with_truth(plan: Plan, path: Path, windows: Iterable[Window]) -> Iterator[Window]:
+    from opir_core.truth import TruthFile
+
+    with TruthFile(path, plan) as truth:
+        for window in windows:
+            truth.write(window)
+            yield window
+
+
+def _sinks(plan: Plan) -> Mapping[str, Sink]:
+    """Return the scene's sinks by their place in it, `outputs[0].jsonl`."""
+    return {f"{choice.path}": _sink(plan, choice) for choice in plan.scene.outputs}
+
+
+def _sink(plan: Plan, choice: Choice) -> Sink:
+    context = SinkContext(make_encoder=partial(_encoder, plan, choice), scene_name=plan.scene.name)
+    sink: Sink = built(plan.host, choice, context)
+    return sink
+
+
+def _encoder(plan: Plan, choice: Choice) -> Encoder:
+    """Return the encoder that an output names with `encoder: NAME`."""
+    component = plan.host.component(EventEncoder, getattr(choice.config, "encoder", "forge"), f"{choice.path}.encoder")
+    context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)
+    encoder: Encoder = component.build(component.config(), context)
+    return encoder

@@ -1,0 +1,97 @@
+"""The engine: a plan in, windows of detections and tracks out.
+
+Everything in a window is columns over looks: which pairs look when, with what probability of detection, drawn against
+the pair's own dice; what is detected is measured, classified, given a confidence and an id. Nothing depends on where
+windows begin and end.
+"""
+
+import numpy as np
+
+from opir_core.assembly import Assembly, Hits
+from opir_core.dice import PairStreams, WindowNumbers
+from opir_core.errors import ModelError
+from opir_core.looks import Looks, Sites, blocks, exposures, look_times_ns, pair_names, seen
+from opir_core.plan import Plan
+from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
+from opir_core.ticks import TickedTracker
+
+
+class Engine:
+    """Runs a plan, window by window; scene time only goes forward."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.time_ns = 0
+        names = pair_names(plan)
+        self._sites = Sites.of(plan)
+        self._streams = PairStreams(plan.scene.seed, names)
+        self._assembly = Assembly(plan, self._sites, names)
+        self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
+        self._tracker = TickedTracker(plan.tracker, plan.end_ns)
+
+    def advance(self, end_ns: int) -> Window:
+        """Return the window from where the last one ended to `end_ns`."""
+        start_ns, self.time_ns = self.time_ns, end_ns
+        looks = Looks.between(self.plan.pairs, start_ns, end_ns)
+        numbers = WindowNumbers(self._streams, looks.active, looks.first_scan, looks.scans)
+        hits = self._hits(looks, numbers)
+        parts = [self._assembly.block(looks, hits.take(rows), numbers) for rows in blocks(len(hits))]
+        detections = Detections.concatenate([part[0] for part in parts])
+        truth = DetectionTruth.concatenate([part[1] for part in parts])
+        tracked = self._tracker.absorb(detections, start_ns, end_ns)
+        self._streams.forget(looks.active[self.plan.pairs.is_over(end_ns)[looks.active]])
+        return Window(
+            start_s=start_ns * 1e-9,
+            end_s=end_ns * 1e-9,
+            looks=len(looks.pair),
+            detections=tracked.detections.freeze(),
+            truth=truth.freeze(),
+            tracks=tracked.tracks,
+            estimates=tracked.estimates,
+        )
+
+    def _hits(self, looks: Looks, numbers: WindowNumbers) -> Hits:
+        """Return the looks that detect, sorted by time, then sensor, then target."""
+        probability = self._probability(looks)
+        row = np.flatnonzero(numbers.uniforms("detection")[:, 0] < probability)
+        pair = looks.pair[row]
+        order = np.argsort(look_times_ns(self.plan.pairs, pair, looks.scan[row]), kind="stable")
+        return Hits(row, pair, self._counted(pair), probability[row]).take(order)
+
+    def _counted(self, pair: IntArray) -> IndexArray:
+        """Return how often each pair has detected, this time included; `pair` comes in runs, each in order of time."""
+        start = np.flatnonzero(np.diff(pair, prepend=-1))
+        found, times = pair[start], np.diff(start, append=len(pair))
+        place = np.arange(len(pair)) - np.repeat(start, times)
+        count: IndexArray = (self._counts[pair] + place + 1).astype(np.int32)
+        self._counts[found] += times.astype(np.int32)
+        return count
+
+    def _probability(self, looks: Looks) -> FloatArray:
+        """Return each look's probability of detection; 0 where the target is not seen."""
+        pairs, model = self.plan.pairs, self.plan.detection
+        of_pair = model.pair_probability(pairs.sensor[looks.active], pairs.target[looks.active])
+        if of_pair is not None:
+            probability = np.repeat(checked_probability(of_pair, len(looks.active)), looks.scans)
+        else:
+            parts = [self._varying(looks, rows) for rows in blocks(len(looks.pair))]
+            probability = np.concatenate([*parts, np.empty(0)])
+        unsure = np.flatnonzero(pairs.is_checked[looks.pair])
+        for rows in blocks(len(unsure)):
+            part = unsure[rows]
+            probability[part] *= seen(self.plan, self._sites, looks.pair[part], looks.scan[part])
+        return probability
+
+    def _varying(self, looks: Looks, rows: slice) -> FloatArray:
+        model = self.plan.detection
+        exposed = exposures(self.plan, self._sites, looks.pair[rows], looks.scan[rows], geometry=model.needs_geometry)
+        return checked_probability(model.probability(exposed), len(exposed))
+
+
+def checked_probability(probability: FloatArray, rows: int) -> FloatArray:
+    """Return the probabilities if they are what a detection model owes, else raise `ModelError`."""
+    if np.shape(probability) != (rows,):
+        raise ModelError(f"the detection model returned shape {np.shape(probability)} for {rows} rows")
+    if not np.all((probability >= 0.0) & (probability <= 1.0)):
+        raise ModelError("the detection model returned a probability that is not in [0, 1]")
+    return probability

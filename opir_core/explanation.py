@@ -1,0 +1,72 @@
+"""What a plan will compute, what it skips, and why: the answer of `opir explain`, as plain values."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from opir_core.looks import look_times_ns
+from opir_core.manifest import components_used
+from opir_core.plan import Plan
+from opir_core.sightlines import Blocked
+from opir_core.windowing import window_edges_ns
+
+_REASONS = {
+    Blocked.NO_LOOK: "no scan falls into the burn before the scene ends",
+    Blocked.BEHIND_EARTH: "the Earth is in the way throughout the burn",
+    Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout the burn",
+    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout the burn",
+}
+
+
+def explained(plan: Plan) -> Mapping[str, Any]:
+    """Return the plan as plain values: components, pairs with their looks, skipped pairs, and what is not computed."""
+    looking = np.flatnonzero(plan.pairs.looks > 0)
+    return {
+        "scene": plan.scene.name,
+        "components": components_used(plan),
+        "looks": int(plan.pairs.looks.sum()),
+        "windows": len(window_edges_ns(plan)),
+        "pairs": [_pair(plan, row) for row in looking.tolist()],
+        "skipped": [_skipped(plan, row) for row in np.flatnonzero(plan.pairs.looks == 0).tolist()],
+        "not_computed": _not_computed(plan),
+    }
+
+
+def _pair(plan: Plan, row: int) -> Mapping[str, Any]:
+    pair = plan.pairs.take(slice(row, row + 1))
+    times_s = look_times_ns(pair, np.zeros(2, dtype=np.int64), np.append(pair.first_scan, pair.last_scan)) * 1e-9
+    probability = plan.detection.pair_probability(pair.sensor, pair.target)
+    return {
+        **_names(plan, row),
+        "looks": int(pair.looks[0]),
+        "first_look_s": float(times_s[0]),
+        "last_look_s": float(times_s[1]),
+        "visible": "checked look by look" if pair.is_checked[0] else "throughout",
+        "probability": None if probability is None else float(probability[0]),
+    }
+
+
+def _skipped(plan: Plan, row: int) -> Mapping[str, Any]:
+    return {**_names(plan, row), "reason": _REASONS[Blocked(int(plan.pairs.blocked[row]))]}
+
+
+def _names(plan: Plan, row: int) -> Mapping[str, str]:
+    sensor, target = plan.sensors[plan.pairs.sensor[row]], plan.targets.ids[plan.pairs.target[row]]
+    return {"sensor_id": sensor.id, "target_id": target}
+
+
+def _not_computed(plan: Plan) -> list[str]:
+    """Return what the scene lets the engine leave out."""
+    everyone = np.zeros(0, dtype=np.int32)
+    constant = plan.detection.pair_probability(everyone, everyone) is not None
+    told = (
+        (constant, "geometry of looks that do not detect (the probability of detection is constant)"),
+        (constant and not plan.pairs.is_checked.any(), "visibility of single looks (every pair is certain)"),
+        (not plan.scene.light_time, "light time (switched off)"),
+        (plan.tracker.cadence_s is None, "tracks (no tracker)"),
+        (plan.scene.atmosphere is None, "atmosphere (none named)"),
+        (plan.scene.background is None, "background and false alarms (none named)"),
+        (not plan.scene.outputs, "event encoding (no outputs)"),
+    )
+    return [line for is_skipped, line in told if is_skipped]

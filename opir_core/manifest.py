@@ -1,0 +1,48 @@
+"""The run manifest: enough to repeat a run exactly, and nothing that differs between two runs of the same scene."""
+
+import platform
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from opir_core._version import __version__
+from opir_core.plan import Plan
+from opir_core.plugin.components import Constellation
+from opir_core.randomness import SCHEME
+from opir_core.reading import scene_hash, scene_mapping
+
+#: Raised when the manifest's own shape changes.
+MANIFEST_VERSION = "1"
+
+
+def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a run's manifest: the whole scene as read, its hash, versions, plugins used, random numbers, counts."""
+    return {
+        "manifest_version": MANIFEST_VERSION,
+        "scene_hash": scene_hash(plan.scene),
+        "seed": plan.scene.seed,
+        "random_numbers": SCHEME,
+        "versions": {"opir-core": __version__, "python": platform.python_version(), "numpy": np.__version__},
+        "components": components_used(plan),
+        "counts": dict(counts),
+        "scene": scene_mapping(plan.scene),
+    }
+
+
+def components_used(plan: Plan) -> list[Mapping[str, str]]:
+    """Return every component a plan uses, with the distribution and version it came from, by kind and name."""
+    chosen = {(choice.hook, choice.name) for choice in plan.scene.choices}
+    fleets = {(Constellation.hook, sensor.constellation) for sensor in plan.scene.sensors if sensor.constellation}
+    return [_with_provenance(plan, hook, name) for hook, name in sorted(chosen | fleets)]
+
+
+def _with_provenance(plan: Plan, hook: str, name: str) -> Mapping[str, str]:
+    source = plan.host.provenance(hook, name)
+    return {
+        "kind": hook.removeprefix("opir_"),
+        "name": name,
+        "plugin": source.plugin,
+        "distribution": source.distribution,
+        "version": source.version,
+    }

@@ -1,0 +1,117 @@
+"""The plan: what a scene needs, and nothing else.
+
+`compile_plan` builds the components that the scene names, computes all trajectories in one batch, and finds which
+sensor can see which target when. Whatever is not in the plan is not imported, computed or allocated later.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.plugin.components import Component
+from opir_core.plugin.host import Host
+from opir_core.protocols import (
+    Classifier,
+    Confidence,
+    DetectionProbability,
+    ModelContext,
+    Sensor,
+    SensorContext,
+    TargetContext,
+    Tracker,
+    TrackerContext,
+    Trajectories,
+)
+from opir_core.randomness import Stream, stream_key
+from opir_core.scene import Choice, Scene
+from opir_core.sightlines import Pairs, Sightlines, compile_pairs
+from opir_core.targets import Targets, join_targets
+
+_NS = 1_000_000_000
+
+
+@frozen(eq=False, kw_only=True)
+class Plan:
+    """A scene made ready to run: built components, trajectories, and pairs of sensor and target with their looks."""
+
+    scene: Scene
+    host: Host
+    sensors: tuple[Sensor, ...]
+    targets: Targets
+    pairs: Pairs
+    sightlines: Sightlines
+    detection: DetectionProbability
+    classifier: Classifier
+    confidence: Confidence
+    tracker: Tracker
+    end_ns: int
+
+
+def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
+    """Return the plan of a scene, with components from `host` (by default, all that is installed).
+
+    Raises `PluginError` for components that cannot be had and `SceneError` for targets that cannot fly as asked.
+    """
+    host = host or Host.discover()
+    sensors = tuple(_sensor(scene, host, number) for number in range(len(scene.sensors)))
+    targets = _targets(scene, host)
+    end_ns = round(scene.duration_s * _NS)
+    starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
+    pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
+    context = ModelContext(sensors=sensors, target_type_code=targets.type_code)
+    tracked = TrackerContext(sensors=sensors, epoch_us=scene.epoch_us, duration_s=scene.duration_s)
+    return Plan(
+        scene=scene,
+        host=host,
+        sensors=sensors,
+        targets=targets,
+        pairs=pairs,
+        sightlines=sightlines,
+        detection=built(host, scene.detection, context),
+        classifier=built(host, scene.classification, context),
+        confidence=built(host, scene.confidence, context),
+        tracker=built(host, scene.tracker, tracked),
+        end_ns=end_ns,
+    )
+
+
+def built(host: Host, choice: Choice, context: Any) -> Any:
+    """Return the working part of a component that a scene chose."""
+    return _component(host, choice).build(choice.config, context)
+
+
+def _component(host: Host, choice: Choice) -> Component:
+    found = host.component(choice.hook, choice.name, choice.path)
+    assert isinstance(found, Component)
+    return found
+
+
+def _sensor(scene: Scene, host: Host, number: int) -> Sensor:
+    chosen = scene.sensors[number]
+    sensor: Sensor = built(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us))
+    return sensor
+
+
+def _targets(scene: Scene, host: Host) -> Targets:
+    """Return all targets, each model's in one batch."""
+    rows: dict[str, list[int]] = {}
+    for place, target in enumerate(scene.targets):
+        rows.setdefault(target.model.name, []).append(place)
+    trajectories = [_trajectories(scene, host, places) for places in rows.values()]
+    return join_targets([target.id for target in scene.targets], trajectories, list(rows.values()))
+
+
+def _trajectories(scene: Scene, host: Host, places: Sequence[int]) -> Trajectories:
+    chosen = [scene.targets[place] for place in places]
+    context = TargetContext(
+        ids=tuple(target.id for target in chosen), paths=tuple(target.model.path for target in chosen)
+    )
+    component = _component(host, chosen[0].model)
+    trajectories: Trajectories = component.build([target.model.config for target in chosen], context)
+    return trajectories
+
+
+def _uniform(seed: int, *names: str) -> float:
+    return float(Stream(stream_key(seed, *names)).uniforms(0, 1)[0])
+

@@ -1,0 +1,64 @@
+"""Named randomness: one seed, one counter-based stream for each named purpose, addressed by scan.
+
+A stream is Philox4x64-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11) as numpy implements it,
+with the 128-bit key blake2b(seed, names) and the counter as address: word w of scan k is output k · W + w of the
+stream, where W is the number of words a scan has. So a number depends on the seed, the names and the scan alone; which
+other streams exist, in which order they are read and in what slices changes nothing.
+"""
+
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core.records import FloatArray
+
+#: How the manifest names this scheme; it changes when any number would.
+SCHEME = "philox4x64-10, key blake2b-128(seed, names), counter scan; uniforms 53 bits"
+
+_WORDS_PER_BLOCK = 4
+_SEPARATOR = b"\x1f"
+_LOW_BITS = np.uint64(11)
+_UNIT = 2.0**-53
+
+
+def stream_key(seed: int, *names: str) -> int:
+    """Return the 128-bit key of the stream of these names under a seed."""
+    text = _SEPARATOR.join([str(seed).encode(), *(name.encode() for name in names)])
+    return int.from_bytes(blake2b(text, digest_size=16).digest(), "little")
+
+
+class Stream:
+    """One stream of uniform numbers; reading on from where the last read ended costs no set-up."""
+
+    def __init__(self, key: int, words: int = 1) -> None:
+        self._key = key
+        self._words = words
+        self._at = -1
+        self._generator: np.random.Philox | None = None
+
+    def uniforms(self, first_scan: int, scans: int) -> FloatArray:
+        """Return (scans · words,) numbers in [0, 1): those of `first_scan`, then those of the next, and so on."""
+        words = self._raw(first_scan * self._words, scans * self._words) >> _LOW_BITS
+        return words.astype(np.float64) * _UNIT
+
+    def _raw(self, start: int, count: int) -> NDArray[np.uint64]:
+        if self._generator is None or self._at != start:
+            block, skipped = divmod(start, _WORDS_PER_BLOCK)
+            self._generator = np.random.Philox(counter=block, key=self._key)
+            self._generator.random_raw(skipped, output=False)
+        self._at = start + count
+        raw: NDArray[np.uint64] = self._generator.random_raw(count)
+        return raw
+
+
+def normal_pairs(uniforms: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return two independent standard normal columns (n,) from uniforms (n, 2) in [0, 1).
+
+    Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words a row, so that rows stay addressable.
+    """
+    radius = np.sqrt(-2.0 * np.log1p(-np.ascontiguousarray(uniforms[:, 0])))
+    angle = 2.0 * np.pi * np.ascontiguousarray(uniforms[:, 1])
+    first: FloatArray = radius * np.cos(angle)
+    second: FloatArray = radius * np.sin(angle)
+    return first, second

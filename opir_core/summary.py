@@ -1,0 +1,93 @@
+"""What came of a run, in a few figures: counted window by window, so that no run is too long for it."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from opir_core.plan import Plan
+from opir_core.records import Window
+from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
+
+
+class Tally:
+    """Counts looks, detections and first detections while windows go by."""
+
+    def __init__(self, plan: Plan) -> None:
+        sensors, targets = len(plan.sensors), len(plan.targets.ids)
+        self._plan = plan
+        self._looks = 0
+        self._tracks = 0
+        self._detections = np.zeros((sensors, targets), dtype=np.int64)
+        self._first_s = np.full((sensors, targets), np.inf)
+        self._last_s = np.full((sensors, targets), -np.inf)
+        self._reported = np.zeros((targets, len(REPORTED_TYPES)), dtype=np.int64)
+        self._confidence = np.zeros(targets)
+
+    def over(self, windows: Iterable[Window]) -> Iterator[Window]:
+        """Yield the windows on, counting."""
+        for window in windows:
+            self.count(window)
+            yield window
+
+    def count(self, window: Window) -> None:
+        """Take a window into account."""
+        found, target = window.detections, window.truth.target
+        self._looks += window.looks
+        self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
+        np.add.at(self._detections, (found.sensor, target), 1)
+        np.minimum.at(self._first_s, (found.sensor, target), found.time_s)
+        np.maximum.at(self._last_s, (found.sensor, target), found.time_s)
+        np.add.at(self._reported, (target, found.reported_type), 1)
+        np.maximum.at(self._confidence, target, found.confidence)
+
+    def counts(self) -> Mapping[str, int]:
+        """Return the run's totals."""
+        return {
+            "sensors": len(self._plan.sensors),
+            "targets": len(self._plan.targets.ids),
+            "looks": self._looks,
+            "detections": int(self._detections.sum()),
+            "tracks": self._tracks,
+        }
+
+    def summary(self) -> Mapping[str, Any]:
+        """Return the totals and a row for each sensor and each target, as plain values."""
+        return {"counts": self.counts(), "sensors": self._sensor_rows(), "targets": self._target_rows()}
+
+    def _sensor_rows(self) -> list[Mapping[str, Any]]:
+        looks = np.bincount(self._plan.pairs.sensor, self._plan.pairs.looks, minlength=len(self._plan.sensors))
+        return [
+            {
+                "sensor_id": sensor.id,
+                "sensor_type": sensor.type,
+                "looks": int(looks[row]),
+                "detections": int(self._detections[row].sum()),
+                "targets_detected": int((self._detections[row] > 0).sum()),
+            }
+            for row, sensor in enumerate(self._plan.sensors)
+        ]
+
+    def _target_rows(self) -> list[Mapping[str, Any]]:
+        return [self._target_row(row) for row in range(len(self._plan.targets.ids))]
+
+    def _target_row(self, row: int) -> Mapping[str, Any]:
+        targets, detections = self._plan.targets, self._detections[:, row]
+        found = bool(detections.sum())
+        first = int(self._first_s[:, row].argmin())
+        first_s = float(self._first_s[first, row])
+        reported = REPORTED_TYPES[int(self._reported[row].argmax())]
+        return {
+            "target_id": targets.ids[row],
+            "target_type": TARGET_TYPES[targets.type_code[row]],
+            "ignition_s": float(targets.ignition_s[row]),
+            "burnout_s": float(targets.burnout_s[row]),
+            "detections": int(detections.sum()),
+            "sensors": int((detections > 0).sum()),
+            "first_detection_s": first_s if found else None,
+            "first_sensor_id": self._plan.sensors[first].id if found else None,
+            "latency_s": first_s - float(targets.ignition_s[row]) if found else None,
+            "last_detection_s": float(self._last_s[:, row].max()) if found else None,
+            "reported_type": reported if found else None,
+            "highest_confidence": float(self._confidence[row]) if found else None,
+        }

@@ -1,0 +1,205 @@
+"""Small, honest stand-ins for every part of a simulation, so that one part can be tested without the others."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.geometry import geodetic_to_ecef
+from opir_core.plan import Plan
+from opir_core.plugin.components import NoConfig
+from opir_core.plugin.host import Host
+from opir_core.plugin.scan_patterns import AlignedScan
+from opir_core.protocols import Band, Dice, Measured, Sensor
+from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks
+from opir_core.scene import UNKNOWN_TYPE, Choice, Scene
+from opir_core.sensor_orbits import GeostationaryOrbit
+from opir_core.sightlines import compile_pairs
+from opir_core.targets import join_targets
+
+_NS = 1_000_000_000
+
+
+@frozen(eq=False)
+class AscendingTargets:
+    """Targets that rise straight up from places (n,) at one speed, burning all the while."""
+
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    speed_m_s: float = 1000.0
+
+    @property
+    def type_code(self) -> NDArray[np.uint8]:
+        """Return ICBM for all."""
+        return np.zeros(len(self.ignition_s), dtype=np.uint8)
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (m, 3); nan outside ignition to burnout."""
+        burning = (time_s >= self.ignition_s[target]) & (time_s <= self.burnout_s[target])
+        height_m = np.where(burning, self.speed_m_s * (time_s - self.ignition_s[target]), np.nan)
+        latitude, longitude = np.radians(self.latitude_deg[target]), np.radians(self.longitude_deg[target])
+        return geodetic_to_ecef(latitude, longitude, height_m)
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return the burning times."""
+        return [
+            {"ignition_s": ignition, "burnout_s": burnout}
+            for ignition, burnout in zip(self.ignition_s.tolist(), self.burnout_s.tolist(), strict=True)
+        ]
+
+
+@frozen
+class CertainDetection:
+    """Detects with one probability, in every band, without SNR; as constant for a pair or look by look."""
+
+    chance: float = 1.0
+    is_constant: bool = True
+    needs_geometry: bool = False
+
+    def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
+        """Return the probability for every pair, or None where it is to be asked for look by look."""
+        return np.full(len(sensor), self.chance) if self.is_constant else None
+
+    def probability(self, exposures: Exposures) -> FloatArray:
+        """Return the probability for every look."""
+        return np.full(len(exposures), self.chance)
+
+    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+        """Return the first band, and no SNR."""
+        return Measured(np.ones(len(exposures), dtype=np.uint8), np.full(len(exposures), np.nan))
+
+
+@frozen
+class NoAnswer:
+    """Classifies nothing."""
+
+    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+        """Return UNKNOWN for all."""
+        return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
+
+
+@frozen
+class FullConfidence:
+    """Is sure of everything."""
+
+    def confidence(self, sightings: Sightings) -> FloatArray:
+        """Return 1 for all."""
+        return np.ones(len(sightings))
+
+
+@frozen
+class SilentTracker:
+    """Never steps, never associates."""
+
+    cadence_s: float | None = None
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return no track for any."""
+        return np.full(len(detections), -1, dtype=np.int64)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Return no tracks."""
+        return Tracks.empty()
+
+
+class CountingTracker:
+    """One track a sensor, whose state tells how many detections came by: it shows what a tracker is fed, and when."""
+
+    def __init__(self, cadence_s: float = 1.0) -> None:
+        self.cadence_s: float | None = cadence_s
+        self.counts: dict[int, int] = {}
+        self.ticks: list[tuple[float, int]] = []
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return the sensor's track where it was known at the last tick."""
+        known = np.array(sorted(self.counts), dtype=np.int64)
+        return np.where(np.isin(detections.sensor, known), detections.sensor, -1).astype(np.int64)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Count the detections and return one row a sensor seen so far."""
+        self.ticks.append((tick_s, len(detections)))
+        for sensor in detections.sensor.tolist():
+            self.counts[sensor] = self.counts.get(sensor, 0) + 1
+        return self._tracks(tick_s)
+
+    def _tracks(self, tick_s: float) -> Tracks:
+        rows = sorted(self.counts.items())
+        count = len(rows)
+        state = np.zeros((count, 6))
+        state[:, 0] = [seen for _, seen in rows]
+        return Tracks(
+            tick_s=np.full(count, tick_s),
+            track=np.array([sensor for sensor, _ in rows], dtype=np.int64),
+            state=state,
+            state_covariance=np.full((count, 6, 6), np.nan),
+            launch=np.full((count, 3), np.nan),
+            launch_covariance=np.full((count, 2, 2), np.nan),
+            impact=np.full((count, 3), np.nan),
+            impact_covariance=np.full((count, 2, 2), np.nan),
+            type_probability=np.full((count, 4), 0.25),
+        )
+
+
+def stub_sensor(id: str = "S-1", slot_deg: float = 0.0, **changes: Any) -> Sensor:  # noqa: A002
+    """Return a staring sensor in a geostationary slot, 10 looks a second; `changes` set any of its fields."""
+    settings: dict[str, Any] = {
+        "id": id,
+        "type": "STUB",
+        "orbital_slot_deg": slot_deg,
+        "bands": (Band("MWIR", 4.0, 5.0),),
+        "orbit": GeostationaryOrbit(slot_deg),
+        "scan": AlignedScan(100_000_000),
+        "field_of_regard_half_angle_rad": 0.16,
+        "minimum_elevation_rad": -np.pi / 2,
+        "line_of_sight_sigma_rad": 2e-5,
+        "detection_probability": {"ICBM": 0.8, "IRBM": 0.8, "SRBM": 0.8},
+    }
+    return Sensor(**(settings | changes))
+
+
+def stub_scene(*, seed: int = 0, duration_s: float = 100.0, light_time: bool = True) -> Scene:
+    """Return a scene that names nothing."""
+    nothing = Choice("", "stub", NoConfig(), "")
+    return Scene(
+        name="stub",
+        epoch_us=0,
+        duration_s=duration_s,
+        seed=seed,
+        sensors=(),
+        targets=(),
+        detection=nothing,
+        classification=nothing,
+        confidence=nothing,
+        tracker=nothing,
+        light_time=light_time,
+    )
+
+
+def stub_plan(
+    sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], scene: Scene, **parts: Any
+) -> Plan:
+    """Return a plan of given sensors and targets; `parts` replace the stub models."""
+    targets = join_targets(ids, [trajectories], [range(len(ids))])
+    end_ns = round(scene.duration_s * _NS)
+    starts = [0.0] * len(sensors)
+    pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
+    models: dict[str, Any] = {
+        "detection": CertainDetection(),
+        "classifier": NoAnswer(),
+        "confidence": FullConfidence(),
+        "tracker": SilentTracker(),
+    }
+    return Plan(
+        scene=scene,
+        host=Host.of(),
+        sensors=tuple(sensors),
+        targets=targets,
+        pairs=pairs,
+        sightlines=sightlines,
+        end_ns=end_ns,
+        **(models | parts),
+    )

@@ -1,0 +1,71 @@
+"""The truth file: what was really launched and really seen, apart from the events.
+
+JSON lines: one `target` a launch, then one `detection` an event, tied to it by `detection_id`.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO, Self
+
+import msgspec
+
+from opir_core.errors import SinkError
+from opir_core.events.identifiers import uuid_text
+from opir_core.plan import Plan
+from opir_core.records import Window
+
+
+class _Detection(msgspec.Struct, tag_field="record", tag="detection"):
+    detection_id: str
+    target_id: str
+    emission_s: float
+    range_m: float
+    target_elevation_rad: float
+    probability: float
+
+
+class TruthFile:
+    """Writes a run's truth to a file, window by window; use it as a context."""
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        self._path = path
+        self._ids = plan.targets.ids
+        self._encoder = msgspec.json.Encoder()
+        self._file = self._opened()
+        self._write([{"record": "target", "target_id": id_, **told} for id_, told in self._launches(plan)])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
+        self._file.close()
+
+    def write(self, window: Window) -> None:
+        """Write the truth of a window's detections."""
+        truth = window.truth
+        columns = (
+            uuid_text(window.detections.detection_id),
+            [self._ids[target] for target in truth.target.tolist()],
+            truth.emission_time_s.tolist(),
+            truth.range_m.tolist(),
+            truth.target_elevation_rad.tolist(),
+            truth.probability.tolist(),
+        )
+        self._write(list(map(_Detection, *columns)))
+
+    @staticmethod
+    def _launches(plan: Plan) -> "list[tuple[str, dict[str, object]]]":
+        return [(id_, dict(told)) for id_, told in zip(plan.targets.ids, plan.targets.truth(), strict=True)]
+
+    def _opened(self) -> BinaryIO:
+        try:
+            return self._path.open("wb")
+        except OSError as error:
+            raise SinkError(f"the truth file {self._path} cannot be written: {error.strerror}") from error
+
+    def _write(self, lines: Sequence[object]) -> None:
+        try:
+            self._file.write(self._encoder.encode_lines(list(lines)))
+        except OSError as error:
+            raise SinkError(f"the truth file {self._path} cannot be written: {error.strerror}") from error
