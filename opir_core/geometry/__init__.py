@@ -1,18 +1,20 @@
 """The geometry between sensors, targets, the Earth and the Sun: arrays in, arrays out, the last axis x, y, z."""
 
+from opir_core.geometry.angles import (
+    AzimuthElevationRange,
+    azimuth_elevation_range,
+    azimuth_elevation_range_in_axes,
+    east_north_up_axes,
+    elevation_rad,
+    line_of_sight,
+    local_axes,
+    nadir_angle_rad,
+)
 from opir_core.geometry.ellipsoid import WGS84, Ellipsoid
 from opir_core.geometry.frames import ecef_to_eci, ecef_to_eci_state, eci_to_ecef, eci_to_ecef_state
 from opir_core.geometry.geodesics import DistanceBearing, LatitudeLongitude, geodesic_direct, geodesic_inverse
 from opir_core.geometry.geodetic import Geodetic, ecef_to_geodetic, geodetic_to_ecef
 from opir_core.geometry.intersection import intersection_with_ellipsoid
-from opir_core.geometry.looks import (
-    AzimuthElevationRange,
-    azimuth_elevation_range,
-    east_north_up_axes,
-    elevation_rad,
-    line_of_sight,
-    nadir_angle_rad,
-)
 from opir_core.geometry.occlusion import grazing_height_m, is_occluded
 from opir_core.geometry.sidereal import gmst_rad, julian_date
 from opir_core.geometry.sun import (
@@ -31,6 +33,7 @@ __all__ = [
     "Geodetic",
     "LatitudeLongitude",
     "azimuth_elevation_range",
+    "azimuth_elevation_range_in_axes",
     "east_north_up_axes",
     "ecef_to_eci",
     "ecef_to_eci_state",
@@ -48,6 +51,7 @@ __all__ = [
     "is_sunlit",
     "julian_date",
     "line_of_sight",
+    "local_axes",
     "nadir_angle_rad",
     "sun_position_ecef_m",
     "sun_position_eci_m",

@@ -1,22 +1,27 @@
-"""Shortest paths over the ellipsoid, by GeographicLib (Karney, 2013), accurate to about 15 nm."""
+"""Shortest paths over the WGS 84 ellipsoid: distance and bearing, and the way back.
 
+GeographicLib (Karney, J. Geod. 87, 2013, 43-55) computes each path to 15 nm, between points nearly opposite each other
+too. It is imported when first called, and goes point by point, at some 100 µs each: for scenes, not for looks.
+"""
+
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opir_core.geometry.vectors import Floats
+from opir_core.geometry.vectors import Floats, floats
 
 
 class DistanceBearing(NamedTuple):
-    """Length of the geodesic, m, and its bearing at the first point, rad, in [0, 2 pi), clockwise from true north."""
+    """Length of a geodesic, m, and its bearing at the first point, rad, in [0, 2 pi), clockwise from true north."""
 
     distance_m: Floats
     bearing_rad: Floats
 
 
 class LatitudeLongitude(NamedTuple):
-    """Geodetic latitude and longitude in [-pi, pi], rad."""
+    """Geodetic latitude in [-pi/2, pi/2] and longitude in [-pi, pi], rad."""
 
     latitude_rad: Floats
     longitude_rad: Floats
@@ -25,28 +30,44 @@ class LatitudeLongitude(NamedTuple):
 def geodesic_inverse(
     latitude_1_rad: ArrayLike, longitude_1_rad: ArrayLike, latitude_2_rad: ArrayLike, longitude_2_rad: ArrayLike
 ) -> DistanceBearing:
-    """Return distance and initial bearing from the first point to the second."""
+    """Return length and initial bearing of the geodesics from first points to second ones; any shapes that broadcast.
+
+    Where the two coincide the distance is 0 and the bearing `nan`. A latitude beyond a pole, or anything not finite:
+    `nan`.
+    """
     from geographiclib.geodesic import Geodesic
 
-    def one(lat1: float, lon1: float, lat2: float, lon2: float) -> tuple[float, float]:
-        line = Geodesic.WGS84.Inverse(lat1, lon1, lat2, lon2, Geodesic.DISTANCE | Geodesic.AZIMUTH)
-        return line["s12"], line["azi1"]
+    def line(*point_pair_deg: float) -> tuple[float, float]:
+        found = Geodesic.WGS84.Inverse(*point_pair_deg, Geodesic.DISTANCE | Geodesic.AZIMUTH)
+        return found["s12"], found["azi1"]
 
-    arguments = [np.degrees(v) for v in (latitude_1_rad, longitude_1_rad, latitude_2_rad, longitude_2_rad)]
-    distance, bearing = np.vectorize(one, otypes=[np.float64, np.float64])(*arguments)
-    return DistanceBearing(distance, np.mod(np.radians(bearing), 2.0 * np.pi))
+    angles = [np.degrees(floats(a)) for a in (latitude_1_rad, longitude_1_rad, latitude_2_rad, longitude_2_rad)]
+    distance, bearing_deg = _each(line, *angles)
+    bearing = np.radians(np.where(bearing_deg < 0.0, bearing_deg + 360.0, bearing_deg))
+    return DistanceBearing(distance, np.where(distance > 0.0, bearing, np.nan))
 
 
 def geodesic_direct(
     latitude_rad: ArrayLike, longitude_rad: ArrayLike, bearing_rad: ArrayLike, distance_m: ArrayLike
 ) -> LatitudeLongitude:
-    """Return the point reached from a first one along a geodesic of given initial bearing and length."""
+    """Return the points reached along geodesics from points at bearings (rad) over distances (m, backward below 0).
+
+    Any shapes that broadcast. A latitude beyond a pole, or anything not finite: `nan`.
+    """
     from geographiclib.geodesic import Geodesic
 
-    def one(lat1: float, lon1: float, azimuth: float, distance: float) -> tuple[float, float]:
-        line = Geodesic.WGS84.Direct(lat1, lon1, azimuth, distance, Geodesic.LATITUDE | Geodesic.LONGITUDE)
-        return line["lat2"], line["lon2"]
+    def line(*start_deg_and_distance_m: float) -> tuple[float, float]:
+        found = Geodesic.WGS84.Direct(*start_deg_and_distance_m, Geodesic.LATITUDE | Geodesic.LONGITUDE)
+        return found["lat2"], found["lon2"]
 
-    arguments = [*(np.degrees(v) for v in (latitude_rad, longitude_rad, bearing_rad)), distance_m]
-    latitude, longitude = np.vectorize(one, otypes=[np.float64, np.float64])(*arguments)
-    return LatitudeLongitude(np.radians(latitude), np.radians(longitude))
+    angles = [np.degrees(floats(a)) for a in (latitude_rad, longitude_rad, bearing_rad)]
+    latitude_deg, longitude_deg = _each(line, *angles, floats(distance_m))
+    return LatitudeLongitude(np.radians(latitude_deg), np.radians(longitude_deg))
+
+
+def _each(line: Callable[..., tuple[float, float]], *columns: Floats) -> tuple[Floats, Floats]:
+    """Return the two results of a scalar function for every element of broadcast columns."""
+    table = np.broadcast_arrays(*columns)
+    rows = zip(*(column.ravel().tolist() for column in table), strict=True)
+    results = np.array([line(*row) for row in rows], dtype=np.float64).reshape(*table[0].shape, 2)
+    return results[..., 0], results[..., 1]

@@ -1,46 +1,104 @@
-"""Whether the Earth stands between two points, and how closely the line between them passes it."""
+"""Whether the Earth stands between two points, and how closely the straight line between them passes it.
+
+Height above the ellipsoid is the signed distance to a convex body, so along a straight line it falls, then rises: it
+has one least value, either at an end or where the line is level. Seen along the line the ellipsoid is an ellipse, and
+the height of a line that misses it is the line's distance from that ellipse: no search is needed.
+"""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.geometry.geodetic import ecef_to_geodetic, geodetic_to_ecef
-from opir_core.geometry.vectors import Floats, components, vector
+from opir_core.geometry.deepest import least_height_inside_m, normal
+from opir_core.geometry.ellipsoid import WGS84
+from opir_core.geometry.foot import height_along_normal, normal_at_foot
+from opir_core.geometry.vectors import NEVER_ZERO, Floats, components, floats, length
+
+_A, _B = WGS84.equatorial_radius_m, WGS84.polar_radius_m
+
+
+class _Dip(NamedTuple):
+    """Whether segments are level between their ends, the height of their lines there, and of the lower end, m."""
+
+    is_between: NDArray[np.bool_]
+    line_height: Floats
+    end_height: Floats
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def grazing_height_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Floats:
-    """Return the least height above the ellipsoid of the segments between observers and targets, m."""
-    return _lowest(observer_ecef_m, target_ecef_m)[0]
+    """Return the least height above the WGS 84 ellipsoid of the segments between two ECEF points (..., 3), m.
+
+    The ends count: where the segment only rises from one end to the other it is the height of the lower end. Negative
+    where the segment runs through the Earth. Exact up to rounding: 3e-9 m near the Earth, 5e-8 m with an end at
+    geostationary distance. Not finite: `nan`.
+    """
+    dip = _dip(observer_ecef_m, target_ecef_m)
+    height = np.where(dip.is_between, np.minimum(dip.line_height, dip.end_height), dip.end_height)
+    return _with_depths(height, observer_ecef_m, target_ecef_m, dip.is_between & (dip.line_height < 0.0))
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def is_occluded(
     observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, grazing_height_m: ArrayLike = 0.0
 ) -> NDArray[np.bool_]:
-    """Return whether the segment dips between its ends below `grazing_height_m` above the ellipsoid."""
-    height, inside = _lowest(observer_ecef_m, target_ecef_m)
-    return inside & (height < grazing_height_m)
+    """Return whether the segment between two ECEF points (..., 3), m, dips below a height on its way.
+
+    It dips where it is level between its ends and less than `grazing_height_m` above the WGS 84 ellipsoid there. The
+    ends do not hide themselves: a target on the ground, or below the margin, is in view of whatever is above its
+    horizon. Points that are not finite are hidden.
+    """
+    margin = floats(grazing_height_m)
+    dip = _dip(observer_ecef_m, target_ecef_m)
+    searched = dip.is_between & (dip.line_height < 0.0) & (margin < 0.0)
+    height = _with_depths(dip.line_height, observer_ecef_m, target_ecef_m, searched)
+    return (dip.is_between & (height < margin)) | np.isnan(dip.line_height)
 
 
-def _lowest(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
-    """Return the least height and whether it is reached between the ends: bisection on the slope, which only grows."""
+def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
+    """Return where and how low the segments dip."""
     ox, oy, oz = components(observer_ecef_m)
     tx, ty, tz = components(target_ecef_m)
     dx, dy, dz = tx - ox, ty - oy, tz - oz
+    observer, target = normal(ox, oy, oz), normal(tx, ty, tz)
+    falls = observer.x * dx + observer.y * dy + observer.z * dz < 0.0
+    rises = target.x * dx + target.y * dy + target.z * dz > 0.0
+    # From the end nearer to the Earth: an error of direction has the shorter arm there.
+    near = tx * tx + ty * ty + tz * tz < ox * ox + oy * oy + oz * oz
+    px, py, pz = np.where(near, tx, ox), np.where(near, ty, oy), np.where(near, tz, oz)
+    return _Dip(falls & rises, _line_height(px, py, pz, dx, dy, dz), np.minimum(observer.height, target.height))
 
-    def slope(share: Floats) -> tuple[Floats, Floats]:
-        point = vector(ox + share * dx, oy + share * dy, oz + share * dz)
-        latitude, longitude, height = ecef_to_geodetic(point)
-        up = components(geodetic_to_ecef(latitude, longitude, 1.0) - geodetic_to_ecef(latitude, longitude, 0.0))
-        return up[0] * dx + up[1] * dy + up[2] * dz, height
 
-    low, high = np.zeros(np.shape(dx)), np.ones(np.shape(dx))
-    slope_low, height_low = slope(low)
-    slope_high, height_high = slope(high)
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        slope_middle, _height = slope(middle)
-        low, high = np.where(slope_middle < 0.0, middle, low), np.where(slope_middle < 0.0, high, middle)
-    inside = (slope_low < 0.0) & (slope_high > 0.0)
-    height = np.where(inside, slope(low)[1], np.minimum(height_low, height_high))
-    return height, inside
+def _line_height(px: Floats, py: Floats, pz: Floats, dx: Floats, dy: Floats, dz: Floats) -> Floats:
+    """Return the distance of endless lines from the ellipse that the ellipsoid is when seen along them, m.
+
+    Minus infinity for a line that runs through. The axes of the view: the horizontal across the line, and what is left
+    of z.
+    """
+    level, distance = np.sqrt(dx * dx + dy * dy), length(dx, dy, dz)
+    sine, cosine = dz / distance, level / distance
+    ux, uy = np.where(level == 0.0, 1.0, dx / (level + NEVER_ZERO)), dy / (level + NEVER_ZERO)
+    across = np.abs(py * ux - px * uy)
+    above = pz * cosine - (px * ux + py * uy) * sine
+    semi_minor = np.sqrt(_B * _B * cosine * cosine + _A * _A * sine * sine)
+    pierced = np.square(across / _A) + np.square(above / semi_minor) < 1.0
+    across = np.where(pierced, _A, across)
+    view_sine, view_cosine = normal_at_foot(across, above, _A, semi_minor)
+    height = height_along_normal(across, above, view_sine, view_cosine, _A, semi_minor)
+    return np.where(pierced, -np.inf, height)
+
+
+def _with_depths(
+    height: Floats, observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, searched: NDArray[np.bool_]
+) -> Floats:
+    """Return heights with those of the chosen segments, which run through the Earth, searched for."""
+    if not np.any(searched):
+        return height
+    shape = (*np.broadcast_shapes(np.shape(height), np.shape(searched)), 3)
+    chosen = np.broadcast_to(searched, shape[:-1])
+    observer = np.broadcast_to(floats(observer_ecef_m), shape)[chosen]
+    target = np.broadcast_to(floats(target_ecef_m), shape)[chosen]
+    deepened = np.array(np.broadcast_to(height, shape[:-1]))
+    deepened[chosen] = least_height_inside_m(observer, target)
+    return deepened

@@ -1,6 +1,7 @@
-"""Vectors as three columns: everything here is element by element, so a result never depends on its neighbours.
+"""Vectors as three columns, element by element: a result never depends on its neighbours.
 
-`numpy.linalg.norm`, `@` and `einsum` sum in an order that depends on memory layout and batch size; written-out components do not.
+`numpy.linalg.norm`, `@` and `einsum` sum in an order that depends on memory layout and batch size;
+written-out components do not.
 """
 
 import numpy as np
@@ -8,10 +9,21 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
+#: Added to a length that divides, so that nothing over nothing is nothing; too small to change any other.
+NEVER_ZERO = 1e-300
+
+#: 2**27 + 1: multiplying by it cuts a double into two halves whose products are exact (Veltkamp, 1968).
+_SPLITTER = 134217729.0
+
+
+def floats(values: ArrayLike) -> Floats:
+    """Return values as a float64 array, without a copy where they are one."""
+    return np.asarray(values, dtype=np.float64)
+
 
 def components(vectors: ArrayLike) -> tuple[Floats, Floats, Floats]:
     """Return x, y and z of an (..., 3) array, each of shape (...), as views where the array is float64."""
-    array = np.asarray(vectors, dtype=np.float64)
+    array = floats(vectors)
     if array.ndim == 0 or array.shape[-1] != 3:
         raise ValueError(f"expected vectors with a last axis of 3 (x, y, z), got shape {array.shape}")
     return array[..., 0], array[..., 1], array[..., 2]
@@ -27,6 +39,35 @@ def vector(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Floats:
 
 
 def length(x: Floats, y: Floats, z: Floats) -> Floats:
-    """Return the Euclidean length of vectors given by their components (below 1e150, or the squares overflow)."""
+    """Return the Euclidean length of vectors given by their components, to one unit in the last place."""
     root: Floats = np.sqrt(x * x + y * y + z * z)
     return root
+
+
+def length_and_remainder(x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats]:
+    """Return the length of vectors and what it is short of the true one, which their sum carries to 1e-30 relative."""
+    rounded = length(x, y, z)
+    xx, x_error = _exact_square(x)
+    yy, y_error = _exact_square(y)
+    zz, z_error = _exact_square(z)
+    squared, squared_error = _exact_square(rounded)
+    xy, xy_error = exact_sum(xx, yy)
+    xyz, xyz_error = exact_sum(xy, zz)
+    residual = (xyz - squared) + (xyz_error + xy_error + (x_error + y_error + z_error - squared_error))
+    return rounded, residual / (2.0 * rounded + NEVER_ZERO)
+
+
+def _exact_square(x: Floats) -> tuple[Floats, Floats]:
+    """Return the rounded square and its rounding error, exactly (Dekker, Numer. Math. 18, 1971, 224-242)."""
+    high = _SPLITTER * x
+    high = high - (high - x)
+    low = x - high
+    square = x * x
+    return square, ((high * high - square) + 2.0 * high * low) + low * low
+
+
+def exact_sum(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+    """Return the rounded sum and its rounding error, exactly (Knuth, The Art of Computer Programming 2, 4.2.2)."""
+    total = x + y
+    part = total - x
+    return total, (x - (total - part)) + (y - part)

@@ -1,0 +1,161 @@
+"""Where a target stands, seen from an observer: azimuth, elevation, range and the way back.
+
+One convention throughout (docs/reference/angles.md): the local axes are geodetic east, north and up *at the observer*;
+azimuth is clockwise from true north, elevation above the local horizontal. A sensor in orbit sees the Earth at negative
+elevations, and looks at the point below it at -90 degrees.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from opir_core.geometry.ellipsoid import WGS84
+from opir_core.geometry.foot import normal_at_foot
+from opir_core.geometry.vectors import NEVER_ZERO, Floats, components, floats, length, vector
+
+#: Half the spacing of doubles at 2 pi: an azimuth less than this short of north would round to a full turn, so it is 0.
+_LESS_THAN_ROUNDING = 4.5e-16
+
+_Vector = tuple[Floats, Floats, Floats]
+_Rows = tuple[_Vector, _Vector, _Vector]
+
+
+class AzimuthElevationRange(NamedTuple):
+    """Azimuth in [0, 2 pi) clockwise from true north, rad; elevation in [-pi/2, pi/2], rad; range, m."""
+
+    azimuth_rad: Floats
+    elevation_rad: Floats
+    range_m: Floats
+
+
+def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> Floats:
+    """Return the local axes (..., 3, 3) at geodetic latitudes and longitudes, rad: rows east, north and up, in ECEF."""
+    latitude, longitude = floats(latitude_rad), floats(longitude_rad)
+    return _stacked(_rows_at(np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)))
+
+
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+def local_axes(position_ecef_m: ArrayLike) -> Floats:
+    """Return the local axes (..., 3, 3) at ECEF positions (..., 3), m: rows east, north and up, in ECEF.
+
+    The axes of the position's geodetic latitude and longitude, without the detour through angles. On the Earth's axis
+    longitude counts as 0.
+    """
+    return _stacked(_rows_under(position_ecef_m))
+
+
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+def azimuth_elevation_range(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> AzimuthElevationRange:
+    """Return azimuth and elevation (rad) and range (m) of targets seen from observers, both ECEF (..., 3), m.
+
+    Straight above or below the observer azimuth means nothing: it is 0 or what rounding makes of it. Where target and
+    observer coincide there is no direction: azimuth and elevation are `nan`, range is 0. Not finite: `nan`.
+    Observers that stay put are cheapest given once, with shape (3,) or (n, 1, 3), and broadcast.
+    """
+    return _angles(_offset(observer_ecef_m, target_ecef_m), _rows_under(observer_ecef_m))
+
+
+@np.errstate(invalid="ignore", over="ignore")
+def azimuth_elevation_range_in_axes(offset_ecef_m: ArrayLike, axes: ArrayLike) -> AzimuthElevationRange:
+    """Return azimuth and elevation (rad) and range (m) of target minus observer (..., 3), m, in given axes (..., 3, 3).
+
+    With `axes` from `local_axes(observer)` it returns the very numbers of `azimuth_elevation_range`.
+    """
+    return _angles(components(offset_ecef_m), _rows_of(axes))
+
+
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Floats:
+    """Return the elevation of targets above the geodetic horizontal of observers, both ECEF (..., 3), m; rad.
+
+    The very numbers of `azimuth_elevation_range`; `nan` where the two coincide or are not finite.
+    """
+    offset = _offset(observer_ecef_m, target_ecef_m)
+    east, north, up = (_along(row, offset) for row in _rows_under(observer_ecef_m))
+    elevation = np.arctan2(up, np.sqrt(east * east + north * north))
+    return np.where(length(*offset) > 0.0, elevation, np.nan)
+
+
+@np.errstate(invalid="ignore", over="ignore")
+def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Floats:
+    """Return the angle at sensors between the Earth's centre and targets, both ECEF (..., 3), m; rad, in [0, pi].
+
+    Accurate to rounding (1e-15 rad), near 0 and pi too. `nan` where a direction does not exist: the sensor at the
+    centre or at the target. The direction to the centre is not the geodetic vertical: off the equator the two differ by
+    up to 0.19 degrees near the ground, by less in proportion to the distance from the centre.
+    """
+    sx, sy, sz = components(sensor_ecef_m)
+    tx, ty, tz = components(target_ecef_m)
+    dx, dy, dz = tx - sx, ty - sy, tz - sz
+    across = length(sy * dz - sz * dy, sz * dx - sx * dz, sx * dy - sy * dx)
+    towards_centre = -(sx * dx + sy * dy + sz * dz)
+    return np.where((across > 0.0) | (towards_centre != 0.0), np.arctan2(across, towards_centre), np.nan)
+
+
+@np.errstate(invalid="ignore", over="ignore")
+def line_of_sight(observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Floats:
+    """Return ECEF unit vectors (..., 3) from observers (ECEF, m) at azimuth and elevation, rad.
+
+    The inverse of `azimuth_elevation_range`.
+    """
+    azimuth, elevation = floats(azimuth_rad), floats(elevation_rad)
+    east, north, up = _rows_under(observer_ecef_m)
+    level, rise = np.cos(elevation), np.sin(elevation)
+    eastward, northward = np.sin(azimuth) * level, np.cos(azimuth) * level
+    x, y, z = (eastward * e + northward * n + rise * u for e, n, u in zip(east, north, up, strict=True))
+    return vector(x, y, z)
+
+
+def _angles(offset: _Vector, rows: _Rows) -> AzimuthElevationRange:
+    """Return azimuth, elevation and range of an offset."""
+    distance = length(*offset)
+    east, north, up = (_along(row, offset) for row in rows)
+    undefined = np.where(distance > 0.0, 0.0, np.nan)
+    turned = np.arctan2(east + 0.0, north + 0.0)
+    azimuth = np.where(turned < -_LESS_THAN_ROUNDING, turned + 2.0 * np.pi, np.maximum(turned, 0.0))
+    elevation = np.arctan2(up, np.sqrt(east * east + north * north))
+    return AzimuthElevationRange(azimuth + undefined, elevation + undefined, distance)
+
+
+def _offset(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Vector:
+    """Return target minus observer."""
+    ox, oy, oz = components(observer_ecef_m)
+    tx, ty, tz = components(target_ecef_m)
+    return tx - ox, ty - oy, tz - oz
+
+
+def _along(row: _Vector, offset: _Vector) -> Floats:
+    """Return the component of an offset along a unit vector."""
+    return row[0] * offset[0] + row[1] * offset[1] + row[2] * offset[2]
+
+
+def _rows_under(position_ecef_m: ArrayLike) -> _Rows:
+    """Return east, north and up at positions."""
+    x, y, z = components(position_ecef_m)
+    rho = np.sqrt(x * x + y * y)
+    sin_latitude, cos_latitude = normal_at_foot(rho, z, WGS84.equatorial_radius_m, WGS84.polar_radius_m)
+    divisor = rho + NEVER_ZERO
+    return _rows_at(sin_latitude, cos_latitude, y / divisor, np.where(rho == 0.0, 1.0, x / divisor))
+
+
+def _rows_at(sin_latitude: Floats, cos_latitude: Floats, sin_longitude: Floats, cos_longitude: Floats) -> _Rows:
+    """Return east, north and up at a latitude and longitude."""
+    east = -sin_longitude, cos_longitude, np.zeros(())
+    north = -sin_latitude * cos_longitude, -sin_latitude * sin_longitude, cos_latitude
+    up = cos_latitude * cos_longitude, cos_latitude * sin_longitude, sin_latitude
+    return east, north, up
+
+
+def _rows_of(axes: ArrayLike) -> _Rows:
+    """Return the rows of axes (..., 3, 3)."""
+    array = floats(axes)
+    return components(array[..., 0, :]), components(array[..., 1, :]), components(array[..., 2, :])
+
+
+def _stacked(rows: _Rows) -> Floats:
+    """Return rows as axes (..., 3, 3)."""
+    axes = np.empty((*np.shape(rows[2][0]), 3, 3))
+    for index, row in enumerate(rows):
+        axes[..., index, :] = vector(*row)
+    return axes
