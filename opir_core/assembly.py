@@ -73,7 +73,7 @@ class Assembly:
 
     def _detections(self, exposed: Exposures, sightings: Sightings, hits: Hits, dice: RowDice) -> Detections:
         plan = self._plan
-        directions = measured_directions(plan, self._sites, exposed, dice.uniforms("line-of-sight", 2))
+        directions = measured_directions(self._sites, exposed, dice.uniforms("line-of-sight", 2))
         none = np.full(len(hits), -1, dtype=np.int64)
         return Detections(
             time_s=exposed.time_s,

@@ -7,6 +7,7 @@ from typing import Any
 
 from attrs import frozen
 
+from opir_core.errors import SinkError
 from opir_core.manifest import run_manifest
 from opir_core.plan import Plan, built
 from opir_core.plugin.components import EventEncoder
@@ -26,13 +27,22 @@ class Outcome:
     manifest: Mapping[str, Any]
     report: PumpReport
 
+    def raise_for_failures(self) -> None:
+        """Raise `SinkError` if any sink failed, with what each had delivered."""
+        told = [
+            f"{sink.error} ({sink.delivered} events delivered, {sink.dropped} lost)" for sink in self.report.failures
+        ]
+        if told:
+            raise SinkError("\n".join(told))
+
 
 def deliver(
     plan: Plan, *, truth_path: Path | None = None, on_window: Callable[[Window], None] | None = None
 ) -> Outcome:
     """Run a plan into the sinks of its scene and return what came of it; memory use does not grow with duration.
 
-    `on_window` is called with each window once it is delivered. A failing sink does not stop the others: see the report.
+    `on_window` is called with each window once it is delivered. A failing sink does not stop the others.
+    Raises `SinkError` where the truth cannot be written; `Outcome.raise_for_failures` does for the sinks.
     """
     tally = Tally(plan)
     windows = tally.over(plan_windows(plan))
@@ -53,7 +63,7 @@ def _with_truth(plan: Plan, path: Path, windows: Iterable[Window]) -> Iterator[W
 
 def _sinks(plan: Plan) -> Mapping[str, Sink]:
     """Return the scene's sinks by their place in it, `outputs[0].jsonl`."""
-    return {f"{choice.path}": _sink(plan, choice) for choice in plan.scene.outputs}
+    return {choice.path: _sink(plan, choice) for choice in plan.scene.outputs}
 
 
 def _sink(plan: Plan, choice: Choice) -> Sink:

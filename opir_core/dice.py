@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
-from opir_core.randomness import Stream, stream_key
+from opir_core.randomness import Stream, stream_key, uniforms_of
 from opir_core.records import FloatArray, IntArray
 
 
@@ -29,9 +29,9 @@ class PairStreams:
             stream = streams.get(pair)
             if stream is None:
                 stream = streams[pair] = Stream(stream_key(self._seed, *self._names[pair], purpose), words)
-            parts.append(stream.uniforms(first, count))
-        numbers = np.concatenate(parts) if parts else np.empty(0)
-        return numbers.reshape(-1, words)
+            parts.append(stream.words(first, count))
+        raw = np.concatenate(parts) if parts else np.empty(0, dtype=np.uint64)
+        return uniforms_of(raw).reshape(-1, words)
 
     def constants(self, purpose: str, words: int) -> FloatArray:
         """Return (pairs, words) numbers, one row for all scans of a pair."""

@@ -18,11 +18,12 @@ _NO_VECTORS = np.empty((0, 3))
 
 @frozen(eq=False)
 class Sites:
-    """The sensors' positions as far as they stand still: one row a sensor, nan for those that move."""
+    """What stays the same of the sensors, one row each: position and axes (nan for those that move), sigma."""
 
     position_ecef_m: FloatArray
     axes: FloatArray
     is_moving: BoolArray
+    sigma_rad: FloatArray
 
     @classmethod
     def of(cls, plan: Plan) -> "Sites":
@@ -31,7 +32,8 @@ class Sites:
         position = np.full((len(plan.sensors), 3), np.nan)
         for number in np.flatnonzero(~moving):
             position[number] = plan.sensors[number].orbit.position_ecef_m(np.zeros(1))[0]
-        return cls(position, _axes(position), moving)
+        sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in plan.sensors], dtype=np.float64)
+        return cls(position, _axes(position), moving, sigma_rad)
 
 
 @frozen(eq=False)
@@ -73,15 +75,18 @@ def look_times_ns(pairs: Pairs, pair: IntArray, scan: IntArray) -> IntArray:
     return times
 
 
+def look_times_s(pairs: Pairs, pair: IntArray, scan: IntArray) -> FloatArray:
+    """Return when pairs (n,) make their scans (n,), in s of scene time."""
+    return look_times_ns(pairs, pair, scan).astype(np.float64) * 1e-9
+
+
 def exposures(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray, *, geometry: bool) -> Exposures:
     """Return the exposures of looks given by pair and scan (n,); without `geometry` its columns stay empty."""
-    time_s: FloatArray = look_times_ns(plan.pairs, pair, scan) * 1e-9
+    time_s = look_times_s(plan.pairs, pair, scan)
     sensor, target = plan.pairs.sensor[pair], plan.pairs.target[pair]
     emission_s = _emission_s(plan, pair, target, time_s)
     if not geometry:
-        return Exposures(
-            time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS
-        )
+        return Exposures(time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS)
     sensor_m = _sensor_positions(plan, sites, sensor, time_s)
     target_m = plan.targets.position_ecef_m(target, emission_s)
     x, y, z = (target_m[:, axis] - sensor_m[:, axis] for axis in range(3))
@@ -93,7 +98,7 @@ def exposures(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray, *, geome
 
 def seen(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray) -> BoolArray:
     """Return which looks of pairs that are not certain see their target; only those in doubt are computed."""
-    time_s: FloatArray = look_times_ns(plan.pairs, pair, scan) * 1e-9
+    time_s = look_times_s(plan.pairs, pair, scan)
     sight = plan.sightlines.sight_at(pair, time_s)
     result: BoolArray = sight == Sight.ALWAYS
     doubtful = np.flatnonzero(sight == Sight.PERHAPS)
@@ -114,13 +119,11 @@ class MeasuredDirections:
     elevation_rad: FloatArray
 
 
-def measured_directions(plan: Plan, sites: Sites, seen_as: Exposures, uniforms: FloatArray) -> MeasuredDirections:
+def measured_directions(sites: Sites, seen_as: Exposures, uniforms: FloatArray) -> MeasuredDirections:
     """Return directions with the sensors' line-of-sight errors: two normal errors across the line of sight."""
-    sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in plan.sensors])[seen_as.sensor]
+    sigma_rad = sites.sigma_rad[seen_as.sensor]
     across, along = normal_pairs(uniforms)
-    x, y, z = (
-        (seen_as.target_ecef_m[:, axis] - seen_as.sensor_ecef_m[:, axis]) / seen_as.range_m for axis in range(3)
-    )
+    x, y, z = ((seen_as.target_ecef_m[:, axis] - seen_as.sensor_ecef_m[:, axis]) / seen_as.range_m for axis in range(3))
     x, y, z = _tilted(x, y, z, across * sigma_rad, along * sigma_rad)
     east, north, up = _local(sites, seen_as, x, y, z)
     azimuth = np.arctan2(east, north)
@@ -147,9 +150,7 @@ def _tilted(
     return tilted_x / length, tilted_y / length, tilted_z / length
 
 
-def _local(
-    sites: Sites, seen_as: Exposures, x: FloatArray, y: FloatArray, z: FloatArray
-) -> tuple[FloatArray, ...]:
+def _local(sites: Sites, seen_as: Exposures, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, ...]:
     """Return east, north and up components of vectors at their sensors."""
     axes = sites.axes[seen_as.sensor]
     rows = np.flatnonzero(sites.is_moving[seen_as.sensor])

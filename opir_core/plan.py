@@ -23,7 +23,7 @@ from opir_core.protocols import (
     TrackerContext,
     Trajectories,
 )
-from opir_core.randomness import Stream, stream_key
+from opir_core.randomness import Stream, stream_key, uniforms_of
 from opir_core.scene import Choice, Scene
 from opir_core.sightlines import Pairs, Sightlines, compile_pairs
 from opir_core.targets import Targets, join_targets
@@ -113,5 +113,4 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int]) -> Trajectori
 
 
 def _uniform(seed: int, *names: str) -> float:
-    return float(Stream(stream_key(seed, *names)).uniforms(0, 1)[0])
-
+    return float(uniforms_of(Stream(stream_key(seed, *names)).words(0, 1))[0])

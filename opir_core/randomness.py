@@ -37,10 +37,9 @@ class Stream:
         self._at = -1
         self._generator: np.random.Philox | None = None
 
-    def uniforms(self, first_scan: int, scans: int) -> FloatArray:
-        """Return (scans · words,) numbers in [0, 1): those of `first_scan`, then those of the next, and so on."""
-        words = self._raw(first_scan * self._words, scans * self._words) >> _LOW_BITS
-        return words.astype(np.float64) * _UNIT
+    def words(self, first_scan: int, scans: int) -> NDArray[np.uint64]:
+        """Return the (scans · words,) raw words of `first_scan`, then those of the next, and so on."""
+        return self._raw(first_scan * self._words, scans * self._words)
 
     def _raw(self, start: int, count: int) -> NDArray[np.uint64]:
         if self._generator is None or self._at != start:
@@ -52,13 +51,22 @@ class Stream:
         return raw
 
 
+def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
+    """Return numbers in [0, 1) from the upper 53 bits of raw words, which are overwritten."""
+    words >>= _LOW_BITS
+    numbers = words.astype(np.float64)
+    numbers *= _UNIT
+    return numbers
+
+
 def normal_pairs(uniforms: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two independent standard normal columns (n,) from uniforms (n, 2) in [0, 1).
 
-    Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words a row, so that rows stay addressable.
+    Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words a row, so that rows stay addressable. 1 - u is
+    exact for the 53-bit numbers of a stream, so its logarithm loses nothing.
     """
-    radius = np.sqrt(-2.0 * np.log1p(-np.ascontiguousarray(uniforms[:, 0])))
-    angle = 2.0 * np.pi * np.ascontiguousarray(uniforms[:, 1])
+    radius = np.sqrt(-2.0 * np.log(1.0 - uniforms[:, 0]))
+    angle = (2.0 * np.pi) * uniforms[:, 1]
     first: FloatArray = radius * np.cos(angle)
     second: FloatArray = radius * np.sin(angle)
     return first, second

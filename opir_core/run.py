@@ -63,4 +63,3 @@ def _with_run_estimates(parts: Iterable[Window]) -> Detections:
 def _shifted(detections: Detections, rows: int) -> Detections:
     estimate: IntArray = detections.estimate + rows * (detections.estimate >= 0)
     return evolve(detections, estimate=estimate)
-

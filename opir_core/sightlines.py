@@ -240,7 +240,7 @@ def _sample(
 
 @frozen(eq=False)
 class _Path:
-    """Targets' ways, drawn out straight before ignition and after burnout, so that the grid's outer cells are smooth."""
+    """Targets' ways, drawn out straight before ignition and after burnout: the grid's outer cells stay smooth."""
 
     targets: Targets
     velocity_in_m_s: FloatArray
@@ -263,9 +263,7 @@ class _Path:
         position = self.targets.position_ecef_m(target, np.clip(time_s, start_s, end_s))
         early_s, late_s = np.minimum(time_s - start_s, 0.0), np.maximum(time_s - end_s, 0.0)
         drawn_out: FloatArray = (
-            position
-            + self.velocity_in_m_s[target] * early_s[:, None]
-            + self.velocity_out_m_s[target] * late_s[:, None]
+            position + self.velocity_in_m_s[target] * early_s[:, None] + self.velocity_out_m_s[target] * late_s[:, None]
         )
         return drawn_out
 

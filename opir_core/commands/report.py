@@ -1,7 +1,7 @@
 """What `opir run` prints: the run's totals, a row for each sensor and each target, and the files written."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 _LISTED = 12
 
 
-def as_json(outcome: "Outcome", files: Sequence[Path]) -> str:
+def as_json(outcome: "Outcome", files: Mapping[str, Path]) -> str:
     """Return the summary, what each sink took, and the files, as one JSON document."""
     from attrs import asdict
 
-    outputs = {name: asdict(result) for name, result in outcome.report.sinks.items()}
-    told = {**outcome.summary, "outputs": outputs, "files": [str(file) for file in files]}
+    outputs = {result.name: asdict(result) for result in outcome.report.sinks}
+    told = {**outcome.summary, "outputs": outputs, "files": {what: str(path) for what, path in files.items()}}
     return json.dumps(told, indent=2)
 
 
-def as_text(scene: "Scene", outcome: "Outcome", files: Sequence[Path]) -> str:
+def as_text(scene: "Scene", outcome: "Outcome", files: Mapping[str, Path]) -> str:
     """Return the summary as tables."""
     counts, targets = outcome.summary["counts"], outcome.summary["targets"]
     head = (
@@ -37,7 +37,7 @@ def as_text(scene: "Scene", outcome: "Outcome", files: Sequence[Path]) -> str:
         head,
         table(_SENSOR_HEAD, [_sensor_cells(row) for row in outcome.summary["sensors"]], numbers=(2, 3, 4)),
         table(_TARGET_HEAD, listed, numbers=(2, 3, 5, 6)) + (f"\n... and {left_out} more" if left_out else ""),
-        "\n".join([*_delivered(scene, outcome), *(f"wrote {file}" for file in files)]),
+        "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
     ]
     return "\n\n".join(part for part in parts if part)
 
@@ -67,7 +67,4 @@ def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _delivered(scene: "Scene", outcome: "Outcome") -> list[str]:
     places = {choice.path: getattr(choice.config, "path", choice.name) for choice in scene.outputs}
-    return [
-        f"wrote {places.get(name, name)}: {counted(result.delivered)} events"
-        for name, result in outcome.report.sinks.items()
-    ]
+    return [f"{places[sink.name]}: {counted(sink.delivered)} events" for sink in outcome.report.sinks]

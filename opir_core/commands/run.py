@@ -39,13 +39,15 @@ def run(arguments: argparse.Namespace) -> int:
     host = Host.discover()
     scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_jsonl(_DEFAULT_OUT)}]",))
     plan = compile_plan(scene, host)
-    truth, manifest = _beside(scene, arguments.truth, "truth.jsonl"), _beside(scene, arguments.manifest, "manifest.json")
+    truth = _beside(scene, arguments.truth, "truth.jsonl")
+    manifest = _beside(scene, arguments.manifest, "manifest.json")
     with progress(scene, is_shown=not arguments.quiet and sys.stderr.isatty()) as on_window:
         outcome = deliver(plan, truth_path=truth, on_window=on_window)
     if manifest is not None:
         _write_manifest(manifest, outcome.manifest)
-    _tell(arguments, scene, outcome, [path for path in (truth, manifest) if path is not None])
-    outcome.report.raise_for_failures()
+    files = {"truth": truth, "manifest": manifest}
+    _tell(arguments, scene, outcome, {what: path for what, path in files.items() if path is not None})
+    outcome.raise_for_failures()
     return 0
 
 
@@ -78,7 +80,7 @@ def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
         raise SinkError(f"the manifest {path} cannot be written: {error.strerror}") from error
 
 
-def _tell(arguments: argparse.Namespace, scene: "Scene", outcome: "Outcome", files: list[Path]) -> None:
+def _tell(arguments: argparse.Namespace, scene: "Scene", outcome: "Outcome", files: Mapping[str, Path]) -> None:
     """Print the summary: on standard output, or on standard error where that carries the events."""
     from opir_core.commands.report import as_json, as_text
 

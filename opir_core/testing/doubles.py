@@ -179,9 +179,7 @@ def stub_scene(*, seed: int = 0, duration_s: float = 100.0, light_time: bool = T
     )
 
 
-def stub_plan(
-    sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], scene: Scene, **parts: Any
-) -> Plan:
+def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], scene: Scene, **parts: Any) -> Plan:
     """Return a plan of given sensors and targets; `parts` replace the stub models."""
     targets = join_targets(ids, [trajectories], [range(len(ids))])
     end_ns = round(scene.duration_s * _NS)

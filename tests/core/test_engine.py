@@ -115,11 +115,11 @@ def test_another_sensor_or_target_leaves_the_old_ones_alone() -> None:
 
 
 def test_another_seed_gives_other_dice() -> None:
-    runs = [
-        run(stub_plan([stub_sensor()], targets(), ids(3), stub_scene(seed=seed), detection=CertainDetection(0.5)), [10**11])
-        for seed in (1, 2)
-    ]  # fmt: skip
-    assert runs[0][0].detections.time_ns.tobytes() != runs[1][0].detections.time_ns.tobytes()
+    def times_ns(seed: int) -> bytes:
+        plan = stub_plan([stub_sensor()], targets(), ids(3), stub_scene(seed=seed), detection=CertainDetection(0.5))
+        return run(plan, [10**11])[0].detections.time_ns.tobytes()
+
+    assert times_ns(1) != times_ns(2)
 
 
 def test_emission_precedes_the_look_by_the_light_time() -> None:
@@ -206,7 +206,9 @@ def test_a_target_that_rises_over_the_limb_is_seen_exactly_when_it_is_not_occlud
 
 
 def test_detection_counts_run_up_by_sensor_and_target() -> None:
-    plan = stub_plan([stub_sensor("A"), stub_sensor("B")], targets(), ids(3), stub_scene(), detection=CertainDetection(0.3))
+    plan = stub_plan(
+        [stub_sensor("A"), stub_sensor("B")], targets(), ids(3), stub_scene(), detection=CertainDetection(0.3)
+    )
     windows = run(plan, [10_000_000_000, 20_000_000_000, 100_000_000_000])
     found, target = all_detections(windows), np.concatenate([window.truth.target for window in windows])
     for sensor in range(2):
