@@ -1,0 +1,113 @@
+"""The sink that writes lines: straight to the file, whole lines at a time, counting what arrived."""
+
+import os
+import select
+import sys
+from pathlib import Path
+
+from opir_core.errors import SinkError
+from opir_core.events.blocks import window_blocks
+from opir_core.protocols import Delivery, Encoder
+from opir_core.records import Window
+
+#: The path that stands for standard output.
+STANDARD_OUTPUT = "-"
+
+
+class LineFile:
+    """Writes events to a file, overwritten if it exists, or to standard output; made, it is open.
+
+    Nothing is held back: what `write` was given has been handed to the system when it returns, so a run that is killed
+    leaves whole lines, but perhaps for the last. A file that fills its disk is cut back to its last whole line.
+    """
+
+    def __init__(self, path: str, encoder: Encoder) -> None:
+        self._name = "standard output" if path == STANDARD_OUTPUT else path
+        self._encoder = encoder
+        self._taken = 0
+        self._delivered = 0
+        self._descriptor = _standard_output() if path == STANDARD_OUTPUT else _opened(path)
+
+    def write(self, window: Window) -> None:
+        """Encode the window's events and write them."""
+        self._taken += len(window.detections)
+        for block in window_blocks(window):
+            self._write_lines(self._encoder.encode(block))
+
+    def close(self) -> Delivery:
+        """Close the file; what was not written whole was dropped."""
+        try:
+            os.close(self._descriptor)
+        except OSError as error:
+            raise self._failure(error) from error
+        return Delivery(delivered=self._delivered, dropped=self._taken - self._delivered)
+
+    def _write_lines(self, lines: bytes) -> None:
+        written = 0
+        try:
+            while written < len(lines):
+                written += _written(self._descriptor, memoryview(lines)[written:])
+        except OSError as error:
+            whole = lines.rfind(b"\n", 0, written) + 1
+            _cut_back(self._descriptor, written - whole)
+            self._delivered += lines.count(b"\n", 0, whole)
+            raise self._failure(error) from error
+        self._delivered += lines.count(b"\n")
+
+    def _failure(self, error: OSError) -> SinkError:
+        return SinkError(
+            f"jsonl: {self._name}: {_reason(error)}, after {self._delivered} events were delivered; {_way_out(error)}"
+        )
+
+
+def _opened(path: str) -> int:
+    try:
+        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
+    except OSError as error:
+        raise SinkError(f"jsonl: {path}: cannot be opened: {_reason(error)}; {_way_in(error, path)}") from error
+    except ValueError as error:  # a NUL, or half a surrogate pair
+        raise SinkError(f"jsonl: {path!r} is no path ({error}); give one that the system can name") from error
+
+
+def _standard_output() -> int:
+    try:
+        sys.stdout.flush()
+        return os.dup(sys.stdout.fileno())
+    except (OSError, ValueError, AttributeError) as error:
+        raise SinkError(f"jsonl: standard output is not open for bytes ({error}); give the path of a file") from error
+
+
+def _written(descriptor: int, lines: memoryview) -> int:
+    """Write some of the lines and return how many bytes; waits for a reader that is behind."""
+    try:
+        return os.write(descriptor, lines)
+    except BlockingIOError:
+        select.select([], [descriptor], [])
+        return 0
+
+
+def _cut_back(descriptor: int, torn: int) -> None:
+    """Take a torn line off the end of a file; a pipe keeps it."""
+    if torn:
+        try:
+            os.ftruncate(descriptor, os.lseek(descriptor, 0, os.SEEK_CUR) - torn)
+        except OSError:
+            return
+
+
+def _reason(error: OSError) -> str:
+    return (error.strerror or str(error)).lower()
+
+
+def _way_in(error: OSError, path: str) -> str:
+    if isinstance(error, FileNotFoundError):
+        return f"make the folder {str(Path(path).parent)!r} or give another path"
+    if isinstance(error, IsADirectoryError):
+        return "give the path of a file in it"
+    return "give a path that may be written"
+
+
+def _way_out(error: OSError) -> str:
+    if isinstance(error, BrokenPipeError):
+        return "its reader stopped reading"
+    return "make room, or give a path on another disk"

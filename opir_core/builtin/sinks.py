@@ -1,0 +1,70 @@
+"""Core's own sinks: JSON lines in a file or on standard output, memory, and nowhere; imported when they are built."""
+
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.fields import text
+from opir_core.plugin.components import SinkModel
+from opir_core.protocols import Delivery, Sink, SinkContext
+from opir_core.records import Window
+
+
+@frozen
+class JsonlConfig:
+    """Where lines of events go."""
+
+    path: str = text(
+        help="the file, overwritten if it exists, in a folder that exists; - is standard output",
+        default="events.jsonl",
+    )
+    encoder: str = text(help="the event encoder that makes the lines", default="forge")
+
+
+@frozen
+class MemoryConfig:
+    """How events kept in memory are shown."""
+
+    encoder: str = text(help="the event encoder that makes events of what is kept, when asked", default="forge")
+
+
+class Nowhere:
+    """Takes events and forgets them."""
+
+    def __init__(self) -> None:
+        self._taken = 0
+
+    def write(self, window: Window) -> None:
+        """Count the window's events."""
+        self._taken += len(window.detections)
+
+    def close(self) -> Delivery:
+        """Return all as delivered."""
+        return Delivery(delivered=self._taken)
+
+
+def _jsonl(config: JsonlConfig, context: SinkContext) -> Sink:
+    from opir_core.builtin.line_file import LineFile
+
+    return LineFile(config.path, context.make_encoder())
+
+
+def _memory(_config: MemoryConfig, context: SinkContext) -> Sink:
+    from opir_core.builtin.memory import Memory
+
+    return Memory(context.make_encoder)
+
+
+def _null(_config: Any, _context: SinkContext) -> Sink:
+    return Nowhere()
+
+
+SINKS = (
+    SinkModel(
+        name="jsonl", summary="one event a line, to a file or to standard output", config=JsonlConfig, build=_jsonl
+    ),
+    SinkModel(
+        name="memory", summary="windows kept in memory, as columns and as events", config=MemoryConfig, build=_memory
+    ),
+    SinkModel(name="null", summary="nothing is kept and nothing encoded", build=_null),
+)

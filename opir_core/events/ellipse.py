@@ -1,0 +1,49 @@
+"""The ellipse in which a point on the ground lies with a given probability."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from opir_core.records import FloatArray
+
+#: The probability that the point lies in the ellipse.
+CONTAINMENT = 0.95
+
+# The radius, in standard deviations, of the circle that holds a bivariate normal with that probability:
+# the square root of the chi-square quantile of two degrees of freedom, -2 ln(1 - p).
+_SIGMAS = np.sqrt(-2.0 * np.log1p(-CONTAINMENT))
+
+# By how much, relative to its diagonal, a covariance may miss being one through rounding.
+_ROUNDING = 1e-9
+
+
+class Ellipse(NamedTuple):
+    """Semi-axes, m, and the bearing of the longer one, rad clockwise from north in [0, pi)."""
+
+    semi_major_m: FloatArray
+    semi_minor_m: FloatArray
+    bearing_rad: FloatArray
+
+
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+def containment_ellipse(covariance_m2: FloatArray) -> Ellipse:
+    """Return the 95 % ellipses of east-north covariances (n, 2, 2), m²; nan where one is no covariance or not known.
+
+    Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 3.7.4
+    (ellipsoids of probability); the axes are the eigenvectors, in closed form.
+    """
+    east, north = covariance_m2[:, 0, 0], covariance_m2[:, 1, 1]
+    cross = 0.5 * (covariance_m2[:, 0, 1] + covariance_m2[:, 1, 0])
+    major = 0.5 * (east + north) + np.hypot(0.5 * (east - north), cross)
+    determinant = east * north - cross * cross
+    # The smaller eigenvalue is the determinant over the larger: their difference would cancel.
+    minor = np.where(major > 0.0, np.maximum(determinant, 0.0) / major, 0.0)
+    lawful = (east >= 0.0) & (north >= 0.0) & (determinant >= -_ROUNDING * east * north) & np.isfinite(major * minor)
+    bearing = np.mod(0.5 * np.pi - 0.5 * np.arctan2(2.0 * cross, east - north), np.pi)
+    bearing = np.where(bearing < np.pi, bearing, 0.0)
+    return Ellipse(*(np.where(lawful, axis, np.nan) for axis in (_reach(major), _reach(minor), bearing)))
+
+
+def _reach(variance_m2: FloatArray) -> FloatArray:
+    reach: FloatArray = _SIGMAS * np.sqrt(variance_m2)
+    return reach

@@ -1,0 +1,195 @@
+"""The `forge` encoder: one flat JSON object a line, in the order of fields that the schema names.
+
+A line is put together from pieces: text that is the same for many events (a sensor's name, a track's launch point) is
+made once and looked up, and what differs from event to event is made a column at a time. `benchmarks/encoding.py` holds
+the ways that were measured against it.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core.events.identifiers import uuid_characters
+from opir_core.events.lawful import refuse_unlawful
+from opir_core.events.number_text import (
+    DEGREE_DECIMALS,
+    METRE_DECIMALS,
+    RATIO_DECIMALS,
+    number_texts,
+    rounded,
+    rounded_bearing_deg,
+    rounded_degrees,
+    rounded_longitude_deg,
+    rounded_number,
+    vector_texts,
+)
+from opir_core.events.points import point_texts
+from opir_core.events.schema import SCHEMA_VERSION
+from opir_core.events.timestamps import timestamp_characters, unix_microseconds
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.protocols import EncoderContext, Sensor
+from opir_core.records import Detections, FloatArray, IntArray, Window
+from opir_core.scene import REPORTED_TYPES
+
+#: A piece of the line: one for all events, or one for each.
+Piece = bytes | list[bytes]
+
+_OPENING = b'{"detection_id":"' + b"-" * 36 + b'","timestamp":"' + b"-" * 27 + b'",'
+_ID = slice(17, 17 + 36)
+_TIMESTAMP = slice(_OPENING.rindex(b'"-') + 1, _OPENING.rindex(b'-"') + 1)
+_SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
+_POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
+_TRACK = b',"schema_version":"%b","track_id":%b,"azimuth_deg":'
+_LOOK = b',"line_of_sight_sigma_urad":%b,"bands":%b,"snr":'
+_POSITION = b',"sensor_position_ecef_m":[%b],'
+_NOWHERE = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
+
+_URAD_PER_RAD = 1e6
+_json = msgspec.json.Encoder().encode
+
+
+class ForgeEncoder:
+    """Detections to lines of JSON, one flat object each; the same bytes however detections are cut into windows."""
+
+    content_type = "application/json"
+    schema_version = SCHEMA_VERSION
+
+    def __init__(self, context: EncoderContext) -> None:
+        self._sensors = context.sensors
+        self._epoch_us = context.epoch_us
+        self._sensor_pieces = _table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
+        self._look_pieces = _table(piece for sensor in context.sensors for piece in _look_pieces(sensor))
+        looks = [1 << len(sensor.bands) for sensor in context.sensors]
+        self._first_look = np.cumsum([0, *looks[:-1]], dtype=np.int64)
+
+    def encode(self, window: Window) -> bytes:
+        """Return the window's detections as lines; what no event can carry raises `ModelError`."""
+        detections = window.detections
+        if not len(detections):
+            return b""
+        refuse_unlawful(window, self._sensors)
+        sensor = detections.sensor.astype(np.int64)
+        return _lines(
+            len(detections),
+            [
+                _openings(detections, self._epoch_us),
+                _taken(self._sensor_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
+                _points(window, self._epoch_us),
+                number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
+                _tracks(detections.track),
+                number_texts(rounded_bearing_deg(detections.azimuth_rad)),
+                b',"elevation_deg":',
+                number_texts(rounded_degrees(detections.elevation_rad)),
+                _taken(self._look_pieces, self._first_look[sensor] + detections.bands),
+                number_texts(rounded(detections.snr, RATIO_DECIMALS)),
+                _sensor_positions(detections),
+                *_whereabouts(window),
+            ],
+        )
+
+
+def _lines(count: int, pieces: Sequence[Piece]) -> bytes:
+    """Return `count` lines of the pieces, one after the other."""
+    line: list[bytes] = [b""] * (count * len(pieces))
+    for place, piece in enumerate(pieces):
+        line[place :: len(pieces)] = [piece] * count if isinstance(piece, bytes) else piece
+    return b"".join(line)
+
+
+def _sensor_pieces(sensor: Sensor) -> list[bytes]:
+    """Return a piece for each reported type."""
+    slot = None if sensor.orbital_slot_deg is None else rounded_number(sensor.orbital_slot_deg, DEGREE_DECIMALS)
+    constant = _json(sensor.id), _json(sensor.type), _json(slot)
+    return [_SENSOR % (*constant, _json(name)) for name in REPORTED_TYPES]
+
+
+def _look_pieces(sensor: Sensor) -> list[bytes]:
+    """Return a piece for each set of bands, in the order of its bit mask."""
+    sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS))
+    names = [band.name for band in sensor.bands]
+    masks = range(1 << len(names))
+    return [_LOOK % (sigma, _json([name for bit, name in enumerate(names) if mask >> bit & 1])) for mask in masks]
+
+
+def _table(pieces: Iterable[bytes]) -> NDArray[Any]:
+    """Return pieces as an array to take from: an index array takes faster than a loop."""
+    return np.array(list(pieces), dtype=object)
+
+
+def _taken(table: NDArray[Any], rows: NDArray[Any]) -> list[bytes]:
+    taken: list[bytes] = table.take(rows).tolist()
+    return taken
+
+
+def _openings(detections: Detections, epoch_us: int) -> list[bytes]:
+    text = np.empty((len(detections), len(_OPENING)), dtype=np.uint8)
+    text[:] = np.frombuffer(_OPENING, dtype=np.uint8)
+    text[:, _ID] = uuid_characters(detections.detection_id)
+    text[:, _TIMESTAMP] = timestamp_characters(unix_microseconds(detections.time_ns, epoch_us))
+    openings: list[bytes] = text.view(f"S{len(_OPENING)}").ravel().tolist()
+    return openings
+
+
+def _points(window: Window, epoch_us: int) -> Piece:
+    """Return the launch and impact points of the estimates that the detections point to."""
+    estimate, estimates = window.detections.estimate, window.estimates
+    if not (estimate >= 0).any():
+        return _POINTS % (b"null", b"null")
+    rows, of_detection = np.unique(estimate, return_inverse=True)
+    used = rows[rows >= 0]
+    launches = point_texts(estimates.launch[used], estimates.launch_covariance[used], epoch_us)
+    impacts = point_texts(estimates.impact[used], estimates.impact_covariance[used], epoch_us)
+    unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
+    known = [_POINTS % both for both in zip(launches, impacts, strict=True)]
+    return _taken(_table([*unknown, *known]), of_detection)
+
+
+def _tracks(track: IntArray) -> Piece:
+    numbers, of_detection = np.unique(track, return_inverse=True)
+    version = SCHEMA_VERSION.encode()
+    pieces = (_TRACK % (version, b"null" if number < 0 else b"%d" % number) for number in numbers.tolist())
+    return _taken(_table(pieces), of_detection)
+
+
+def _sensor_positions(detections: Detections) -> Piece:
+    """Return the positions; sensors that stay where they were at their first row share its text."""
+    sensor, position = detections.sensor, detections.sensor_ecef_m
+    _, first, of_detection = np.unique(sensor, return_index=True, return_inverse=True)
+    pieces = _table(_position_pieces(position[first])).take(of_detection)
+    away = position != position[first[of_detection]]
+    moved = np.flatnonzero(away[:, 0] | away[:, 1] | away[:, 2])
+    if len(moved):
+        pieces[moved] = _position_pieces(position[moved])
+    positions: list[bytes] = pieces.tolist()
+    return positions
+
+
+def _position_pieces(position_ecef_m: FloatArray) -> list[bytes]:
+    return [_POSITION % place for place in vector_texts(rounded(position_ecef_m, METRE_DECIMALS))]
+
+
+def _whereabouts(window: Window) -> list[Piece]:
+    """Return where the tracks put their objects at the time of the detection."""
+    tracked = np.flatnonzero(window.detections.estimate >= 0)
+    if not len(tracked):
+        return [_NOWHERE]
+    place = ecef_to_geodetic(_carried_positions(window, tracked))
+    columns = np.full((3, len(window.detections)), np.nan)
+    columns[0, tracked] = rounded_degrees(place.latitude_rad)
+    columns[1, tracked] = rounded_longitude_deg(place.longitude_rad)
+    columns[2, tracked] = rounded(place.height_m, METRE_DECIMALS)
+    latitude, longitude, altitude = (number_texts(column) for column in columns)
+    return [b'"latitude_deg":', latitude, b',"longitude_deg":', longitude, b',"altitude_m":', altitude, b"}\n"]
+
+
+@np.errstate(invalid="ignore", over="ignore")
+def _carried_positions(window: Window, rows: IntArray) -> FloatArray:
+    """Return ECEF positions of the estimates of some detections, carried from their tick at constant velocity."""
+    estimate = window.detections.estimate[rows]
+    state = window.estimates.state[estimate]
+    since_tick_s = window.detections.time_s[rows] - window.estimates.tick_s[estimate]
+    carried: FloatArray = state[:, :3] + since_tick_s[:, np.newaxis] * state[:, 3:]
+    return carried

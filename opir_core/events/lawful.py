@@ -1,0 +1,48 @@
+"""What detections owe an encoder: values that an event can carry."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from opir_core.errors import ModelError
+from opir_core.protocols import Sensor
+from opir_core.records import BoolArray, Detections, Window
+from opir_core.scene import REPORTED_TYPES
+
+_FULL_CIRCLE_RAD = 2.0 * np.pi
+_RIGHT_ANGLE_RAD = 0.5 * np.pi
+
+
+def refuse_unlawful(window: Window, sensors: Sequence[Sensor]) -> None:
+    """Raise `ModelError` where detections hold what no event may: a nan confidence, a sensor that does not exist, …"""
+    detections = window.detections
+    for law, lawful in _laws(window, sensors):
+        if not lawful.all():
+            row = int(np.argmin(lawful))
+            broken = len(lawful) - int(np.count_nonzero(lawful))
+            raise ModelError(
+                f"{broken} of {len(lawful)} detections cannot be encoded: {law}"
+                f" (the first is of sensor {_sensor_name(detections, row, sensors)} at {detections.time_s[row]} s)"
+            )
+
+
+def _laws(window: Window, sensors: Sequence[Sensor]) -> Iterator[tuple[str, BoolArray]]:
+    """Yield what must hold and for which rows it does; later laws rest on earlier ones."""
+    d = window.detections
+    yield f"the sensor must be in 0 to {len(sensors) - 1}", (d.sensor >= 0) & (d.sensor < len(sensors))
+    band_ends = np.array([1 << len(sensor.bands) for sensor in sensors])
+    yield "the bands must be the sensor's", d.bands < band_ends[d.sensor]
+    yield "the reported type must be a code into REPORTED_TYPES", d.reported_type < len(REPORTED_TYPES)
+    yield "the confidence must be in [0, 1]", (d.confidence >= 0.0) & (d.confidence <= 1.0)
+    yield "the azimuth must be in [-2 pi, 2 pi]", np.abs(d.azimuth_rad) <= _FULL_CIRCLE_RAD
+    yield "the elevation must be in [-pi/2, pi/2]", np.abs(d.elevation_rad) <= _RIGHT_ANGLE_RAD
+    x, y, z = np.isfinite(d.sensor_ecef_m).T
+    yield "the sensor's position must be finite", x & y & z
+    yield "the estimate must be a row of the window's estimates", (d.estimate >= -1) & (
+        d.estimate < len(window.estimates)
+    )
+
+
+def _sensor_name(detections: Detections, row: int, sensors: Sequence[Sensor]) -> str:
+    sensor = int(detections.sensor[row])
+    return sensors[sensor].id if 0 <= sensor < len(sensors) else f"number {sensor}"

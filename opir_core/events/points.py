@@ -1,0 +1,71 @@
+"""Estimated points on the ground, as events carry them: where, when, how surely."""
+
+import msgspec
+import numpy as np
+
+from opir_core.events.ellipse import CONTAINMENT, containment_ellipse
+from opir_core.events.number_text import (
+    METRE_DECIMALS,
+    rounded,
+    rounded_bearing_deg,
+    rounded_degrees,
+    rounded_longitude_deg,
+)
+from opir_core.events.timestamps import timestamp_text, writable_unix_microseconds
+from opir_core.records import FloatArray
+
+
+class UncertaintyEllipse(msgspec.Struct):
+    """Where the point lies with the probability `containment`; `bearing_deg` is the longer axis', from north."""
+
+    semi_major_m: float
+    semi_minor_m: float
+    bearing_deg: float
+    containment: float
+
+
+class EstimatedPoint(msgspec.Struct):
+    """A launch or an impact: geodetic place on WGS 84, UTC, and the ellipse; what is not known is None."""
+
+    lat_deg: float
+    lon_deg: float
+    time: str | None
+    ellipse: UncertaintyEllipse | None
+
+
+_encode = msgspec.json.Encoder().encode
+
+
+def point_texts(place: FloatArray, covariance_m2: FloatArray, epoch_us: int) -> list[bytes]:
+    """Return points as JSON, or `null` where the place is not known or none on Earth.
+
+    `place` (n, 3) is latitude_rad, longitude_rad and scene time_s; `covariance_m2` (n, 2, 2) is east-north.
+    """
+    on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
+    known = np.where(on_earth[:, np.newaxis], place, 0.0)
+    columns = (
+        rounded_degrees(known[:, 0]).tolist(),
+        rounded_longitude_deg(np.mod(known[:, 1], 2.0 * np.pi)).tolist(),
+        _times(known[:, 2], epoch_us),
+        _ellipses(covariance_m2),
+    )
+    points = (EstimatedPoint(*values) for values in zip(*columns, strict=True))
+    return [_encode(point if here else None) for here, point in zip(on_earth.tolist(), points, strict=True)]
+
+
+def _times(time_s: FloatArray, epoch_us: int) -> list[str | None]:
+    unix_us, writable = writable_unix_microseconds(time_s, epoch_us)
+    texts = timestamp_text(np.where(writable, unix_us, 0))
+    return [text if known else None for text, known in zip(texts, writable.tolist(), strict=True)]
+
+
+def _ellipses(covariance_m2: FloatArray) -> list[UncertaintyEllipse | None]:
+    ellipse = containment_ellipse(covariance_m2)
+    known = np.isfinite(ellipse.semi_major_m).tolist()
+    major_m = rounded(ellipse.semi_major_m, METRE_DECIMALS).tolist()
+    minor_m = rounded(ellipse.semi_minor_m, METRE_DECIMALS).tolist()
+    bearing_deg = rounded_bearing_deg(ellipse.bearing_rad, 180.0).tolist()
+    return [
+        UncertaintyEllipse(major, minor, bearing, CONTAINMENT) if lawful else None
+        for lawful, major, minor, bearing in zip(known, major_m, minor_m, bearing_deg, strict=True)
+    ]
