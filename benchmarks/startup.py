@@ -1,6 +1,6 @@
 """What starting costs: whole-process time and modules of a few commands, over bare Python.
 
-    python benchmarks/startup.py [--repeat 9]
+python benchmarks/startup.py [--repeat 9]
 """
 
 import argparse

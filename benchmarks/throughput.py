@@ -28,7 +28,9 @@ from opir_core.run import plan_windows
 def raid(duration_s: float = 400.0, targets: int = 100, sensors: int = 10) -> opir.Scene:
     """Return the benchmark's scene."""
     rng = np.random.default_rng(3)
-    launches = zip(rng.uniform(-20, 20, targets), rng.uniform(-10, 10, targets), rng.uniform(0, 30, targets), strict=True)
+    launches = zip(
+        rng.uniform(-20, 20, targets), rng.uniform(-10, 10, targets), rng.uniform(0, 30, targets), strict=True
+    )
     return opir.scene_from_mapping(
         {
             "scene": "throughput",
@@ -92,11 +94,15 @@ def main() -> None:
     engine_s = median_s(lambda: drained(plan), arguments.repeat)
     streamed_mib = peak_mib()
     to_file_s = median_s(lambda: to_file(scene), arguments.repeat)
-    print(f"plan      {planning_s * 1e3:9.1f} ms   {looks / 1e6:.2f} million looks, {detections / 1e6:.2f} million events")
+    print(
+        f"plan      {planning_s * 1e3:9.1f} ms   {looks / 1e6:.2f} million looks, {detections / 1e6:.2f} million events"
+    )
     print(f"columns   {engine_s / looks * 1e9:9.1f} ns/look   {looks / engine_s / 1e6:.2f} million looks/s")
     print(f"columns   {engine_s / detections * 1e9:9.1f} ns/event")
     writing_s = to_file_s - engine_s
-    print(f"JSONL     {to_file_s / detections * 1e9:9.1f} ns/event   {detections / to_file_s / 1e3:.0f} thousand events/s, all in")
+    print(
+        f"JSONL     {to_file_s / detections * 1e9:9.1f} ns/event   {detections / to_file_s / 1e3:.0f} thousand events/s, all in"
+    )
     print(f"  of it   {writing_s / detections * 1e9:9.1f} ns/event   encoding and writing")
     print(f"memory    {streamed_mib:9.0f} MiB peak streaming (plan and first pass: {start_mib:.0f} MiB)")
     if arguments.profile:

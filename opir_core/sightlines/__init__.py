@@ -1,0 +1,12 @@
+"""Who can see whom, and when: the pairs of a sensor and a target that have looks at all.
+
+Along each pair's burn the geometry is sampled on a grid of scene time. Between two samples it cannot stray from the
+straight line by more than acceleration · step² / 8, so most stretches are certain: seen throughout or not at all. The
+looks of a pair with an uncertain stretch are judged one by one, in that stretch.
+"""
+
+from opir_core.sightlines.compilation import compile_pairs
+from opir_core.sightlines.records import Blocked, Pairs, Sight, Sightlines
+from opir_core.sightlines.visibility import visible_now
+
+__all__ = ["Blocked", "Pairs", "Sight", "Sightlines", "compile_pairs", "visible_now"]

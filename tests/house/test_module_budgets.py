@@ -1,0 +1,83 @@
+"""A scene pays only for what it names: which modules a process imports, counted. Budgets only fall."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+#: How many modules more than bare Python `opir --version` may import.
+VERSION_BUDGET = 40
+
+#: How many modules more than `import numpy` a first run may import.
+FIRST_RUN_BUDGET = 260
+
+HEAVY = ("scipy", "litestar", "aiokafka", "matplotlib", "rich", "pyproj", "sgp4", "pandas", "numba")
+
+
+def modules_of(code: str, folder: Path) -> set[str]:
+    """Return the modules a fresh process has imported after running some code."""
+    told = f"{code}\nimport sys, json\nprint(json.dumps(sorted(sys.modules)), file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", told], cwd=folder, capture_output=True, text=True, check=True)
+    return set(json.loads(done.stderr.splitlines()[-1]))
+
+
+def command(*words: str) -> str:
+    return (
+        "from opir_core.cli import main\n"
+        f"try:\n    code = main({list(words)!r})\nexcept SystemExit as stop:\n    code = stop.code\n"
+        "assert not code, code"
+    )
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    return modules_of("", tmp_path_factory.mktemp("bare"))
+
+
+def test_version_stays_within_its_budget(tmp_path: Path, bare: set[str]) -> None:
+    extra = modules_of(command("--version"), tmp_path) - bare
+    assert len(extra) <= VERSION_BUDGET, sorted(extra)
+    assert not {name for name in extra if name.split(".")[0] in {"numpy", "attrs", "attr", "pluggy", "yaml", "cattrs"}}
+
+
+def test_importing_the_package_imports_no_part_of_it(tmp_path: Path, bare: set[str]) -> None:
+    extra = modules_of("import opir_core", tmp_path) - bare
+    assert {name for name in extra if name.startswith("opir_core")} == {"opir_core", "opir_core._version"}
+
+
+def test_a_first_run_stays_within_its_budget(tmp_path: Path) -> None:
+    numpy = modules_of("import numpy", tmp_path)
+    scene = str(EXAMPLES / "first_light.yaml")
+    extra = modules_of(command("run", scene, "--quiet"), tmp_path) - numpy
+    assert len(extra) <= FIRST_RUN_BUDGET, sorted(extra)
+
+
+def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_heavy(tmp_path: Path) -> None:
+    loaded = modules_of(command("run", str(EXAMPLES / "first_light.yaml"), "--quiet"), tmp_path)
+    roots = {name.split(".")[0] for name in loaded}
+    assert "opir_dsp" in roots
+    assert not roots & {"opir_sbirs", "opir_nextgen", "opir_heo", "opir_leo", "opir_http", "opir_kafka"}
+    assert not roots & set(HEAVY)
+
+
+def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
+    loaded = modules_of(command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--quiet"), tmp_path)
+    assert not {name for name in loaded if name.startswith("opir_core.radiometry")}
+
+
+def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None:
+    loaded = modules_of(command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--quiet"), tmp_path)
+    heavier = {"propagation", "drag", "atmosphere_density", "gravity", "stepping", "dop853"}
+    assert not {f"opir_core.flight.{name}" for name in heavier} & loaded
+
+
+@pytest.mark.parametrize("sink", ["memory", "null"])
+def test_a_sink_that_encodes_nothing_imports_no_encoder(tmp_path: Path, sink: str) -> None:
+    scene = str(EXAMPLES / "first_light.yaml")
+    loaded = modules_of(command("run", scene, "--sink", sink, "--quiet"), tmp_path)
+    assert "msgspec" not in loaded
+    assert "opir_core.events.forge" not in loaded
