@@ -5,7 +5,6 @@ Nothing heavy is imported before `scanning_sensor` is called.
 
 import math
 from collections.abc import Mapping
-from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
 from attrs import Factory, asdict, fields_dict, frozen
@@ -134,16 +133,17 @@ class ScanningSensorConfig:
     @property
     def scan_period_ns(self) -> int:
         """Return the scan period in nanoseconds, exactly."""
-        return int(_nanoseconds(self.scan_period_ms))
+        return round(self.scan_period_ms * 1e6)
 
     def _complaints(self) -> list[str | None]:
         return [self._period_complaint(), self._raster_complaint(), self._discrimination_complaint()]
 
     def _period_complaint(self) -> str | None:
-        exact = _nanoseconds(self.scan_period_ms)
-        if exact == exact.to_integral_value() and exact >= 1:
+        # The double nearest to a whole number of ns, and no other, is that number over 1e6.
+        if self.scan_period_ns >= 1 and self.scan_period_ns / 1e6 == self.scan_period_ms:
             return None
-        return f"scan_period_ms: {self.scan_period_ms!r} is not a whole number of nanoseconds (0.000001 ms)"
+        nearest_ms = max(self.scan_period_ns, 1) / 1e6
+        return f"scan_period_ms: {self.scan_period_ms!r} is not a whole number of nanoseconds; write {nearest_ms!r}"
 
     def _raster_complaint(self) -> str | None:
         sides: tuple[Any, ...] = (self.raster_rows, self.raster_columns)
@@ -197,11 +197,6 @@ def scanning_sensor(
         spectral_discrimination=config.spectral_discrimination,
         settings={**asdict(config), **completed},
     )
-
-
-def _nanoseconds(period_ms: float) -> Decimal:
-    """Return a period in nanoseconds as the decimal number that was written."""
-    return Decimal(repr(float(period_ms))) * 1_000_000
 
 
 def _completed(config: ScanningSensorConfig, name: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy.stats import binom
 
 import opir_core.plugin
@@ -20,7 +21,9 @@ from opir_core.builtin.detection import constant_detection
 from opir_core.fields import field_infos
 from opir_core.plugin import scan_patterns
 from opir_core.plugin.components import CATALOGUE
+from opir_core.plugin.host import Host
 from opir_core.protocols import ModelContext, SensorContext
+from opir_core.reading import scene_from_mapping
 from opir_core.records import Sightings
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
 
@@ -175,6 +178,31 @@ def test_the_heritage_preset_has_the_public_figures():
     assert short.lower_um < 2.7 < short.upper_um
     assert middle.lower_um < 4.3 < middle.upper_um
     assert sensor.detection_probability["ICBM"] == 0.60
+
+
+@ALL
+def test_the_scene_lines_of_the_readme_are_read(name):
+    readme = (ROOT / "plugins" / PACKAGES[name] / "README.md").read_text(encoding="utf-8")
+    lines = yaml.safe_load(readme.partition("```yaml\n")[2].partition("```")[0])
+    head = {"scene": "readme", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "seed": 1, "targets": []}
+    scene = scene_from_mapping({**head, **lines}, host=Host.of(plugin_of(name)))
+    assert [sensor.constellation for sensor in scene.sensors] == [name] * 4 + [None]
+    settings = {key: value for key, value in lines["sensors"][-1].items() if key not in ("model", "id", "preset")}
+    assert settings == {key: getattr(scene.sensors[-1].model.config, key) for key in settings}
+
+
+def test_a_scene_may_override_a_preset_and_a_fleet():
+    sensors = [
+        {"constellation": "DSP", "preset": "heritage", "scan_phase": "random"},
+        {"constellation": "SBIRS-GEO", "detection_probability": {"SRBM": 0.1}},
+    ]
+    head = {"scene": "s", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "seed": 1, "targets": []}
+    host = Host.of(plugin_of("DSP"), plugin_of("SBIRS-GEO"))
+    scene = scene_from_mapping({**head, "sensors": sensors}, host=host)
+    dsp, sbirs = scene.sensors[0].model, scene.sensors[4].model
+    assert (dsp.config.scan_period_ms, dsp.config.scan_phase) == (10_000.0, "random")
+    built = model_of("SBIRS-GEO").build(sbirs.config, SensorContext(id="S", epoch_us=0))
+    assert built.detection_probability == {"ICBM": 0.80, "IRBM": 0.72, "SRBM": 0.1}
 
 
 @ALL
