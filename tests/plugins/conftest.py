@@ -1,0 +1,102 @@
+"""Fake distributions for the plugin host: real metadata and modules in a folder of their own on `sys.path`."""
+
+import sys
+import sysconfig
+import types
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from textwrap import dedent, indent
+
+import pytest
+
+from opir_core.plugin.components import DetectionModel, NoConfig
+from opir_core.plugin.hookspecs import hookimpl
+
+HEADER = "from attrs import frozen\nfrom opir_core.plugin import *\n"
+
+
+class Shop:
+    """Installs fake distributions below a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def install(
+        self,
+        plugin: str,
+        code: str = "",
+        *,
+        version: str = "1.0",
+        distribution: str = "",
+        advertise: Sequence[str] = (),
+        entry_points: Mapping[str, Mapping[str, str]] | None = None,
+        on_path: bool = True,
+    ) -> Path:
+        """Write a distribution with one module, `opir_PLUGIN.plugin`, and put its folder first on the path."""
+        distribution = distribution or f"opir-{plugin}"
+        package = distribution.replace("-", "_")
+        folder = self.folder / f"{package}-{version}"
+        module = f"{package}.plugin"
+        (folder / package).mkdir(parents=True)
+        (folder / package / "__init__.py").touch()
+        (folder / package / "plugin.py").write_text(HEADER + dedent(code))
+        groups = {"opir": {plugin: module}, "opir.components": dict.fromkeys(advertise, module)}
+        write_metadata(folder, distribution, version, groups if entry_points is None else entry_points)
+        if on_path:
+            sys.path.insert(0, str(folder))
+        return folder
+
+
+def write_metadata(folder: Path, name: str, version: str, groups: Mapping[str, Mapping[str, str]]) -> None:
+    info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.3\nName: {name}\nVersion: {version}\n\nName: not-this\n")
+    lines = [
+        line
+        for group, entries in groups.items()
+        if entries
+        for line in (f"[{group}]", *(f"{entry} = {value}" for entry, value in entries.items()), "")
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines))
+
+
+def tracker_code(*names: str) -> str:
+    """Return a plugin that offers trackers."""
+    yields = "\n".join(f'yield TrackerModel(name="{name}", summary="a tracker", build=print)' for name in names)
+    return f"@hookimpl\ndef opir_trackers():\n{indent(yields, '    ')}\n"
+
+
+@pytest.fixture
+def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shop]:
+    """A shop that nothing installed on this machine is seen beside; core's own plugin is a stub."""
+    standard = {sysconfig.get_path(name) for name in ("stdlib", "platstdlib")}
+    standard.add(str(Path(sysconfig.get_path("platstdlib")) / "lib-dynload"))
+    monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry in standard])
+    monkeypatch.delenv("OPIR_PLUGINS", raising=False)
+    monkeypatch.setitem(sys.modules, "opir_core.builtin.plugin", stub_builtin())
+    before = set(sys.modules)
+    yield Shop(tmp_path)
+    for name in set(sys.modules) - before:
+        if name.startswith(("opir_", "acme_")) and not name.startswith("opir_core"):
+            del sys.modules[name]
+
+
+@pytest.fixture
+def trackers() -> Callable[..., str]:
+    return tracker_code
+
+
+@pytest.fixture
+def metadata_of() -> Callable[..., None]:
+    return write_metadata
+
+
+def stub_builtin() -> types.ModuleType:
+    module = types.ModuleType("opir_core.builtin.plugin")
+
+    @hookimpl
+    def opir_detection_models() -> list[DetectionModel]:
+        return [DetectionModel(name="constant", summary="always the same", config=NoConfig, build=print)]
+
+    module.opir_detection_models = opir_detection_models  # type: ignore[attr-defined]
+    return module

@@ -1,0 +1,167 @@
+"""Commands that plugins add: lazily by name, all for help, and each with its owner."""
+
+import argparse
+import sys
+
+import pytest
+
+from opir_core.errors import PluginError
+from opir_core.plugin.host import Host
+
+MISMATCH = "its entry points in group opir.components are not what it offers: "
+
+COMMAND = """
+@hookimpl
+def opir_add_commands(commands):
+    for name in {names}:
+        parser = commands.add_parser(name, help="from {owner}")
+        parser.set_defaults(run=lambda arguments: "{owner}")
+"""
+
+
+def command(owner, *names):
+    return COMMAND.format(owner=owner, names=list(names))
+
+
+@pytest.fixture
+def parser():
+    return argparse.ArgumentParser(prog="opir")
+
+
+@pytest.fixture
+def commands(parser):
+    subparsers = parser.add_subparsers()
+    subparsers.add_parser("run").set_defaults(run=lambda arguments: "core")
+    return subparsers
+
+
+def test_a_command_is_added_and_runs(shop, parser, commands):
+    shop.install("http", command("http", "serve"), advertise=["commands.serve"])
+    assert Host.discover().add_commands(commands, "serve") == ("serve",)
+    arguments = parser.parse_args(["serve"])
+    assert arguments.run(arguments) == "http"
+    assert parser.parse_args(["run"]).run(None) == "core"
+
+
+def test_only_the_owner_of_a_command_is_imported(shop, commands, trackers):
+    shop.install("http", command("http", "serve"), advertise=["commands.serve"])
+    shop.install("other", command("other", "watch"), advertise=["commands.watch"])
+    shop.install("arc", trackers("arc"), advertise=["trackers.arc"])
+    shop.install("silent", command("silent", "hum"))
+    assert Host.discover().add_commands(commands, "serve") == ("hum", "serve")
+    assert {"opir_http", "opir_other", "opir_arc", "opir_silent"} & set(sys.modules) == {"opir_http", "opir_silent"}
+
+
+def test_help_has_all_commands(shop, parser, commands, trackers):
+    shop.install("http", command("http", "serve", "watch"), advertise=["commands.serve", "commands.watch"])
+    shop.install("arc", trackers("arc"), advertise=["trackers.arc"])
+    shop.install("silent", command("silent", "hum"))
+    assert Host.discover().add_commands(commands) == ("hum", "serve", "watch")
+    assert "opir_arc" not in sys.modules
+    assert "from silent" in parser.format_help()
+
+
+def test_a_command_that_nobody_has(shop, commands):
+    assert Host.discover().add_commands(commands, "serve") == ()
+    assert set(commands.choices) == {"run"}
+
+
+def test_commands_in_the_catalogue(shop):
+    shop.install("http", command("http", "serve", "watch"), advertise=["commands.watch", "commands.serve"])
+    assert [row.commands for row in Host.discover().catalogue()] == [(), ("serve", "watch")]
+
+
+@pytest.mark.parametrize("first", [(), ("commands.serve",)])
+@pytest.mark.parametrize("second", [(), ("commands.serve",)])
+def test_two_owners_of_one_command(shop, caplog, parser, commands, first, second):
+    shop.install("http", command("http", "serve"), advertise=first)
+    shop.install("acme", command("acme", "serve"), version="2", advertise=second)
+    complaint = (
+        "two plugins offer the command 'serve': opir-acme 2 (plugin acme) and opir-http 1.0 (plugin http)\n"
+        "  uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without acme or http"
+    )
+    with pytest.raises(PluginError) as error:
+        Host.discover().add_commands(commands, "serve")
+    assert str(error.value) == complaint
+    if first and second:
+        assert not {"opir_http", "opir_acme"} & set(sys.modules)
+    caplog.clear()
+    others = argparse.ArgumentParser().add_subparsers()
+    assert Host.discover().add_commands(others) == ("serve",)
+    assert [record.getMessage() for record in caplog.records] == [complaint]
+
+
+def test_a_contest_about_another_command_is_let_be(shop, commands):
+    shop.install("one", command("one", "serve", "hum"))
+    shop.install("two", command("two", "serve"))
+    assert Host.discover().add_commands(commands, "hum") == ("hum", "serve")
+
+
+@pytest.mark.parametrize(
+    ("code", "advertise", "reason"),
+    [
+        ("1 / 0", "serve", "cannot be imported: ZeroDivisionError: division by zero (opir_http/plugin.py, line 3)"),
+        (
+            "@hookimpl\ndef opir_add_commands(commands):\n    commands.add_parser('serve')\n    1 / 0",
+            "serve",
+            "opir_add_commands raised ZeroDivisionError: division by zero (opir_http/plugin.py, line 6)",
+        ),
+        (
+            command("http", "listen"),
+            "serve",
+            "its entry points in group opir.components advertise the commands serve; it adds listen",
+        ),
+        (
+            command("http"),
+            "serve",
+            "its entry points in group opir.components advertise the commands serve; it adds none",
+        ),
+        (
+            "@hookimpl\ndef opir_trackers():\n    return ()",
+            "serve",
+            f"{MISMATCH}advertises commands and has no opir_add_commands",
+        ),
+        (
+            command("http", "serve", "run"),
+            "serve",
+            "opir_add_commands adds the command 'run', which opir has itself",
+        ),
+        (
+            command("http", "serve", "serve"),
+            "serve",
+            "opir_add_commands adds the command 'serve' twice",
+        ),
+    ],
+)
+def test_a_command_whose_plugin_fails(shop, caplog, commands, code, advertise, reason):
+    shop.install("http", code, version="5", advertise=[f"commands.{advertise}"])
+    with pytest.raises(PluginError) as error:
+        Host.discover().add_commands(commands, "serve")
+    assert str(error.value) == (
+        f"the command 'serve' cannot be used, because its plugin failed\n  failed: opir-http 5 (plugin http): {reason}"
+    )
+    caplog.clear()
+    others = argparse.ArgumentParser().add_subparsers()
+    others.add_parser("run")
+    Host.discover().add_commands(others)
+    assert [record.getMessage() for record in caplog.records] == [
+        f"plugin left out: opir-http 5 (plugin http): {reason}"
+    ]
+
+
+def test_a_plugin_that_adds_commands_and_advertises_only_components(shop, commands, trackers):
+    shop.install("one", trackers("arc") + command("one", "serve"), advertise=["trackers.arc"])
+    with pytest.raises(PluginError, match="has opir_add_commands and advertises no command"):
+        Host.discover().component("opir_trackers", "arc")
+
+
+def test_what_a_plugin_sees_of_argparse(shop, parser, commands):
+    code = """
+    @hookimpl
+    def opir_add_commands(commands):
+        assert "run" in commands.choices
+        commands.add_parser("serve", aliases=["s"]).add_argument("--port", type=int)
+    """
+    shop.install("http", code, advertise=["commands.serve"])
+    assert Host.discover().add_commands(commands, "serve") == ("s", "serve")
+    assert parser.parse_args(["s", "--port", "8"]).port == 8
