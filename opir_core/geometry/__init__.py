@@ -10,7 +10,7 @@ from opir_core.geometry.angles import (
     local_axes,
     nadir_angle_rad,
 )
-from opir_core.geometry.ellipsoid import WGS84, Ellipsoid
+from opir_core.geometry.ellipsoid import Ellipsoid
 from opir_core.geometry.frames import ecef_to_eci, ecef_to_eci_state, eci_to_ecef, eci_to_ecef_state
 from opir_core.geometry.geodesics import DistanceBearing, LatitudeLongitude, geodesic_direct, geodesic_inverse
 from opir_core.geometry.geodetic import Geodetic, ecef_to_geodetic, geodetic_to_ecef
@@ -26,7 +26,6 @@ from opir_core.geometry.sun import (
 )
 
 __all__ = [
-    "WGS84",
     "AzimuthElevationRange",
     "DistanceBearing",
     "Ellipsoid",

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.foot import normal_at_foot
-from opir_core.geometry.vectors import NEVER_ZERO, Floats, components, floats, length, vector
+from opir_core.geometry.vectors import NEVER_ZERO, Floats, components, floats, length, select, vector
 
 #: Half the spacing of doubles at 2 pi: an azimuth less than this short of north would round to a full turn, so it is 0.
 _LESS_THAN_ROUNDING = 4.5e-16
@@ -29,6 +29,7 @@ class AzimuthElevationRange(NamedTuple):
     range_m: Floats
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> Floats:
     """Return the local axes (..., 3, 3) at geodetic latitudes and longitudes, rad: rows east, north and up, in ECEF."""
     latitude, longitude = floats(latitude_rad), floats(longitude_rad)
@@ -56,7 +57,7 @@ def azimuth_elevation_range(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike
     return _angles(_offset(observer_ecef_m, target_ecef_m), _rows_under(observer_ecef_m))
 
 
-@np.errstate(invalid="ignore", over="ignore")
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def azimuth_elevation_range_in_axes(offset_ecef_m: ArrayLike, axes: ArrayLike) -> AzimuthElevationRange:
     """Return azimuth and elevation (rad) and range (m) of target minus observer (..., 3), m, in given axes (..., 3, 3).
 
@@ -74,10 +75,10 @@ def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
     offset = _offset(observer_ecef_m, target_ecef_m)
     east, north, up = (_along(row, offset) for row in _rows_under(observer_ecef_m))
     elevation = np.arctan2(up, np.sqrt(east * east + north * north))
-    return np.where(length(*offset) > 0.0, elevation, np.nan)
+    return select(length(*offset) > 0.0, elevation, np.nan)
 
 
-@np.errstate(invalid="ignore", over="ignore")
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Floats:
     """Return the angle at sensors between the Earth's centre and targets, both ECEF (..., 3), m; rad, in [0, pi].
 
@@ -90,10 +91,10 @@ def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
     dx, dy, dz = tx - sx, ty - sy, tz - sz
     across = length(sy * dz - sz * dy, sz * dx - sx * dz, sx * dy - sy * dx)
     towards_centre = -(sx * dx + sy * dy + sz * dz)
-    return np.where((across > 0.0) | (towards_centre != 0.0), np.arctan2(across, towards_centre), np.nan)
+    return select((across > 0.0) | (towards_centre != 0.0), np.arctan2(across, towards_centre), np.nan)
 
 
-@np.errstate(invalid="ignore", over="ignore")
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def line_of_sight(observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Floats:
     """Return ECEF unit vectors (..., 3) from observers (ECEF, m) at azimuth and elevation, rad.
 
@@ -111,11 +112,11 @@ def _angles(offset: _Vector, rows: _Rows) -> AzimuthElevationRange:
     """Return azimuth, elevation and range of an offset."""
     distance = length(*offset)
     east, north, up = (_along(row, offset) for row in rows)
-    undefined = np.where(distance > 0.0, 0.0, np.nan)
+    undefined = select(distance > 0.0, 0.0, np.nan)
     turned = np.arctan2(east + 0.0, north + 0.0)
-    azimuth = np.where(turned < -_LESS_THAN_ROUNDING, turned + 2.0 * np.pi, np.maximum(turned, 0.0))
+    azimuth = select(turned < -_LESS_THAN_ROUNDING, turned + 2.0 * np.pi, np.maximum(turned, 0.0))
     elevation = np.arctan2(up, np.sqrt(east * east + north * north))
-    return AzimuthElevationRange(azimuth + undefined, elevation + undefined, distance)
+    return AzimuthElevationRange(azimuth + undefined, elevation + undefined, distance + 0.0 * (east + north + up))
 
 
 def _offset(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Vector:
@@ -136,7 +137,7 @@ def _rows_under(position_ecef_m: ArrayLike) -> _Rows:
     rho = np.sqrt(x * x + y * y)
     sin_latitude, cos_latitude = normal_at_foot(rho, z, WGS84.equatorial_radius_m, WGS84.polar_radius_m)
     divisor = rho + NEVER_ZERO
-    return _rows_at(sin_latitude, cos_latitude, y / divisor, np.where(rho == 0.0, 1.0, x / divisor))
+    return _rows_at(sin_latitude, cos_latitude, y / divisor, select(rho == 0.0, 1.0, x / divisor))
 
 
 def _rows_at(sin_latitude: Floats, cos_latitude: Floats, sin_longitude: Floats, cos_longitude: Floats) -> _Rows:

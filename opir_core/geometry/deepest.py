@@ -66,7 +66,7 @@ def _touching_share(observer: Floats, target: Floats) -> Floats:
     tx, ty, tz = components(target)
     dx, dy, dz = tx - ox, ty - oy, tz - oz
     stretch = (_A / _B) ** 2
-    share = -(ox * dx + oy * dy + stretch * oz * dz) / (dx * dx + dy * dy + stretch * dz * dz)
+    share = -(ox * dx + oy * dy + stretch * oz * dz) / (dx * dx + dy * dy + stretch * dz * dz + NEVER_ZERO)
     return np.clip(share, 1e-9, 1.0 - 1e-9)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opir_core.geometry.vectors import Floats, floats
+from opir_core.geometry.vectors import Floats, floats, select
 
 
 class DistanceBearing(NamedTuple):
@@ -43,8 +43,8 @@ def geodesic_inverse(
 
     angles = [np.degrees(floats(a)) for a in (latitude_1_rad, longitude_1_rad, latitude_2_rad, longitude_2_rad)]
     distance, bearing_deg = _each(line, *angles)
-    bearing = np.radians(np.where(bearing_deg < 0.0, bearing_deg + 360.0, bearing_deg))
-    return DistanceBearing(distance, np.where(distance > 0.0, bearing, np.nan))
+    bearing = np.radians(select(bearing_deg < 0.0, bearing_deg + 360.0, bearing_deg))
+    return DistanceBearing(distance, select(distance > 0.0, bearing, np.nan))
 
 
 def geodesic_direct(

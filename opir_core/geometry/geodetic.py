@@ -14,15 +14,19 @@ from opir_core.geometry.vectors import (
     exact_sum,
     floats,
     length_and_remainder,
+    select,
     vector,
 )
 
 #: pi / 2 as the sum of two doubles.
 _HALF_PI, _HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
 
+#: Nearer than 1 m to the centre of curvature a point's own normal is better than a further step.
+_AT_CENTRE_M2 = 1.0
+
 
 class Geodetic(NamedTuple):
-    """Geodetic latitude in [-pi/2, pi/2] and longitude in (-pi, pi], rad, and height above the ellipsoid, m."""
+    """Geodetic latitude in [-pi/2, pi/2] and longitude in [-pi, pi], rad, and height above the ellipsoid, m."""
 
     latitude_rad: Floats
     longitude_rad: Floats
@@ -79,17 +83,23 @@ def _latitude(
 ) -> Floats:
     """Return the angle of the normal, one step of Bowring's formula later, to half a unit in the last place and a bit.
 
-    The angle is taken from the nearer axis, whose arctangent is smaller and so rounds finer, and what the rounded sides
-    leave over is added at the end together with what pi/2 leaves over.
+    The step's two sides lead from the centre of curvature to the point. The angle is taken from the nearer axis, whose
+    arctangent is smaller and so rounds finer; what the rounded sides leave over is added at the end together with what
+    pi/2 leaves over. At the centre of curvature itself, on the rim of the disc, the sides are noise: no step is made.
     """
     evolute_rho, evolute_z = (a - b) * (a + b) / a, (a - b) * (a + b) / b
     norm = np.sqrt(b * b * sine * sine + a * a * cosine * cosine)
     parametric_sine, parametric_cosine = b * np.abs(sine) / norm, a * cosine / norm
     up, up_rest = exact_sum(np.abs(z), evolute_z * (parametric_sine * parametric_sine * parametric_sine))
     out, out_rest = exact_sum(rho, -evolute_rho * (parametric_cosine * parametric_cosine * parametric_cosine))
-    rest = (up_rest * out - (out_rest + rho_remainder) * up) / (up * up + out * out + NEVER_ZERO)
+    to_centre_squared = up * up + out * out
+    rest = (up_rest * out - (out_rest + rho_remainder) * up) / (to_centre_squared + NEVER_ZERO)
+    at_centre = to_centre_squared < _AT_CENTRE_M2
+    if np.any(at_centre):
+        up, out = select(at_centre, np.abs(sine), up), select(at_centre, cosine, out)
+        rest = select(at_centre, 0.0, rest)
     steep = up > out
-    angle = np.arctan2(np.where(steep, -out, up), np.where(steep, up, out))
-    latitude, rounding = exact_sum(np.where(steep, _HALF_PI, 0.0), angle)
-    latitude = latitude + (rounding + (rest + np.where(steep, _HALF_PI_REST, 0.0)))
-    return np.where(sine < 0.0, -latitude, latitude)
+    angle = np.arctan2(select(steep, -out, up), select(steep, up, out))
+    latitude, rounding = exact_sum(select(steep, _HALF_PI, 0.0), angle)
+    latitude = latitude + (rounding + (rest + select(steep, _HALF_PI_REST, 0.0)))
+    return select(sine < 0.0, -latitude, latitude)

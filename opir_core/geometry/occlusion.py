@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from opir_core.geometry.deepest import least_height_inside_m, normal
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.foot import height_along_normal, normal_at_foot
-from opir_core.geometry.vectors import NEVER_ZERO, Floats, components, floats, length
+from opir_core.geometry.vectors import NEVER_ZERO, Floats, components, floats, length, select
 
 _A, _B = WGS84.equatorial_radius_m, WGS84.polar_radius_m
 
@@ -35,7 +35,7 @@ def grazing_height_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Fl
     geostationary distance. Not finite: `nan`.
     """
     dip = _dip(observer_ecef_m, target_ecef_m)
-    height = np.where(dip.is_between, np.minimum(dip.line_height, dip.end_height), dip.end_height)
+    height = select(dip.is_between, np.minimum(dip.line_height, dip.end_height), dip.end_height)
     return _with_depths(height, observer_ecef_m, target_ecef_m, dip.is_between & (dip.line_height < 0.0))
 
 
@@ -53,7 +53,7 @@ def is_occluded(
     dip = _dip(observer_ecef_m, target_ecef_m)
     searched = dip.is_between & (dip.line_height < 0.0) & (margin < 0.0)
     height = _with_depths(dip.line_height, observer_ecef_m, target_ecef_m, searched)
-    return (dip.is_between & (height < margin)) | np.isnan(dip.line_height)
+    return (dip.is_between & (height < margin)) | np.isnan(dip.end_height)
 
 
 def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
@@ -66,7 +66,7 @@ def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
     rises = target.x * dx + target.y * dy + target.z * dz > 0.0
     # From the end nearer to the Earth: an error of direction has the shorter arm there.
     near = tx * tx + ty * ty + tz * tz < ox * ox + oy * oy + oz * oz
-    px, py, pz = np.where(near, tx, ox), np.where(near, ty, oy), np.where(near, tz, oz)
+    px, py, pz = select(near, tx, ox), select(near, ty, oy), select(near, tz, oz)
     return _Dip(falls & rises, _line_height(px, py, pz, dx, dy, dz), np.minimum(observer.height, target.height))
 
 
@@ -77,28 +77,30 @@ def _line_height(px: Floats, py: Floats, pz: Floats, dx: Floats, dy: Floats, dz:
     of z.
     """
     level, distance = np.sqrt(dx * dx + dy * dy), length(dx, dy, dz)
-    sine, cosine = dz / distance, level / distance
-    ux, uy = np.where(level == 0.0, 1.0, dx / (level + NEVER_ZERO)), dy / (level + NEVER_ZERO)
+    sine, cosine = dz / (distance + NEVER_ZERO), select(distance == 0.0, 1.0, level / (distance + NEVER_ZERO))
+    upright = level == 0.0
+    ux, uy = select(upright, 1.0, dx / (level + NEVER_ZERO)), select(upright, 0.0, dy / (level + NEVER_ZERO))
     across = np.abs(py * ux - px * uy)
     above = pz * cosine - (px * ux + py * uy) * sine
     semi_minor = np.sqrt(_B * _B * cosine * cosine + _A * _A * sine * sine)
     pierced = np.square(across / _A) + np.square(above / semi_minor) < 1.0
-    across = np.where(pierced, _A, across)
+    across = select(pierced, _A, across)
     view_sine, view_cosine = normal_at_foot(across, above, _A, semi_minor)
     height = height_along_normal(across, above, view_sine, view_cosine, _A, semi_minor)
-    return np.where(pierced, -np.inf, height)
+    return select(pierced, -np.inf, height)
 
 
 def _with_depths(
     height: Floats, observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, searched: NDArray[np.bool_]
 ) -> Floats:
-    """Return heights with those of the chosen segments, which run through the Earth, searched for."""
+    """Return heights with those of some segments, which run through the Earth, searched for."""
     if not np.any(searched):
         return height
     shape = (*np.broadcast_shapes(np.shape(height), np.shape(searched)), 3)
-    chosen = np.broadcast_to(searched, shape[:-1])
-    observer = np.broadcast_to(floats(observer_ecef_m), shape)[chosen]
-    target = np.broadcast_to(floats(target_ecef_m), shape)[chosen]
+    where = np.broadcast_to(searched, shape[:-1])
+    observer = np.broadcast_to(floats(observer_ecef_m), shape)[where]
+    target = np.broadcast_to(floats(target_ecef_m), shape)[where]
     deepened = np.array(np.broadcast_to(height, shape[:-1]))
-    deepened[chosen] = least_height_inside_m(observer, target)
-    return deepened
+    deepened[where] = least_height_inside_m(observer, target)
+    depths: Floats = deepened[()]
+    return depths

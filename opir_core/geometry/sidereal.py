@@ -8,7 +8,7 @@ has 86 400 s, as in `numpy`. Not a time: `nan`.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opir_core.geometry.vectors import Floats, floats
+from opir_core.geometry.vectors import Floats, floats, select
 
 Epoch = ArrayLike | np.datetime64
 
@@ -24,6 +24,7 @@ _UNIX_JULIAN_DATE = 2440587.5
 _SECONDS_PER_DAY = 86400.0
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
     """Return the Julian date (UTC), days, `time_s` seconds after an epoch.
 
@@ -33,6 +34,7 @@ def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
     return (day + _UNIX_JULIAN_DATE) + second / _SECONDS_PER_DAY
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
     """Return Greenwich mean sidereal time of 1982, rad, in [0, 2 pi), `time_s` seconds after an epoch.
 
@@ -45,7 +47,7 @@ def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
     drift = (8640184.812866 + (0.093104 - 6.2e-6 * centuries) * centuries) * centuries
     seconds = 67310.54841 - 43200.0 + second + drift
     angle = np.mod(seconds * (np.pi / 43200.0), 2.0 * np.pi)
-    return np.where(angle < 2.0 * np.pi, angle, angle * 0.0)
+    return select(angle < 2.0 * np.pi, angle, angle * 0.0)
 
 
 def _day_and_second(epoch: Epoch, time_s: ArrayLike) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.frames import ecef_to_eci
 from opir_core.geometry.sidereal import DAYS_PER_CENTURY, J2000_JULIAN_DATE, Epoch, gmst_rad, julian_date
-from opir_core.geometry.vectors import Floats, components, floats, length, vector
+from opir_core.geometry.vectors import Floats, components, floats, length, select, vector
 
 #: The astronomical unit, m (IAU 2012 resolution B2, exact).
 ASTRONOMICAL_UNIT_M = 149597870700.0
@@ -17,6 +17,7 @@ ASTRONOMICAL_UNIT_M = 149597870700.0
 SUN_RADIUS_M = 6.957e8
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_of_date_m(julian_date: ArrayLike) -> Floats:
     """Return the geocentric apparent position of the Sun (..., 3), m, in the mean equator and equinox of date.
 
@@ -35,6 +36,7 @@ def sun_position_of_date_m(julian_date: ArrayLike) -> Floats:
     return vector(distance * np.cos(longitude), aside * np.cos(obliquity), aside * np.sin(obliquity))
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
     """Return the position of the Sun (..., 3) in ECEF, m, `time_s` seconds after an epoch (`numpy.datetime64`, UTC)."""
     x, y, z = components(sun_position_of_date_m(julian_date(epoch, time_s)))
@@ -43,6 +45,7 @@ def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
     return vector(cosine * x + sine * y, cosine * y - sine * x, z)
 
 
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_eci_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
     """Return the position of the Sun (..., 3), m, in ECI, `time_s` seconds after an epoch (`numpy.datetime64`, UTC).
 
@@ -75,8 +78,8 @@ def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> Floats:
     lens = sun * sun * np.arctan2(half, chord) + earth * earth * np.arctan2(half, separation - chord)
     shown = 1.0 - (lens - separation * half) / (np.pi * sun * sun)
     ring = 1.0 - np.square(np.minimum(1.0, earth / sun))
-    shown = np.where(separation <= np.abs(earth - sun), ring, np.clip(shown, 0.0, 1.0))
-    return np.where(separation >= earth + sun, 1.0, shown)
+    shown = select(separation <= np.abs(earth - sun), ring, np.clip(shown, 0.0, 1.0))
+    return select(separation >= earth + sun, 1.0, shown)
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
@@ -100,5 +103,5 @@ def _discs(position_m: ArrayLike, sun_position_m: ArrayLike) -> _Discs:
     return _Discs(
         np.arcsin(np.minimum(1.0, SUN_RADIUS_M / distance)),
         np.arcsin(np.minimum(1.0, WGS84.equatorial_radius_m / radius)),
-        np.where(radius > 0.0, np.arctan2(across, -(x * u + y * v + z * w)), np.nan),
+        select(radius > 0.0, np.arctan2(across, -(x * u + y * v + z * w)), np.nan),
     )

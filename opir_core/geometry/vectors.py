@@ -38,6 +38,12 @@ def vector(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Floats:
     return out
 
 
+def select(condition: NDArray[np.bool_], yes: ArrayLike, no: ArrayLike) -> Floats:
+    """Return `yes` where the condition holds, else `no`; a scalar of scalars, unlike `numpy.where`."""
+    picked: Floats = np.where(condition, yes, no)[()]
+    return picked
+
+
 def length(x: Floats, y: Floats, z: Floats) -> Floats:
     """Return the Euclidean length of vectors given by their components, to one unit in the last place."""
     root: Floats = np.sqrt(x * x + y * y + z * z)

@@ -1,0 +1,175 @@
+"""Arrays in, arrays out: shapes, scalars, slices that change nothing, and nan instead of warnings."""
+
+import numpy as np
+import pytest
+
+import opir_core.geometry as geometry
+from opir_core.geometry import (
+    azimuth_elevation_range,
+    azimuth_elevation_range_in_axes,
+    east_north_up_axes,
+    ecef_to_eci,
+    ecef_to_eci_state,
+    ecef_to_geodetic,
+    eci_to_ecef,
+    eci_to_ecef_state,
+    elevation_rad,
+    geodetic_to_ecef,
+    gmst_rad,
+    grazing_height_m,
+    intersection_with_ellipsoid,
+    is_occluded,
+    is_sunlit,
+    julian_date,
+    line_of_sight,
+    local_axes,
+    nadir_angle_rad,
+    sun_position_ecef_m,
+    sun_position_eci_m,
+    sun_position_of_date_m,
+    sunlit_fraction,
+)
+
+EPOCH = np.datetime64("2026-04-01T12:00:00")
+
+# name: (function of arrays, the trailing shape of each argument)
+FUNCTIONS = {
+    "azimuth_elevation_range": (azimuth_elevation_range, [(3,), (3,)]),
+    "azimuth_elevation_range_in_axes": (azimuth_elevation_range_in_axes, [(3,), (3, 3)]),
+    "east_north_up_axes": (east_north_up_axes, [(), ()]),
+    "ecef_to_eci": (ecef_to_eci, [(3,), ()]),
+    "ecef_to_eci_state": (ecef_to_eci_state, [(3,), (3,), ()]),
+    "ecef_to_geodetic": (ecef_to_geodetic, [(3,)]),
+    "eci_to_ecef": (eci_to_ecef, [(3,), ()]),
+    "eci_to_ecef_state": (eci_to_ecef_state, [(3,), (3,), ()]),
+    "elevation_rad": (elevation_rad, [(3,), (3,)]),
+    "geodetic_to_ecef": (geodetic_to_ecef, [(), (), ()]),
+    "gmst_rad": (lambda time: gmst_rad(EPOCH, time), [()]),
+    "grazing_height_m": (grazing_height_m, [(3,), (3,)]),
+    "intersection_with_ellipsoid": (intersection_with_ellipsoid, [(3,), (3,), ()]),
+    "is_occluded": (is_occluded, [(3,), (3,), ()]),
+    "is_sunlit": (is_sunlit, [(3,), (3,)]),
+    "julian_date": (lambda time: julian_date(EPOCH, time), [()]),
+    "line_of_sight": (line_of_sight, [(3,), (), ()]),
+    "local_axes": (local_axes, [(3,)]),
+    "nadir_angle_rad": (nadir_angle_rad, [(3,), (3,)]),
+    "sun_position_ecef_m": (lambda time: sun_position_ecef_m(EPOCH, time), [()]),
+    "sun_position_eci_m": (lambda time: sun_position_eci_m(EPOCH, time), [()]),
+    "sun_position_of_date_m": (sun_position_of_date_m, [()]),
+    "sunlit_fraction": (sunlit_fraction, [(3,), (3,)]),
+}
+every_function = pytest.mark.parametrize(("function", "trailing"), FUNCTIONS.values(), ids=FUNCTIONS.keys())
+
+
+def columns(result):
+    return result if isinstance(result, tuple) else (result,)
+
+
+def arguments(leading, trailing, seed=1):
+    rng = np.random.default_rng(seed)
+    scales = np.array([7e6, 9e6, 4e7, 3e8])
+    return [rng.normal(size=(*leading, *shape)) * (rng.choice(scales) if shape == (3,) else 1.0) for shape in trailing]
+
+
+def test_every_public_function_is_tried_here():
+    elsewhere = {"geodesic_direct", "geodesic_inverse"}
+    public = {name for name in geometry.__all__ if name[0].islower()}
+    assert public == set(FUNCTIONS) | elsewhere
+
+
+def test_public_names_are_sorted():
+    assert geometry.__all__ == sorted(geometry.__all__)
+
+
+@every_function
+def test_any_slice_gives_the_same_bytes(function, trailing):
+    """Lengths and offsets on both sides of every vector width, strided and reversed columns, single elements."""
+    whole_arguments = arguments((203,), trailing)
+    whole = columns(function(*whole_arguments))
+    cuts = [slice(start, start + count) for start in (0, 1, 3, 8) for count in (1, 2, 3, 4, 7, 8, 9, 16, 33)]
+    for cut in [*cuts, slice(None, None, 3), slice(None, None, -1)]:
+        for part, full in zip(columns(function(*(a[cut] for a in whole_arguments))), whole, strict=True):
+            assert part.tobytes() == full[cut].tobytes()
+    for index in (0, 57, 202):
+        for part, full in zip(columns(function(*(a[index] for a in whole_arguments))), whole, strict=True):
+            assert np.asarray(part).tobytes() == full[index].tobytes()
+
+
+@every_function
+def test_leading_axes_broadcast(function, trailing):
+    whole = [a[:, None] if number % 2 else a for number, a in enumerate(arguments((4,), trailing))]
+    outer = columns(function(*whole))
+    spread = [np.broadcast_to(a, (4, 4, *shape)) for a, shape in zip(whole, trailing, strict=True)]
+    for result, full in zip(outer, columns(function(*spread)), strict=True):
+        if len(trailing) > 1:
+            assert result.shape == full.shape
+        assert np.broadcast_to(result, full.shape).tobytes() == full.tobytes()
+
+
+@every_function
+def test_scalars_and_lists_serve_as_arrays(function, trailing):
+    given = arguments((), trailing)
+    for result, listed in zip(
+        columns(function(*given)), columns(function(*(a.tolist() for a in map(np.asarray, given)))), strict=True
+    ):
+        assert np.asarray(listed).tobytes() == np.asarray(result).tobytes()
+        assert isinstance(result, np.generic) or result.ndim > 0
+
+
+@every_function
+def test_no_elements_give_no_elements(function, trailing):
+    for result in columns(function(*arguments((0,), trailing))):
+        assert result.shape[0] == 0
+
+
+@every_function
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e200, -1e308])
+def test_what_is_not_finite_or_too_large_never_warns(function, trailing, bad):
+    """Warnings are errors in this suite. Each component of each argument in turn; the neighbour is unmoved."""
+    clean = arguments((2,), trailing)
+    good = columns(function(*clean))
+    for number, shape in enumerate(trailing):
+        for place in np.ndindex(*shape):
+            spoilt = [a.copy() for a in clean]
+            spoilt[number][(0, *place)] = bad
+            for result, unspoilt in zip(columns(function(*spoilt)), good, strict=True):
+                assert result[1:].tobytes() == unspoilt[1:].tobytes()
+                # An infinite position may leave a component untouched; it never makes a number of nothing else.
+                if np.isnan(bad) and result.dtype == np.float64 and result.ndim == 1:
+                    assert np.isnan(result[0])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_booleans_of_what_is_not_finite_are_the_dark_ones(bad):
+    point, sun = np.array([bad, 7e6, 0.0]), np.array([1.5e11, 0.0, 0.0])
+    assert is_occluded(point, [7e6, 0.0, 0.0])
+    assert is_occluded([7e6, 0.0, 0.0], point)
+    assert not is_sunlit([7e6, bad, 0.0], sun)
+    assert not is_sunlit([7e6, 0.0, 0.0], [1.5e11, bad, 0.0])
+
+
+def test_a_wrong_last_axis_is_refused_by_name():
+    with pytest.raises(ValueError, match=r"last axis of 3 .*got shape \(2,\)"):
+        ecef_to_geodetic([1.0, 2.0])
+    with pytest.raises(ValueError, match="last axis of 3"):
+        ecef_to_geodetic(6.4e6)
+
+
+def test_not_a_time_has_no_angle():
+    assert np.isnan(gmst_rad(np.datetime64("NaT")))
+    assert np.isnan(julian_date(np.datetime64("NaT")))
+    assert np.all(np.isnan(sun_position_ecef_m(np.datetime64("NaT"))))
+
+
+def test_epochs_broadcast_with_seconds():
+    epochs = np.array(["2026-04-01", "1970-01-01", "2099-12-31"], dtype="datetime64[ns]")
+    assert sun_position_ecef_m(epochs[:, None], [0.0, 1.0]).shape == (3, 2, 3)
+    assert gmst_rad("2026-04-01T12:00:00", 0.0) == gmst_rad(EPOCH)
+    later = gmst_rad("2026-04-01", 43200.0)
+    assert later == gmst_rad(EPOCH)
+
+
+def test_a_nanosecond_turns_the_earth():
+    assert np.diff(gmst_rad(EPOCH, [0.0, 1e-9]))[0] == pytest.approx(7.3e-14, rel=0.02)
+    moved = ecef_to_eci([6378137.0, 0.0, 0.0], [0.0, 1e-9])
+    assert moved[1, 1] - moved[0, 1] == pytest.approx(4.651e-7, rel=1e-3)
