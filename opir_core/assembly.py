@@ -6,8 +6,9 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.dice import RowDice, WindowNumbers
+from opir_core.directions import measured_directions
 from opir_core.events.identifiers import stream_key_words, uuid8_words
-from opir_core.looks import Looks, Sites, exposures, look_times_ns, measured_directions
+from opir_core.looks import Looks, exposures, look_times_ns
 from opir_core.plan import Plan
 from opir_core.protocols import Measured
 from opir_core.records import (
@@ -20,6 +21,7 @@ from opir_core.records import (
     IntArray,
     Sightings,
 )
+from opir_core.sites import Sites
 
 #: The number of bits set in each byte.
 _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)

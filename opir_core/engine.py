@@ -10,9 +10,10 @@ import numpy as np
 from opir_core.assembly import Assembly, Hits
 from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.errors import ModelError
-from opir_core.looks import Looks, Sites, blocks, exposures, look_times_ns, pair_names, seen
+from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names, seen
 from opir_core.plan import Plan
 from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
+from opir_core.sites import Sites
 from opir_core.ticks import TickedTracker
 
 
@@ -23,7 +24,7 @@ class Engine:
         self.plan = plan
         self.time_ns = 0
         names = pair_names(plan)
-        self._sites = Sites.of(plan)
+        self._sites = Sites.of(plan.sensors)
         self._streams = PairStreams(plan.scene.seed, names)
         self._assembly = Assembly(plan, self._sites, names)
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)

@@ -6,7 +6,8 @@ looks of a pair with an uncertain stretch are judged one by one, in that stretch
 """
 
 from opir_core.sightlines.compilation import compile_pairs
-from opir_core.sightlines.records import Blocked, Pairs, Sight, Sightlines
+from opir_core.sightlines.grid import distance_m
+from opir_core.sightlines.records import Blocked, GridPlace, Pairs, Sight, Sightlines
 from opir_core.sightlines.visibility import visible_now
 
-__all__ = ["Blocked", "Pairs", "Sight", "Sightlines", "compile_pairs", "visible_now"]
+__all__ = ["Blocked", "GridPlace", "Pairs", "Sight", "Sightlines", "compile_pairs", "distance_m", "visible_now"]

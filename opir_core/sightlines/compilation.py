@@ -6,9 +6,9 @@ import numpy as np
 
 from opir_core.protocols import Sensor
 from opir_core.records import FloatArray, IntArray
-from opir_core.sightlines.grid import Grid, look_time_s, sampled
+from opir_core.sightlines.grid import Grid, distance_m, look_time_s, sampled
 from opir_core.sightlines.records import Blocked, Pairs, Sight, Sightlines
-from opir_core.sightlines.visibility import has_doubt, judged
+from opir_core.sightlines.visibility import Margins, has_doubt, judged
 from opir_core.targets import Targets
 
 _NS = 1_000_000_000
@@ -24,9 +24,12 @@ def compile_pairs(
     ]
     lines = [part[1] for part in parts]
     starts = np.cumsum([0, *(len(line.travel_s) for line in lines[:-1])])
-    first_point = np.concatenate([line.first_point + start for line, start in zip(lines, starts, strict=True)])
-    travel_s, sight = np.concatenate([line.travel_s for line in lines]), np.concatenate([line.sight for line in lines])
-    return Pairs.concatenate([part[0] for part in parts]), Sightlines(first_point, travel_s, sight)
+    return Pairs.concatenate([part[0] for part in parts]), Sightlines(
+        first_point=np.concatenate([line.first_point + start for line, start in zip(lines, starts, strict=True)]),
+        travel_s=np.concatenate([line.travel_s for line in lines]),
+        sine_of_elevation=np.concatenate([line.sine_of_elevation for line in lines]),
+        sight=np.concatenate([line.sight for line in lines]),
+    )
 
 
 def _sensor_pairs(
@@ -38,7 +41,8 @@ def _sensor_pairs(
     stop_s = look_time_s(sensor, targets, targets.burnout_s, light_time)
     grid = Grid.over(start_s, stop_s)
     travel_s, sensor_ecef_m, target_ecef_m = sampled(sensor, targets, grid, light_time)
-    sight, blocked = judged(sensor, grid, sensor_ecef_m, target_ecef_m)
+    margins = Margins.of(sensor, sensor_ecef_m, target_ecef_m)
+    sight, blocked = judged(grid, margins, distance_m(sensor_ecef_m, target_ecef_m))
     first_s, last_s = grid.span(np.flatnonzero(sight != Sight.NEVER), start_s, stop_s)
     phase_ns = _phase_ns(sensor, targets, uniform)
     first_scan, last_scan = _scans(first_s, last_s, phase_ns, sensor.scan.period_ns, end_ns)
@@ -47,7 +51,7 @@ def _sensor_pairs(
     sensors, periods = np.full_like(everyone, number), np.full_like(phase_ns, sensor.scan.period_ns)
     is_checked = has_doubt(grid, sight, first_s, last_s)
     pairs = Pairs(sensors, everyone, periods, phase_ns, first_scan, last_scan, is_checked, blocked)
-    return pairs, Sightlines(grid.first_point, travel_s, sight)
+    return pairs, Sightlines(grid.first_point, travel_s, np.sin(margins.horizon_rad), sight)
 
 
 def _phase_ns(sensor: Sensor, targets: Targets, uniform: float) -> IntArray:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from opir_core.records import BoolArray, Columns, FloatArray, IndexArray, IntArray
 
-#: Step of the grid on which geometry is sampled, s.
+#: Step of the grid on which geometry is sampled, s: the whole seconds of scene time.
 GRID_STEP_S = 1.0
 
 
@@ -31,29 +31,37 @@ class Sight(IntEnum):
 
 
 @frozen(eq=False)
-class Sightlines:
-    """What is known of pairs' lines of sight on the grid: light times at its points, visibility in its cells.
+class GridPlace:
+    """Where looks fall on the grid: the point before each, and the fraction of the step from there."""
 
-    Light times are linear between points and right to 5e-8 s, in which a target moves 0.4 mm; they are zero where the
-    scene switches light time off. A pair's points are `first_point` + its grid step; a cell bears the number of the
-    point it starts at.
+    point: IntArray
+    fraction: FloatArray
+
+    def interpolated(self, values: FloatArray) -> FloatArray:
+        """Return values at the looks, linear between those at the points."""
+        early = values[self.point]
+        between: FloatArray = early + (values[self.point + 1] - early) * self.fraction
+        return between
+
+
+@frozen(eq=False)
+class Sightlines:
+    """What is known of pairs' lines of sight on the grid: light times and elevations at its points, sight in its cells.
+
+    Linear between points, light times are right to 5e-8 s, in which a target moves 0.4 mm, and the sines of the
+    sensor's elevation above the target's horizon to 3e-6 (3e-5 from a low orbit). Light times are zero where the scene
+    switches them off. A pair's points are `first_point` + its grid step; a cell bears the number of its first point.
     """
 
     first_point: IntArray
     travel_s: FloatArray
+    sine_of_elevation: FloatArray
     sight: NDArray[np.uint8]
 
-    def light_time_s(self, pair: IntArray, time_s: FloatArray) -> FloatArray:
-        """Return the travel time of the light that pairs (n,) receive at times (n,)."""
-        step = np.floor(time_s / GRID_STEP_S)
-        point = self.first_point[pair] + step.astype(np.int64)
-        early, late = self.travel_s[point], self.travel_s[point + 1]
-        travel_s: FloatArray = early + (late - early) * (time_s / GRID_STEP_S - step)
-        return travel_s
-
-    def sight_at(self, pair: IntArray, time_s: FloatArray) -> NDArray[np.uint8]:
-        """Return the `Sight` of looks of pairs (n,) at times (n,)."""
-        return self.sight[self.first_point[pair] + np.floor(time_s / GRID_STEP_S).astype(np.int64)]
+    def place(self, pair: IntArray, time_s: FloatArray) -> GridPlace:
+        """Return where the looks of pairs (n,) at times (n,) fall on the grid."""
+        step = np.floor(time_s)
+        return GridPlace(self.first_point[pair] + step.astype(np.int64), time_s - step)
 
 
 @frozen(eq=False)

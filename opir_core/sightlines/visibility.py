@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
 from opir_core.protocols import Sensor
 from opir_core.records import BoolArray, Columns, FloatArray, IntArray
-from opir_core.sightlines.grid import Grid, distance_m
+from opir_core.sightlines.grid import Grid
 from opir_core.sightlines.records import GRID_STEP_S, Blocked, Sight
 
 #: No target or satellite here moves off a straight line faster than this relative acceleration, m/s² (about 10 g).
@@ -22,14 +22,14 @@ _WELL_ABOVE_RAD = 0.05
 
 def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolArray:
     """Return whether targets (n, 3) are in a sensor's field of regard, high enough, and not behind the Earth."""
-    margins = _Margins.of(sensor, sensor_ecef_m, target_ecef_m)
+    margins = Margins.of(sensor, sensor_ecef_m, target_ecef_m)
     clear = (margins.horizon_rad > 0.0) | (margins.grazing_m > 0.0)
     seen: BoolArray = clear & (margins.inside_rad > 0.0) & (margins.above_rad > 0.0)
     return seen
 
 
 @frozen(eq=False)
-class _Margins(Columns):
+class Margins(Columns):
     """By how much lines of sight clear each condition; positive is good.
 
     A sensor above the target's horizon sees it; one below still does where the line of sight grazes above the
@@ -42,7 +42,8 @@ class _Margins(Columns):
     above_rad: FloatArray
 
     @classmethod
-    def of(cls, sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> "_Margins":
+    def of(cls, sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> "Margins":
+        """Return the margins of lines of sight from a sensor's positions to targets (n, 3)."""
         horizon_rad = elevation_rad(target_ecef_m, sensor_ecef_m)
         inside_rad = sensor.field_of_regard_half_angle_rad - nadir_angle_rad(sensor_ecef_m, target_ecef_m)
         above_rad = horizon_rad - sensor.minimum_elevation_rad
@@ -52,12 +53,9 @@ class _Margins(Columns):
         return cls(horizon_rad, grazing_m, inside_rad, above_rad)
 
 
-def judged(
-    sensor: Sensor, grid: Grid, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray
-) -> tuple[NDArray[np.uint8], IntArray]:
+def judged(grid: Grid, margins: Margins, range_m: FloatArray) -> tuple[NDArray[np.uint8], IntArray]:
     """Return the `Sight` of each cell, by the point it starts at, and why pairs are blocked."""
-    margins = _Margins.of(sensor, sensor_ecef_m, target_ecef_m)
-    guard_rad = 2.0 * STRAY_M / distance_m(sensor_ecef_m, target_ecef_m)
+    guard_rad = 2.0 * STRAY_M / range_m
     cells = grid.cells()
     horizon, hidden = _certain(margins.horizon_rad, guard_rad, cells)
     grazing, behind = _certain(margins.grazing_m, np.full(len(guard_rad), 2.0 * STRAY_M), cells)

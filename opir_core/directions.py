@@ -1,0 +1,65 @@
+"""Measured lines of sight: the true ones with the sensors' errors, as unit vectors and as angles."""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.randomness import normal_pairs
+from opir_core.records import Exposures, FloatArray
+from opir_core.sites import Sites
+
+
+@frozen(eq=False)
+class MeasuredDirections:
+    """Lines of sight as measured: unit vectors (n, 3) in ECEF; azimuth and elevation in the sensor's local frame."""
+
+    line_of_sight_ecef: FloatArray
+    azimuth_rad: FloatArray
+    elevation_rad: FloatArray
+
+
+def measured_directions(sites: Sites, seen_as: Exposures, uniforms: FloatArray) -> MeasuredDirections:
+    """Return directions with the sensors' line-of-sight errors: two normal errors across the line of sight.
+
+    `uniforms` (n, 2) are the dice. The true direction is that to where the target was when the light left it.
+    """
+    sigma_rad = np.take(sites.sigma_rad, seen_as.sensor)
+    first, second = normal_pairs(uniforms)
+    x, y, z = _directions(seen_as)
+    x, y, z = _tilted(x, y, z, first * sigma_rad, second * sigma_rad)
+    east, north, up = sites.local(seen_as.sensor, seen_as.sensor_ecef_m, x, y, z)
+    azimuth = np.arctan2(east, north)
+    azimuth += (azimuth < 0.0) * (2.0 * np.pi)
+    elevation = np.arctan2(up, np.sqrt(east * east + north * north))
+    return MeasuredDirections(_rows(x, y, z), azimuth, elevation)
+
+
+def _directions(seen_as: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the components of the true unit vectors from sensor to target."""
+    per_m = 1.0 / seen_as.range_m
+    target_m, sensor_m = seen_as.target_ecef_m, seen_as.sensor_ecef_m
+    x, y, z = ((target_m[:, axis] - sensor_m[:, axis]) * per_m for axis in range(3))
+    return x, y, z
+
+
+def _tilted(
+    x: FloatArray, y: FloatArray, z: FloatArray, first_rad: FloatArray, second_rad: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return unit vectors moved by small angles along two directions across them.
+
+    The two directions are Duff et al.'s branchless orthonormal basis ("Building an orthonormal basis, revisited",
+    JCGT 6, 2017): (1 + s x² a, s b, -s x) and (b, s + y² a, -y), s = sign z, a = -1 / (s + z), b = x y a.
+    """
+    sign = np.copysign(1.0, z)
+    signed = first_rad * sign
+    shared = (signed * x + second_rad * y) * (-1.0 / (sign + z))
+    moved_x = x + first_rad + x * shared
+    moved_y = y + second_rad * sign + y * shared
+    moved_z = z - signed * x - second_rad * y
+    per_length = 1.0 / np.sqrt(moved_x * moved_x + moved_y * moved_y + moved_z * moved_z)
+    return moved_x * per_length, moved_y * per_length, moved_z * per_length
+
+
+def _rows(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+    rows = np.empty((len(x), 3))
+    rows[:, 0], rows[:, 1], rows[:, 2] = x, y, z
+    return rows

@@ -1,0 +1,179 @@
+"""What a user types, and what comes of it: files, tables, messages, exit codes."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+FIRST_LIGHT = str(EXAMPLES / "first_light.yaml")
+PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")
+
+
+def opir(folder: Path, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    import os
+
+    return subprocess.run(
+        [sys.executable, "-m", "opir_core", *words],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def lines(path: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def test_a_run_writes_events_truth_and_manifest_and_says_so(tmp_path: Path) -> None:
+    done = opir(tmp_path, "run", PACIFIC)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    events = lines(tmp_path / "events.jsonl")
+    manifest = json.loads((tmp_path / "events.manifest.json").read_text(encoding="utf-8"))
+    truth = lines(tmp_path / "events.truth.jsonl")
+    assert manifest["counts"]["detections"] == len(events)
+    assert {row["target_id"] for row in truth if row["record"] == "target"} == {"T1", "T2", "T3"}
+    assert [row["detection_id"] for row in truth if row["record"] == "detection"] == [
+        event["detection_id"] for event in events
+    ]
+    assert {event["sensor_type"] for event in events} == {"DSP", "SBIRS-GEO", "NEXTGEN-GEO"}
+    assert all(name in done.stdout for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json"))
+
+
+def test_events_hold_no_truth(tmp_path: Path) -> None:
+    opir(tmp_path, "run", PACIFIC, "--quiet")
+    text = (tmp_path / "events.jsonl").read_text(encoding="utf-8")
+    assert '"T1"' not in text
+    assert not {"target_id", "range_m", "probability", "emission_s"} & set(lines(tmp_path / "events.jsonl")[0])
+
+
+def test_a_manifest_is_enough_to_repeat_the_run(tmp_path: Path) -> None:
+    import opir_core
+
+    opir(tmp_path, "run", PACIFIC, "--seed", "11", "--set", "sensors[0].scan_period_ms=250", "--quiet")
+    manifest = json.loads((tmp_path / "events.manifest.json").read_text(encoding="utf-8"))
+    again = opir_core.simulate(opir_core.scene_from_mapping(manifest["scene"]))
+    assert again.manifest["scene_hash"] == manifest["scene_hash"]
+    assert again.manifest["counts"] == manifest["counts"]
+
+
+def test_settings_reach_the_run(tmp_path: Path) -> None:
+    done = opir(
+        tmp_path, "run", FIRST_LIGHT, "--out", "a.jsonl", "--truth", "t.jsonl", "--manifest", "m.json", "--seed", "11",
+        "--set", "sensors[0].scan_period_ms=1000", "--json",
+    )  # fmt: skip
+    told = json.loads(done.stdout)
+    assert told["files"] == {"truth": "t.jsonl", "manifest": "m.json"}
+    assert json.loads((tmp_path / "m.json").read_text(encoding="utf-8"))["seed"] == 11
+    assert told["sensors"][0]["looks"] < 300
+    assert not (tmp_path / "events.jsonl").exists()
+
+
+def test_quiet_into_memory_prints_and_writes_nothing(tmp_path: Path) -> None:
+    done = opir(tmp_path, "run", FIRST_LIGHT, "--tracker", "none", "--sink", "memory", "--quiet")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_events_on_standard_output_leave_the_summary_to_standard_error(tmp_path: Path) -> None:
+    done = opir(tmp_path, "run", FIRST_LIGHT, "--out", "-")
+    assert all(json.loads(line)["sensor_id"] == "DSP-1" for line in done.stdout.splitlines())
+    assert "first-light" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_reader_that_goes_away_ends_the_run_quietly(tmp_path: Path) -> None:
+    command = f"{sys.executable} -m opir_core run {PACIFIC} --out - --quiet | head -1"
+    done = subprocess.run(command, shell=True, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert json.loads(done.stdout)["detection_id"]
+    assert "Traceback" not in done.stderr
+
+
+def test_validate_says_good_or_all_that_is_wrong(tmp_path: Path) -> None:
+    good = opir(tmp_path, "validate", PACIFIC)
+    assert (good.returncode, good.stderr) == (0, "")
+    bad = opir(tmp_path, "validate", PACIFIC, "--set", "targets[0].launch.lat_deg=134.7", "--set", "sed=3")
+    assert bad.returncode == 2
+    assert "targets[0].launch.lat_deg: 134.7 is outside [-90, 90]" in bad.stderr
+    assert "seed" in bad.stderr
+
+
+def test_an_aim_out_of_reach_says_what_the_class_reaches(tmp_path: Path) -> None:
+    done = opir(tmp_path, "validate", FIRST_LIGHT, "--set", "targets[0].type=SRBM")
+    assert done.returncode == 2
+    assert "targets[0].aim" in done.stderr
+    assert "SRBM" in done.stderr
+    assert " km" in done.stderr
+
+
+def test_explain_tells_pairs_and_what_is_skipped(tmp_path: Path) -> None:
+    told = json.loads(opir(tmp_path, "explain", PACIFIC, "--json").stdout)
+    assert told["pairs"]
+    assert told["skipped"]
+    assert {row["reason"] for row in told["skipped"]} <= {
+        "the Earth is in the way throughout the burn",
+        "outside the field of regard throughout the burn",
+        "no scan falls into the burn before the scene ends",
+    }
+    assert any("geometry" in line for line in told["not_computed"])
+    text = opir(tmp_path, "explain", PACIFIC)
+    assert text.returncode == 0
+    assert "skipped because" in text.stdout
+
+
+def test_plugins_are_listed_with_their_versions(tmp_path: Path) -> None:
+    rows = json.loads(opir(tmp_path, "plugins", "--json").stdout)
+    assert {row["distribution"] for row in rows} >= {"opir-core", "opir-dsp", "opir-sbirs", "opir-nextgen"}
+    assert "NEXTGEN-GEO" in opir(tmp_path, "plugins").stdout
+
+
+def test_a_plugin_that_is_not_allowed_is_named(tmp_path: Path) -> None:
+    done = opir(tmp_path, "run", PACIFIC, OPIR_PLUGINS="dsp")
+    assert done.returncode == 3
+    assert "SBIRS-GEO" in done.stderr
+    assert "OPIR_PLUGINS" in done.stderr
+
+
+def test_schema_is_printed(tmp_path: Path) -> None:
+    schema = json.loads(opir(tmp_path, "schema", "detection").stdout)
+    assert list(schema["properties"])[:9] == [
+        "detection_id", "timestamp", "sensor_id", "sensor_type", "orbital_slot", "target_type", "launch_point",
+        "impact_point", "confidence",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (("run", "nowhere.yaml"), 2, "nowhere.yaml"),
+        (("run", FIRST_LIGHT, "--tracker", "psychic"), 3, "psychic"),
+        (("run", FIRST_LIGHT, "--out", "no/such/folder/events.jsonl"), 5, "no/such/folder"),
+        (("run", FIRST_LIGHT, "--out", "/dev/full"), 5, "/dev/full"),
+        (("run", FIRST_LIGHT, "--truth", "no/such/folder/t.jsonl"), 5, "no/such/folder"),
+        (("run", FIRST_LIGHT, "--manifest", "no/such/folder/m.json"), 5, "no/such/folder"),
+        (("serve-tea",), 2, "serve-tea"),
+        ((), 2, "COMMAND"),
+    ],
+)
+def test_what_cannot_be_done_is_one_message_and_an_exit_code(
+    tmp_path: Path, words: tuple[str, ...], code: int, message: str
+) -> None:
+    done = opir(tmp_path, *words)
+    assert done.returncode == code, done.stderr
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("hash_seed", ["0", "1"])
+def test_hash_seeds_change_no_byte(tmp_path: Path, hash_seed: str) -> None:
+    (tmp_path / "one").mkdir()
+    (tmp_path / "two").mkdir()
+    opir(tmp_path / "one", "run", PACIFIC, "--quiet", PYTHONHASHSEED=hash_seed)
+    opir(tmp_path / "two", "run", PACIFIC, "--quiet", PYTHONHASHSEED="42")
+    for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
