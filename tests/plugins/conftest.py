@@ -9,8 +9,11 @@ from textwrap import dedent, indent
 
 import pytest
 
+from opir_core.errors import PluginError
 from opir_core.plugin.components import DetectionModel, NoConfig
 from opir_core.plugin.hookspecs import hookimpl
+from opir_core.plugin.host import Host
+from opir_core.plugin.provenance import PluginFailure
 
 HEADER = "from attrs import frozen\nfrom opir_core.plugin import *\n"
 
@@ -74,16 +77,65 @@ def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shop]:
     monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry in standard])
     monkeypatch.delenv("OPIR_PLUGINS", raising=False)
     monkeypatch.setitem(sys.modules, "opir_core.builtin.plugin", stub_builtin())
-    before = set(sys.modules)
+    for name in [name for name in sys.modules if name.startswith("opir_") and name.partition(".")[0] != "opir_core"]:
+        monkeypatch.delitem(sys.modules, name)
     yield Shop(tmp_path)
-    for name in set(sys.modules) - before:
-        if name.startswith(("opir_", "acme_")) and not name.startswith("opir_core"):
-            del sys.modules[name]
+    forget(str(tmp_path))
 
 
 @pytest.fixture
 def trackers() -> Callable[..., str]:
     return tracker_code
+
+
+@pytest.fixture
+def assert_left_out(shop: Shop, caplog: pytest.LogCaptureFixture) -> Callable[[str, str], None]:
+    """Return a check that a plugin's code fails for a reason, whether it advertises or not."""
+
+    def check(code: str, reason: str) -> None:
+        failure = f"opir-bad 3.1 (plugin bad): {reason}"
+        shop.install("good", tracker_code("kalman"))
+        shop.install("bad", code, version="3.1")
+        assert_costs_itself_alone(reason)
+        assert [record.getMessage() for record in caplog.records] == [f"plugin left out: {failure}"]
+        assert [(record.name, record.levelname) for record in caplog.records] == [("opir", "WARNING")]
+        forget(sys.path.pop(0))
+        Shop(shop.folder / "again").install("bad", code, version="3.1", advertise=["trackers.arc"])
+        assert_advertised_name_is_refused(failure)
+
+    return check
+
+
+def assert_costs_itself_alone(reason: str) -> None:
+    host = Host.discover()
+    assert host.component("opir_trackers", "kalman").name == "kalman"
+    assert host.names("opir_trackers") == ["kalman"]
+    assert host.failures == (PluginFailure("bad", "opir-bad", "3.1", reason),)
+    with pytest.raises(PluginError) as error:
+        host.component("opir_trackers", "arc", "tracker")
+    assert str(error.value) == (
+        "tracker: no tracker is named 'arc'\n"
+        "  trackers installed: kalman of opir-good 1.0 (plugin good)\n"
+        f"  failed: opir-bad 3.1 (plugin bad): {reason}"
+    )
+
+
+def assert_advertised_name_is_refused(failure: str) -> None:
+    host = Host.discover()
+    assert host.names("opir_trackers") == ["arc", "kalman"]
+    assert host.failures == ()
+    with pytest.raises(PluginError) as error:
+        host.component("opir_trackers", "arc", "tracker")
+    assert str(error.value) == (
+        f"tracker: the tracker 'arc' cannot be used, because its plugin failed\n  failed: {failure}"
+    )
+    assert host.names("opir_trackers") == ["kalman"]
+
+
+def forget(folder: str) -> None:
+    files = {name: getattr(module, "__file__", None) or "" for name, module in sys.modules.items()}
+    for name in [name for name, file in files.items() if file.startswith(folder)]:
+        del sys.modules[name]
 
 
 @pytest.fixture
