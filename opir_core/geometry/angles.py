@@ -116,7 +116,7 @@ def _angles(offset: _Vector, rows: _Rows) -> AzimuthElevationRange:
     turned = np.arctan2(east + 0.0, north + 0.0)
     azimuth = select(turned < -_LESS_THAN_ROUNDING, turned + 2.0 * np.pi, np.maximum(turned, 0.0))
     elevation = np.arctan2(up, np.sqrt(east * east + north * north))
-    return AzimuthElevationRange(azimuth + undefined, elevation + undefined, distance + 0.0 * (east + north + up))
+    return AzimuthElevationRange(azimuth + undefined, elevation + undefined, distance + 0.0 * up)
 
 
 def _offset(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Vector:

@@ -134,8 +134,8 @@ def test_what_is_not_finite_or_too_large_never_warns(function, trailing, bad):
             spoilt[number][(0, *place)] = bad
             for result, unspoilt in zip(columns(function(*spoilt)), good, strict=True):
                 assert result[1:].tobytes() == unspoilt[1:].tobytes()
-                # An infinite position may leave a component untouched; it never makes a number of nothing else.
-                if np.isnan(bad) and result.dtype == np.float64 and result.ndim == 1:
+                # Azimuth does not ask the upward axis, nor elevation which of the level ones is north.
+                if np.isnan(bad) and result.dtype == np.float64 and result.ndim == 1 and shape != (3, 3):
                     assert np.isnan(result[0])
 
 

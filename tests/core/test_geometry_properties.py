@@ -50,8 +50,8 @@ def spun(vector, angle):
     return np.stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y, z], axis=-1)
 
 
+@settings(deadline=None)
 @given(positions)
-@settings(max_examples=400)
 def test_position_to_geodetic_and_back(position):
     latitude, longitude, height = ecef_to_geodetic(position)
     assert abs(latitude) <= np.pi / 2
@@ -59,8 +59,8 @@ def test_position_to_geodetic_and_back(position):
     assert length(geodetic_to_ecef(latitude, longitude, height) - position) <= 6e-9 + 6e-16 * length(position)
 
 
+@settings(deadline=None)
 @given(places)
-@settings(max_examples=300)
 def test_geodetic_to_position_and_back(place):
     latitude, longitude, height = place
     found = ecef_to_geodetic(geodetic_to_ecef(latitude, longitude, height))
@@ -70,6 +70,7 @@ def test_geodetic_to_position_and_back(place):
     assert abs(found.height_m - height) <= 3e-9 + 6e-16 * abs(height)
 
 
+@settings(deadline=None)
 @given(positions, st.floats(-10.0, 10.0))
 def test_geodetic_is_symmetric_about_the_axis_and_the_equator(position, angle):
     one = ecef_to_geodetic(position)
@@ -81,6 +82,7 @@ def test_geodetic_is_symmetric_about_the_axis_and_the_equator(position, angle):
     assert mirrored.longitude_rad == one.longitude_rad
 
 
+@settings(deadline=None)
 @given(positions, times)
 def test_inertial_frame_and_back(position, time):
     there = ecef_to_eci(position, time)
@@ -89,6 +91,7 @@ def test_inertial_frame_and_back(position, time):
     assert length(ecef_to_eci(position, 0.0) - position) == 0.0
 
 
+@settings(deadline=None)
 @given(positions, positions.map(lambda p: p * 1e-5), times)
 def test_inertial_state_and_back(position, velocity, time):
     back_position, back_velocity = eci_to_ecef_state(*ecef_to_eci_state(position, velocity, time), time)
@@ -96,6 +99,7 @@ def test_inertial_state_and_back(position, velocity, time):
     assert length(back_velocity - velocity) <= 1e-15 * (length(velocity) + EARTH_ROTATION_RAD_S * length(position))
 
 
+@settings(deadline=None)
 @given(positions, positions.map(lambda p: p * 1e-5), st.floats(-1e4, 1e4))
 def test_inertial_velocity_is_the_change_of_inertial_position(position, velocity, time):
     step = 0.5
@@ -105,22 +109,22 @@ def test_inertial_velocity_is_the_change_of_inertial_position(position, velocity
     assert length((ahead - behind) / (2 * step) - inertial) <= step**2 * curvature + 4e-15 * length(position) + 1e-12
 
 
+@settings(deadline=None)
 @given(places, azimuths, elevations, st.floats(1.0, 4e8))
-@settings(max_examples=300)
 def test_line_of_sight_undoes_azimuth_and_elevation(place, azimuth, elevation, distance):
     observer = geodetic_to_ecef(*place)
     ray = line_of_sight(observer, azimuth, elevation)
     assert abs(length(ray) - 1.0) <= 6e-16
     found = azimuth_elevation_range(observer, observer + distance * ray)
     rounding = 2e-15 + 4e-16 * length(observer) / distance
-    assert abs(found.elevation_rad - elevation) <= 2e-8 if abs(elevation) > 1.57 else 100 * rounding
+    assert abs(found.elevation_rad - elevation) <= rounding
     assert abs(np.sin(found.azimuth_rad - azimuth)) * np.cos(elevation) <= rounding
     assert abs(found.range_m - distance) <= 6e-16 * (length(observer) + distance)
     assert 0.0 <= found.azimuth_rad < 2.0 * np.pi
 
 
+@settings(deadline=None)
 @given(positions, positions, st.floats(-10.0, 10.0))
-@settings(max_examples=300)
 def test_looks_are_symmetric_about_the_axis(observer, target, angle):
     # On the axis longitude is a convention, and near the centre the vertical is ill-conditioned.
     if np.hypot(observer[0], observer[1]) < 1e6 or length(target - observer) < 1e3:
@@ -135,18 +139,16 @@ def test_looks_are_symmetric_about_the_axis(observer, target, angle):
     assert azimuth_elevation_range_in_axes(target - observer, local_axes(observer)) == one
 
 
+@settings(deadline=None)
 @given(places)
 def test_local_axes_by_position_and_by_angles_are_the_same(place):
     position = geodetic_to_ecef(*place)
     latitude, longitude, _ = ecef_to_geodetic(position)
-    rounding = 1e-15 if abs(latitude) < 1.57 else 1e-3
-    by_position, by_angles = local_axes(position), east_north_up_axes(latitude, longitude)
-    assert np.max(np.abs(by_position[2] - by_angles[2])) <= 1e-15
-    assert np.max(np.abs(by_position - by_angles)) <= rounding
+    assert np.max(np.abs(local_axes(position) - east_north_up_axes(latitude, longitude))) <= 1e-15
 
 
+@settings(deadline=None)
 @given(places, places)
-@settings(max_examples=300)
 def test_nadir_angle_and_angle_at_the_target_close_the_triangle(one, other):
     sensor, target = geodetic_to_ecef(*one), geodetic_to_ecef(*other)
     if length(target - sensor) < 1e5:
@@ -156,8 +158,8 @@ def test_nadir_angle_and_angle_at_the_target_close_the_triangle(one, other):
     assert abs(total - np.pi) <= 1e-12
 
 
+@settings(deadline=None)
 @given(positions, positions, st.floats(-10.0, 10.0))
-@settings(max_examples=200)
 def test_grazing_height_is_symmetric_and_never_above_the_ends(observer, target, angle):
     height = grazing_height_m(observer, target)
     reach = length(observer) + length(target)
@@ -168,8 +170,8 @@ def test_grazing_height_is_symmetric_and_never_above_the_ends(observer, target, 
     assert is_occluded(observer, target) == is_occluded(target, observer)
 
 
+@settings(deadline=None)
 @given(places, azimuths, st.floats(-np.pi / 2, -1e-3))
-@settings(max_examples=300)
 def test_what_a_ray_meets_is_in_view_and_what_lies_behind_is_not(place, azimuth, elevation):
     latitude, longitude, height = place
     observer = geodetic_to_ecef(latitude, longitude, abs(height) + 1.0)
@@ -186,8 +188,8 @@ def test_what_a_ray_meets_is_in_view_and_what_lies_behind_is_not(place, azimuth,
         assert grazing_height_m(observer, met + 1e8 * ray) < 0.0
 
 
+@settings(deadline=None)
 @given(positions, st.floats(0.0, 2 * np.pi), st.floats(-0.41, 0.41), st.floats(-10.0, 10.0))
-@settings(max_examples=200)
 def test_sunlight_is_a_share_and_symmetric_about_the_axis(position, right_ascension, declination, angle):
     sun = 1.496e11 * np.array(
         [
