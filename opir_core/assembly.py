@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core.dice import RowDice, WindowNumbers
 from opir_core.directions import measured_directions
@@ -29,12 +30,16 @@ _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64
 
 @frozen(eq=False)
 class Hits(Columns):
-    """Looks of a window that detect: their rows among the looks, pairs, running detection counts and probabilities."""
+    """Looks of a window that detect: their rows among the looks, pairs, and running detection counts.
+
+    `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error.
+    """
 
     row: IntArray
     pair: IntArray
     count: IndexArray
     probability: FloatArray
+    direction_words: NDArray[np.uint64]
 
 
 class Assembly:
@@ -75,7 +80,7 @@ class Assembly:
 
     def _detections(self, exposed: Exposures, sightings: Sightings, hits: Hits, dice: RowDice) -> Detections:
         plan = self._plan
-        directions = measured_directions(self._sites, exposed, dice.uniforms("line-of-sight", 2))
+        directions = measured_directions(self._sites, exposed, hits.direction_words)
         none = np.full(len(hits), -1, dtype=np.int64)
         return Detections(
             time_s=exposed.time_s,

@@ -4,9 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core.randomness import Stream, stream_key, uniforms_of
 from opir_core.records import FloatArray, IntArray
+
+Words = NDArray[np.uint64]
 
 
 class PairStreams:
@@ -21,8 +24,8 @@ class PairStreams:
         self._streams: dict[tuple[str, int], dict[int, Stream]] = {}
         self._constants: dict[tuple[str, int], FloatArray] = {}
 
-    def uniforms(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> FloatArray:
-        """Return (sum of scans, words) numbers: for each pair in turn, those of its `scans` from `first_scan` on."""
+    def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> Words:
+        """Return (sum of scans · words,) raw words: in turn those of each pair's `scans` from `first_scan` on."""
         streams = self._streams.setdefault((purpose, words), {})
         parts = []
         for pair, first, count in zip(pairs.tolist(), first_scan.tolist(), scans.tolist(), strict=True):
@@ -30,8 +33,7 @@ class PairStreams:
             if stream is None:
                 stream = streams[pair] = Stream(stream_key(self._seed, *self._names[pair], purpose), words)
             parts.append(stream.words(first, count))
-        raw = np.concatenate(parts) if parts else np.empty(0, dtype=np.uint64)
-        return uniforms_of(raw).reshape(-1, words)
+        return np.concatenate(parts) if parts else np.empty(0, dtype=np.uint64)
 
     def constants(self, purpose: str, words: int) -> FloatArray:
         """Return (pairs, words) numbers, one row for all scans of a pair."""
@@ -39,7 +41,8 @@ class PairStreams:
         if key not in self._constants:
             everyone = np.arange(len(self._names))
             zeros = np.zeros_like(everyone)
-            self._constants[key] = self.uniforms(f"{purpose}:pair", words, everyone, zeros, zeros + 1)
+            raw = self.words(f"{purpose}:pair", words, everyone, zeros, zeros + 1)
+            self._constants[key] = uniforms_of(raw).reshape(-1, words)
         return self._constants[key]
 
     def forget(self, pairs: IntArray) -> None:
@@ -60,11 +63,16 @@ class WindowNumbers:
         self._looks = (active, first_scan, scans)
         self._drawn: dict[tuple[str, int], FloatArray] = {}
 
+    def words(self, purpose: str) -> Words:
+        """Return (looks,) raw words, drawn anew at each call."""
+        return self._streams.words(purpose, 1, *self._looks)
+
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (looks, words) numbers in [0, 1)."""
         key = (purpose, words)
         if key not in self._drawn:
-            self._drawn[key] = self._streams.uniforms(purpose, words, *self._looks)
+            raw = self._streams.words(purpose, words, *self._looks)
+            self._drawn[key] = uniforms_of(raw).reshape(-1, words)
         return self._drawn[key]
 
     def of(self, rows: IntArray, pair: IntArray) -> "RowDice":

@@ -2,6 +2,7 @@
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core.randomness import normal_pairs
 from opir_core.records import Exposures, FloatArray
@@ -17,13 +18,13 @@ class MeasuredDirections:
     elevation_rad: FloatArray
 
 
-def measured_directions(sites: Sites, seen_as: Exposures, uniforms: FloatArray) -> MeasuredDirections:
+def measured_directions(sites: Sites, seen_as: Exposures, words: NDArray[np.uint64]) -> MeasuredDirections:
     """Return directions with the sensors' line-of-sight errors: two normal errors across the line of sight.
 
-    `uniforms` (n, 2) are the dice. The true direction is that to where the target was when the light left it.
+    `words` (n,) are the dice, raw. The true direction is that to where the target was when the light left it.
     """
     sigma_rad = np.take(sites.sigma_rad, seen_as.sensor)
-    first, second = normal_pairs(uniforms)
+    first, second = normal_pairs(words)
     x, y, z = _directions(seen_as)
     x, y, z = _tilted(x, y, z, first * sigma_rad, second * sigma_rad)
     east, north, up = sites.local(seen_as.sensor, seen_as.sensor_ecef_m, x, y, z)

@@ -57,7 +57,8 @@ class Engine:
         row = np.flatnonzero(numbers.uniforms("detection")[:, 0] < probability)
         pair = looks.pair[row]
         order = np.argsort(look_times_ns(self.plan.pairs, pair, looks.scan[row]), kind="stable")
-        return Hits(row, pair, self._counted(pair), probability[row]).take(order)
+        words = numbers.words("line-of-sight")[row]
+        return Hits(row, pair, self._counted(pair), probability[row], words).take(order)
 
     def _counted(self, pair: IntArray) -> IndexArray:
         """Return how often each pair has detected, this time included; `pair` comes in runs, each in order of time."""
