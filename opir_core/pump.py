@@ -3,7 +3,7 @@
 A sink that fails is closed and left out while the others go on; every sink is closed exactly once, whatever happens.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
@@ -114,10 +114,12 @@ def pump(
 ) -> PumpReport:
     """Drive windows into sinks, by name, and report; `on_window` is called when the sinks have taken one.
 
-    Ends early when every sink has failed, for then nobody listens. What the windows or `on_window` raise is passed on,
-    the sinks closed; use `Outlets` to have their report then.
+    Ends early when every sink has failed, for then nobody listens. A generator of windows is closed at the end. What
+    the windows or `on_window` raise is passed on, the sinks closed; use `Outlets` to have their report then.
     """
-    with Outlets(sinks) as outlets:
+    with Outlets(sinks) as outlets, ExitStack() as ending:
+        if isinstance(windows, Generator):
+            ending.callback(windows.close)
         for window in windows:
             outlets.write(window)
             if on_window is not None:

@@ -61,6 +61,8 @@ class LineFile:
 
 
 def _opened(path: str) -> int:
+    if not path:
+        raise SinkError("jsonl: the path is empty; give the path of a file, or - for standard output")
     try:
         return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
     except OSError as error:

@@ -38,8 +38,9 @@ def _laws(window: Window, sensors: Sequence[Sensor]) -> Iterator[tuple[str, Bool
     yield "the elevation must be in [-pi/2, pi/2]", np.abs(d.elevation_rad) <= _RIGHT_ANGLE_RAD
     x, y, z = np.isfinite(d.sensor_ecef_m).T
     yield "the sensor's position must be finite", x & y & z
-    yield "the estimate must be a row of the window's estimates", (d.estimate >= -1) & (
-        d.estimate < len(window.estimates)
+    yield (
+        "the estimate must be a row of the window's estimates",
+        (d.estimate >= -1) & (d.estimate < len(window.estimates)),
     )
 
 

@@ -1,0 +1,241 @@
+"""What an event costs: detections to lines of JSON, and on into a file, by the ways that were tried.
+
+    python benchmarks/encoding.py [--events 200000] [--repeats 7]
+
+Prints the median processor time, in ns an event, and its ratio to the first, of
+
+- `forge`: the encoder, block by block, for events without tracks, with tracks, and from moving sensors with tracks;
+- `forge to file`: the same through the `jsonl` sink, the writing included;
+- `msgspec structs`: one struct an event, constant parts as ready-made JSON (`msgspec.Raw`), `encode_lines`;
+- `dictionaries`: one dictionary an event, the standard library's `json`, `isoformat` and `uuid`.
+
+All ways make the same lines of the same detections, which is checked first.
+"""
+
+import argparse
+import json
+import statistics
+import tempfile
+import time
+import uuid
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import msgspec
+import numpy as np
+
+from opir_core.builtin.line_file import LineFile
+from opir_core.events.blocks import window_blocks
+from opir_core.events.forge import ForgeEncoder
+from opir_core.events.identifiers import stream_key, uuid8_words, uuid_text
+from opir_core.events.number_text import rounded, rounded_bearing_deg, rounded_degrees
+from opir_core.events.timestamps import timestamp_text, unix_microseconds
+from opir_core.protocols import EncoderContext, Sensor
+from opir_core.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.scene import REPORTED_TYPES
+from opir_core.testing import stub_sensor
+
+EPOCH_US = 1_775_044_800_000_000
+SENSORS = 10
+TARGETS = 100
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--events", type=int, default=200_000)
+    parser.add_argument("--repeats", type=int, default=7)
+    options = parser.parse_args()
+    sensors = tuple(stub_sensor(f"SBIRS-GEO-{n}", -170.5 + 35 * n, type="SBIRS-GEO") for n in range(SENSORS))
+    encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=EPOCH_US))
+    plain = sample_window(options.events, is_tracked=False, is_moving=False)
+    tracked = sample_window(options.events, is_tracked=True, is_moving=False)
+    moving = sample_window(options.events, is_tracked=True, is_moving=True)
+    check_ways_agree(encoder, plain, sensors)
+    ways: dict[str, Callable[[], object]] = {
+        "forge": lambda: encoded(encoder, plain),
+        "forge, tracked": lambda: encoded(encoder, tracked),
+        "forge, tracked, moving sensors": lambda: encoded(encoder, moving),
+        "forge to file": lambda: filed(encoder, plain),
+        "forge to file, tracked": lambda: filed(encoder, tracked),
+        "msgspec structs": lambda: [struct_lines(block, sensors) for block in window_blocks(plain)],
+        "dictionaries": lambda: [dictionary_lines(block, sensors) for block in window_blocks(plain)],
+    }
+    took = median_ns(ways, options.repeats)
+    for name, median in took.items():
+        print(f"{name:32} {median / options.events:8.0f} ns/event {median / took['forge']:8.2f}")
+
+
+def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:
+    """Return a window as a raid makes it: every sensor sees every target, 20 times a second."""
+    random = np.random.default_rng(1)
+    look = np.arange(count)
+    scan, sensor = look // (SENSORS * TARGETS), (look // TARGETS % SENSORS).astype(np.int32)
+    stream = look % (SENSORS * TARGETS)
+    keys = np.array([stream_key("benchmark", n) for n in range(SENSORS * TARGETS)], dtype=np.uint64)
+    home = 4.2e7 * random.random((SENSORS, 3))[sensor]
+    estimate = scan // 20 * TARGETS + stream % TARGETS if is_tracked else np.full(count, -1)
+    detections = Detections(
+        time_s=scan * 0.05,
+        time_ns=scan * 50_000_000,
+        sensor=sensor,
+        scan=scan,
+        detection_id=uuid8_words(keys[stream], scan),
+        reported_type=(stream % 4).astype(np.uint8),
+        bands=np.ones(count, dtype=np.uint8),
+        detection_count=(scan + 1).astype(np.int32),
+        confidence=random.random(count),
+        azimuth_rad=2.0 * np.pi * random.random(count),
+        elevation_rad=-1.57 + 0.15 * random.random(count),
+        line_of_sight_ecef=random.random((count, 3)),
+        sensor_ecef_m=home + (7000.0 * scan * 0.05)[:, np.newaxis] if is_moving else home,
+        snr=30.0 * random.random(count),
+        track=stream % TARGETS if is_tracked else np.full(count, -1),
+        estimate=estimate,
+    )
+    nothing = np.zeros(count)
+    truth = DetectionTruth(nothing.astype(np.int32), nothing, nothing, nothing, nothing)
+    estimates = sample_estimates(random, int(estimate.max()) + 1)
+    return Window(0.0, 300.0, count, detections, truth, Tracks.empty(), estimates)
+
+
+def sample_estimates(random: np.random.Generator, count: int) -> Tracks:
+    place = np.column_stack([random.random(count), random.random(count), 100.0 * random.random(count)])
+    spread = np.broadcast_to(1e6 * np.array([[2.0, 0.5], [0.5, 1.0]]), (count, 2, 2))
+    return Tracks(
+        tick_s=np.arange(count) // TARGETS * 1.0,
+        track=np.arange(count) % TARGETS,
+        state=np.column_stack([6.5e6 * np.ones(count), 1e6 * random.random((count, 2)), random.random((count, 3))]),
+        state_covariance=np.zeros((count, 6, 6)),
+        launch=place,
+        launch_covariance=spread,
+        impact=place,
+        impact_covariance=spread,
+        type_probability=np.full((count, 4), 0.25),
+    )
+
+
+def encoded(encoder: ForgeEncoder, window: Window) -> list[int]:
+    return [len(encoder.encode(block)) for block in window_blocks(window)]
+
+
+def filed(encoder: ForgeEncoder, window: Window) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        sink = LineFile(f"{folder}/events.jsonl", encoder)
+        sink.write(window)
+        sink.close()
+
+
+class Event(msgspec.Struct, gc=False):
+    detection_id: str
+    timestamp: str
+    sensor_id: str
+    sensor_type: str
+    orbital_slot: msgspec.Raw
+    target_type: str
+    launch_point: None
+    impact_point: None
+    confidence: float
+    schema_version: str
+    track_id: None
+    azimuth_deg: float
+    elevation_deg: float
+    line_of_sight_sigma_urad: msgspec.Raw
+    bands: msgspec.Raw
+    snr: float
+    sensor_position_ecef_m: msgspec.Raw
+    latitude_deg: None
+    longitude_deg: None
+    altitude_m: None
+
+
+def struct_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
+    """Return the lines of events without tracks from sensors that stay where they are."""
+    d, encode = window.detections, msgspec.json.Encoder()
+    raw = [msgspec.Raw(encode.encode(value)) for value in ("MWIR", ["MWIR"])]
+    slots = [msgspec.Raw(encode.encode(sensor.orbital_slot_deg)) for sensor in sensors]
+    sigma = msgspec.Raw(encode.encode(sensors[0].line_of_sight_sigma_rad * 1e6))
+    _, first = np.unique(d.sensor, return_index=True)
+    homes = [msgspec.Raw(encode.encode(home)) for home in rounded(d.sensor_ecef_m[first], 3).tolist()]
+    sensor, count = d.sensor.tolist(), len(d)
+    columns = (
+        uuid_text(d.detection_id),
+        timestamp_text(unix_microseconds(d.time_ns, EPOCH_US)),
+        [sensors[s].id for s in sensor],
+        [sensors[s].type for s in sensor],
+        [slots[s] for s in sensor],
+        [REPORTED_TYPES[code] for code in d.reported_type.tolist()],
+        [None] * count,
+        [None] * count,
+        rounded(d.confidence, 6).tolist(),
+        ["1.0"] * count,
+        [None] * count,
+        rounded_bearing_deg(d.azimuth_rad).tolist(),
+        rounded_degrees(d.elevation_rad).tolist(),
+        [sigma] * count,
+        [raw[1]] * count,
+        rounded(d.snr, 6).tolist(),
+        [homes[s] for s in sensor],
+        [None] * count,
+        [None] * count,
+        [None] * count,
+    )
+    return encode.encode_lines(list(map(Event, *columns)))
+
+
+def dictionary_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
+    """Return the lines of events without tracks, one dictionary at a time."""
+    d = window.detections
+    return b"".join(
+        json.dumps(dictionary(d, row, sensors), separators=(",", ":")).encode() + b"\n" for row in range(len(d))
+    )
+
+
+def dictionary(d: Detections, row: int, sensors: tuple[Sensor, ...]) -> dict[str, object]:
+    sensor = sensors[d.sensor[row]]
+    high, low = d.detection_id[row].tolist()
+    when = datetime.fromtimestamp(EPOCH_US // 1_000_000, UTC) + timedelta(microseconds=int(d.time_ns[row]) // 1000)
+    return {
+        "detection_id": str(uuid.UUID(int=high << 64 | low)),
+        "timestamp": when.isoformat(timespec="microseconds").replace("+00:00", "Z"),
+        "sensor_id": sensor.id,
+        "sensor_type": sensor.type,
+        "orbital_slot": sensor.orbital_slot_deg,
+        "target_type": REPORTED_TYPES[d.reported_type[row]],
+        "launch_point": None,
+        "impact_point": None,
+        "confidence": round(float(d.confidence[row]), 6),
+        "schema_version": "1.0",
+        "track_id": None,
+        "azimuth_deg": round(float(np.degrees(d.azimuth_rad[row])), 9),
+        "elevation_deg": round(float(np.degrees(d.elevation_rad[row])), 9),
+        "line_of_sight_sigma_urad": sensor.line_of_sight_sigma_rad * 1e6,
+        "bands": [band.name for band in sensor.bands],
+        "snr": round(float(d.snr[row]), 6),
+        "sensor_position_ecef_m": [round(x, 3) for x in d.sensor_ecef_m[row].tolist()],
+        "latitude_deg": None,
+        "longitude_deg": None,
+        "altitude_m": None,
+    }
+
+
+def check_ways_agree(encoder: ForgeEncoder, window: Window, sensors: tuple[Sensor, ...]) -> None:
+    block = next(window_blocks(window, 2000))
+    lines = [json.loads(line) for line in encoder.encode(block).splitlines()]
+    for other in (struct_lines, dictionary_lines):
+        if [json.loads(line) for line in other(block, sensors).splitlines()] != lines:
+            raise SystemExit(f"{other.__name__} makes other lines than the encoder")
+
+
+def median_ns(ways: dict[str, Callable[[], object]], repeats: int) -> dict[str, float]:
+    """Return the median time of each way, tried in turns, so that a slow spell of the machine falls on all."""
+    took: dict[str, list[int]] = {name: [] for name in ways}
+    for _ in range(repeats):
+        for name, way in ways.items():
+            start = time.process_time_ns()
+            way()
+            took[name].append(time.process_time_ns() - start)
+    return {name: statistics.median(times) for name, times in took.items()}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""The page on the event says what the encoder does."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from opir_core.events import detection_schema
+from opir_core.events.forge import ForgeEncoder
+from opir_core.events.identifiers import stream_key, uuid8_words
+from opir_core.geometry import azimuth_elevation_range, geodetic_to_ecef
+from opir_core.protocols import Band, EncoderContext
+from opir_core.testing import stub_sensor
+from opir_core.testing.windows import stub_estimates, stub_window
+
+PAGE = Path(__file__).parents[2].joinpath("docs", "reference", "detection-event.md").read_text(encoding="utf-8")
+SCHEMA = detection_schema()
+
+
+def told_event() -> dict[str, Any]:
+    (block,) = re.findall(r"^```json\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    event: dict[str, Any] = json.loads(block)
+    return event
+
+
+def made_event() -> dict[str, Any]:
+    """Return the page's event: a detection from 75° W, 60.05 s into the scene, of a track that knows both points."""
+    bands = (Band("SWIR", 2.6, 2.8), Band("MWIR", 4.2, 4.4))
+    sensor = stub_sensor("SBIRS-GEO-1", -75.0, type="SBIRS-GEO", bands=bands)
+    place = sensor.orbit.position_ecef_m(np.array([60.05]))
+    target = geodetic_to_ecef(np.radians(28.5), np.radians(-80.6), 40_000.0)
+    seen = azimuth_elevation_range(place, target[np.newaxis])
+    known = stub_estimates(
+        1,
+        tick_s=60.0,
+        state=np.concatenate([target - 0.05 * target / 6.4e3, target / 6.4e3]),
+        launch=[np.radians(28.45), np.radians(-80.53), 10.0],
+        launch_covariance=[[4e6, 1.5e6], [1.5e6, 2e6]],
+        impact=[np.radians(-7.9), np.radians(-14.4), np.nan],
+        impact_covariance=[[9e8, -2e8], [-2e8, 1.6e9]],
+    )
+    window = stub_window(
+        1,
+        estimates=known,
+        time_s=60.05,
+        time_ns=60_050_000_000,
+        detection_id=uuid8_words(np.array([stream_key("page")], dtype=np.uint64), np.array([600])),
+        reported_type=0,
+        bands=3,
+        confidence=0.874,
+        azimuth_rad=seen.azimuth_rad,
+        elevation_rad=seen.elevation_rad,
+        sensor_ecef_m=place,
+        snr=12.5,
+        track=1,
+        estimate=0,
+    )
+    encoder = ForgeEncoder(EncoderContext(sensors=(sensor,), epoch_us=1_775_044_800_000_000))
+    event: dict[str, Any] = json.loads(encoder.encode(window))
+    return event
+
+
+def told_fields(heading: str) -> list[str]:
+    section = PAGE[PAGE.index(heading) :]
+    return re.findall(r"^\| `(\w+)` \|", section[: section.index("\n\n", section.index("|---"))], re.MULTILINE)
+
+
+def test_the_page_s_event_is_what_the_encoder_makes() -> None:
+    assert told_event() == made_event(), json.dumps(made_event(), indent=2)
+    assert list(told_event()) == list(made_event())
+    jsonschema.validate(told_event(), SCHEMA)
+
+
+@pytest.mark.parametrize(
+    ("heading", "part"),
+    [
+        ("# The detection event", SCHEMA),
+        ("`launch_point` and `impact_point` are `null` until", SCHEMA["$defs"]["point"]),
+        ("The ellipse is centred", SCHEMA["$defs"]["ellipse"]),
+    ],
+)
+def test_the_page_tells_every_field_in_order(heading: str, part: dict[str, Any]) -> None:
+    assert told_fields(heading) == part["required"]
