@@ -1,17 +1,39 @@
-"""Where and when a two-body arc comes down through the WGS 84 ellipsoid, or through a surface of constant height above it."""
+"""Where and when a two-body arc comes down through the WGS 84 ellipsoid, or a surface of constant height above it.
+
+The Earth turns about the axis of its ellipsoid, so the ellipsoid stands still in an inertial frame. The arc is cut with
+the two spheres that hold the surface between them, in closed form; between those cuts a steep arc meets the surface
+once. Arcs that graze it are told apart by all their cuts (`grazing_arcs`). Newton's method, held to the bracket found
+either way, ends on the geodetic height.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.constants import (
-    EARTH_ECCENTRICITY_SQUARED,
     EARTH_EQUATORIAL_RADIUS_M,
+    EARTH_FLATTENING,
     EARTH_MU_M3_S2,
     EARTH_POLAR_RADIUS_M,
 )
-from opir_core.flight.stumpff import Floats, universal_functions
+from opir_core.flight.conic_arcs import ConicArcs, conic_arcs
+from opir_core.flight.grazing_arcs import grazing_brackets
+from opir_core.flight.kepler import flat_states
+from opir_core.flight.stumpff import Floats
 
-_NEWTON_STEPS = 8
+#: A start this near the surface, m, is on it: rounding of its position must not decide whether it has yet to fall.
+ON_SURFACE_M = 1e-6
+
+#: The cuts with the spheres lie this far outside the surface, m, so that the bracket holds a crossing on a sphere.
+_MARGIN_M = 1.0
+
+#: An arc is steep where it descends at this many times the steepest slope of the surface against a sphere.
+_STEEP = 2.0 * EARTH_FLATTENING
+
+_BLOCK = 8192
+_MOST_STEPS = 80
+
+#: A step this small, relative to the anomaly, is the last: Newton's method squares it.
+_LAST_STEP = 1e-10
 
 
 def kepler_impact(
@@ -19,74 +41,87 @@ def kepler_impact(
 ) -> tuple[Floats, Floats]:
     """Return the time to impact, s, and the point of impact, m (ECI), of two-body arcs from the given states.
 
-    The impact is the first descent through the surface of geodetic height `height_m` above the WGS 84 ellipsoid, whose axis is
-    the z axis of the frame; a start on or below the surface first has to rise through it. `nan` where there is none.
+    Position and velocity have shape (..., 3) in an inertial frame about the Earth's centre with z along its axis, such
+    as ECEF frozen at scene epoch; leading axes broadcast with `height_m`. The impact is the first descent through the
+    surface of geodetic height `height_m` above the WGS 84 ellipsoid. A start below the surface first has to rise
+    through it; one within 1e-6 m of it counts as on it and falls at once if it descends. The arc is followed through
+    the Earth where it starts inside. Time and point agree with the surface to 1e-6 m from starts nearer than the Moon.
+
+    `nan` where the arc never descends through the surface (pericentre above it, apocentre below it, escape), where an
+    input is not finite, and for heights below -6 000 km.
     """
-    position, velocity = (np.asarray(x, dtype=float) for x in (position_m, velocity_m_s))
-    height = np.asarray(height_m, dtype=float)
-    shape = np.broadcast_shapes(position.shape[:-1], velocity.shape[:-1], height.shape)
-    position, velocity = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (position, velocity))
+    position, velocity, height, shape = flat_states(position_m, velocity_m_s, height_m)
+    duration, point = np.empty(height.shape), np.empty((height.size, 3))
     with np.errstate(all="ignore"):
-        duration, point = _impacts(position, velocity, np.broadcast_to(height, shape).reshape(-1), mu_m3_s2)
-    return duration.reshape(shape), point.reshape((*shape, 3))
+        for first in range(0, height.size, _BLOCK):
+            block = slice(first, first + _BLOCK)
+            duration[block], point[block] = _impacts(position[block], velocity[block], height[block], mu_m3_s2)
+    return duration.reshape(shape), point.reshape(*shape, 3)
 
 
 def _impacts(position: Floats, velocity: Floats, height: Floats, mu: float) -> tuple[Floats, Floats]:
-    r0 = np.sqrt(_dot(position, position))
-    speed = np.sqrt(mu / r0)
-    radial, tangent = position / r0[:, None], velocity / speed[:, None]
-    sigma, alpha = _dot(radial, tangent), 2.0 - _dot(tangent, tangent)
-    h = np.cross(radial, tangent)
-    momentum = _dot(h, h)
-    outer, inner = (EARTH_EQUATORIAL_RADIUS_M + height) / r0, (EARTH_POLAR_RADIUS_M + height) / r0
-    s = _anomaly_at_radius(0.5 * (inner + outer), sigma, alpha, momentum)
-    low = _anomaly_at_radius(outer, sigma, alpha, momentum)
-    high = _anomaly_at_radius(inner, sigma, alpha, momentum)
-    low = np.where(np.isnan(low) | (low > high), 0.0, low)
-    for _ in range(_NEWTON_STEPS):
-        g0, g1, g2, g3 = universal_functions(alpha, s)
-        r = g0 + sigma * g1 + g2
-        point = position * (1.0 - g2)[:, None] + (r0 * (g1 + sigma * g2))[:, None] * tangent
-        rate = (radial * -g1[:, None] + tangent * (g0 + sigma * g1)[:, None])
-        altitude, normal = _height_and_normal(point)
-        s = np.clip(s - (altitude - height) / (r0 * _dot(normal, rate)), low, high)
-    duration = (g1 + sigma * g2 + g3) * (r0 / speed)
-    missed = ~(np.abs(altitude - height) < 1e-6)
-    return np.where(missed, np.nan, duration), np.where(missed[:, None], np.nan, point)
+    """Return times (n,) and points (n, 3) of impact."""
+    duration, point = np.full(height.shape, np.nan), np.full((height.size, 3), np.nan)
+    finite = np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & (height > -6.0e6)
+    at = np.flatnonzero(finite & (height < np.inf) & (position != 0.0).any(axis=1))
+    if not at.size:
+        return duration, point
+    arcs = conic_arcs(position[at], velocity[at], mu)
+    low, high = _brackets(arcs, height[at])
+    hit = np.flatnonzero(low <= high)
+    at = at[hit]
+    if at.size:
+        s = _descent(arcs.at(hit), height[at], low[hit], high[hit])
+        duration[at], point[at] = arcs.at(hit).times_s(s), arcs.at(hit).positions_m(s).T
+    return duration, point
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+def _brackets(arcs: ConicArcs, height: Floats) -> tuple[Floats, Floats]:
+    """Return anomalies between which each arc first descends through the surface; `nan` where it never does."""
+    outer = (EARTH_EQUATORIAL_RADIUS_M + _MARGIN_M + height) / arcs.length_m
+    inner = (EARTH_POLAR_RADIUS_M - _MARGIN_M + height) / arcs.length_m
+    at_outer, at_inner = arcs.radial_squared(outer), arcs.radial_squared(inner)
+    least = (_STEEP * arcs.momentum) ** 2
+    steep = (at_outer > least) & (at_inner > least)
+    low, high = _steep_brackets(arcs, height, outer, inner)
+    turning = 1.0 / arcs.alpha
+    turns_between = (turning > inner) & (turning < outer) & (arcs.radial_squared(turning) > 0.0)
+    grazing = np.flatnonzero(~steep & ((at_outer > 0.0) | (at_inner > 0.0) | turns_between))
+    low[~steep] = np.nan
+    if grazing.size:
+        low[grazing], high[grazing] = grazing_brackets(arcs.at(grazing), height[grazing], ON_SURFACE_M)
+    return low, high
 
 
-def _anomaly_at_radius(radius: Floats, sigma: Floats, alpha: Floats, momentum: Floats) -> Floats:
-    """Return the first universal anomaly > 0 at which the arc descends through `radius` (in units of its start)."""
-    end = -np.sqrt(radius * (2.0 - alpha * radius) - momentum)
-    rising = sigma > 0.0
-    over = np.where(rising, sigma - end, 1.0 - radius)
-    under = np.where(rising, alpha * (radius + 1.0) - 2.0, -sigma - end)
-    k = np.sqrt(np.abs(alpha))
-    half = np.arctan2(k * over, under)
-    bound = 2.0 * np.where(half < 0.0, half + np.pi, half) / k
-    tangent = over / under
-    z = alpha * tangent * tangent
-    free = 2.0 * np.arctanh(k * tangent) / k
-    small = 2.0 * tangent * (1.0 - z * (1.0 / 3.0 - z / 5.0))
-    s = np.where(np.abs(z) < 1e-6, small, np.where(alpha > 0.0, bound, free))
-    return np.where((alpha > 0.0) & (s < 0.0), bound, np.where(s >= 0.0, s, np.nan))
+def _steep_brackets(arcs: ConicArcs, height: Floats, outer: Floats, inner: Floats) -> tuple[Floats, Floats]:
+    """Return the anomalies of the first descents through the two spheres; a start that falls between them comes before.
+
+    Such a start is met by its own height: above the surface it has yet to fall, on it it falls at once, below it waits
+    for the next turn.
+    """
+    low, high = arcs.first_descent(outer), arcs.first_descent(inner)
+    falling = np.flatnonzero((outer > 1.0) & (inner < 1.0) & (arcs.sigma < 0.0))
+    if falling.size:
+        above = arcs.at(falling).heights_m(np.zeros(falling.size)) - height[falling]
+        here, below = np.abs(above) <= ON_SURFACE_M, above < -ON_SURFACE_M
+        low[falling] = np.where(below, low[falling], 0.0)
+        high[falling] = np.where(here, 0.0, high[falling] + np.where(below, arcs.turns()[falling], 0.0))
+    return low, high
 
 
-def _height_and_normal(point: Floats) -> tuple[Floats, Floats]:
-    """Return height above the ellipsoid, m, and the outward unit normal (Bowring, Survey Review 23, 1976)."""
-    e2, a, b = EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-    x, y, z = point.T
-    rho = np.hypot(x, y)
-    reduced = np.hypot(b * rho, a * z)
-    cos_u, sin_u = b * rho / reduced, a * z / reduced
-    over, under = z + e2 * a * a / b * sin_u**3, rho - e2 * a * cos_u**3
-    length = np.hypot(over, under)
-    cos_lat, sin_lat = under / length, over / length
-    height = rho * cos_lat + z * sin_lat - a * np.sqrt(1.0 - e2 * sin_lat * sin_lat)
-    east_free = np.where(rho > 0.0, rho, 1.0)
-    normal = np.stack([cos_lat * x / east_free, cos_lat * y / east_free, sin_lat], axis=1)
-    return height, normal
+def _descent(arcs: ConicArcs, height: Floats, low: Floats, high: Floats) -> Floats:
+    """Return the anomaly within each bracket at which the height is reached, by Newton's method held to the bracket."""
+    s = 0.5 * (low + high)
+    still = low < high
+    for _ in range(_MOST_STEPS):
+        at = np.flatnonzero(still)
+        if not at.size:
+            break
+        above, slope = arcs.at(at).heights_and_slopes(s[at])
+        above -= height[at]
+        low[at], high[at] = np.where(above > 0.0, s[at], low[at]), np.where(above > 0.0, high[at], s[at])
+        trial = s[at] - above / slope
+        trial = np.where((trial >= low[at]) & (trial <= high[at]), trial, 0.5 * (low[at] + high[at]))
+        still[at] = np.abs(trial - s[at]) > _LAST_STEP * high[at]
+        s[at] = trial
+    return s

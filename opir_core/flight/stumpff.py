@@ -1,78 +1,93 @@
 """Universal functions of two-body motion: one set of series for ellipse, parabola and hyperbola.
 
-With `alpha` the reciprocal of the semi-major axis and `s` the universal anomaly (ds = dt / r, mu = 1), the functions are
-G_n = s^n c_n(alpha s²), where c_n are Stumpff's: G0 = cos, G1 = sin, G2 = 1 - cos, G3 = x - sin, each divided by the
-matching power of sqrt(alpha), and their hyperbolic twins for negative alpha (Stiefel and Scheifele, Linear and Regular
-Celestial Mechanics, 1971, §11; Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9).
+With `alpha` the reciprocal of the semi-major axis and `s` the universal anomaly (ds = dt / r, mu = 1), the functions
+are G_n = s^n c_n(alpha s²), where c_n are Stumpff's: G0 = cos x, G1 = sin x, G2 = 1 - cos x, G3 = x - sin x with
+x = sqrt(alpha) s, each over the n-th power of sqrt(alpha), and their hyperbolic twins for negative alpha (Stiefel and
+Scheifele, Linear and Regular Celestial Mechanics, 1971, §11; Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988,
+§6.9).
 """
 
 from math import factorial
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Floats: TypeAlias = NDArray[np.float64]
 
-#: Largest |alpha s²| that two halvings of s bring within reach of the series below.
+#: Single or double precision: what goes in comes out.
+Real = TypeVar("Real", bound=np.floating[Any])
+
+Functions: TypeAlias = tuple[NDArray[Real], NDArray[Real], NDArray[Real], NDArray[Real]]
+
+#: Largest |alpha s²| that two halvings of s bring within reach of the series.
 _REACH = 27.0
 
-#: Taylor coefficients in -alpha h²; the first term left out is below 1e-17 of the sum for |alpha h²| <= 27 / 16.
-_C2 = tuple(1.0 / factorial(2 * k + 2) for k in range(10))
-_C3 = tuple(1.0 / factorial(2 * k + 3) for k in range(9))
+#: Halvings where two do not do: up to |sqrt(alpha) s| = 166, and to 5 320, where doubles end before.
+_MORE_HALVINGS = (7, 12)
+
+#: Taylor coefficients of c2 and c3 in -alpha h². For |alpha h²| <= 27 / 16 the first term left out is below 1e-17 of
+#: the sum in double precision, below 1e-6 in single, which only serves for guesses.
+_DOUBLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 10), (3, 9)))
+_SINGLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 6), (3, 5)))
 
 
-def universal_functions(alpha: Floats, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Real]:
     """Return G0, G1, G2, G3 at universal anomaly `s` for conics of reciprocal semi-major axis `alpha`.
 
-    Arrays of one shape; units such that mu = 1. Relative error of each is a few 1e-16 of its largest term. Overflow gives
-    inf or nan, never a wrong number. Only + - * are used, so the result is the same on every machine.
+    One-dimensional arrays of one length and one precision, in units with mu = 1. The error is a few last places of each
+    function's largest term; what overflows is inf or nan. Only + - * are used, so the bits are the same everywhere.
     """
-    far = np.abs(alpha * s * s) > _REACH
-    if not far.any():
-        return _by_doubling(alpha, s, 2)
-    functions = _by_doubling(alpha, np.where(far, 0.0, s), 2)
-    for whole, part in zip(functions, _far(alpha[far], s[far]), strict=True):
-        whole[far] = part
+    functions = _by_doubling(alpha, s, 2)
+    z = np.abs(alpha * s)
+    z *= s
+    at = np.flatnonzero(z > _REACH)
+    for halvings in _MORE_HALVINGS:
+        if not at.size:
+            break
+        for whole, part in zip(functions, _by_doubling(alpha[at], s[at], halvings), strict=True):
+            whole[at] = part
+        at = at[z[at] > _REACH * 4.0 ** (halvings - 2)]
     return functions
 
 
-def _far(alpha: Floats, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return G0..G3 where two halvings do not suffice: seven reach |alpha s²| = 27 · 1024, twelve the end of the doubles."""
-    further = np.abs(alpha * s * s) > _REACH * 1024.0
-    functions = _by_doubling(alpha, s, 7)
-    if further.any():
-        for whole, part in zip(functions, _by_doubling(alpha[further], s[further], 12), strict=True):
-            whole[further] = part
-    return functions
-
-
-def _by_doubling(alpha: Floats, s: Floats, halvings: int) -> tuple[Floats, Floats, Floats, Floats]:
+def _by_doubling(alpha: NDArray[Real], s: NDArray[Real], halvings: int) -> Functions[Real]:
     """Return G0..G3 from their series at s / 2^halvings and the double-angle formulas."""
-    h = s * 0.5**halvings
+    h = s.copy()
+    h *= 0.5**halvings
     g0, g1, g2, g3 = _by_series(alpha, h)
     for _ in range(halvings):
-        g3 = h * g2 + g0 * g3
+        g3 *= g0
+        g3 += h * g2
         g3 += g3
         g2 = g1 * g1
         g2 += g2
-        g1 = g1 * g0
+        g1 *= g0
         g1 += g1
-        g0 = 1.0 - alpha * g2
-        h = h + h
+        g0 = alpha * g2
+        np.subtract(1.0, g0, out=g0)
+        h += h
     return g0, g1, g2, g3
 
 
-def _by_series(alpha: Floats, h: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _by_series(alpha: NDArray[Real], h: NDArray[Real]) -> Functions[Real]:
     square = h * h
-    minus_z = -alpha * square
-    g2 = square * _horner(_C2, minus_z)
-    g3 = square * _horner(_C3, minus_z)
+    minus_z = alpha * square
+    np.negative(minus_z, out=minus_z)
+    c2, c3 = _DOUBLE if h.dtype == np.float64 else _SINGLE
+    g2 = _horner(c2, minus_z)
+    g2 *= square
+    g3 = _horner(c3, minus_z)
+    g3 *= square
     g3 *= h
-    return 1.0 - alpha * g2, h - alpha * g3, g2, g3
+    g0 = alpha * g2
+    np.subtract(1.0, g0, out=g0)
+    return g0, h - alpha * g3, g2, g3
 
 
-def _horner(coefficients: tuple[float, ...], x: Floats) -> Floats:
-    total = x * coefficients[-1]
+def _horner(coefficients: tuple[float, ...], x: NDArray[Real]) -> NDArray[Real]:
+    total = x.copy()
+    total *= coefficients[-1]
     for coefficient in coefficients[-2:0:-1]:
         total += coefficient
         total *= x

@@ -1,118 +1,115 @@
-"""Kepler's equation in universal variables, solved for arrays of any conics at once.
+"""The universal anomaly at a given time: Kepler's equation solved for arrays of any conics at once.
 
-Units are those of each state: its distance and its circular speed are 1, so r0 = 1 and mu = 1. A state is then two numbers,
-`sigma` = r·v and `alpha` = 1 / a, and Kepler's equation is  t = G1 + sigma G2 + G3  with the universal functions of
-`stumpff`. Its derivatives in s are r = G0 + sigma G1 + G2 >= 0, r' = sigma G0 + (1 - alpha) G1 and r'' = 1 - alpha r: it rises
-monotonically, so a bracket always exists (Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9).
+`solved_quickly` takes every element the same way and says which it did not finish; `solved_surely` finishes those
+inside a bracket. Each element is treated by itself: it has the same bits in any company.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.flight.stumpff import Floats, universal_functions
+from opir_core.flight.anomaly_guess import coarse_anomaly
+from opir_core.flight.kepler_equation import Arcs, derivatives, excess_and_noise, laguerre_step
+from opir_core.flight.stumpff import Floats, Functions, universal_functions
 
-_FAST_STEPS = 8
-_SAFE_STEPS = 400
+Mask = NDArray[np.bool_]
+
+#: Bisection alone needs some 1 100 halvings from the largest double to the smallest; Laguerre's steps need a few.
+_SURE_STEPS = 2500
 _EPSILON = float(np.finfo(float).eps)
 
-#: A step this small, on the scale on which r changes, leaves an error below 1e-16 after the closing correction.
-_SMALL_STEP = 1e-3
+#: Square of a step, measured against the scale on which r changes, that the closing correction takes to the last place.
+_SMALL_SQUARED = 1e-8
 
 
-def solve(sigma: Floats, alpha: Floats, duration: Floats) -> Floats:
-    """Return rows s, G0, G1, G2 after `duration` >= 0, one-dimensional arrays in the units of each state; nan if not found.
+def solved_quickly(arcs: Arcs[np.float64]) -> tuple[Floats, Mask]:
+    """Return rows s, G0, G1, G2 at the end of each arc, and where they are not yet right.
 
-    For closed orbits `duration` is at most about one period. Every element is solved by itself: its result has the same
-    bits in any company.
+    A guess in single precision and one correction in double: enough for all but arcs close past the centre.
     """
-    solution = np.full((4, sigma.size), np.nan)
-    where = np.arange(sigma.size)
-    s = _first_guess(sigma, alpha, duration)
-    for _ in range(_FAST_STEPS):
-        g = universal_functions(alpha, s)
-        step, scale = _laguerre_step(g, sigma, alpha, duration)
-        small = np.abs(step) * scale <= _SMALL_STEP
-        at = np.flatnonzero(small)
-        solution[:, where[at]] = _closed(tuple(x[at] for x in g), sigma[at], alpha[at], duration[at], s[at], step[at])
-        left = np.flatnonzero(~small)
-        if not left.size:
-            return solution
-        s = np.abs(s + step)[left]
-        where, sigma, alpha, duration = where[left], sigma[left], alpha[left], duration[left]
-    solution[:, where] = _solve_bracketed(s, sigma, alpha, duration)
-    return solution
+    s = coarse_anomaly(arcs)
+    return _corrected(arcs, s, universal_functions(arcs.alpha, s))
 
 
-def _first_guess(sigma: Floats, alpha: Floats, duration: Floats) -> Floats:
-    return duration / (1.0 + np.cbrt(duration * duration / 6.0))
+def solved_surely(arcs: Arcs[np.float64]) -> tuple[Floats, Mask]:
+    """Return rows s, G0, G1, G2 at the end of each arc, and where no anomaly was found: there they are `nan`.
 
-
-def _laguerre_step(
-    g: tuple[Floats, ...], sigma: Floats, alpha: Floats, duration: Floats
-) -> tuple[Floats, Floats]:
-    """Return Laguerre's step (degree 5: Conway, Celestial Mechanics 39, 1986) and the reciprocal length on which r changes."""
-    g0, g1, g2, g3 = g
-    residual = g1 + sigma * g2 + g3 - duration
-    r = g0 + sigma * g1 + g2
-    slope = sigma * g0 + (1.0 - alpha) * g1
-    step = -5.0 * residual / (r + np.sqrt(np.abs(16.0 * r * r - 20.0 * residual * slope)))
-    scale = (np.abs(slope) + np.sqrt(np.abs((1.0 - alpha * r) * r))) / r
-    return step, scale
-
-
-def _closed(
-    g: tuple[Floats, ...], sigma: Floats, alpha: Floats, duration: Floats, s: Floats, step: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return s, G0, G1, G2 after one last correction, of fifth order, carried into the functions by their addition theorem."""
-    g0, g1, g2, g3 = g
-    residual = g1 + sigma * g2 + g3 - duration
-    r = g0 + sigma * g1 + g2
-    slope = sigma * g0 + (1.0 - alpha) * g1
-    bend = 1.0 - alpha * r
-    for _ in range(2):
-        step = -residual / (r + step * (slope / 2.0 + step * (bend / 6.0 - step * (alpha * slope / 24.0))))
-    z = alpha * step * step
-    d0 = 1.0 - z * (0.5 - z / 24.0)
-    d1 = step * (1.0 - z * (1.0 / 6.0 - z / 120.0))
-    d2 = step * step * (0.5 - z / 24.0)
-    return s + step, g0 * d0 - alpha * g1 * d1, g1 * d0 + g0 * d1, g2 + g1 * d1 + g0 * d2
-
-
-def _solve_bracketed(s: Floats, sigma: Floats, alpha: Floats, duration: Floats) -> Floats:
-    """Return rows s, G0, G1, G2 for the few that Laguerre's method left: bisection, with Laguerre's step where it helps."""
-    low, high = _bracket(sigma, alpha, duration)
-    s = np.where((s > low) & (s < high), s, 0.5 * (low + high))
-    done: NDArray[np.bool_] = np.zeros(s.shape, bool)
-    width = high - low
-    for _ in range(_SAFE_STEPS):
-        g = universal_functions(alpha, s)
-        residual = g[0] * 0.0 + g[1] + sigma * g[2] + g[3] - duration
-        noise = 2.0 * _EPSILON * (g[1] + np.abs(sigma) * g[2] + g[3] + duration)
-        low = np.where(residual < 0.0, s, low)
-        high = np.where(residual < 0.0, high, s)
-        done |= (np.abs(residual) <= noise) | (high - low <= 2.0 * _EPSILON * high)
-        if done.all():
+    Laguerre's steps inside a bracket, bisection where they do not help.
+    """
+    solution = np.full((4, arcs.rho.size), np.nan)
+    where = np.arange(arcs.rho.size)
+    low, high = _bracket(arcs)
+    s, allowed = np.clip(coarse_anomaly(arcs), low, high), np.full_like(low, np.inf)
+    for _ in range(_SURE_STEPS):
+        functions = universal_functions(arcs.alpha, s)
+        excess, noise = excess_and_noise(arcs, functions)
+        low, high = np.where(excess < 0.0, s, low), np.where(excess < 0.0, high, s)
+        found, left = _corrected(arcs, s, functions)
+        found[:, left] = np.stack([s, *functions[:3]])[:, left]
+        left &= ~((np.abs(excess) <= noise) | (high - low <= 2.0 * _EPSILON * high))
+        solution[:, where[~left]] = found[:, ~left]
+        at = np.flatnonzero(left)
+        if not at.size:
             break
-        step, _scale = _laguerre_step(g, sigma, alpha, duration)
-        trial = s + step
-        good = (trial > low) & (trial < high) & (high - low < 0.7 * width)
-        width = np.where(good, high - low, 0.5 * (high - low))
-        s = np.where(done, s, np.where(good, trial, 0.5 * (low + high)))
-    g = universal_functions(alpha, s)
-    return np.where(done, np.stack([s, g[0], g[1], g[2]]), np.nan)
+        s, allowed = _next(low, high, np.abs(excess), allowed, s + laguerre_step(arcs, functions))
+        s, low, high, allowed, where, arcs = s[at], low[at], high[at], allowed[at], where[at], arcs.at(at)
+    return solution, np.isnan(solution[0])
 
 
-def _bracket(sigma: Floats, alpha: Floats, duration: Floats) -> tuple[Floats, Floats]:
+def _next(low: Floats, high: Floats, excess: Floats, allowed: Floats, trial: Floats) -> tuple[Floats, Floats]:
+    """Return the next anomaly and the excess allowed there: the trial, as long as the excess keeps halving."""
+    helps = (trial > low) & (trial < high) & (excess <= allowed)
+    return np.where(helps, trial, 0.5 * (low + high)), np.where(helps, 0.5 * excess, np.inf)
+
+
+def _bracket(arcs: Arcs[np.float64]) -> tuple[Floats, Floats]:
     """Return bounds of the anomaly: on a closed orbit one turn, else doubled until the time is passed."""
-    closed = alpha > 0.0
-    high = np.where(closed, 2.0 * np.pi / np.sqrt(np.where(closed, alpha, 1.0)) * 1.0000001, np.cbrt(duration) + duration * 1e-3)
+    closed = arcs.alpha > 0.0
+    turn = (2.0 + 1e-6) * np.pi / np.sqrt(np.where(closed, arcs.alpha, 1.0))
+    high = np.where(closed, turn, arcs.time / (arcs.rho + np.cbrt(arcs.time * arcs.time / 6.0)))
     low = np.zeros_like(high)
-    short = np.flatnonzero(~closed)
-    for _ in range(2100):
-        if not short.size:
-            break
-        g0, g1, g2, g3 = universal_functions(alpha[short], high[short])
-        short = short[g1 + sigma[short] * g2 + g3 < duration[short]]
+    short = np.flatnonzero(~closed & (high > 0.0))
+    while short.size:
+        part = arcs.at(short)
+        short = short[excess_and_noise(part, universal_functions(part.alpha, high[short]))[0] < 0.0]
         low[short] = high[short]
         high[short] *= 2.0
     return low, high
+
+
+def _corrected(arcs: Arcs[np.float64], s: Floats, functions: Functions[np.float64]) -> tuple[Floats, Mask]:
+    """Return rows s, G0, G1, G2 after a correction of fourth order, and where it was too large to be exact."""
+    excess, r, slope = derivatives(arcs, functions)
+    np.negative(excess, out=excess)
+    bend = arcs.alpha * r
+    np.subtract(1.0, bend, out=bend)
+    step = excess / r
+    unevenness = np.abs(bend)
+    unevenness += np.abs(arcs.alpha) * r
+    unevenness *= r
+    unevenness += slope * slope
+    unevenness *= step * step
+    left = ~(unevenness <= _SMALL_SQUARED * (r * r))
+    bend *= 1.0 / 6.0
+    slope *= 0.5
+    for _ in range(2):
+        mean = bend * step
+        mean += slope
+        mean *= step
+        mean += r
+        step = excess / mean
+    return _moved(arcs.alpha, s, functions, step), left
+
+
+def _moved(alpha: Floats, s: Floats, functions: Functions[np.float64], step: Floats) -> Floats:
+    """Return rows s, G0, G1, G2 a small step further, by the addition theorems."""
+    g0, g1, g2, _ = functions
+    square = step * step
+    z = alpha * square
+    d0 = 1.0 - 0.5 * z
+    d1 = step * (1.0 - z * (1.0 / 6.0))
+    rows = np.empty((4, s.size))
+    np.add(s, step, out=rows[0])
+    np.subtract(g0 * d0, alpha * g1 * d1, out=rows[1])
+    np.add(g1 * d0, g0 * d1, out=rows[2])
+    np.add(g2, g1 * d1 + g0 * (0.5 * square), out=rows[3])
+    return rows
