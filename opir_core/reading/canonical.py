@@ -1,0 +1,70 @@
+"""A scene's canonical form and its hash: what a manifest keeps so that a run can be repeated."""
+
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any
+
+from attrs import fields, has
+
+from opir_core.reading.epoch import text_of_epoch_us
+from opir_core.reading.heading import CHOICES
+from opir_core.scene import Choice, Scene, SceneSensor
+
+
+def scene_mapping(scene: Scene) -> dict[str, Any]:
+    """Return a scene as plain data with every setting written out, defaults, presets and constellations included.
+
+    `scene_from_mapping(scene_mapping(scene)) == scene` for every scene that was read.
+    """
+    return {
+        "scene": scene.name,
+        "epoch": text_of_epoch_us(scene.epoch_us),
+        "duration_s": scene.duration_s,
+        "seed": scene.seed,
+        "light_time": scene.light_time,
+        "sensors": _sensors(scene.sensors),
+        "targets": [{"id": target.id, **_block(target.model)} for target in scene.targets],
+        **{key: _block(choice) for key in CHOICES if (choice := getattr(scene, key)) is not None},
+        "outputs": [{choice.name: _settings(choice.config)} for choice in scene.outputs],
+    }
+
+
+def scene_hash(scene: Scene) -> str:
+    """Return the SHA-256 (hexadecimal) of a scene's canonical form.
+
+    Scenes that mean the same have the same hash, however their files spell, order or comment them.
+    """
+    import json
+    from hashlib import sha256
+
+    text = json.dumps(scene_mapping(scene), sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return sha256(text.encode("ascii")).hexdigest()
+
+
+def _sensors(sensors: tuple[SceneSensor, ...]) -> list[dict[str, Any]]:
+    """Return single sensors as they are, and members of a constellation together in the block that they came from."""
+    blocks = []
+    for (constellation, _), group in groupby(sensors, key=lambda sensor: (sensor.constellation, sensor.model.path)):
+        members = [{"id": sensor.id, **_block(sensor.model)} for sensor in group]
+        blocks += members if constellation is None else [{"constellation": constellation, "members": members}]
+    return blocks
+
+
+def _block(choice: Choice) -> dict[str, Any]:
+    return {"model": choice.name, **_settings(choice.config)}
+
+
+def _settings(config: Any) -> dict[str, Any]:
+    return {
+        attribute.name: _plain(getattr(config, attribute.name)) for attribute in fields(type(config)) if attribute.init
+    }
+
+
+def _plain(value: Any) -> Any:
+    if has(type(value)):
+        return _settings(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value

@@ -1,0 +1,138 @@
+"""Blocks to components: a name is looked up with the host, and its settings are read by its configuration class."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from attrs import Factory, frozen
+
+from opir_core.errors import PluginError
+from opir_core.plugin.host import Host
+from opir_core.reading.nodes import Complaint, Node, Refused, complaints_inside, key_step, shown_text, under
+from opir_core.reading.plain_data import node_of_data
+from opir_core.reading.readers import block_of, read_text, refusal
+from opir_core.reading.structuring import ClassReader, UnreadableTypeError, class_reader, required
+from opir_core.scene import Choice
+
+#: Keys that a scene keeps for itself, besides those that may stand in the block at hand.
+_KEPT = {"opir_sensor_models": ("id", "model", "constellation", "members")}
+
+
+@frozen
+class Settings:
+    """What a scene writes of one component.
+
+    `written` are the keys of its block that are settings (and `preset`), `block` is where they stand. `given` are
+    settings that the constellation `giver` brings; those written come before them. `other_keys` may stand beside
+    settings.
+    """
+
+    block: Node
+    written: Mapping[str, Node] = Factory(dict)
+    given: Mapping[str, Any] = Factory(dict)
+    giver: Any = None
+    other_keys: tuple[str, ...] = ("model", "preset")
+
+
+class Chooser:
+    """Looks up components with a host; keeps what plugins are to blame for until all of the scene has been read."""
+
+    def __init__(self, host: Host) -> None:
+        self._host = host
+        self._found: dict[tuple[str, str], Any] = {}
+        self.failures: list[PluginError] = []
+
+    def component(self, hook: str, name: str, path: str) -> Any:
+        """Return a component; where it cannot be had, keep why and refuse the node without another word."""
+        if (hook, name) not in self._found:
+            self._found[hook, name] = None
+            try:
+                self._found[hook, name] = self._host.component(hook, name, path)
+            except PluginError as error:
+                self.failures.append(error)
+        component = self._found[hook, name]
+        if component is None:
+            raise Refused
+        return component
+
+    def named(self, hook: str, node: Node, path: str) -> Choice:
+        """Return the choice of a node that is a component's name, or a block of `model` and settings."""
+        if isinstance(node.value, str):
+            return self.choice(hook, component_name(node), path, Settings(node))
+        if not isinstance(node.value, dict):
+            raise refusal(node, "a component's name, or a block of model and settings, is needed")
+        block = dict(block_of(node))
+        with under(".model"):
+            name = component_name(required(block, "model", node))
+        return self.choice(hook, name, path, Settings(node, block))
+
+    def choice(self, hook: str, name: str, path: str, settings: Settings) -> Choice:
+        """Return a component's choice, its settings read."""
+        component = self.component(hook, name, path)
+        try:
+            return Choice(hook, name, self._config(component, path, settings), path)
+        except Refused:
+            raise
+        except Exception as error:  # whatever a configuration class of a plugin may raise
+            raise self.blamed(component, path, f"its configuration fails: {type(error).__name__}: {error}") from error
+
+    def blamed(self, component: Any, path: str, reason: str) -> Refused:
+        """Keep that a plugin is at fault, and return the refusal of the node, without another word."""
+        owner = self._host.provenance(component.hook, component.name)
+        self.failures.append(PluginError(f"{path}: {component.kind} {component.name!r} of {owner}: {reason}"))
+        return Refused()
+
+    def _config(self, component: Any, path: str, settings: Settings) -> Any:
+        reader = self._reader(component, path, settings)
+        written = dict(settings.written)
+        preset = _preset(component, written.pop("preset")) if "preset" in written else {}
+        givers = {**dict.fromkeys(preset, component), **dict.fromkeys(settings.given, settings.giver)}
+        supplied = node_of_data({**preset, **settings.given})
+        for complaint in supplied.complaints:
+            raise self.blamed(settings.giver or component, path, complaint.message)
+        beside = [key for key in settings.other_keys if key != "preset" or component.presets]
+        try:
+            return reader.made(Node({**block_of(supplied), **written}, settings.block.place), beside)
+        except Refused as refused:
+            theirs = {key_step(key): giver for key, giver in givers.items() if key not in written}
+            complaints = [*complaints_inside(supplied), *refused.complaints]
+            raise Refused(self._own_complaints(complaints, theirs, component, path)) from refused
+
+    def _own_complaints(
+        self, complaints: list[Complaint], givers: Mapping[str, Any], component: Any, path: str
+    ) -> Iterator[Complaint]:
+        """Yield the complaints about what the scene wrote; for the others, blame who gave the setting."""
+        for complaint in complaints:
+            giver = givers.get(complaint.steps[0]) if complaint.steps else None
+            if giver is None:
+                yield complaint
+            else:
+                words = f"a setting of it does not fit {component.name}: {complaint.path}: {complaint.message}"
+                self.blamed(giver, path, words)
+
+    def _reader(self, component: Any, path: str, settings: Settings) -> ClassReader:
+        try:
+            reader = class_reader(component.config)
+        except UnreadableTypeError as error:
+            raise self.blamed(component, path, str(error)) from error
+        taken = sorted(reader.fields.keys() & {*settings.other_keys, *_KEPT.get(component.hook, ())})
+        if taken:
+            raise self.blamed(component, path, f"its configuration has the field {taken[0]}, a key that scenes keep")
+        return reader
+
+
+def component_name(node: Node) -> str:
+    """Return the name of a component; raises `Refused` where the node is no text or empty."""
+    name = read_text(node)
+    if not name:
+        raise node.refused("a component's name is needed")
+    return name
+
+
+def _preset(component: Any, node: Node) -> Mapping[str, Any]:
+    name = read_text(node)
+    if name not in component.presets:
+        known = f"it has {', '.join(sorted(component.presets))}" if component.presets else "it has none"
+        message = f"the {component.kind} {component.name} has no preset {shown_text(name)}; {known}"
+        raise Refused([Complaint(message, node.place, (".preset",))])
+    preset: Mapping[str, Any] = component.presets[name]
+    return preset
