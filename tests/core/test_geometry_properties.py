@@ -1,7 +1,7 @@
 """What holds for geometry everywhere: round trips, the Earth's symmetry about its axis, units of a turning frame."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
@@ -160,6 +160,8 @@ def test_nadir_angle_and_angle_at_the_target_close_the_triangle(one, other):
 
 @settings(deadline=None)
 @given(positions, positions, st.floats(-10.0, 10.0))
+@example(np.array([0.0, 7.9e-217, 1.0]), np.array([-33013.0, 0.0, 0.0]), 1.0)
+@example(np.array([0.0, 0.0, 0.0]), np.array([0.0, 1.0, -1.2e-220]), 0.0)
 def test_grazing_height_is_symmetric_and_never_above_the_ends(observer, target, angle):
     height = grazing_height_m(observer, target)
     reach = length(observer) + length(target)
