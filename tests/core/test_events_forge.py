@@ -267,6 +267,13 @@ def test_north_is_0_and_never_360(azimuth_rad: float) -> None:
     assert b'"azimuth_deg":0.0,' in line
 
 
+@pytest.mark.parametrize("angle_rad", [-0.0, -1e-13])
+def test_zero_has_no_sign(angle_rad: float) -> None:
+    line = ENCODER.encode(stub_window(1, elevation_rad=angle_rad, snr=angle_rad, sensor_ecef_m=angle_rad))
+    assert b'"elevation_deg":0.0,' in line
+    assert b'"snr":0.0,"sensor_position_ecef_m":[0.0,0.0,0.0],' in line
+
+
 @pytest.mark.parametrize(
     ("columns", "message"),
     [

@@ -51,6 +51,11 @@ def test_nanoseconds_round_to_the_nearest_microsecond_halves_later(time_ns: int,
     assert unix_us == epoch_us + (2 * time_ns + 1000) // 2000
 
 
+def test_a_half_microsecond_is_the_later_one() -> None:
+    halves = np.array([-1500, -500, 500, 1500, 499, -501])
+    assert unix_microseconds(halves, 10).tolist() == [9, 10, 11, 12, 10, 9]
+
+
 def test_the_first_and_last_writable_times() -> None:
     assert timestamp_text(np.array([FIRST_UNIX_US, END_UNIX_US - 1])) == [
         "0001-01-01T00:00:00.000000Z",

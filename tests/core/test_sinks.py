@@ -53,7 +53,10 @@ def python(program: str, *arguments: str) -> "subprocess.CompletedProcess[bytes]
         "from opir_core.testing.windows import stub_window\n"
         "encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))\n"
     )
-    return subprocess.run([sys.executable, "-c", opening + program, *arguments], capture_output=True, check=False)
+    # As for a user: what is printed waits in Python's buffer.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    command = [sys.executable, "-c", opening + program, *arguments]
+    return subprocess.run(command, capture_output=True, check=False, env=environment)
 
 
 def test_the_sinks_and_encoders_are_those_the_documentation_names() -> None:
