@@ -74,8 +74,7 @@ def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
     """
     offset = _offset(observer_ecef_m, target_ecef_m)
     east, north, up = (_along(row, offset) for row in _rows_under(observer_ecef_m))
-    elevation = np.arctan2(up, np.sqrt(east * east + north * north))
-    return select(length(*offset) > 0.0, elevation, np.nan)
+    return _elevation(east, north, up)
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
@@ -110,13 +109,17 @@ def line_of_sight(observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_
 
 def _angles(offset: _Vector, rows: _Rows) -> AzimuthElevationRange:
     """Return azimuth, elevation and range of an offset."""
-    distance = length(*offset)
     east, north, up = (_along(row, offset) for row in rows)
-    undefined = select(distance > 0.0, 0.0, np.nan)
     turned = np.arctan2(east + 0.0, north + 0.0)
-    azimuth = select(turned < -_LESS_THAN_ROUNDING, turned + 2.0 * np.pi, np.maximum(turned, 0.0))
-    elevation = np.arctan2(up, np.sqrt(east * east + north * north))
-    return AzimuthElevationRange(azimuth + undefined, elevation + undefined, distance + 0.0 * up)
+    azimuth = np.maximum(turned + (turned < -_LESS_THAN_ROUNDING) * (2.0 * np.pi), 0.0)
+    elevation = _elevation(east, north, up)
+    return AzimuthElevationRange(azimuth + 0.0 * elevation, elevation, length(*offset) + 0.0 * up)
+
+
+def _elevation(east: Floats, north: Floats, up: Floats) -> Floats:
+    """Return the angle above the level, +-pi/2 straight up and down, nan of nothing."""
+    angle: Floats = np.arctan(up / np.sqrt(east * east + north * north))
+    return angle
 
 
 def _offset(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Vector:
@@ -136,8 +139,9 @@ def _rows_under(position_ecef_m: ArrayLike) -> _Rows:
     x, y, z = components(position_ecef_m)
     rho = np.sqrt(x * x + y * y)
     sin_latitude, cos_latitude = normal_at_foot(rho, z, WGS84.equatorial_radius_m, WGS84.polar_radius_m)
-    divisor = rho + NEVER_ZERO
-    return _rows_at(sin_latitude, cos_latitude, y / divisor, select(rho == 0.0, 1.0, x / divisor))
+    on_axis, divisor = rho < NEVER_ZERO, rho + NEVER_ZERO
+    sin_longitude, cos_longitude = select(on_axis, 0.0, y / divisor), select(on_axis, 1.0, x / divisor)
+    return _rows_at(sin_latitude, cos_latitude, sin_longitude, cos_longitude)
 
 
 def _rows_at(sin_latitude: Floats, cos_latitude: Floats, sin_longitude: Floats, cos_longitude: Floats) -> _Rows:

@@ -77,8 +77,8 @@ def _line_height(px: Floats, py: Floats, pz: Floats, dx: Floats, dy: Floats, dz:
     of z.
     """
     level, distance = np.sqrt(dx * dx + dy * dy), length(dx, dy, dz)
-    sine, cosine = dz / (distance + NEVER_ZERO), select(distance == 0.0, 1.0, level / (distance + NEVER_ZERO))
-    upright = level == 0.0
+    sine, cosine = dz / (distance + NEVER_ZERO), select(distance < NEVER_ZERO, 1.0, level / (distance + NEVER_ZERO))
+    upright = level < NEVER_ZERO
     ux, uy = select(upright, 1.0, dx / (level + NEVER_ZERO)), select(upright, 0.0, dy / (level + NEVER_ZERO))
     across = np.abs(py * ux - px * uy)
     above = pz * cosine - (px * ux + py * uy) * sine

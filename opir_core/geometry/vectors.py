@@ -9,8 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-#: Added to a length that divides, so that nothing over nothing is nothing; too small to change any other.
-NEVER_ZERO = 1e-300
+#: Lengths below it, m, count as none: their squares would drop out of a double. Added to a length that divides, it
+#: makes nothing over nothing nothing, and changes no other.
+NEVER_ZERO = 1e-150
 
 #: 2**27 + 1: multiplying by it cuts a double into two halves whose products are exact (Veltkamp, 1968).
 _SPLITTER = 134217729.0
