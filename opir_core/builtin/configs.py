@@ -104,5 +104,5 @@ class BallisticConfig:
         default=None, help="name of the class profile of its boost; by default the type's for the range to the aim"
     )
     burn_time_s: float | None = number(
-        default=None, unit="s", above=0.0, maximum=1000.0, help="burn time; by default the profile's"
+        default=None, unit="s", minimum=10.0, maximum=1000.0, help="burn time; by default the profile's"
     )

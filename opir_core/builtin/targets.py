@@ -1,0 +1,164 @@
+"""The target model `ballistic`: boost on a generic class profile, then a two-body arc to the aim point."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from attrs import define
+from numpy.typing import NDArray
+
+from opir_core.builtin.configs import AimConfig, BallisticConfig, LaunchConfig
+from opir_core.errors import Problem, SceneError
+from opir_core.flight.aim import Aim, aim, surface_range_m
+from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.profiles import PROFILES_BY_TYPE, BoostProfile, boost_profile, profile_for_type
+from opir_core.geometry import Geodetic, ecef_to_geodetic
+from opir_core.protocols import TargetContext, Trajectories
+from opir_core.records import FloatArray, IndexArray
+from opir_core.scene import TARGET_TYPES
+
+#: How far the interpolated positions may be from the profile's, m.
+EPHEMERIS_TOLERANCE_M = 0.01
+
+
+@define(eq=False)
+class BallisticTargets:
+    """Targets on their way from ignition to burnout, and what is known of their flight to the aim point."""
+
+    type_code: NDArray[np.uint8]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    boost: Ephemeris
+    flight: Aim
+    ids: tuple[str, ...]
+    configs: tuple[BallisticConfig, ...]
+    profiles: tuple[BoostProfile, ...]
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (m, 3) of targets (m,) at scene times (m,), to 1 cm; nan outside ignition to burnout."""
+        return self.boost.position_m(target, time_s)
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return one mapping a target: what was asked for, burnout and impact.
+
+        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times are scene times.
+        """
+        burnout, impact = (
+            _places(ecef_to_geodetic(position))
+            for position in (self.flight.burnout_position_ecef_m, self.flight.impact_ecef_m)
+        )
+        return [
+            {
+                "id": self.ids[row],
+                "type": config.type,
+                "profile": self.profiles[row].name,
+                "launch": _place(config.launch),
+                "aim": _place(config.aim),
+                "ignition_s": float(self.ignition_s[row]),
+                "burnout_s": float(self.burnout_s[row]),
+                "burnout": {
+                    **burnout[row],
+                    "position_ecef_m": self.flight.burnout_position_ecef_m[row].tolist(),
+                    "velocity_ecef_m_s": self.flight.burnout_velocity_ecef_m_s[row].tolist(),
+                },
+                "impact": {**impact[row], "time_s": float(self.flight.impact_s[row])},
+                "miss_m": float(self.flight.miss_m[row]),
+            }
+            for row, config in enumerate(self.configs)
+        ]
+
+
+def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext) -> Trajectories:
+    """Return the trajectories of all targets of the model.
+
+    Raises `SceneError` with a problem for each target whose profile is unknown or whose aim point is out of reach.
+    """
+    launch, aim_point = (_columns(getattr(config, place) for config in configs) for place in ("launch", "aim"))
+    unknown = _unknown_profiles(configs)
+    ranges_m = _ranges_m(launch, aim_point).tolist()
+    profiles = tuple(_profile(config, ranges_m[row], row in unknown) for row, config in enumerate(configs))
+    ignition_s = np.array([config.launch.time_s for config in configs], dtype=np.float64)
+    flight = aim(launch, aim_point, ignition_s, profiles)
+    problems = _problems(unknown, flight.complaints, configs, profiles, context.paths)
+    if problems:
+        raise SceneError(problems)
+    path = flight.path
+    return BallisticTargets(
+        type_code=np.array([TARGET_TYPES.index(config.type) for config in configs], dtype=np.uint8),
+        ignition_s=ignition_s,
+        burnout_s=flight.burnout_s,
+        boost=Ephemeris.build(path.state, ignition_s, flight.burnout_s, path.breakpoints_s(), EPHEMERIS_TOLERANCE_M),
+        flight=flight,
+        ids=context.ids,
+        configs=tuple(configs),
+        profiles=profiles,
+    )
+
+
+def _unknown_profiles(configs: Sequence[BallisticConfig]) -> dict[int, str]:
+    """Return, by row, what is wrong with the profiles that are named and do not exist."""
+    complaints = {}
+    for row, config in enumerate(configs):
+        try:
+            if config.profile is not None:
+                boost_profile(config.profile)
+        except ValueError as error:
+            complaints[row] = str(error)
+    return complaints
+
+
+def _profile(config: BallisticConfig, range_m: float, is_unknown: bool) -> BoostProfile:
+    """Return the profile that a target flies; in the place of an unknown one, that of its type."""
+    if config.profile is None or is_unknown:
+        profile = profile_for_type(config.type, range_m)
+    else:
+        profile = boost_profile(config.profile)
+    return profile if config.burn_time_s is None else profile.with_burn_time(config.burn_time_s)
+
+
+def _problems(
+    unknown: Mapping[int, str],
+    complaints: Sequence[str],
+    configs: Sequence[BallisticConfig],
+    profiles: Sequence[BoostProfile],
+    paths: Sequence[str],
+) -> list[Problem]:
+    """Return what is wrong with each target that cannot fly as asked."""
+    problems = []
+    for row, (complaint, config, path) in enumerate(zip(complaints, configs, paths, strict=True)):
+        if row in unknown:
+            problems.append(Problem(f"{path}.profile", unknown[row]))
+        elif complaint:
+            problems.append(Problem(f"{path}.aim", f"{complaint}{_other_ranges(config.type, profiles[row])}"))
+    return problems
+
+
+def _other_ranges(target_type: str, chosen: BoostProfile) -> str:
+    """Return which ranges the other profiles of a type have."""
+    others = (boost_profile(name) for name in PROFILES_BY_TYPE[target_type] if name != chosen.name)
+    return "".join(
+        f"; of type {target_type} there is also {other.name}, {other.minimum_range_m / 1e3:g} to"
+        f" {other.maximum_range_m / 1e3:g} km"
+        for other in others
+    )
+
+
+def _columns(places: Iterable[LaunchConfig | AimConfig]) -> Geodetic:
+    """Return the columns of places in radians and metres."""
+    rows = [(math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m) for place in places]
+    return Geodetic(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
+
+
+def _ranges_m(launch: Geodetic, aim_point: Geodetic) -> FloatArray:
+    return surface_range_m(launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad)
+
+
+def _place(config: LaunchConfig | AimConfig) -> dict[str, float]:
+    return {"lat_deg": config.lat_deg, "lon_deg": config.lon_deg, "height_m": config.height_m}
+
+
+def _places(where: Geodetic) -> list[dict[str, float]]:
+    columns = (np.degrees(where.latitude_rad), np.degrees(where.longitude_rad), where.height_m)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return [{"lat_deg": latitude, "lon_deg": longitude, "height_m": height} for latitude, longitude, height in rows]
