@@ -1,0 +1,195 @@
+"""Trajectories and orbits as piecewise polynomials: built once to a tolerance, evaluated in bulk.
+
+Evaluation is element by element: a result depends on its own target and time alone, not on its neighbours in the call.
+"""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import ArrayLike
+
+from opir_core.flight.pieces import Indices, Motion, Pieces, fitted_pieces, merged_pieces
+from opir_core.geometry.vectors import Floats
+
+#: Points evaluated at a time: their columns stay in the processor's cache.
+_BLOCK = 32768
+
+#: Bins of the time lookup for each piece.
+_BINS_PER_PIECE = 16
+
+#: Runs of equal indices this long, on average, are repeated rather than gathered one by one; the values are the same.
+_LONG_RUN = 4
+
+#: From a column over pieces or targets to a column over points.
+_Spread = Callable[[Any], Any]
+
+
+@frozen(eq=False)
+class Ephemeris:
+    """Positions of n targets, each within its span `start_s` to `end_s` (n,), to `tolerance_m`; outside it, nan.
+
+    The frame is that of the motion it was built from. Position and velocity are continuous within a span.
+    """
+
+    start_s: Floats
+    end_s: Floats
+    tolerance_m: float
+    pieces: Pieces
+    _next_s: Floats
+    _middle_s: Floats
+    _half_rate: Floats
+    _first_bin: Indices
+    _bins_per_s: Floats
+    _bin_piece: Indices
+
+    def __len__(self) -> int:
+        return len(self.start_s)
+
+    @staticmethod
+    def build(
+        motion: Motion,
+        start_s: ArrayLike,
+        end_s: ArrayLike,
+        breakpoints_s: ArrayLike | None = None,
+        tolerance_m: float = 0.01,
+    ) -> "Ephemeris":
+        """Return the ephemeris of a motion over spans (n,) of a length above zero.
+
+        `motion(target, time_s)` takes index and time columns (m,) and returns positions and velocities (m, 3), element
+        by element. `breakpoints_s` (n, k) are times at which it is not smooth; those outside a span do no harm. A
+        motion that is not finite, or too rough for the tolerance, is a `ModelError`.
+        """
+        start, end = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (start_s, end_s)))
+        if not (np.isfinite(start) & np.isfinite(end) & (start < end)).all():
+            raise ValueError("every span of an ephemeris must start before it ends")
+        if not tolerance_m > 0.0:
+            raise ValueError(f"the tolerance of an ephemeris must be above zero, not {tolerance_m} m")
+        target, lower, upper = _smooth_spans(start, end, breakpoints_s)
+        return _indexed(fitted_pieces(motion, target, lower, upper, tolerance_m), tolerance_m)
+
+    @staticmethod
+    def joined(parts: Sequence["Ephemeris"]) -> "Ephemeris":
+        """Return the ephemeris of targets whose spans come in parts, each starting when the one before it ends."""
+        for before, after in pairwise(parts):
+            if not np.array_equal(before.end_s, after.start_s):
+                raise ValueError("each part of a joined ephemeris must start when the one before it ends")
+        return _indexed(merged_pieces([part.pieces for part in parts]), max(part.tolerance_m for part in parts))
+
+    def position_m(self, target: ArrayLike, time_s: ArrayLike) -> Floats:
+        """Return positions (..., 3) of targets at times, which broadcast; nan outside a target's span."""
+        return self._evaluated(target, time_s, (_position,))[0]
+
+    def state(self, target: ArrayLike, time_s: ArrayLike) -> tuple[Floats, Floats]:
+        """Return positions (..., 3), m, and velocities (..., 3), m/s, of targets at times, which broadcast."""
+        position, velocity = self._evaluated(target, time_s, (_position, _velocity))
+        return position, velocity
+
+    def position_grid_m(self, time_s: ArrayLike) -> Floats:
+        """Return positions (n, m, 3) of all targets at times (m,)."""
+        return self.position_m(np.arange(len(self))[:, None], np.asarray(time_s, dtype=np.float64)[None, :])
+
+    def _evaluated(self, target: ArrayLike, time_s: ArrayLike, columns: "Sequence[_Column]") -> list[Floats]:
+        """Return one (..., 3) array for each of the columns, computed block by block."""
+        rows, times = np.broadcast_arrays(np.asarray(target), np.asarray(time_s, dtype=np.float64))
+        if rows.size and not (rows.min() >= 0 and rows.max() < len(self)):
+            raise IndexError(f"target index outside 0 to {len(self) - 1}")
+        shape, rows, times = rows.shape, rows.reshape(-1), times.reshape(-1)
+        out = [np.empty((len(rows), 3)) for _ in columns]
+        for first in range(0, len(rows), _BLOCK):
+            block = slice(first, first + _BLOCK)
+            spread, x = self._located(rows[block].astype(np.intp, copy=False), times[block])
+            for array, column in zip(out, columns, strict=True):
+                for axis in range(3):
+                    array[block, axis] = column(self, spread, x, axis)
+        return [array.reshape(*shape, 3) for array in out]
+
+    def _located(self, target: Indices, time_s: Floats) -> tuple[_Spread, Floats]:
+        """Return the way from pieces to points, and the times within their pieces: -1 to 1, nan outside the span."""
+        of_target = _spread(target)
+        start_s = of_target(self.start_s)
+        inside = (time_s >= start_s) & (time_s <= of_target(self.end_s))
+        everywhere = bool(inside.all())
+        time_s = time_s if everywhere else np.where(inside, time_s, start_s)
+        bin_ = ((time_s - start_s) * of_target(self._bins_per_s)).astype(np.intp)
+        bin_ += of_target(self._first_bin)
+        spread = _spread(self._stepped(self._bin_piece.take(bin_), time_s))
+        x = (time_s - spread(self._middle_s)) * spread(self._half_rate)
+        return spread, x if everywhere else np.where(inside, x, np.nan)
+
+    def _stepped(self, piece: Indices, time_s: Floats) -> Indices:
+        """Return pieces moved on, from the first in their lookup bin, to those that hold the times."""
+        late = np.flatnonzero(time_s >= self._next_s.take(piece))
+        while late.size:
+            piece[late] += 1
+            late = late[time_s[late] >= self._next_s[piece[late]]]
+        return piece
+
+
+_Column = Callable[[Ephemeris, _Spread, Floats, int], Floats]
+
+
+def _position(ephemeris: Ephemeris, spread: _Spread, x: Floats, axis: int) -> Floats:
+    """Return one component of position, by Horner's rule."""
+    first, *rest = ephemeris.pieces.coefficients[:, axis]
+    value: Floats = spread(first)
+    for coefficient in rest:
+        value *= x
+        value += spread(coefficient)
+    return value
+
+
+def _velocity(ephemeris: Ephemeris, spread: _Spread, x: Floats, axis: int) -> Floats:
+    """Return one component of velocity: the derivative by Horner's rule, from x to time."""
+    coefficients = ephemeris.pieces.coefficients[:-1, axis]
+    value: Floats = spread(coefficients[0] * 5.0)
+    for power, coefficient in zip((4.0, 3.0, 2.0, 1.0), coefficients[1:], strict=True):
+        value *= x
+        value += spread(coefficient * power)
+    value *= spread(ephemeris._half_rate)
+    return value
+
+
+def _spread(index: Indices) -> _Spread:
+    """Return the function that takes a column at these indices; long runs of one index are repeated, not gathered."""
+    edges = np.flatnonzero(index[1:] != index[:-1]) + 1
+    if _LONG_RUN * (len(edges) + 1) > len(index):
+        return lambda column: column.take(index)
+    edges = np.concatenate([[0], edges, [len(index)]])
+    heads, counts = index[edges[:-1]], np.diff(edges)
+    return lambda column: np.repeat(column.take(heads), counts)
+
+
+def _smooth_spans(start_s: Floats, end_s: Floats, breakpoints_s: ArrayLike | None) -> tuple[Indices, Floats, Floats]:
+    """Return the spans cut at their breakpoints: target, start and end (m,)."""
+    inner = np.empty((len(start_s), 0)) if breakpoints_s is None else np.asarray(breakpoints_s, dtype=np.float64)
+    inner = np.clip(inner, start_s[:, None], end_s[:, None])
+    cuts = np.sort(np.concatenate([start_s[:, None], inner, end_s[:, None]], axis=1), axis=1)
+    target, gap = np.nonzero(cuts[:, :-1] < cuts[:, 1:])
+    return target, cuts[target, gap], cuts[target, gap + 1]
+
+
+def _indexed(pieces: Pieces, tolerance_m: float) -> Ephemeris:
+    """Return the ephemeris of pieces sorted by target and time, with the first piece in each bin of each target's span.
+
+    Bins are uniform; one more than fit into the span catches its very end.
+    """
+    first = np.flatnonzero(np.diff(pieces.target, prepend=-1))
+    count = np.diff(first, append=len(pieces))
+    last = first + count - 1
+    start_s, end_s = pieces.start_s[first], pieces.end_s[last]
+    bins_per_s = _BINS_PER_PIECE * count / (end_s - start_s)
+    bins = _BINS_PER_PIECE * count + 1
+    first_bin = np.cumsum(bins) - bins
+    earliest = np.ceil((pieces.start_s - start_s[pieces.target]) * bins_per_s[pieces.target]).astype(np.intp)
+    bin_piece = np.zeros(bins.sum(), dtype=np.intp)
+    np.maximum.at(bin_piece, first_bin[pieces.target] + earliest, np.arange(len(pieces)))
+    next_s = pieces.end_s.copy()
+    next_s[last] = np.inf
+    middle_s, half_rate = 0.5 * (pieces.start_s + pieces.end_s), 2.0 / (pieces.end_s - pieces.start_s)
+    return Ephemeris(
+        start_s, end_s, tolerance_m, pieces, next_s, middle_s, half_rate,
+        first_bin, bins_per_s, np.maximum.accumulate(bin_piece),
+    )  # fmt: skip

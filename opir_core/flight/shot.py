@@ -1,0 +1,75 @@
+"""A shot: from launch azimuth and burnout speed to where the free flight comes down on the rotating Earth."""
+
+from collections.abc import Callable
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.flight.ascent import Ascent
+from opir_core.flight.boost import LaunchSite
+from opir_core.flight.pieces import Indices
+from opir_core.geometry import ecef_to_eci_state, eci_to_ecef
+from opir_core.geometry.vectors import Floats, components, length
+
+#: Inertial burnout positions and velocities (m, 3) and the aim points' heights (m,), to times to impact (m,), s, and
+#: points of impact (m, 3) in the same frame; nan where a flight never comes down to that height.
+Impact = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]
+
+
+@frozen(eq=False)
+class Landing:
+    """Where flights come down: columns (n,) and (n, 3).
+
+    The miss is split along and across the great circle to the aim point, by polar angles about the launch point: there
+    each of the two unknowns moves mostly its own coordinate. `duration_s` is from burnout to impact.
+    """
+
+    along_m: Floats
+    across_m: Floats
+    miss_m: Floats
+    duration_s: Floats
+    impact_ecef_m: Floats
+
+
+@frozen(eq=False)
+class Shot:
+    """Launches (n,) and where they aim: ECEF position (n, 3) and height (n,) of the aim points."""
+
+    site: LaunchSite
+    course: Ascent
+    aim_ecef_m: Floats
+    aim_height_m: Floats
+
+    def take(self, rows: Indices) -> "Shot":
+        """Return some of the shots."""
+        return Shot(self.site.take(rows), self.course.take(rows), self.aim_ecef_m[rows], self.aim_height_m[rows])
+
+    def burnout(self, azimuth_rad: Floats, speed_m_s: Floats) -> tuple[Floats, Floats]:
+        """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
+        plane = self.site.plane(azimuth_rad)
+        height_m = self.course.burnout_height_m(speed_m_s)
+        swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
+        return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
+
+    def landing(self, azimuth_rad: Floats, speed_m_s: Floats, impact: Impact) -> Landing:
+        """Return where the flights come down; the inertial frame is ECEF frozen at burnout."""
+        duration_s, point_m = impact(*ecef_to_eci_state(*self.burnout(azimuth_rad, speed_m_s), 0.0), self.aim_height_m)
+        impact_m = eci_to_ecef(point_m, duration_s)
+        range_rad, bearing_rad = self.polar_rad(impact_m)
+        aim_range_rad, aim_bearing_rad = self.polar_rad(self.aim_ecef_m)
+        radius_m = length(*components(self.aim_ecef_m))
+        turn_rad = np.remainder(bearing_rad - aim_bearing_rad + np.pi, 2.0 * np.pi) - np.pi
+        miss_m = length(*components(impact_m - self.aim_ecef_m))
+        along_m, across_m = radius_m * (range_rad - aim_range_rad), radius_m * np.sin(aim_range_rad) * turn_rad
+        return Landing(along_m, across_m, miss_m, duration_s, impact_m)
+
+    def polar_rad(self, point_ecef_m: Floats) -> tuple[Floats, Floats]:
+        """Return angle from the launch point and bearing at it, geocentric, of points (n, 3)."""
+        x, y, z = components(point_ecef_m)
+        ex, ey, ez = components(self.site.axes[:, 0])
+        ox, oy, oz = components(self.site.launch_m)
+        radius_m = length(ox, oy, oz)
+        nx, ny, nz = (oy * ez - oz * ey) / radius_m, (oz * ex - ox * ez) / radius_m, (ox * ey - oy * ex) / radius_m
+        east, north = x * ex + y * ey + z * ez, x * nx + y * ny + z * nz
+        outward = (x * ox + y * oy + z * oz) / radius_m
+        return np.arctan2(np.hypot(east, north), outward), np.arctan2(east, north)
