@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
+from opir_core.flight.column_vectors import cross, dot, length
 from opir_core.flight.stumpff import Floats, universal_functions
 from opir_core.geometry.foot import height_along_normal, normal_at_foot
 
@@ -93,11 +94,9 @@ class ConicArcs(NamedTuple):
 
 def conic_arcs(position_m: Floats, velocity_m_s: Floats, mu_m3_s2: float) -> ConicArcs:
     """Return the arcs from states (n, 3)."""
-    x, y, z = position_m.T
-    length = np.sqrt(x * x + y * y + z * z)
-    speed = np.sqrt(mu_m3_s2 / length)
-    (x, y, z), (u, v, w) = position, velocity = position_m.T / length, velocity_m_s.T / speed
-    moment = y * w - z * v, z * u - x * w, x * v - y * u
-    momentum = np.sqrt(moment[0] * moment[0] + moment[1] * moment[1] + moment[2] * moment[2])
-    alpha = 2.0 - (u * u + v * v + w * w)
-    return ConicArcs(position, velocity, x * u + y * v + z * w, alpha, momentum, length, length / speed)
+    position, velocity = np.ascontiguousarray(position_m.T), np.ascontiguousarray(velocity_m_s.T)
+    distance = length(position)
+    speed = np.sqrt(mu_m3_s2 / distance)
+    position, velocity = position / distance, velocity / speed
+    momentum, alpha = length(cross(position, velocity)), 2.0 - dot(velocity, velocity)
+    return ConicArcs(position, velocity, dot(position, velocity), alpha, momentum, distance, distance / speed)

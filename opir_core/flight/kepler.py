@@ -73,16 +73,16 @@ def _propagated(
 
 
 def flat_states(
-    position_m: ArrayLike, velocity_m_s: ArrayLike, scalar: ArrayLike
+    first: ArrayLike, second: ArrayLike, scalar: ArrayLike
 ) -> tuple[Floats, Floats, Floats, tuple[int, ...]]:
-    """Return positions and velocities (n, 3) and a number a state (n,), broadcast together, and their common shape."""
-    position, velocity, number = (np.asarray(x, dtype=np.float64) for x in (position_m, velocity_m_s, scalar))
-    for name, vectors in (("position_m", position), ("velocity_m_s", velocity)):
+    """Return two vectors (n, 3) and a number (n,) of each element, broadcast together, and their common shape."""
+    one, two, number = (np.asarray(x, dtype=np.float64) for x in (first, second, scalar))
+    for vectors in (one, two):
         if vectors.ndim == 0 or vectors.shape[-1] != 3:
-            raise ValueError(f"{name} must have a last axis of 3 (x, y, z), got shape {vectors.shape}")
-    shape = np.broadcast_shapes(position.shape[:-1], velocity.shape[:-1], number.shape)
-    position, velocity = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (position, velocity))
-    return position, velocity, np.broadcast_to(number, shape).reshape(-1), shape
+            raise ValueError(f"expected vectors with a last axis of 3 (x, y, z), got shape {vectors.shape}")
+    shape = np.broadcast_shapes(one.shape[:-1], two.shape[:-1], number.shape)
+    one, two = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (one, two))
+    return one, two, np.broadcast_to(number, shape).reshape(-1), shape
 
 
 def _in_blocks(position: Floats, velocity: Floats, duration: Floats, mu: float) -> tuple[Floats, NDArray[np.int8]]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.flight.column_vectors import cross, dot
 from opir_core.flight.kepler_equation import Arcs
 from opir_core.flight.stumpff import Floats, universal_functions
 
@@ -60,22 +61,14 @@ def flybys(position: Floats, velocity: Floats, alpha: Floats, time: Floats) -> F
 
     The vector to the pericentre is v × h - r / |r|: with cross products it keeps its accuracy on nearly straight lines.
     """
-    momentum = _cross(position, velocity)
-    momentum_squared = _dot(momentum, momentum)
+    momentum = cross(position, velocity)
+    momentum_squared = dot(momentum, momentum)
     eccentricity = np.sqrt(1.0 - alpha * momentum_squared)
-    ahead = (_cross(velocity, momentum) - position) / eccentricity
+    ahead = (cross(velocity, momentum) - position) / eccentricity
     k = np.sqrt(-alpha)
-    rise = -_dot(position, velocity) * k
+    rise = -dot(position, velocity) * k
     approach = np.arcsinh(rise / eccentricity)
     later = time - (rise - approach) / (k * k * k)
     pericentre = momentum_squared / (1.0 + eccentricity)
-    sideways = _cross(momentum, ahead)
+    sideways = cross(momentum, ahead)
     return Flybys(position, velocity, alpha, time, eccentricity, pericentre, ahead, sideways, approach / k, later)
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

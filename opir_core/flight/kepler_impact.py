@@ -35,6 +35,9 @@ _MOST_STEPS = 80
 #: A step this small, relative to the anomaly, is the last: Newton's method squares it.
 _LAST_STEP = 1e-10
 
+#: A halving this small, relative to the anomaly, leaves nothing to halve.
+_LAST_HALVING = 4.0 * float(np.finfo(float).eps)
+
 
 def kepler_impact(
     position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike = 0.0, mu_m3_s2: float = EARTH_MU_M3_S2
@@ -45,7 +48,8 @@ def kepler_impact(
     as ECEF frozen at scene epoch; leading axes broadcast with `height_m`. The impact is the first descent through the
     surface of geodetic height `height_m` above the WGS 84 ellipsoid. A start below the surface first has to rise
     through it; one within 1e-6 m of it counts as on it and falls at once if it descends. The arc is followed through
-    the Earth where it starts inside. Time and point agree with the surface to 1e-6 m from starts nearer than the Moon.
+    the Earth where it starts inside. The point has the height to 1e-6 m, and is the arc's at that time as nearly as
+    rounding the inputs allows.
 
     `nan` where the arc never descends through the surface (pericentre above it, apocentre below it, escape), where an
     input is not finite, and for heights below -6 000 km.
@@ -120,8 +124,10 @@ def _descent(arcs: ConicArcs, height: Floats, low: Floats, high: Floats) -> Floa
         above, slope = arcs.at(at).heights_and_slopes(s[at])
         above -= height[at]
         low[at], high[at] = np.where(above > 0.0, s[at], low[at]), np.where(above > 0.0, high[at], s[at])
-        trial = s[at] - above / slope
-        trial = np.where((trial >= low[at]) & (trial <= high[at]), trial, 0.5 * (low[at] + high[at]))
-        still[at] = np.abs(trial - s[at]) > _LAST_STEP * high[at]
+        newton = s[at] - above / slope
+        inside = (newton >= low[at]) & (newton <= high[at])
+        trial = np.where(inside, newton, 0.5 * (low[at] + high[at]))
+        enough = np.where(inside, _LAST_STEP, _LAST_HALVING) * high[at]
+        still[at] = np.abs(trial - s[at]) > enough
         s[at] = trial
     return s
