@@ -8,7 +8,7 @@ import numpy as np
 
 from opir_core._version import __version__
 from opir_core.plan import Plan
-from opir_core.plugin.components import Constellation
+from opir_core.plugin.components import Constellation, EventEncoder
 from opir_core.randomness import SCHEME
 from opir_core.reading import scene_hash, scene_mapping
 
@@ -33,6 +33,8 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
 def components_used(plan: Plan) -> list[Mapping[str, str]]:
     """Return every component a plan uses, with the distribution and version it came from, by kind and name."""
     chosen = {(choice.hook, choice.name) for choice in plan.scene.choices}
+    encoders = {getattr(choice.config, "encoder", None) for choice in plan.scene.outputs} - {None}
+    chosen |= {(EventEncoder.hook, name) for name in encoders}
     fleets = {(Constellation.hook, sensor.constellation) for sensor in plan.scene.sensors if sensor.constellation}
     return [_with_provenance(plan, hook, name) for hook, name in sorted(chosen | fleets)]
 

@@ -3,6 +3,7 @@
 import argparse
 import json
 import sys
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from opir_core.commands.tables import table
@@ -48,5 +49,5 @@ def _as_text(rows: "list[PluginRow]") -> str:
     )
 
 
-def _warned(summary: str, contested_by: object) -> str:
-    return f"{summary} (also claimed by {contested_by})" if contested_by else summary
+def _warned(summary: str, contested_by: Iterable[object]) -> str:
+    return f"{summary} (also claimed by {', '.join(map(str, contested_by))})" if contested_by else summary
