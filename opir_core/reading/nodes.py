@@ -158,7 +158,7 @@ def shown_text(text: str) -> str:
 def unprintable_complaint(text: str) -> str | None:
     """Return what is wrong with the characters of a text, or None."""
     found = _NOT_TEXT.search(text)
-    return f"{shown_text(text)} contains the control character U+{ord(found[0]):04X}" if found else None
+    return f"{shown_text(text)} contains U+{ord(found[0]):04X}, which is not text" if found else None
 
 
 def complaints_inside(node: Node) -> Iterator[Complaint]:

@@ -4,10 +4,11 @@ import re
 from collections.abc import Mapping, Sequence
 
 from opir_core.reading.nodes import UNREADABLE, Complaint, Node, Refused, index_step, key_step, shown_text
-from opir_core.reading.strict_yaml import node_of_yaml
+from opir_core.reading.strict_yaml import node_of_scalar, node_of_yaml
 
 _STEP = re.compile(r"\.([^\s.\[\]=]+)|\[([0-9]{1,9})\]")
-_COMMENT = re.compile(r"(^|\s)#")
+#: What the values that are read as YAML begin with, and what these end with.
+_YAML = {"'": "'", '"': '"', "[": "]", "{": "}", "&": "", "*": "", "!": ""}
 
 
 def overridden(root: Node, overrides: Sequence[str], defaults: Mapping[str, str | None]) -> list[Complaint]:
@@ -50,10 +51,13 @@ def _steps(path: str, shown: str) -> list[str | int]:
 
 
 def _value(text: str, shown: str) -> Node:
-    if _COMMENT.search(text) and text[0] not in "'\"":
-        raise Refused([Complaint(f"{shown}: a value with '#' in it needs quotes")])
+    """Return the node of an override's value: an unquoted scalar as it stands, or quotes, [...] and {...} of YAML."""
     if not text:
         raise Refused([Complaint(f"{shown} has no value; write null for none, or '' for empty text")])
+    if text[0] not in _YAML:
+        return node_of_scalar(text, shown)
+    if not text.endswith(_YAML[text[0]]):
+        raise Refused([Complaint(f"{shown}: text that begins with {text[0]} needs quotes")])
     try:
         return node_of_yaml(text, shown)
     except Refused as refused:

@@ -1,7 +1,6 @@
 """The sensors of a scene: single ones, constellations by name, and constellations whose members are written out."""
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Any
 
 from attrs import evolve
@@ -12,7 +11,7 @@ from opir_core.reading.identifying import ID_RULE, Identifier, is_id
 from opir_core.reading.limits import MAXIMUM_SENSORS
 from opir_core.reading.nodes import Gathering, Node, index_step, key_step, under
 from opir_core.reading.readers import block_of, items_of, refusal
-from opir_core.reading.structuring import unknown_key
+from opir_core.reading.structuring import nearest, unknown_key
 from opir_core.scene import SceneSensor
 
 _MODELS = "opir_sensor_models"
@@ -104,7 +103,7 @@ class SensorReader:
 def _refuse_nameless(block: Mapping[str, Node], node: Node) -> None:
     """Refuse a block that names neither a model nor a constellation."""
     for key, value in block.items():
-        if get_close_matches(key, _NAMING_KEYS, 1):
+        if nearest(key, _NAMING_KEYS):
             with under(key_step(key)):
                 raise unknown_key(key, value, _NAMING_KEYS)
     raise node.refused("names neither a model nor a constellation")

@@ -38,6 +38,7 @@ _SYNTAX = (
     ("expected ',' or '", "a ',' or a closing bracket is missing before this"),
     ("expected key", "the keys of one block, and the '-' of one list, must begin in one column"),
     ("block end", "the keys of one block, and the '-' of one list, must begin in one column"),
+    ("document start", "something follows after the end"),
     ("'-' indicator", "the keys of one block, and the '-' of one list, must begin in one column"),
     ("node content", "a value is missing before this"),
     ("escape", "there is no such escape in double quotes; write '\\\\' for a backslash, or use single quotes"),
@@ -56,10 +57,18 @@ def node_of_yaml(text: str, origin: str | None = None) -> Node:
         for event in yaml.parse(text, Loader=PARSER):
             composer.take(event)
     except yaml.MarkedYAMLError as error:
-        composer.stop(*_syntax_message(error))
+        composer.stop(*_syntax_message(error, origin is None))
     if composer.root is None:
         raise Refused([Complaint("there is nothing in it", origin)])
     return composer.root
+
+
+def node_of_scalar(text: str, origin: str) -> Node:
+    """Return the node of an unquoted scalar, whatever characters it holds."""
+    try:
+        return Node(plain_value(text), origin, None, text)
+    except ValueError as error:
+        return Node(UNREADABLE, origin, None, text, (Complaint(str(error), origin),))
 
 
 class _Composer:
@@ -182,15 +191,15 @@ def _refuse_unprintable(text: str, origin: str | None) -> None:
     place = origin or (line, found.start() - text.rfind("\n", 0, found.start()))
     if found[0] == "\t":
         raise Refused([Complaint("a tab stands here; scenes are indented and spaced with blanks", place)])
-    raise Refused([Complaint(f"the control character U+{ord(found[0]):04X} stands here", place)])
+    raise Refused([Complaint(f"U+{ord(found[0]):04X} stands here, which is not text", place)])
 
 
-def _syntax_message(error: yaml.MarkedYAMLError) -> tuple[str, Any]:
+def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, Any]:
     """Return what the parser complains of, in our words where there are some, and the mark of the place."""
     problem = error.problem or "this does not follow the rules of YAML"
     said = next((ours for theirs, ours in _SYNTAX if theirs in problem), problem)
     begun, mark = error.context_mark, error.problem_mark or error.context_mark
-    if begun is None or mark is None or begun.line == mark.line:
+    if not has_lines or begun is None or mark is None or begun.line == mark.line:
         return f"not YAML: {said}", mark
     if "expected ':'" in problem:
         return f"not YAML: {said}", begun

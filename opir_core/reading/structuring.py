@@ -5,7 +5,7 @@ class. Here all readers are those of `opir_core.reading.readers`, and a class's 
 """
 
 import types
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -105,13 +105,11 @@ def reader_of(kind: Any) -> Reader:
 
 def unknown_key(key: str, node: Node, known: Sequence[str]) -> Refused:
     """Return the refusal of a key that means nothing here, with the nearest known one or all of them."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(key, known, 1)
+    near = nearest(key, known)
     if node.written == "" and ":" in key:
         hint = "a blank is missing after its ':'"
     elif near:
-        hint = f"did you mean {near[0]}?"
+        hint = f"did you mean {near}?"
     else:
         hint = f"known here: {', '.join(known)}" if known else "there is nothing to set here"
     return node.refused(f"unknown key; {hint}", at_key=True)
@@ -121,10 +119,15 @@ def required(block: dict[str, Node], key: str, node: Node) -> Node:
     """Take a key out of a block and return its value; raise that it is missing, with a key that may be meant for it."""
     if key in block:
         return block.pop(key)
+    near = nearest(key, block)
+    raise node.refused(f"is missing{f'; is {near} meant for it?' if near else ''}")
+
+
+def nearest(key: str, known: Iterable[str]) -> str | None:
+    """Return the known key that a key is most like, or None where it is like none of them."""
     from difflib import get_close_matches
 
-    near = get_close_matches(key, block, 1)
-    raise node.refused(f"is missing{f'; is {near[0]} meant for it?' if near else ''}")
+    return next(iter(get_close_matches(key, list(known), 1)), None)
 
 
 @cache

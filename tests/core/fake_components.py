@@ -148,9 +148,8 @@ def fake_host(*others: object) -> Host:
     return host
 
 
-def good_mapping() -> dict[str, Any]:
-    """Return a scene with every kind of block; every setting stands where `scene_mapping` puts it."""
-    scanner = {
+def scanner_settings() -> dict[str, Any]:
+    return {
         "orbital_slot_deg": -75.5,
         "scan_period_ms": 200.0,
         "rows": 16,
@@ -160,14 +159,17 @@ def good_mapping() -> dict[str, Any]:
         "edges_um": [2.5, 4.75],
         "notes": {"owner": "range", "numbers": [1, 2.5]},
     }
-    place = {"lat_deg": 9.0, "lon_deg": 167.7, "height_m": 12.5}
+
+
+def good_mapping() -> dict[str, Any]:
+    """Return a scene with every kind of block; every setting stands where `scene_mapping` puts it."""
     targets = [
         {
             "id": f"T{number}",
             "model": "ballistic",
             "type": "ICBM",
             "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "height_m": 100.0, "time_s": 10.0},
-            "aim": dict(place),
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7, "height_m": 12.5},
             "profile": None,
             "burn_time_s": 180.0,
         }
@@ -180,8 +182,8 @@ def good_mapping() -> dict[str, Any]:
         "seed": 7,
         "light_time": True,
         "sensors": [
-            {"constellation": "FLEET", "members": [{"id": "FLEET-1", "model": "SCANNER", **scanner}]},
-            {"id": "S2", "model": "STARER", **scanner},
+            {"constellation": "FLEET", "members": [{"id": "FLEET-1", "model": "SCANNER", **scanner_settings()}]},
+            {"id": "S2", "model": "STARER", **scanner_settings()},
         ],
         "targets": targets,
         "detection": {"model": "constant"},
