@@ -103,7 +103,7 @@ def surface_range_m(
 ) -> Floats:
     """Return the distance over the WGS 84 ellipsoid between two places, m.
 
-    Lambert's formula for long lines, first order in the flattening: within 90 m up to 16 000 km, 4 km at the antipode.
+    Lambert's formula for long lines, first order in the flattening: within 90 m up to 16 000 km, 35 km at the antipode.
     """
     beta_1, beta_2 = (np.arctan((1.0 - EARTH_FLATTENING) * np.tan(v)) for v in (latitude_1_rad, latitude_2_rad))
     half_sum, half_difference = 0.5 * (beta_1 + beta_2), 0.5 * (beta_2 - beta_1)

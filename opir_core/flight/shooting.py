@@ -26,13 +26,23 @@ def solved(shot: Shot, impact: Impact, tolerance_m: float) -> tuple[Floats, Floa
 
     Where none does, what came nearest.
     """
-    azimuth_rad, speed_m_s = _guess_at_rest(shot)
-    for _ in range(2):
-        azimuth_rad, speed_m_s = _guess_in_rotation(shot, azimuth_rad, speed_m_s)
-    azimuth_rad, speed_m_s = _corrected(shot, azimuth_rad, speed_m_s, kepler_impact, tolerance_m)
+    azimuth_rad, speed_m_s = _corrected(shot, *_guess(shot), kepler_impact, tolerance_m)
     if impact is kepler_impact:
         return azimuth_rad, speed_m_s
     return _corrected(shot, azimuth_rad, speed_m_s, impact, tolerance_m)
+
+
+def _guess(shot: Shot) -> tuple[Floats, Floats]:
+    """Return azimuths and burnout speeds that come down near the aim points."""
+    azimuth_rad, speed_m_s = _guess_at_rest(shot)
+    distance_m = shot.landing(azimuth_rad, speed_m_s, kepler_impact).distance_m()
+    for _ in range(2):
+        azimuth, speed = _guess_in_rotation(shot, azimuth_rad, speed_m_s)
+        distance = shot.landing(azimuth, speed, kepler_impact).distance_m()
+        nearer = (distance < distance_m) | np.isnan(distance_m)
+        azimuth_rad, speed_m_s = np.where(nearer, azimuth, azimuth_rad), np.where(nearer, speed, speed_m_s)
+        distance_m = np.where(nearer, distance, distance_m)
+    return azimuth_rad, speed_m_s
 
 
 def _guess_at_rest(shot: Shot) -> tuple[Floats, Floats]:
@@ -90,7 +100,7 @@ def _corrected(
         turn, gain = _newton_step(part, azimuth, speed, along, across)
         azimuth, speed = azimuth + share * turn, speed * (1.0 + share * gain)
         trial = part.landing(azimuth, speed, impact)
-        nearer = np.hypot(trial.along_m, trial.across_m) < np.hypot(along, across)
+        nearer = trial.distance_m() < np.hypot(along, across)
         now[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)
         better = np.stack([azimuth, speed, trial.along_m, trial.across_m, trial.miss_m])
         now[:5, rows[nearer]] = better[:, nearer]

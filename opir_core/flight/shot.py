@@ -30,6 +30,10 @@ class Landing:
     duration_s: Floats
     impact_ecef_m: Floats
 
+    def distance_m(self) -> Floats:
+        """Return the length of the miss along and across: how far there is to go, (n,)."""
+        return np.hypot(self.along_m, self.across_m)
+
 
 @frozen(eq=False)
 class Shot:
