@@ -19,7 +19,7 @@ from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 class ConfusionClassifier:
     """The reported type, drawn once for each sensor and target from the sensor's confusion matrix.
 
-    `thresholds` (sensors, true types, reported types - 1) are cumulative probabilities, 1 from the last type of any
+    `thresholds` (reported types - 1, sensors · true types) are cumulative probabilities, 1 from the last type of any
     probability on; a type is reported where the draw lies below its threshold and not below the one before.
     """
 
@@ -28,9 +28,11 @@ class ConfusionClassifier:
 
     def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
-        drawn = dice.pair_uniforms("classification")
-        passed = drawn >= self.thresholds[sightings.sensor, self.type_code[sightings.target]]
-        reported: NDArray[np.uint8] = passed.sum(axis=1, dtype=np.uint8)
+        drawn = dice.pair_uniforms("classification")[:, 0]
+        row = sightings.sensor * len(TARGET_TYPES) + self.type_code[sightings.target]
+        reported = np.zeros(len(drawn), dtype=np.uint8)
+        for threshold in self.thresholds:
+            reported += drawn >= threshold.take(row)
         return reported
 
 
@@ -62,11 +64,13 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
     reported.
     """
     thresholds = np.ones((len(context.sensors), len(TARGET_TYPES), len(REPORTED_TYPES) - 1))
+    launched = np.flatnonzero(np.bincount(context.target_type_code)).tolist()
     for number, sensor in enumerate(context.sensors):
         matrix = {**sensor.confusion, **config.matrices.get(sensor.type, {})}
-        for code in np.unique(context.target_type_code).tolist():
+        for code in launched:
             thresholds[number, code] = _thresholds(_row(matrix, sensor, TARGET_TYPES[code]))
-    return ConfusionClassifier(thresholds, context.target_type_code)
+    columns = np.ascontiguousarray(thresholds.reshape(-1, thresholds.shape[-1]).T)
+    return ConfusionClassifier(columns, context.target_type_code)
 
 
 def true_type(_config: NoConfig, context: ModelContext) -> Classifier:

@@ -8,6 +8,9 @@ from opir_core.plugin.components import NoConfig
 from opir_core.protocols import Confidence, ModelContext
 from opir_core.records import FloatArray, Sightings
 
+#: min(1, log10(1 + n)) for n = 0 to 9, from where on it is 1.
+_COUNT_TERMS = np.log10(1.0 + np.arange(10))
+
 
 @frozen
 class WeightedConfidence:
@@ -63,8 +66,8 @@ def _band_share(sightings: Sightings) -> FloatArray:
 
 
 def _count_term(sightings: Sightings) -> FloatArray:
-    counted = np.maximum(sightings.detection_count, 0).astype(np.float64)
-    return np.minimum(np.log10(1.0 + counted), 1.0)
+    terms: FloatArray = _COUNT_TERMS.take(np.clip(sightings.detection_count, 0, len(_COUNT_TERMS) - 1))
+    return terms
 
 
 def _elevation_term(sightings: Sightings) -> FloatArray:

@@ -50,7 +50,7 @@ class ConstantDetection:
         Sensors with equally many bands draw together, so that a row's numbers do not hang on what else is in the scene.
         """
         bands = np.zeros(len(counts), dtype=np.uint8)
-        for count in np.unique(counts[counts > 0]).tolist():
+        for count in _present(counts[counts > 0]):
             rows = np.flatnonzero(counts == count)
             confirms = dice.uniforms("bands", count)[rows] < self.band_confirmation
             bands[rows] = np.packbits(confirms, axis=1, bitorder="little")[:, 0]
@@ -62,7 +62,7 @@ def constant_detection(config: ConstantConfig, context: ModelContext) -> Detecti
 
     Raises `ModelError` where a sensor has no probability for a type that the scene launches.
     """
-    needed = [TARGET_TYPES[code] for code in np.unique(context.target_type_code).tolist()]
+    needed = [TARGET_TYPES[code] for code in _present(context.target_type_code)]
     table = np.full((len(context.sensors), len(TARGET_TYPES)), np.nan)
     for row, sensor in enumerate(context.sensors):
         for name in needed:
@@ -78,6 +78,11 @@ def always_detection(_config: NoConfig, context: ModelContext) -> DetectionProba
 def never_detection(_config: NoConfig, context: ModelContext) -> DetectionProbability:
     """Return the model `never`: no look detects."""
     return _detection(np.zeros((len(context.sensors), len(TARGET_TYPES))), context, 1.0)
+
+
+def _present(codes: NDArray[np.uint8]) -> list[int]:
+    """Return the codes that occur, each once, ascending. (`np.unique` would import masked arrays for the same.)"""
+    return np.flatnonzero(np.bincount(codes)).tolist()
 
 
 def _detection(table: FloatArray, context: ModelContext, band_confirmation: float) -> ConstantDetection:
