@@ -27,7 +27,8 @@ from opir_core.reading.scalars import plain_value, quoted_value
 #: libyaml's parser where PyYAML has it, else PyYAML's own: the same events, more slowly.
 PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
-_UNPRINTABLE = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+#: PyYAML's own pattern of what must not stand in a text (YAML 1.1, section 5.1); compiling it a second time is slow.
+_UNPRINTABLE: re.Pattern[str] = yaml.reader.Reader.NON_PRINTABLE
 
 _SYNTAX = (
     ("mapping values are not allowed", "a ':' that fits no key: text with ': ' in it needs quotes"),
