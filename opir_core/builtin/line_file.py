@@ -1,7 +1,6 @@
 """The sink that writes lines: straight to the file, whole lines at a time, counting what arrived."""
 
 import os
-import select
 import sys
 from pathlib import Path
 
@@ -84,6 +83,8 @@ def _written(descriptor: int, lines: memoryview) -> int:
     try:
         return os.write(descriptor, lines)
     except BlockingIOError:
+        import select
+
         select.select([], [descriptor], [])
         return 0
 

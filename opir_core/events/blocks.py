@@ -7,7 +7,7 @@ from attrs import evolve
 from opir_core.records import Tracks, Window
 
 #: Detections in a block: enough to spread numpy's cost per call, few enough to stay near the processor.
-BLOCK_ROWS = 16_384
+BLOCK_ROWS = 8_192
 
 
 def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:

@@ -26,7 +26,6 @@ from opir_core.events.number_text import (
     rounded_number,
     vector_texts,
 )
-from opir_core.events.points import point_texts
 from opir_core.events.schema import SCHEMA_VERSION
 from opir_core.events.timestamps import timestamp_characters, unix_microseconds
 from opir_core.geometry import ecef_to_geodetic
@@ -138,6 +137,8 @@ def _points(window: Window, epoch_us: int) -> Piece:
     estimate, estimates = window.detections.estimate, window.estimates
     if not (estimate >= 0).any():
         return _POINTS % (b"null", b"null")
+    from opir_core.events.points import point_texts
+
     rows, of_detection = np.unique(estimate, return_inverse=True)
     used = rows[rows >= 0]
     launches = point_texts(estimates.launch[used], estimates.launch_covariance[used], epoch_us)
