@@ -88,12 +88,15 @@ def exact_latitude(rho, z, guess):
     return mp.findroot(miss, guess)
 
 
-def test_latitude_is_good_to_one_unit_in_the_last_place_off_the_centre():
+def test_latitude_and_height_are_good_to_one_unit_in_the_last_place_off_the_centre():
     for radius in (3e6, 6.4e6, 4.2e7, LUNAR_DISTANCE_M):
         for position in directions(150, 4) * radius:
-            latitude = float(ecef_to_geodetic(position).latitude_rad)
+            latitude, _, height = map(float, ecef_to_geodetic(position))
             rho, z = mp.hypot(*map(mp.mpf, position[:2])), mp.mpf(position[2])
             exact = exact_latitude(rho, z, latitude)
+            normal = A / mp.sqrt(1 - E2 * mp.sin(exact) ** 2)
+            exact_height = rho * mp.cos(exact) + z * mp.sin(exact) - A * A / normal
+            assert abs(height - exact_height) <= 0.55 * np.spacing(abs(height)) + 3e-9
             assert abs(latitude - exact) <= np.spacing(abs(latitude)) + 3e-9 / radius * (radius < 1e7)
 
 

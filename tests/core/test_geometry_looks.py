@@ -6,6 +6,7 @@ import pytest
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M, GEOSTATIONARY_RADIUS_M
 from opir_core.geometry import (
     azimuth_elevation_range,
+    east_north_up_axes,
     ecef_to_geodetic,
     elevation_rad,
     geodetic_to_ecef,
@@ -14,6 +15,7 @@ from opir_core.geometry import (
     is_occluded,
     is_sunlit,
     line_of_sight,
+    local_axes,
     nadir_angle_rad,
     sunlit_fraction,
 )
@@ -59,6 +61,21 @@ def test_on_the_axis_longitude_counts_as_zero():
     assert line_of_sight(north_pole, np.pi / 2, 0.0) == pytest.approx([0.0, 1.0, 0.0], abs=1e-15)
 
 
+def test_the_sign_of_a_zero_moves_no_longitude():
+    for y in (0.0, -0.0):
+        assert ecef_to_geodetic([-7e6, y, 1e6]).longitude_rad == np.pi
+        assert ecef_to_geodetic([-0.0, y, 7e6]).longitude_rad == 0.0
+
+
+def test_local_axes_hold_down_to_the_centre():
+    """Where the foot is found by bisection, the normal is as sharp as the latitude."""
+    directions = np.random.default_rng(4).normal(size=(500, 3))
+    for scale in (1.0, 1e3, 3e4, 3e5):
+        latitude, longitude, _ = ecef_to_geodetic(scale * directions)
+        by_angles = east_north_up_axes(latitude, longitude)
+        assert np.max(np.abs(local_axes(scale * directions) - by_angles)) < 1e-14
+
+
 def test_the_same_place_has_a_range_and_no_direction():
     azimuth, elevation, distance = azimuth_elevation_range(SLOT, SLOT)
     assert np.isnan(azimuth)
@@ -80,7 +97,13 @@ def test_least_height_against_a_search_along_the_segment():
     """A golden-section search over heights: signed distance to a convex body has one minimum on a line."""
     rng = np.random.default_rng(1)
     ratio = (np.sqrt(5.0) - 1.0) / 2.0
-    for lowest, highest, bound in ((1e3, 6.3e6, 1e-8), (3e6, 8e6, 1e-8), (6.38e6, 7e6, 1e-8), (6.4e6, 4.3e7, 5e-8)):
+    for lowest, highest, bound in (
+        (1e1, 1e5, 1e-8),
+        (1e3, 6.3e6, 1e-8),
+        (3e6, 8e6, 1e-8),
+        (6.38e6, 7e6, 1e-8),
+        (6.4e6, 4.3e7, 5e-8),
+    ):
         ends = rng.normal(size=(2, 1000, 3))
         ends *= rng.uniform(lowest, highest, (2, 1000, 1)) / np.linalg.norm(ends, axis=2, keepdims=True)
         observer, target = ends
