@@ -6,7 +6,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.dice import RowDice, WindowNumbers
+from opir_core.dice import PairStreams, RowDice, WindowNumbers
 from opir_core.directions import measured_directions
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.looks import Looks, exposures, look_times_ns
@@ -45,10 +45,11 @@ class Hits(Columns):
 class Assembly:
     """Makes detections of hits, block by block."""
 
-    def __init__(self, plan: Plan, sites: Sites, names: Sequence[tuple[str, str]]) -> None:
+    def __init__(self, plan: Plan, sites: Sites, streams: PairStreams, names: Sequence[tuple[str, str]]) -> None:
         self._plan = plan
         self._sites = sites
         self._id_keys = stream_key_words(plan.scene, names)
+        self._pair_type = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, streams.of_pairs())
         self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)
 
     def block(self, looks: Looks, hits: Hits, numbers: WindowNumbers) -> tuple[Detections, DetectionTruth]:
@@ -60,7 +61,7 @@ class Assembly:
         sightings = self._sightings(exposed, measured, hits)
         detections = self._detections(exposed, sightings, hits, dice)
         truth = DetectionTruth(
-            exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_rad, hits.probability
+            exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
         )
         return detections, truth
 
@@ -70,7 +71,7 @@ class Assembly:
             sensor=exposed.sensor,
             target=exposed.target,
             range_m=exposed.range_m,
-            elevation_rad=exposed.elevation_rad,
+            elevation_sine=exposed.elevation_sine,
             bands=measured.bands,
             band_count=_BITS_SET[measured.bands],
             band_total=self._band_totals[exposed.sensor],
@@ -88,7 +89,7 @@ class Assembly:
             sensor=exposed.sensor,
             scan=exposed.scan,
             detection_id=uuid8_words(self._id_keys[hits.pair], exposed.scan),
-            reported_type=plan.classifier.reported_type(sightings, dice),
+            reported_type=self._reported_type(sightings, hits, dice),
             bands=sightings.bands,
             detection_count=hits.count,
             confidence=plan.confidence.confidence(sightings),
@@ -100,3 +101,8 @@ class Assembly:
             track=none,
             estimate=none,
         )
+
+    def _reported_type(self, sightings: Sightings, hits: Hits, dice: RowDice) -> NDArray[np.uint8]:
+        if self._pair_type is None:
+            return self._plan.classifier.reported_type(sightings, dice)
+        return self._pair_type.take(hits.pair)

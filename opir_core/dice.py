@@ -45,6 +45,11 @@ class PairStreams:
             self._constants[key] = uniforms_of(raw).reshape(-1, words)
         return self._constants[key]
 
+    def of_pairs(self) -> "RowDice":
+        """Return the dice of the pairs themselves, one row each, which have no scans."""
+        everyone, none = np.arange(len(self._names)), np.zeros(0, dtype=np.int64)
+        return RowDice(WindowNumbers(self, none, none, none), self, none, everyone)
+
     def forget(self, pairs: IntArray) -> None:
         """Let go of the streams of pairs that have no more looks."""
         for streams in self._streams.values():

@@ -35,12 +35,12 @@ class FieldInfo:
             return ""
         left = "[" if self.minimum is not None else "("
         right = "]" if self.maximum is not None else ")"
-        return f"{left}{'-inf' if low is None else f'{low:g}'}, {'inf' if high is None else f'{high:g}'}{right}"
+        return f"{left}{'-inf' if low is None else _figure(low)}, {'inf' if high is None else _figure(high)}{right}"
 
     def accepts(self, value: float) -> bool:
         """Return whether a number lies in the interval; NaN never does."""
         return (
-            math.isfinite(value)
+            _is_finite(value)
             and (self.minimum is None or value >= self.minimum)
             and (self.maximum is None or value <= self.maximum)
             and (self.above is None or value > self.above)
@@ -149,10 +149,24 @@ def _numbers_inside(value: Any) -> list[float]:
 
 
 def _complain_unless_inside(info: FieldInfo, value: float) -> None:
-    if not math.isfinite(value):
+    if not _is_finite(value):
         raise ValueError(f"{value!r} is not a finite number")
     if not info.accepts(value):
         raise ValueError(f"{value!r} is outside {info.interval}{f' {info.unit}' if info.unit else ''}")
+
+
+def _is_finite(value: float) -> bool:
+    """Return whether a number is finite; whole numbers are, even those too large for a float."""
+    return isinstance(value, int) or math.isfinite(value)
+
+
+def _figure(value: float) -> str:
+    """Return a bound as people write it."""
+    return str(int(value)) if float(value).is_integer() and abs(value) < _PLAIN_BELOW else f"{value:g}"
+
+
+#: Whole bounds below this are written out.
+_PLAIN_BELOW = 1e19
 
 
 def _from_check(check: Callable[[Any], str | None]) -> Callable[[Any, Any, Any], None]:

@@ -68,9 +68,9 @@ def exposures(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray, *, geome
     if not geometry:
         return Exposures(time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS)
     sensor_m, target_m = sites.positions(sensor, time_s), plan.targets.position_ecef_m(target, emission_s)
-    elevation_rad = np.arcsin(np.minimum(place.interpolated(plan.sightlines.sine_of_elevation), 1.0))
+    elevation_sine = place.interpolated(plan.sightlines.elevation_sine)
     return Exposures(
-        time_s, emission_s, scan, sensor, target, distance_m(sensor_m, target_m), elevation_rad, target_m, sensor_m
+        time_s, emission_s, scan, sensor, target, distance_m(sensor_m, target_m), elevation_sine, target_m, sensor_m
     )
 
 

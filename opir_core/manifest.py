@@ -33,8 +33,8 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
 def components_used(plan: Plan) -> list[Mapping[str, str]]:
     """Return every component a plan uses, with the distribution and version it came from, by kind and name."""
     chosen = {(choice.hook, choice.name) for choice in plan.scene.choices}
-    encoders = {getattr(choice.config, "encoder", None) for choice in plan.scene.outputs} - {None}
-    chosen |= {(EventEncoder.hook, name) for name in encoders}
+    outputs = [choice.config for choice in plan.scene.outputs if hasattr(choice.config, "encoder")]
+    chosen |= {(EventEncoder.hook, str(config.encoder)) for config in outputs}
     fleets = {(Constellation.hook, sensor.constellation) for sensor in plan.scene.sensors if sensor.constellation}
     return [_with_provenance(plan, hook, name) for hook, name in sorted(chosen | fleets)]
 

@@ -128,6 +128,9 @@ class DetectionProbability(Protocol):
 class Classifier(Protocol):
     """Measurements to the reported target type."""
 
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8] | None:
+        """Return codes (n,) that hold for all detections of the pairs, or None where they vary; rows are pairs."""
+
     def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
 

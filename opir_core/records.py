@@ -5,7 +5,7 @@ buffers.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 import numpy as np
 from attrs import fields, frozen
@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 IndexArray = NDArray[np.int32]
 BoolArray = NDArray[np.bool_]
+
+_Filled = TypeVar("_Filled", bound="Columns")
 
 
 class Columns:
@@ -36,6 +38,10 @@ class Columns:
             getattr(self, name).flags.writeable = False
         return self
 
+    def blank(self, rows: int) -> Self:
+        """Return a record like this one, of so many rows that are still to be written."""
+        return self._map(lambda column: np.empty((rows, *column.shape[1:]), column.dtype))
+
     @classmethod
     def concatenate(cls, parts: Iterable[Self]) -> Self:
         """Return one record of all rows, in order; of none, the empty record."""
@@ -53,12 +59,34 @@ class Columns:
         return type(self)(*(change(getattr(self, name)) for name in _names(type(self))))
 
 
+class Filling(Generic[_Filled]):
+    """A record of a known number of rows that is filled part by part, each copied while it is still in the cache."""
+
+    def __init__(self, record: type[_Filled], rows: int) -> None:
+        self._record = record
+        self._rows = rows
+        self._whole: _Filled | None = None
+        self._at = 0
+
+    def put(self, part: _Filled) -> None:
+        """Take the next rows."""
+        if self._whole is None:
+            self._whole = part.blank(self._rows)
+        for name in _names(self._record):
+            getattr(self._whole, name)[self._at : self._at + len(part)] = getattr(part, name)
+        self._at += len(part)
+
+    def record(self) -> _Filled:
+        """Return what has been put."""
+        return self._record.empty() if self._whole is None else self._whole
+
+
 @frozen(eq=False)
 class Exposures(Columns):
     """Looks at radiating, visible targets, as a detection model sees them; one row a look.
 
     `sensor` and `target` are indices into the plan's sensors and targets. Geometry columns are filled where the model
-    asks for them in `needs`, else they are empty arrays: `range_m` from sensor to target, `elevation_rad` of the sensor
+    has `needs_geometry`, else they are empty arrays: `range_m` from sensor to target, `elevation_sine` of the sensor
     above the target's horizon, `target_ecef_m` the target at the time of emission, `sensor_ecef_m` the sensor at the
     time of the look.
     """
@@ -69,16 +97,21 @@ class Exposures(Columns):
     sensor: IndexArray
     target: IndexArray
     range_m: FloatArray
-    elevation_rad: FloatArray
+    elevation_sine: FloatArray
     target_ecef_m: FloatArray
     sensor_ecef_m: FloatArray
+
+    @property
+    def elevation_rad(self) -> FloatArray:
+        """Return the sensor's elevation above the target's horizon, (n,) rad."""
+        return np.arcsin(self.elevation_sine)
 
 
 @frozen(eq=False)
 class Sightings(Columns):
     """Looks that detected, as classifiers and confidence models see them; one row a detection.
 
-    `sensor` and `target` are indices into the plan's sensors and targets; `elevation_rad` is the sensor's elevation
+    `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of the sensor's elevation
     above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is how often this sensor
     has detected this target so far, this one included; `snr` is nan where the detection model has none.
     """
@@ -87,12 +120,17 @@ class Sightings(Columns):
     sensor: IndexArray
     target: IndexArray
     range_m: FloatArray
-    elevation_rad: FloatArray
+    elevation_sine: FloatArray
     bands: NDArray[np.uint8]
     band_count: IntArray
     band_total: IntArray
     detection_count: IndexArray
     snr: FloatArray
+
+    @property
+    def elevation_rad(self) -> FloatArray:
+        """Return the sensor's elevation above the target's horizon, (n,) rad."""
+        return np.arcsin(self.elevation_sine)
 
 
 @frozen(eq=False)
@@ -136,15 +174,20 @@ class DetectionTruth(Columns):
     """What was really seen, row by row beside `Detections`: kept apart from it, and never encoded into an event.
 
     `target` is an index into the run's targets; `emission_time_s` when the detected light left it; `range_m` the true
-    distance; `target_elevation_rad` the sensor's elevation above the target's horizon; `probability` the look's
+    distance; `target_elevation_sine` of the sensor's elevation above the target's horizon; `probability` the look's
     probability of detection.
     """
 
     target: IndexArray
     emission_time_s: FloatArray
     range_m: FloatArray
-    target_elevation_rad: FloatArray
+    target_elevation_sine: FloatArray
     probability: FloatArray
+
+    @property
+    def target_elevation_rad(self) -> FloatArray:
+        """Return the sensor's elevation above the target's horizon, (n,) rad."""
+        return np.arcsin(self.target_elevation_sine)
 
     @classmethod
     def empty(cls) -> Self:

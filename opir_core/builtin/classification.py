@@ -11,7 +11,7 @@ from opir_core.errors import ModelError
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.confusion import Confusion, confusion_complaint
 from opir_core.protocols import Classifier, Dice, ModelContext, Sensor
-from opir_core.records import FloatArray, Sightings
+from opir_core.records import FloatArray, IndexArray, Sightings
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 
 
@@ -28,8 +28,12 @@ class ConfusionClassifier:
 
     def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
+        return self.pair_type(sightings.sensor, sightings.target, dice)
+
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8]:
+        """Return codes (n,) into `REPORTED_TYPES`, the same for all detections of a pair."""
         drawn = dice.pair_uniforms("classification")[:, 0]
-        row = sightings.sensor * len(TARGET_TYPES) + self.type_code[sightings.target]
+        row = sensor * len(TARGET_TYPES) + self.type_code[target]
         reported = np.zeros(len(drawn), dtype=np.uint8)
         for threshold in self.thresholds:
             reported += drawn >= threshold.take(row)
@@ -44,7 +48,11 @@ class TrueType:
 
     def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`, of which the target types are the first."""
-        chosen: NDArray[np.uint8] = self.type_code[sightings.target]
+        return self.pair_type(sightings.sensor, sightings.target, dice)
+
+    def pair_type(self, _sensor: IndexArray, target: IndexArray, _dice: Dice) -> NDArray[np.uint8]:
+        """Return codes (n,) of the targets' types."""
+        chosen: NDArray[np.uint8] = self.type_code[target]
         return chosen
 
 
@@ -54,7 +62,11 @@ class NoAnswer:
 
     def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
         """Return the code of UNKNOWN (n,)."""
-        return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
+        return self.pair_type(sightings.sensor, sightings.target, dice)
+
+    def pair_type(self, sensor: IndexArray, _target: IndexArray, _dice: Dice) -> NDArray[np.uint8]:
+        """Return the code of UNKNOWN (n,)."""
+        return np.full(len(sensor), UNKNOWN_TYPE, dtype=np.uint8)
 
 
 def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Classifier:

@@ -71,5 +71,4 @@ def _count_term(sightings: Sightings) -> FloatArray:
 
 
 def _elevation_term(sightings: Sightings) -> FloatArray:
-    known = np.where(np.isfinite(sightings.elevation_rad), sightings.elevation_rad, 0.0)
-    return np.maximum(np.sin(known), 0.0)
+    return np.nan_to_num(np.maximum(sightings.elevation_sine, 0.0), nan=0.0)

@@ -1,0 +1,1 @@
+"""Detection: exposures to probability of detection."""

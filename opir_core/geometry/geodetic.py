@@ -40,7 +40,7 @@ def geodetic_to_ecef(
     """Return ECEF positions (..., 3), m, of geodetic latitude and longitude (rad) and height above the ellipsoid (m).
 
     Any finite angle and height: a latitude past a pole is the point on its far side. Not finite in, `nan` out.
-    Source: Torge and Müller, Geodesy, 4th ed., eq. 4.27.
+    Source: Torge, Geodesy, 3rd ed., section 4.1.3.
     """
     latitude, longitude, height = floats(latitude_rad), floats(longitude_rad), floats(height_m)
     sine, cosine = np.sin(latitude), np.cos(latitude)

@@ -31,7 +31,7 @@ def grazing_height_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Fl
     """Return the least height above the WGS 84 ellipsoid of the segments between two ECEF points (..., 3), m.
 
     The ends count: where the segment only rises from one end to the other it is the height of the lower end. Negative
-    where the segment runs through the Earth. Exact up to rounding: 3e-9 m near the Earth, 5e-8 m with an end at
+    where the segment runs through the Earth. Exact up to rounding: 5e-9 m near the Earth, 3e-8 m with an end at
     geostationary distance. Not finite: `nan`.
     """
     dip = _dip(observer_ecef_m, target_ecef_m)

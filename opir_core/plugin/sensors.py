@@ -14,7 +14,7 @@ from opir_core.plugin.confusion import confusion_complaint, is_probability
 from opir_core.scene import TARGET_TYPES
 
 if TYPE_CHECKING:
-    from opir_core.protocols import Sensor, SensorContext
+    from opir_core.protocols import Band, Sensor, SensorContext
 
 SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
@@ -33,6 +33,13 @@ def _bands_complaint(bands: Any) -> str | None:
         if not _is_interval(edges):
             return f"{name}: {edges!r} is not [lower_um, upper_um] with 0 < lower_um < upper_um"
     return None
+
+
+def _bands(edges: Mapping[str, tuple[float, float]]) -> "tuple[Band, ...]":
+    """Return bands, the shortest wavelength first: the keys of a scene's mapping have no order to rely on."""
+    from opir_core.protocols import Band
+
+    return tuple(Band(name, *edges[name]) for name in sorted(edges, key=lambda name: (*edges[name], name)))
 
 
 def _is_interval(edges: object) -> bool:
@@ -66,7 +73,7 @@ class ScanningSensorConfig:
         unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the geostationary slot"
     )
     bands: Mapping[str, tuple[float, float]] = nested(
-        unit="um", check=_bands_complaint, help="spectral bands by name, each [lower_um, upper_um]; order matters"
+        unit="um", check=_bands_complaint, help="spectral bands by name, each [lower_um, upper_um]"
     )
     scan_period_ms: float = number(
         unit="ms", above=0.0, maximum=86_400_000.0, help="time between two looks at one target, in whole nanoseconds"
@@ -169,7 +176,7 @@ def scanning_sensor(
 ) -> "Sensor":
     """Return the sensor that a configuration describes; `type` is what its events call its class."""
     from opir_core.plugin.scan_patterns import scan_pattern
-    from opir_core.protocols import Band, Sensor
+    from opir_core.protocols import Sensor
     from opir_core.sensor_orbits import GeostationaryOrbit
 
     half_angle_rad = math.radians(config.field_of_regard_half_angle_deg)
@@ -178,7 +185,7 @@ def scanning_sensor(
         id=context.id,
         type=type,
         orbital_slot_deg=config.orbital_slot_deg,
-        bands=tuple(Band(name, lower_um, upper_um) for name, (lower_um, upper_um) in config.bands.items()),
+        bands=_bands(config.bands),
         orbit=GeostationaryOrbit(config.orbital_slot_deg),
         scan=scan_pattern(
             config.scan_pattern,

@@ -27,7 +27,7 @@ def compile_pairs(
     return Pairs.concatenate([part[0] for part in parts]), Sightlines(
         first_point=np.concatenate([line.first_point + start for line, start in zip(lines, starts, strict=True)]),
         travel_s=np.concatenate([line.travel_s for line in lines]),
-        sine_of_elevation=np.concatenate([line.sine_of_elevation for line in lines]),
+        elevation_sine=np.concatenate([line.elevation_sine for line in lines]),
         sight=np.concatenate([line.sight for line in lines]),
     )
 

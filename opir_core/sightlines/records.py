@@ -55,7 +55,7 @@ class Sightlines:
 
     first_point: IntArray
     travel_s: FloatArray
-    sine_of_elevation: FloatArray
+    elevation_sine: FloatArray
     sight: NDArray[np.uint8]
 
     def place(self, pair: IntArray, time_s: FloatArray) -> GridPlace:

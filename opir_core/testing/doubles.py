@@ -77,6 +77,10 @@ class CertainDetection:
 class NoAnswer:
     """Classifies nothing."""
 
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8] | None:
+        """Return None: ask for each detection."""
+        return None
+
     def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
         """Return UNKNOWN for all."""
         return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)

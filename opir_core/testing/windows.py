@@ -73,7 +73,7 @@ def _truth(count: int) -> DetectionTruth:
         target=np.zeros(count, dtype=np.int32),
         emission_time_s=np.zeros(count),
         range_m=np.full(count, 3.6e7),
-        target_elevation_rad=np.full(count, 1.5),
+        target_elevation_sine=np.full(count, 0.9),
         probability=np.full(count, 0.5),
     )
 

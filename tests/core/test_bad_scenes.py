@@ -7,7 +7,7 @@ import yaml
 
 from opir_core.errors import SceneError
 from opir_core.reading import load_scene, strict_yaml
-from tests.core.fake_components import fake_host
+from fake_components import fake_host
 
 FOLDER = Path(__file__).parent.parent / "data" / "bad_scenes"
 SCENES = sorted(path.name for path in FOLDER.glob("*.yaml"))

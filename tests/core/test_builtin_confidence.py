@@ -24,7 +24,7 @@ def sightings(band_count, band_total, detection_count, elevation_rad):
         sensor=index,
         target=index,
         range_m=floats,
-        elevation_rad=np.array(elevation_rad, dtype=np.float64),
+        elevation_sine=np.array([math.sin(angle) if math.isfinite(angle) else math.nan for angle in elevation_rad]),
         bands=np.zeros(rows, np.uint8),
         band_count=np.array(band_count, dtype=np.int64),
         band_total=np.array(band_total, dtype=np.int64),

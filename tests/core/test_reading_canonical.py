@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 from opir_core.scene import Scene
-from tests.core.fake_components import fake_host, good_mapping
+from fake_components import fake_host, good_mapping
 
 HOST = fake_host()
 

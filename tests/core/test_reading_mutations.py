@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from opir_core.errors import OpirError
 from opir_core.reading import load_scene, scene_from_mapping, scene_mapping, strict_yaml
 from opir_core.scene import Scene
-from tests.core.fake_components import fake_host, good_mapping
+from fake_components import fake_host, good_mapping
 
 HOST = fake_host()
 
