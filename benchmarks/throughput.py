@@ -2,7 +2,8 @@
 
     python benchmarks/throughput.py [--repeat 5] [--profile]
 
-The scene: 100 ICBMs and 10 sensors in geostationary slots that see them all, 20 looks a second, the whole boost. Figures are medians.
+The scene: 100 ICBMs and 10 sensors in geostationary slots that see them all, 20 looks a second, the whole boost.
+Figures are medians.
 """
 
 import argparse
@@ -94,17 +95,18 @@ def main() -> None:
     engine_s = median_s(lambda: drained(plan), arguments.repeat)
     streamed_mib = peak_mib()
     to_file_s = median_s(lambda: to_file(scene), arguments.repeat)
-    print(
-        f"plan      {planning_s * 1e3:9.1f} ms   {looks / 1e6:.2f} million looks, {detections / 1e6:.2f} million events"
-    )
-    print(f"columns   {engine_s / looks * 1e9:9.1f} ns/look   {looks / engine_s / 1e6:.2f} million looks/s")
-    print(f"columns   {engine_s / detections * 1e9:9.1f} ns/event")
+    million, thousand = looks / 1e6, detections / 1e3
     writing_s = to_file_s - engine_s
-    print(
-        f"JSONL     {to_file_s / detections * 1e9:9.1f} ns/event   {detections / to_file_s / 1e3:.0f} thousand events/s, all in"
+    rows = (
+        ("plan", planning_s * 1e3, "ms", f"{million:.2f} million looks, {thousand:.0f} thousand events"),
+        ("columns", engine_s / looks * 1e9, "ns/look", f"{million / engine_s:.2f} million looks/s"),
+        ("columns", engine_s / detections * 1e9, "ns/event", ""),
+        ("JSONL", to_file_s / detections * 1e9, "ns/event", f"{thousand / to_file_s:.0f} thousand events/s, all in"),
+        ("  of it", writing_s / detections * 1e9, "ns/event", "encoding and writing"),
+        ("memory", streamed_mib, "MiB", f"peak while streaming (after the first pass: {start_mib:.0f} MiB)"),
     )
-    print(f"  of it   {writing_s / detections * 1e9:9.1f} ns/event   encoding and writing")
-    print(f"memory    {streamed_mib:9.0f} MiB peak streaming (plan and first pass: {start_mib:.0f} MiB)")
+    for what, figure, unit, remark in rows:
+        print(f"{what:8} {figure:9.1f} {unit:9} {remark}")
     if arguments.profile:
         profiled(plan)
 
