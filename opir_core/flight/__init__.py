@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from opir_core.flight.ephemeris import Ephemeris
     from opir_core.flight.kepler import propagate_kepler
     from opir_core.flight.kepler_impact import kepler_impact
-    from opir_core.flight.lambert import lambert
+    from opir_core.flight.lambert_arc import lambert
     from opir_core.flight.profiles import BoostProfile, boost_profile, boost_profiles
 
 _HOMES = {
@@ -22,7 +22,7 @@ _HOMES = {
     "boost_profile": "profiles",
     "boost_profiles": "profiles",
     "kepler_impact": "kepler_impact",
-    "lambert": "lambert",
+    "lambert": "lambert_arc",
     "propagate_kepler": "kepler",
 }
 
