@@ -192,6 +192,7 @@ def test_what_a_ray_meets_is_in_view_and_what_lies_behind_is_not(place, azimuth,
 
 @settings(deadline=None)
 @given(positions, st.floats(0.0, 2 * np.pi), st.floats(-0.41, 0.41), st.floats(-10.0, 10.0))
+@example(np.array([0.0, 6378137.0, 0.0]), 0.0, 0.0, 9.99609375)
 def test_sunlight_is_a_share_and_symmetric_about_the_axis(position, right_ascension, declination, angle):
     sun = 1.496e11 * np.array(
         [
@@ -205,6 +206,8 @@ def test_sunlight_is_a_share_and_symmetric_about_the_axis(position, right_ascens
     share = sunlit_fraction(position, sun)
     assert 0.0 <= share <= 1.0
     assert is_sunlit(position, sun) == (share > 0.0)
-    assert abs(sunlit_fraction(spun(position, angle), spun(sun, angle)) - share) <= 1e-8
+    # At the ground the horizon dips with the root of height: 3e-9 m of rounding is 3e-8 rad of a disc of 9e-3 rad.
+    rounding = 1e-5 if length(position) < 6.4e6 else 1e-8
+    assert abs(sunlit_fraction(spun(position, angle), spun(sun, angle)) - share) <= rounding
     if np.sum(position * sun) > 0.01 * length(position) * length(sun):
         assert share == 1.0
