@@ -18,12 +18,15 @@ from opir_core.flight.kepler_impact import kepler_impact
 from opir_core.flight.profiles import BoostProfile
 from opir_core.flight.shooting import solved
 from opir_core.flight.shot import Impact, Shot
-from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
+from opir_core.geometry import Geodetic, ecef_to_eci_state, geodesic_inverse, geodetic_to_ecef
 from opir_core.geometry.vectors import Floats
 from opir_core.records import BoolArray
 
 #: The mean radius of the Earth that turns ranges into angles, m (IUGG: (2 a + b)/3 of WGS 84).
 _MEAN_RADIUS_M = EARTH_EQUATORIAL_RADIUS_M * (1.0 - EARTH_FLATTENING / 3.0)
+
+#: Up to here Lambert's formula is within 90 m of the geodesic, m.
+_LAMBERT_REACH_M = 1.59e7
 
 
 @frozen(eq=False)
@@ -101,13 +104,23 @@ def aim(
 def surface_range_m(
     latitude_1_rad: ArrayLike, longitude_1_rad: ArrayLike, latitude_2_rad: ArrayLike, longitude_2_rad: ArrayLike
 ) -> Floats:
-    """Return the distance over the WGS 84 ellipsoid between two places, m.
+    """Return the distance over the WGS 84 ellipsoid between two places, m, to 90 m.
 
-    Lambert's formula for long lines, first order in the flattening: within 90 m up to 16 000 km, 35 km at the antipode.
+    Lambert's formula for long lines, first order in the flattening; beyond 15 900 km, where it fails, the geodesic.
     """
-    beta_1, beta_2 = (np.arctan((1.0 - EARTH_FLATTENING) * np.tan(v)) for v in (latitude_1_rad, latitude_2_rad))
+    arguments = (latitude_1_rad, longitude_1_rad, latitude_2_rad, longitude_2_rad)
+    places = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in arguments))
+    distance = np.asarray(_lambert_range_m(*places))
+    far = distance > _LAMBERT_REACH_M
+    if far.any():
+        distance[far] = geodesic_inverse(*(v[far] for v in places)).distance_m
+    return distance
+
+
+def _lambert_range_m(latitude_1: Floats, longitude_1: Floats, latitude_2: Floats, longitude_2: Floats) -> Floats:
+    beta_1, beta_2 = (np.arctan((1.0 - EARTH_FLATTENING) * np.tan(v)) for v in (latitude_1, latitude_2))
     half_sum, half_difference = 0.5 * (beta_1 + beta_2), 0.5 * (beta_2 - beta_1)
-    half_turn = 0.5 * np.subtract(longitude_2_rad, longitude_1_rad)
+    half_turn = 0.5 * (longitude_2 - longitude_1)
     spread = np.cos(beta_1) * np.cos(beta_2)
     sin_sum, cos_sum = np.sin(half_sum) ** 2, np.cos(half_sum) ** 2
     sin_difference, cos_difference = np.sin(half_difference) ** 2, np.cos(half_difference) ** 2

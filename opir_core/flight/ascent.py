@@ -97,9 +97,12 @@ def lean_rad(u: Floats, pitch_exponent: Floats, turn_rad: Floats) -> Floats:
 
 
 def vertical_climb_s(elapsed_s: Floats, burn_time_s: Floats, speed_shape: Floats) -> Floats:
-    """Return height over burnout speed while the flight is vertical: T (e^y - 1 - y) / (k (e^k - 1)), y = k t/T."""
-    y = speed_shape * elapsed_s / burn_time_s
-    return burn_time_s * _exp_minus_1_minus(y) / (speed_shape * np.expm1(speed_shape))
+    """Return height over burnout speed while the flight is vertical: T (e^y - 1 - y) / (k (e^k - 1)), y = k t/T.
+
+    Written so that nothing cancels for small k, where it is t²/(2T).
+    """
+    share = elapsed_s / burn_time_s
+    return elapsed_s * share * _second_exponential(speed_shape * share) * (speed_shape / np.expm1(speed_shape))
 
 
 def series_value(series: Floats, target: Indices, x: Floats) -> Floats:
@@ -112,12 +115,13 @@ def series_value(series: Floats, target: Indices, x: Floats) -> Floats:
     return value
 
 
-def _exp_minus_1_minus(y: Floats) -> Floats:
-    """Return e^y - 1 - y without cancellation: below 1 by Taylor's series, whose first term left out is 1e-17 of it."""
-    tail = np.zeros_like(y)
+def _second_exponential(y: Floats) -> Floats:
+    """Return (e^y - 1 - y) / y² for y >= 0: below 1 by Taylor's series, whose first term left out is 1e-17 of it."""
+    small, large = np.minimum(y, 1.0), np.maximum(y, 1.0)
+    series = np.zeros_like(y)
     for power in range(18, 1, -1):
-        tail = tail * y + 1.0 / factorial(power)
-    return np.where(np.abs(y) < 1.0, tail * y * y, np.expm1(y) - y)
+        series = series * small + 1.0 / factorial(power)
+    return np.where(y < 1.0, series, (np.expm1(large) - large) / (large * large))
 
 
 @cache

@@ -21,10 +21,11 @@ _STEP = 1e-5
 _LARGEST_STEP = 0.2
 
 
+@np.errstate(invalid="ignore", divide="ignore", over="ignore")
 def solved(shot: Shot, impact: Impact, tolerance_m: float) -> tuple[Floats, Floats]:
     """Return azimuths (rad) and burnout speeds (m/s) whose flights hit the aim points to within the tolerance.
 
-    Where none does, what came nearest.
+    Where none does, what came nearest. Trials that lead nowhere are nan, and are not followed.
     """
     azimuth_rad, speed_m_s = _corrected(shot, *_guess(shot), kepler_impact, tolerance_m)
     if impact is kepler_impact:
@@ -49,7 +50,7 @@ def _guess_at_rest(shot: Shot) -> tuple[Floats, Floats]:
     """Return azimuths and burnout speeds that hit on a sphere at rest, flown from the ground."""
     psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
     radius_m = length(*components(shot.site.launch_m))
-    return azimuth_rad, _hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
+    return azimuth_rad, hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
 
 
 def _guess_in_rotation(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats) -> tuple[Floats, Floats]:
@@ -67,13 +68,13 @@ def _guess_in_rotation(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats) -> tu
     level_m_s = length(*components(_level(inertial, up)))
     gamma = np.arctan2(_dot(inertial, up), level_m_s)
     psi = np.arctan2(_dot(aim, ahead), _dot(aim, up))
-    speed = _hitting_speed_m_s(radius_m, length(*components(aim)), gamma, psi)[:, None]
+    speed = hitting_speed_m_s(radius_m, length(*components(aim)), gamma, psi)[:, None]
     wanted = speed * (np.sin(gamma)[:, None] * up + np.cos(gamma)[:, None] * ahead) - (inertial - relative)
     turn = np.arctan2(_dot(np.cross(wanted, relative), up), _dot(_level(wanted, up), relative))
     return azimuth_rad + turn, length(*components(wanted))
 
 
-def _hitting_speed_m_s(start_m: Floats, end_m: Floats, gamma_rad: Floats, psi_rad: Floats) -> Floats:
+def hitting_speed_m_s(start_m: Floats, end_m: Floats, gamma_rad: Floats, psi_rad: Floats) -> Floats:
     """Return the speed that takes a two-body arc from one radius at a flight path angle to another radius.
 
     With the range angle psi, v² = (mu/r1) (1 - cos psi) / (cos gamma ((r1/r2) cos gamma - cos(gamma + psi))), written

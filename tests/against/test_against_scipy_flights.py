@@ -1,0 +1,115 @@
+"""Boost and free flight against scipy's integrator (DOP853): other equations, other steps, other code for the Earth.
+
+The boost is integrated from the formulas of `class_profiles.json`; the free flight from the aimed burnout state, down
+to the aim point, with places by pyproj.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pyproj
+import pytest
+from scipy.integrate import solve_ivp
+
+import opir_core
+from opir_core.flight.aim import aim
+from opir_core.flight.ascent import ascent
+from opir_core.flight.boost import boost_path, launch_site
+from opir_core.flight.profiles import boost_profiles
+from opir_core.geometry import Geodetic
+
+TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "class_profiles.json").read_text(encoding="utf-8"))
+PROFILES = boost_profiles()
+MU, WHIRL = 3.986004418e14, 7.292115e-5
+GEOD = pyproj.Geod(ellps="WGS84")
+TO_ECEF = pyproj.Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+TO_GEODETIC = pyproj.Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
+
+
+def integrated_course(row, radius_m, elapsed_s):
+    """Return height, m, and swept angle, rad, at times after ignition, from the table's formulas."""
+    burn, start, k, n = (row[key] for key in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent"))
+    burnout_angle = math.radians(row["burnout_flight_path_angle_deg"])
+
+    def rates(t, state):
+        speed = row["burnout_speed_m_s"] * math.expm1(k * t / burn) / math.expm1(k)
+        u = min(max((t - start) / (burn - start), 0.0), 1.0)
+        gamma = math.pi / 2 + (burnout_angle - math.pi / 2) * math.sin(math.pi / 2 * u**n)
+        return [speed * math.sin(gamma), speed * math.cos(gamma) / (radius_m + state[0])]
+
+    options = {"method": "DOP853", "rtol": 1e-12, "atol": [1e-6, 1e-13], "dense_output": True}
+    rise = solve_ivp(rates, (0.0, start), [0.0, 0.0], **options)
+    turn = solve_ivp(rates, (start, burn), rise.y[:, -1], **options)
+    return np.array([(rise if t < start else turn).sol(t) for t in elapsed_s]).T
+
+
+@pytest.mark.parametrize("name", sorted(PROFILES))
+def test_boost_follows_the_formulas_of_the_profile(name):
+    latitude, longitude, height, azimuth = 0.55, 2.9, 700.0, 4.4
+    profile, row = PROFILES[name], TABLE["profiles"][name]
+    a, f = 6378137.0, 1 / 298.257223563
+    e2, sine = f * (2 - f), math.sin(latitude)
+    normal, meridian = a / math.sqrt(1 - e2 * sine**2), a * (1 - e2) / (1 - e2 * sine**2) ** 1.5
+    radius = 1 / (math.cos(azimuth) ** 2 / (meridian + height) + math.sin(azimuth) ** 2 / (normal + height))
+    elapsed = np.concatenate(
+        [np.linspace(0.0, 1.0, 60) * profile.burn_time_s, profile.pitch_start_s + np.logspace(-6, 1, 30)]
+    )
+    h, phi = integrated_course(row, radius, elapsed)
+
+    lon, lat = math.degrees(longitude), math.degrees(latitude)
+    launch, above = (np.array(TO_ECEF.transform(lon, lat, height + step)) for step in (0.0, 1e6))
+    up = (above - launch) / 1e6
+    east = np.cross([0.0, 0.0, 1.0], up) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], up))
+    heading = math.sin(azimuth) * east + math.cos(azimuth) * np.cross(up, east)
+    centre = launch - radius * up
+    expected = centre + (radius + h)[:, None] * (np.cos(phi)[:, None] * up + np.sin(phi)[:, None] * heading)
+
+    course = ascent([profile], [profile.burnout_flight_path_angle_rad])
+    site = launch_site(np.array([latitude]), longitude, height)
+    path = boost_path(site, 0.0, np.array([azimuth]), np.array([profile.burnout_speed_m_s]), course)
+    position, _ = path.state(np.zeros(len(elapsed), dtype=int), elapsed)
+    np.testing.assert_allclose(position, expected, atol=1e-5)
+
+
+def pull(_time, state):
+    x, y, z, vx, vy, vz = state
+    factor = -MU / (x * x + y * y + z * z) ** 1.5
+    return [vx, vy, vz, factor * x, factor * y, factor * z]
+
+
+def place_at(x, y, z, elapsed_s):
+    """Return longitude and latitude, deg, and height, m, of an inertial point over the Earth as it has turned."""
+    cosine, sine = math.cos(WHIRL * elapsed_s), math.sin(WHIRL * elapsed_s)
+    return TO_GEODETIC.transform(cosine * x + sine * y, cosine * y - sine * x, z)
+
+
+def aimed_cases():
+    rng = np.random.default_rng(21)
+    for name, profile in sorted(PROFILES.items()):
+        for share in (0.01, 0.3, 0.6, 0.99):
+            range_m = profile.minimum_range_m + share * (profile.maximum_range_m - profile.minimum_range_m)
+            start = (rng.uniform(-180, 180), math.degrees(math.asin(rng.uniform(-1, 1))))
+            yield pytest.param(profile, start, rng.uniform(0, 360), range_m, id=f"{name}-{share}")
+
+
+@pytest.mark.parametrize(("profile", "start", "bearing_deg", "range_m"), list(aimed_cases()))
+def test_free_flight_comes_down_within_a_metre_of_the_aim_point(profile, start, bearing_deg, range_m):
+    """The first descent to the aim point's height is found by scipy's event location."""
+    launch_height, aim_height, ignition_s = 120.0, 850.0, 4321.0
+    aim_lon, aim_lat, _ = GEOD.fwd(*start, bearing_deg, range_m)
+    launch = Geodetic(np.radians([start[1]]), np.radians([start[0]]), launch_height)
+    flight = aim(launch, Geodetic(np.radians([aim_lat]), np.radians([aim_lon]), aim_height), ignition_s, [profile])
+    assert flight.burnout_s[0] == ignition_s + profile.burn_time_s
+
+    def height(elapsed_s, state):
+        return place_at(*state[:3], elapsed_s)[2] - aim_height
+
+    height.terminal, height.direction = True, -1
+    burnout = np.concatenate([flight.burnout_position_eci_m[0], flight.burnout_velocity_eci_m_s[0]])
+    arc = solve_ivp(pull, (0.0, 6000.0), burnout, method="DOP853", rtol=1e-12, atol=1e-6, events=height)
+    (elapsed_s,), (state,) = arc.t_events[0], arc.y_events[0]
+    lon, lat, _ = place_at(*state[:3], flight.burnout_s[0] + elapsed_s)
+    assert GEOD.inv(lon, lat, aim_lon, aim_lat)[2] < 0.05
+    assert flight.burnout_s[0] + elapsed_s == pytest.approx(flight.impact_s[0], abs=1e-4)
