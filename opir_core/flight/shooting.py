@@ -36,13 +36,15 @@ def solved(shot: Shot, impact: Impact, tolerance_m: float) -> tuple[Floats, Floa
 def _guess(shot: Shot) -> tuple[Floats, Floats]:
     """Return azimuths and burnout speeds that come down near the aim points."""
     azimuth_rad, speed_m_s = _guess_at_rest(shot)
-    distance_m = shot.landing(azimuth_rad, speed_m_s, kepler_impact).distance_m()
+    landing = shot.landing(azimuth_rad, speed_m_s, kepler_impact)
+    distance_m, duration_s = landing.distance_m(), landing.duration_s
     for _ in range(2):
-        azimuth, speed = _guess_in_rotation(shot, azimuth_rad, speed_m_s)
-        distance = shot.landing(azimuth, speed, kepler_impact).distance_m()
-        nearer = (distance < distance_m) | np.isnan(distance_m)
+        azimuth, speed = _guess_in_rotation(shot, azimuth_rad, speed_m_s, duration_s)
+        landing = shot.landing(azimuth, speed, kepler_impact)
+        nearer = (landing.distance_m() < distance_m) | np.isnan(distance_m)
         azimuth_rad, speed_m_s = np.where(nearer, azimuth, azimuth_rad), np.where(nearer, speed, speed_m_s)
-        distance_m = np.where(nearer, distance, distance_m)
+        distance_m = np.where(nearer, landing.distance_m(), distance_m)
+        duration_s = np.where(nearer, landing.duration_s, duration_s)
     return azimuth_rad, speed_m_s
 
 
@@ -53,15 +55,14 @@ def _guess_at_rest(shot: Shot) -> tuple[Floats, Floats]:
     return azimuth_rad, hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
 
 
-def _guess_in_rotation(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats) -> tuple[Floats, Floats]:
-    """Return azimuths and burnout speeds nearer to those that hit.
+def _guess_in_rotation(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, duration_s: Floats) -> tuple[Floats, Floats]:
+    """Return azimuths and burnout speeds nearer to those that hit, from a guess and its time of free flight.
 
-    The aim point is turned on by the time of flight of the last guess, and hit in the inertial frame from its burnout
-    point at its inertial flight path angle; what the Earth's rotation brings is then taken off again.
+    The aim point is turned on by that time, and hit in the inertial frame from the guess's burnout point at its
+    inertial flight path angle; what the Earth's rotation brings is then taken off again.
     """
     position, relative = shot.burnout(azimuth_rad, speed_m_s)
     _, inertial = ecef_to_eci_state(position, relative, 0.0)
-    duration_s, _ = kepler_impact(position, inertial, shot.aim_height_m)
     aim = ecef_to_eci(shot.aim_ecef_m, np.where(np.isfinite(duration_s), duration_s, 0.0))
     up, radius_m = _direction(position)
     ahead, _ = _direction(_level(aim, up))
@@ -112,11 +113,13 @@ def _newton_step(
     shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, along_m: Floats, across_m: Floats
 ) -> tuple[Floats, Floats]:
     """Return the corrections of azimuth, rad, and of speed, as a share of it, of bounded size."""
-    here = shot.landing(azimuth_rad, speed_m_s, kepler_impact)
-    turned = shot.landing(azimuth_rad + _STEP, speed_m_s, kepler_impact)
-    faster = shot.landing(azimuth_rad, speed_m_s * (1.0 + _STEP), kepler_impact)
-    along_by_turn, along_by_gain = (there.along_m - here.along_m for there in (turned, faster))
-    across_by_turn, across_by_gain = (there.across_m - here.across_m for there in (turned, faster))
+    count = len(azimuth_rad)
+    azimuths = np.concatenate([azimuth_rad, azimuth_rad + _STEP, azimuth_rad])
+    speeds = np.concatenate([speed_m_s, speed_m_s, speed_m_s * (1.0 + _STEP)])
+    landings = shot.take(np.tile(np.arange(count), 3)).landing(azimuths, speeds, kepler_impact)
+    (along_by_turn, along_by_gain), (across_by_turn, across_by_gain) = (
+        column.reshape(3, count)[1:] - column[:count] for column in (landings.along_m, landings.across_m)
+    )
     determinant = along_by_gain * across_by_turn - along_by_turn * across_by_gain
     turn = _STEP * (across_by_gain * along_m - along_by_gain * across_m) / determinant
     gain = _STEP * (along_by_turn * across_m - across_by_turn * along_m) / determinant
