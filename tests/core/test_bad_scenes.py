@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from fake_components import fake_host
 
 from opir_core.errors import SceneError
 from opir_core.reading import load_scene, strict_yaml
-from fake_components import fake_host
 
 FOLDER = Path(__file__).parent.parent / "data" / "bad_scenes"
 SCENES = sorted(path.name for path in FOLDER.glob("*.yaml"))

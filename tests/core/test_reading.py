@@ -7,9 +7,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import fake_components
 import numpy as np
 import pytest
 from attrs import evolve, field, frozen
+from fake_components import Ballistic, Launch, Place, Scanner, fake_host, good_mapping
 
 from opir_core.errors import PluginError, SceneError
 from opir_core.fields import number
@@ -17,8 +19,6 @@ from opir_core.plugin import Constellation, TrackerModel, hookimpl
 from opir_core.plugin.host import Host
 from opir_core.reading import limits, load_scene, scene_from_mapping, scene_mapping
 from opir_core.scene import Scene
-import fake_components
-from fake_components import Ballistic, Launch, Place, Scanner, fake_host, good_mapping
 
 HOST = fake_host()
 

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 import yaml
 from attrs import evolve
+from fake_components import fake_host, good_mapping
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 from opir_core.scene import Scene
-from fake_components import fake_host, good_mapping
 
 HOST = fake_host()
 

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 import yaml
 from attrs import frozen
+from fake_components import fake_host, good_mapping
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opir_core.errors import OpirError
 from opir_core.reading import load_scene, scene_from_mapping, scene_mapping, strict_yaml
 from opir_core.scene import Scene
-from fake_components import fake_host, good_mapping
 
 HOST = fake_host()
 
