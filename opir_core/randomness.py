@@ -21,7 +21,11 @@ _SEPARATOR = b"\x1f"
 _LOW_BITS = np.uint64(11)
 _UNIT = 2.0**-53
 _ANGLE_BITS = np.uint64(24)
-_ANGLE_MASK = np.uint64((1 << 24) - 1)
+_DIRECTION_BITS = np.uint64(12)
+_DIRECTION_MASK = np.uint64((1 << 12) - 1)
+_REST_RAD = 2.0 * np.pi * 2.0**-24
+_COSINES = np.cos(2.0 * np.pi * 2.0**-12 * np.arange(1 << 12))
+_SINES = np.sin(2.0 * np.pi * 2.0**-12 * np.arange(1 << 12))
 
 
 def stream_key(seed: int, *names: str) -> int:
@@ -56,7 +60,7 @@ class Stream:
 def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
     """Return numbers in [0, 1) from the upper 53 bits of raw words, which are overwritten."""
     words >>= _LOW_BITS
-    numbers = words.astype(np.float64)
+    numbers = _floats(words)
     numbers *= _UNIT
     return numbers
 
@@ -65,10 +69,19 @@ def normal_pairs(words: NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
     """Return two independent standard normal columns (n,) from one raw word (n,) a row.
 
     Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words a row, so that rows stay addressable. The radius
-    has the upper 40 bits, which reach out to 7.4 sigma; the angle has the other 24, steps of 4e-7 rad.
+    has the upper 40 bits, which reach out to 7.4 sigma. The angle has the other 24, steps of 4e-7 rad: one of 4096
+    directions from a table, turned by the rest, whose series are right to 3e-13; that takes half the time of a sine
+    and a cosine.
     """
-    radius = np.sqrt(-2.0 * np.log(1.0 - (words >> _ANGLE_BITS).astype(np.float64) * 2.0**-40))
-    angle = (words & _ANGLE_MASK).astype(np.float64) * (2.0 * np.pi * 2.0**-24)
-    first: FloatArray = radius * np.cos(angle)
-    second: FloatArray = radius * np.sin(angle)
-    return first, second
+    radius = np.sqrt(-2.0 * np.log(1.0 - _floats(words >> _ANGLE_BITS) * 2.0**-40))
+    direction = (words & _DIRECTION_MASK).view(np.int64)
+    rest = _floats((words >> _DIRECTION_BITS) & _DIRECTION_MASK) * _REST_RAD
+    squared = rest * rest
+    level, rise = 1.0 - 0.5 * squared, rest * (1.0 - squared * (1.0 / 6.0))
+    cosine, sine = _COSINES.take(direction), _SINES.take(direction)
+    return radius * (cosine * level - sine * rise), radius * (sine * level + cosine * rise)
+
+
+def _floats(words: NDArray[np.uint64]) -> FloatArray:
+    """Return words below 2**63 as floats: processors convert signed whole numbers several times faster."""
+    return words.view(np.int64).astype(np.float64)

@@ -1,0 +1,82 @@
+"""Streams that any part can be read of at any time, and normals that are normal."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from opir_core.dice import PairStreams
+from opir_core.randomness import Stream, normal_pairs, stream_key, uniforms_of
+
+
+def raw(count: int, seed: int = 1) -> np.ndarray:
+    return Stream(stream_key(seed, "test")).words(0, count)
+
+
+@given(st.integers(0, 10**12), st.integers(0, 300), st.integers(1, 5), st.lists(st.integers(0, 300), max_size=4))
+def test_any_slice_of_a_stream_is_the_same_however_it_is_read(
+    first: int, scans: int, words: int, cuts: list[int]
+) -> None:
+    key = stream_key(7, "S-1", "T-1", "detection")
+    whole = Stream(key, words).words(first, scans)
+    stream = Stream(key, words)
+    edges = sorted({0, scans, *(cut for cut in cuts if cut < scans)})
+    parts = [stream.words(first + low, high - low) for low, high in itertools.pairwise(edges)]
+    assert np.array_equal(np.concatenate([*parts, np.empty(0, dtype=np.uint64)]), whole)
+
+
+def test_going_back_gives_the_same_words_again() -> None:
+    stream = Stream(stream_key(7, "a"))
+    ahead = stream.words(1000, 10)
+    stream.words(0, 3)
+    assert np.array_equal(stream.words(1000, 10), ahead)
+
+
+def test_words_are_those_of_numpys_philox() -> None:
+    key = stream_key(3, "a", "b")
+    assert np.array_equal(Stream(key).words(0, 9), np.random.Philox(key=key, counter=0).random_raw(9))
+
+
+def test_names_are_told_apart() -> None:
+    keys = {stream_key(1, "ab", "c"), stream_key(1, "a", "bc"), stream_key(1, "abc"), stream_key(11, "ab", "c")}
+    assert len(keys) == 4
+
+
+def test_uniforms_are_in_the_unit_interval_and_uniform() -> None:
+    numbers = uniforms_of(raw(200_000))
+    assert numbers.min() >= 0.0
+    assert numbers.max() < 1.0
+    assert stats.kstest(numbers, "uniform").pvalue > 0.001
+
+
+def test_extreme_words_give_finite_numbers() -> None:
+    ends = np.array([0, 2**64 - 1, 2**63, 2**24 - 1, 2**64 - 2**24], dtype=np.uint64)
+    assert np.isfinite(normal_pairs(ends.copy())).all()
+    assert uniforms_of(ends.copy()).max() < 1.0
+
+
+def test_normal_pairs_are_standard_normal_and_independent() -> None:
+    first, second = normal_pairs(raw(400_000, seed=5))
+    for column in (first, second, (first + second) / np.sqrt(2.0), (first - second) / np.sqrt(2.0)):
+        assert stats.kstest(column, "norm").pvalue > 0.001
+    assert abs(np.corrcoef(first, second)[0, 1]) < 3.29 / np.sqrt(len(first))
+    assert stats.kstest(np.hypot(first, second) ** 2 / 2.0, "expon").pvalue > 0.001
+
+
+def test_normal_pairs_are_box_and_mullers_to_1e_12() -> None:
+    words = raw(10_000, seed=9)
+    radius = np.sqrt(-2.0 * np.log1p(-(words >> np.uint64(24)).astype(float) * 2.0**-40))
+    turns = (words & np.uint64(4095)).astype(float) / 4096 + ((words >> np.uint64(12)) & np.uint64(4095)) / 2.0**24
+    first, second = normal_pairs(words)
+    assert first == pytest.approx(radius * np.cos(2.0 * np.pi * turns), abs=3e-12)
+    assert second == pytest.approx(radius * np.sin(2.0 * np.pi * turns), abs=3e-12)
+
+
+def test_pairs_of_a_run_do_not_share_numbers() -> None:
+    streams = PairStreams(1, [("S-1", "T-1"), ("S-1", "T-2"), ("S-2", "T-1")])
+    words = streams.words("detection", 1, np.arange(3), np.zeros(3, dtype=np.int64), np.full(3, 100))
+    assert len(np.unique(words)) == 300
+    assert len(np.unique(streams.constants("classification", 2))) == 6
