@@ -1,6 +1,7 @@
 """A run on its way out: windows through the scene's sinks, the truth into its own file, and what came of it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -62,8 +63,14 @@ def _with_truth(plan: Plan, path: Path, windows: Iterable[Window]) -> Iterator[W
 
 
 def _sinks(plan: Plan) -> Mapping[str, Sink]:
-    """Return the scene's sinks by their place in it, `outputs[0].jsonl`."""
-    return {choice.path: _sink(plan, choice) for choice in plan.scene.outputs}
+    """Return the scene's sinks by their place in it, `outputs[0].jsonl`; where one cannot be had, none stays open."""
+    with ExitStack() as opened:
+        sinks: dict[str, Sink] = {}
+        for choice in plan.scene.outputs:
+            sinks[choice.path] = _sink(plan, choice)
+            opened.callback(sinks[choice.path].close)
+        opened.pop_all()
+    return sinks
 
 
 def _sink(plan: Plan, choice: Choice) -> Sink:

@@ -31,14 +31,22 @@ class Tally:
             yield window
 
     def count(self, window: Window) -> None:
-        """Take a window into account."""
+        """Take a window into account; its detections are sorted by time."""
         found, target = window.detections, window.truth.target
+        sensors, targets = self._detections.shape
+        pair = found.sensor * targets + target
+        time_s = found.time_ns * 1e-9
         self._looks += window.looks
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
-        np.add.at(self._detections, (found.sensor, target), 1)
-        np.minimum.at(self._first_s, (found.sensor, target), found.time_s)
-        np.maximum.at(self._last_s, (found.sensor, target), found.time_s)
-        np.add.at(self._reported, (target, found.reported_type), 1)
+        self._detections += np.bincount(pair, minlength=sensors * targets).reshape(sensors, targets)
+        # Of repeated places the last written stays: written backwards, that is each pair's first detection.
+        first_s, last_s = np.full(sensors * targets, np.inf), np.full(sensors * targets, -np.inf)
+        first_s[pair[::-1]], last_s[pair] = time_s[::-1], time_s
+        np.minimum(self._first_s, first_s.reshape(sensors, targets), out=self._first_s)
+        np.maximum(self._last_s, last_s.reshape(sensors, targets), out=self._last_s)
+        types = self._reported.shape[1]
+        reported = np.bincount(target * types + found.reported_type, minlength=targets * types)
+        self._reported += reported.reshape(targets, types)
         np.maximum.at(self._confidence, target, found.confidence)
 
     def counts(self) -> Mapping[str, int]:

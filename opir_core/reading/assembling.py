@@ -72,6 +72,7 @@ class Assembler:
             with gathering.at(index_step(index)):
                 choice = self._output(item, f"outputs[{index}]")
                 self._require_encoder(choice)
+                _require_own_place(item, choice, outputs)
                 outputs.append(choice)
         gathering.require_whole()
         return tuple(outputs)
@@ -95,3 +96,11 @@ class Assembler:
         name = getattr(choice.config, "encoder", None)
         if isinstance(name, str):
             self.chooser.component(_ENCODERS, name, f"{choice.path}.encoder")
+
+
+def _require_own_place(item: Node, choice: Choice, others: list[Choice]) -> None:
+    """Refuse an output that writes where another one does."""
+    path = getattr(choice.config, "path", None)
+    for other in others:
+        if path is not None and other.name == choice.name and getattr(other.config, "path", None) == path:
+            raise item.refused(f"{other.path} writes to {path!r} already")
