@@ -1,0 +1,230 @@
+"""Where two-body arcs come down: on the surface, not before, once, and nowhere when they do not."""
+
+import numpy as np
+import pytest
+
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_POLAR_RADIUS_M
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.flight.kepler_impact import kepler_impact
+from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+
+def unit_vectors(rng, count):
+    first, second = rng.normal(size=(2, count, 3))
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(first, second)
+    return first, second / np.linalg.norm(second, axis=1)[:, None]
+
+
+def arcs(rng, radius, speed, elevation):
+    """Return states of these radii, speeds and flight-path angles, in every direction."""
+    up, along = unit_vectors(rng, radius.size)
+    direction = np.sin(elevation)[:, None] * up + np.cos(elevation)[:, None] * along
+    return radius[:, None] * up, speed[:, None] * direction
+
+
+def conics(rng, e, q, nu):
+    """Return states on conics of these eccentricities, pericentre distances and true anomalies."""
+    ahead, along = unit_vectors(rng, e.size)
+    p = q * (1.0 + e)
+    r, scale = p / (1.0 + e * np.cos(nu)), np.sqrt(EARTH_MU_M3_S2 / p)
+    position = r[:, None] * (np.cos(nu)[:, None] * ahead + np.sin(nu)[:, None] * along)
+    return position, scale[:, None] * (-np.sin(nu)[:, None] * ahead + (e + np.cos(nu))[:, None] * along)
+
+
+def launches(count=3000, seed=5):
+    rng = np.random.default_rng(seed)
+    radius = 6378e3 + rng.uniform(50e3, 300e3, count)
+    return arcs(rng, radius, rng.uniform(100.0, 7.4e3, count), np.radians(rng.uniform(2.0, 90.0, count)))
+
+
+def general(rng, count):
+    return arcs(rng, rng.uniform(5e6, 9e6, count), rng.uniform(0.0, 11.5e3, count), rng.uniform(-1.57, 1.57, count))
+
+
+def nearly_circular(rng, count):
+    radius = rng.uniform(6.35e6, 6.385e6, count)
+    speed = np.sqrt(EARTH_MU_M3_S2 / radius) * (1.0 + 1e-3 * rng.normal(size=count))
+    return arcs(rng, radius, speed, 2e-3 * rng.normal(size=count))
+
+
+def grazing_ellipses(rng, count):
+    q = 6367e3 + rng.uniform(-15e3, 15e3, count)
+    return conics(rng, rng.uniform(0.01, 0.95, count), q, rng.uniform(-3.0, 3.0, count))
+
+
+def grazing_hyperbolas(rng, count):
+    e = rng.uniform(1.001, 3.0, count)
+    q = 6367e3 + rng.uniform(-15e3, 15e3, count)
+    return conics(rng, e, q, -np.arccos(-1.0 / e) * rng.uniform(0.1, 0.95, count))
+
+
+def from_the_surface(rng, count):
+    up, _ = unit_vectors(rng, count)
+    position = geodetic_to_ecef(np.arcsin(up[:, 2]), np.arctan2(up[:, 1], up[:, 0]), 0.0)
+    _, velocity = arcs(rng, np.ones(count), 10.0 ** rng.uniform(-1.0, 4.0, count), np.zeros(count))
+    away = position / np.linalg.norm(position, axis=1)[:, None]
+    climb = rng.uniform(-1.0, 1.0, count) * np.linalg.norm(velocity, axis=1)
+    return position, velocity + climb[:, None] * away
+
+
+def first_descent(position, velocity, height, longest_s, samples=4001):
+    """Return the sampled interval of the first descent through the height: nan where there is none."""
+    times = np.linspace(0.0, longest_s, samples)
+    above = ecef_to_geodetic(propagate_kepler(position, velocity, times)[0]).height_m - height
+    outside = above > 0.0
+    outside[0] = above[0] > 1e-6
+    if abs(above[0]) <= 1e-6 and not outside[1]:
+        return 0.0, 0.0
+    falls = np.flatnonzero(outside[:-1] & ~outside[1:])
+    return (times[falls[0]], times[falls[0] + 1]) if falls.size else (np.nan, np.nan)
+
+
+def longest_flight(position, velocity):
+    """Return a period, or for open arcs some hours."""
+    alpha = 2.0 / np.linalg.norm(position, axis=1) - np.sum(velocity**2, axis=1) / EARTH_MU_M3_S2
+    return np.where(alpha > 0.0, 2.0 * np.pi / np.sqrt(EARTH_MU_M3_S2 * np.abs(alpha) ** 3), 40_000.0)
+
+
+def assert_on_arc_and_surface(position, velocity, height, duration, point):
+    hit = np.isfinite(duration)
+    assert hit.any()
+    there, speed = propagate_kepler(position[hit], velocity[hit], duration[hit])
+    later, _ = propagate_kepler(position[hit], velocity[hit], duration[hit] * (1.0 + 4e-16))
+    rounding = np.linalg.norm(later - there, axis=1)
+    assert np.all(np.linalg.norm(there - point[hit], axis=1) <= 1e-7 + 100.0 * rounding)
+    heights = ecef_to_geodetic(point[hit]).height_m
+    assert np.max(np.abs(heights - np.broadcast_to(height, hit.shape)[hit])) <= 2e-7
+    assert np.all(np.sum(speed * there, axis=1) < 0.05 * np.linalg.norm(speed, axis=1) * np.linalg.norm(there, axis=1))
+
+
+@pytest.mark.parametrize("height", [0.0, 100e3, -50e3])
+def test_launches_come_down_on_the_surface(height):
+    position, velocity = launches()
+    duration, point = kepler_impact(position, velocity, height)
+    rises = np.ones(duration.shape, bool) if height < 50e3 else np.isfinite(duration)
+    assert np.isfinite(duration[rises]).all()
+    assert_on_arc_and_surface(position, velocity, height, duration, point)
+
+
+@pytest.mark.parametrize("height", [0.0, 120e3])
+@pytest.mark.parametrize(
+    "family",
+    [general, nearly_circular, grazing_ellipses, grazing_hyperbolas, from_the_surface],
+    ids=lambda f: f.__name__,
+)
+def test_it_is_the_first_descent(family, height):
+    rng = np.random.default_rng(11)
+    position, velocity = family(rng, 60)
+    if height:
+        position, velocity = position * (1.0 + height / 6378e3), velocity / np.sqrt(1.0 + height / 6378e3)
+    duration, point = kepler_impact(position, velocity, height)
+    assert_on_arc_and_surface(position, velocity, height, duration, point)
+    longest = np.fmax(longest_flight(position, velocity), duration * 1.2)
+    if family is from_the_surface:
+        longest = np.where(np.isfinite(duration), np.minimum(longest, 2.0 * duration + 1.0), longest)
+    for i in range(duration.size):
+        before, after = first_descent(position[i], velocity[i], height, longest[i])
+        if np.isnan(before):
+            # A descent between two samples is one that sampling misses: found, it was held to arc and surface above.
+            assert np.isnan(duration[i]) or duration[i] <= longest[i]
+        else:
+            assert duration[i] <= after + 1e-3
+            if duration[i] < before - 1e-3:
+                step = longest[i] / 4000.0
+                inside, _ = propagate_kepler(position[i], velocity[i], duration[i] + np.linspace(0.0, step, 200))
+                assert np.min(ecef_to_geodetic(inside).height_m - height) <= 2e-7
+
+
+def test_straight_up_and_down():
+    for latitude, radius in ((0.0, EARTH_EQUATORIAL_RADIUS_M), (np.pi / 2.0, EARTH_POLAR_RADIUS_M)):
+        start = geodetic_to_ecef(latitude, 0.3, 0.0)
+        up = start / np.linalg.norm(start)
+        duration, point = kepler_impact(start, 3000.0 * up)
+        assert duration > 600.0
+        np.testing.assert_allclose(point, start, atol=1e-7)
+        duration, point = kepler_impact(2.0 * start, 0.0 * up)
+        np.testing.assert_allclose(np.linalg.norm(point), radius, atol=1e-7)
+        there, _ = propagate_kepler(2.0 * start, 0.0 * up, duration)
+        np.testing.assert_allclose(there, point, atol=1e-7)
+
+
+def test_a_start_on_the_surface():
+    start = geodetic_to_ecef(0.6, 1.0, 0.0)
+    up = start / np.linalg.norm(start)
+    north = np.cross(start, np.cross([0.0, 0.0, 1.0], start))
+    north /= np.linalg.norm(north)
+    rising, _ = kepler_impact(start, 1000.0 * up + 500.0 * north)
+    assert 200.0 < rising < 230.0
+    falling, point = kepler_impact(start, -1000.0 * up + 500.0 * north)
+    assert falling == 0.0
+    np.testing.assert_allclose(point, start, atol=2e-9)
+    again, point = kepler_impact(*propagate_kepler(start, 1000.0 * up + 500.0 * north, rising))
+    assert again == 0.0
+
+
+def test_a_start_below_has_to_rise_first():
+    start, up = np.array([6300e3, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    duration, point = kepler_impact(start, 3000.0 * up)
+    way, _ = propagate_kepler(start, 3000.0 * up, np.linspace(0.0, duration, 1000))
+    assert ecef_to_geodetic(way).height_m.max() > 300e3
+    np.testing.assert_allclose(np.linalg.norm(point), EARTH_EQUATORIAL_RADIUS_M, atol=1e-7)
+    assert np.isnan(kepler_impact(start, 100.0 * up)[0])
+
+
+@pytest.mark.parametrize("depth_m", [1e3, 1.0, 1e-3, 1e-5])
+def test_a_pericentre_just_below_the_surface_is_an_impact_and_just_above_is_none(depth_m):
+    for e in (0.02, 0.7, 1.0, 2.5):
+        for sign, hits in ((-1.0, True), (1.0, False)):
+            q = EARTH_EQUATORIAL_RADIUS_M + sign * depth_m
+            speed = np.sqrt(EARTH_MU_M3_S2 * (1.0 + e) / q)
+            before = propagate_kepler([q, 0.0, 0.0], [0.0, speed, 0.0], -1500.0)
+            duration, point = kepler_impact(*before)
+            assert np.isfinite(duration) == hits
+            if hits:
+                assert duration < 1500.0
+                assert abs(ecef_to_geodetic(point).height_m) <= 2e-7
+
+
+def test_nothing_where_there_is_no_impact():
+    def none(position, velocity, height=0.0):
+        duration, point = kepler_impact(position, velocity, height)
+        return np.isnan(duration) and np.isnan(point).all()
+
+    assert none([7e6, 0, 0], [0, 7546.0, 0])
+    assert none([7e6, 0, 0], [0, 12e3, 0])
+    assert none([7e6, 0, 0], [12e3, 0, 0])
+    assert none([7e6, 0, 0], [0, 7000.0, np.nan])
+    assert none([0, 0, 0], [0, 7000.0, 0])
+    assert none([7e6, 0, 0], [0, 1.0, 0], np.inf)
+    assert none([7e6, 0, 0], [0, 1.0, 0], -6.1e6)
+    assert none([7e6, 0, 0], [0, 1.0, 0], 800e3)
+
+
+def test_an_element_has_the_same_bits_in_any_company():
+    rng = np.random.default_rng(8)
+    families = (general, nearly_circular, grazing_ellipses, from_the_surface)
+    position, velocity = (np.concatenate(x) for x in zip(*(family(rng, 50) for family in families), strict=True))
+    duration, point = kepler_impact(position, velocity)
+    for part in (slice(0, 1), slice(7, 90), slice(120, 200)):
+        some, some_points = kepler_impact(position[part], velocity[part])
+        assert np.array_equal(some, duration[part], equal_nan=True)
+        assert np.array_equal(some_points, point[part], equal_nan=True)
+
+
+def test_turning_the_scene_about_the_axis_turns_the_impact():
+    position, velocity = launches(500)
+    cosine, sine = np.cos(1.1), np.sin(1.1)
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    duration, point = kepler_impact(position, velocity)
+    turned, turned_point = kepler_impact(position @ turn.T, velocity @ turn.T)
+    np.testing.assert_allclose(turned, duration, rtol=1e-11)
+    np.testing.assert_allclose(turned_point, point @ turn.T, atol=1e-5)
+
+
+def test_shapes():
+    duration, point = kepler_impact(np.tile([7e6, 0.0, 0.0], (4, 1, 1)), [0.0, 1e3, 0.0], [0.0, 10e3])
+    assert duration.shape == (4, 2)
+    assert point.shape == (4, 2, 3)
