@@ -26,8 +26,9 @@ class Band:
 class Orbit(Protocol):
     """Where a satellite is."""
 
-    #: Whether the position in ECEF does not change.
-    is_stationary: bool
+    @property
+    def is_stationary(self) -> bool:
+        """Whether the position in ECEF does not change."""
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) at scene times (n,)."""
@@ -36,8 +37,9 @@ class Orbit(Protocol):
 class ScanPattern(Protocol):
     """When, within its period, a sensor looks at a direction."""
 
-    #: Time between two looks at one target, ns (a positive integer, so that look times are exact).
-    period_ns: int
+    @property
+    def period_ns(self) -> int:
+        """Time between two looks at one target, ns (a positive integer, so that look times are exact)."""
 
     def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
         """Return offsets (n,) in [0, period) of the looks at targets (n, 3); scan k looks at phase + k · period.
@@ -75,11 +77,17 @@ class Sensor:
 class Trajectories(Protocol):
     """All targets of one model: when they burn and where they are."""
 
-    #: Codes into `TARGET_TYPES`, (n,) uint8.
-    type_code: NDArray[np.uint8]
-    #: Scene times between which the plume radiates, (n,) s.
-    ignition_s: FloatArray
-    burnout_s: FloatArray
+    @property
+    def type_code(self) -> NDArray[np.uint8]:
+        """Codes into `TARGET_TYPES`, (n,)."""
+
+    @property
+    def ignition_s(self) -> FloatArray:
+        """Scene times from which the plumes radiate, (n,) s."""
+
+    @property
+    def burnout_s(self) -> FloatArray:
+        """Scene times to which the plumes radiate, (n,) s."""
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to burnout."""
@@ -112,8 +120,9 @@ class Measured:
 class DetectionProbability(Protocol):
     """Exposures to probability of detection."""
 
-    #: Whether `probability` reads the geometry columns of its exposures.
-    needs_geometry: bool
+    @property
+    def needs_geometry(self) -> bool:
+        """Whether `probability` reads the geometry columns of its exposures."""
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
         """Return probabilities (n,) that hold for all looks of the pairs, or None where they vary from look to look."""
@@ -144,12 +153,11 @@ class Confidence(Protocol):
 
 @runtime_checkable
 class Tracker(Protocol):
-    """Detections to tracks; stepped on ticks of scene time, never on window edges.
+    """Detections to tracks; stepped on ticks of scene time, never on window edges."""
 
-    `cadence_s` is the time between ticks, or None for a tracker that never steps.
-    """
-
-    cadence_s: float | None
+    @property
+    def cadence_s(self) -> float | None:
+        """Time between ticks, s, or None for a tracker that never steps."""
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
@@ -161,8 +169,13 @@ class Tracker(Protocol):
 class Encoder(Protocol):
     """Detections to message bytes."""
 
-    content_type: str
-    schema_version: str
+    @property
+    def content_type(self) -> str:
+        """The media type of a message."""
+
+    @property
+    def schema_version(self) -> str:
+        """The version of the schema that the messages follow."""
 
     def encode(self, window: Window) -> bytes:
         """Return the window's detections as messages, each ended by a newline and none containing one."""

@@ -98,8 +98,8 @@ class BallisticConfig:
     """What a scene may set of a target of the model `ballistic`."""
 
     type: str = text(choices=TARGET_TYPES, help="target type")
-    launch: LaunchConfig = nested(help="where and when it lifts off")  # noqa: RUF009 - an attrs field, not a default
-    aim: AimConfig = nested(help="where it comes down")  # noqa: RUF009
+    launch: LaunchConfig = nested(help="where and when it lifts off")
+    aim: AimConfig = nested(help="where it comes down")
     profile: str | None = text(
         default=None, help="name of the class profile of its boost; by default the type's for the range to the aim"
     )
