@@ -1,0 +1,135 @@
+"""Lines of sight between grid points: what is interpolated stays within its stated bound, what is certain is true."""
+
+import numpy as np
+import pytest
+from attrs import evolve, frozen
+
+import opir_core as opir
+from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
+from opir_core.engine import Engine
+from opir_core.geometry import elevation_rad, is_occluded
+from opir_core.looks import look_times_s
+from opir_core.plan import Plan, compile_plan
+from opir_core.protocols import Sensor
+from opir_core.records import FloatArray
+from opir_core.sightlines import Sight, compile_pairs, visible_now
+
+
+@frozen
+class PolarOrbit:
+    """A circular polar orbit over longitude 0 of an Earth that does not turn: a fast sensor close by."""
+
+    height_m: float
+    start_rad: float
+    is_stationary: bool = False
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        radius_m = 6.378137e6 + self.height_m
+        angle = self.start_rad + np.sqrt(EARTH_MU_M3_S2 / radius_m**3) * time_s
+        return radius_m * np.stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)], axis=1)
+
+
+def plan(target_type: str, aim_lat_deg: float, launch_lat_deg: float = 5.0) -> Plan:
+    scene = opir.scene_from_mapping(
+        {
+            "scene": "sight",
+            "epoch": "2026-04-01T00:00:00Z",
+            "duration_s": 400.0,
+            "classification": "none",
+            "sensors": [
+                {"model": "DSP", "id": f"S{slot}", "orbital_slot_deg": slot, "scan_period_ms": 37.0}
+                for slot in (-120.0, -80.0, 0.0, 40.0, 82.0)
+            ],
+            "targets": [
+                {
+                    "id": "T",
+                    "type": target_type,
+                    "launch": {"lat_deg": launch_lat_deg, "lon_deg": 0.0, "time_s": 1.3},
+                    "aim": {"lat_deg": aim_lat_deg, "lon_deg": 3.0},
+                }
+            ],
+        }
+    )
+    return compile_plan(scene)
+
+
+def with_orbits(made: Plan, height_m: float) -> Plan:
+    """Return the plan with its sensors in low orbits, from all around the pass over the launch."""
+    sensors = tuple(
+        evolve(sensor, orbit=PolarOrbit(height_m, start), field_of_regard_half_angle_rad=1.5)
+        for sensor, start in zip(made.sensors, np.linspace(-0.4, 0.3, len(made.sensors)), strict=True)
+    )
+    pairs, sightlines = compile_pairs(sensors, made.targets, [0.0] * len(sensors), light_time=True, end_ns=made.end_ns)
+    return evolve(made, sensors=sensors, pairs=pairs, sightlines=sightlines)
+
+
+PLANS = {
+    "ICBM": lambda: plan("ICBM", 75.0),
+    "IRBM": lambda: plan("IRBM", 40.0),
+    "SRBM": lambda: plan("SRBM", 10.0),
+}
+
+
+@pytest.mark.parametrize("name", PLANS)
+@pytest.mark.parametrize(("height_m", "sine_bound"), [(None, 3e-6), (500e3, 3e-5), (1000e3, 3e-5)])
+def test_light_times_and_elevations_stay_within_their_bounds(name: str, height_m: float, sine_bound: float) -> None:
+    made = PLANS[name]()
+    made = made if height_m is None else with_orbits(made, height_m)
+    window = Engine(made).advance(made.end_ns)
+    found, truth = window.detections, window.truth
+    target_m = made.targets.position_ecef_m(truth.target, truth.emission_time_s)
+    look_s = found.time_ns * 1e-9
+    travel_s = look_s - truth.emission_time_s
+    exact_s = np.linalg.norm(target_m - found.sensor_ecef_m, axis=1) / SPEED_OF_LIGHT_M_S
+    inner = truth.emission_time_s < made.targets.burnout_s[0] - 1e-6
+    assert inner.sum() > 100
+    assert np.max(np.abs(travel_s - exact_s)[inner]) < 5e-8
+    exact = np.sin(elevation_rad(target_m, found.sensor_ecef_m))
+    assert np.max(np.abs(truth.target_elevation_sine - exact)) < sine_bound
+
+
+@pytest.mark.parametrize("height_m", [None, 500e3])
+def test_what_is_certain_is_true(height_m: float | None) -> None:
+    """Every look of every pair, judged exactly, agrees with what the grid holds for certain."""
+    made = PLANS["ICBM"]()
+    made = made if height_m is None else with_orbits(made, height_m)
+    judged = dict.fromkeys(Sight, 0)
+    for pair in range(len(made.pairs)):
+        scans = np.arange(1, 6800)
+        time_s = look_times_s(made.pairs, np.full(len(scans), pair), scans)
+        sensor = made.sensors[made.pairs.sensor[pair]]
+        exact, inside = seen_exactly(made, sensor, time_s)
+        point = made.sightlines.first_point[pair] + np.floor(time_s[inside]).astype(int)
+        sight = made.sightlines.sight[point]
+        assert exact[sight == Sight.ALWAYS].all()
+        assert not exact[sight == Sight.NEVER].any()
+        for kind in Sight:
+            judged[kind] += int((sight == kind).sum())
+    assert judged[Sight.ALWAYS] > 1000
+    assert judged[Sight.NEVER] > 1000
+    assert judged[Sight.PERHAPS] < judged[Sight.ALWAYS] / 5
+
+
+def seen_exactly(made: Plan, sensor: Sensor, time_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:
+    """Return, for the looks that fall into the burn, whether they see the target; light time is solved for."""
+    sensor_m = sensor.orbit.position_ecef_m(time_s)
+    ignition_s, burnout_s = made.targets.ignition_s[0], made.targets.burnout_s[0]
+    emission_s = time_s - 0.0
+    for _ in range(4):
+        held = np.clip(emission_s, ignition_s, burnout_s)
+        target_m = made.targets.position_ecef_m(np.zeros(len(time_s), dtype=np.int32), held)
+        emission_s = time_s - np.linalg.norm(target_m - sensor_m, axis=1) / SPEED_OF_LIGHT_M_S
+    inside = (emission_s > ignition_s) & (emission_s < burnout_s)
+    return visible_now(sensor, sensor_m[inside], target_m[inside]), inside
+
+
+def test_a_sensor_at_the_horizon_sees_what_grazes_the_ellipsoid() -> None:
+    made = PLANS["ICBM"]()
+    sensor = made.sensors[0]
+    sensor_m = sensor.orbit.position_ecef_m(np.zeros(2000))
+    heights = np.linspace(0.0, 4e5, 2000)
+    from opir_core.geometry import geodetic_to_ecef
+
+    target_m = geodetic_to_ecef(np.full(2000, 0.1), np.full(2000, np.radians(5.0)), heights)
+    wide = evolve(sensor, field_of_regard_half_angle_rad=np.pi)
+    assert np.array_equal(visible_now(wide, sensor_m, target_m), ~is_occluded(sensor_m, target_m))
