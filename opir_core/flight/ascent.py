@@ -20,6 +20,7 @@ from opir_core.flight.pieces import Indices
 from opir_core.flight.profiles import BoostProfile
 from opir_core.geometry.vectors import Floats
 
+#: Of the series in x; `docs/design/turn_series.py` shows what other degrees, and other powers of u, leave.
 _DEGREE = 32
 
 

@@ -23,7 +23,7 @@ _BINS_PER_PIECE = 16
 #: Runs of equal indices this long, on average, are repeated rather than gathered one by one; the values are the same.
 _LONG_RUN = 4
 
-#: From a column over pieces or targets to a column over points.
+#: From columns (..., s) over pieces or targets to columns (..., m) over points.
 _Spread = Callable[[Any], Any]
 
 
@@ -40,12 +40,13 @@ class Ephemeris:
     end_s: Floats
     tolerance_m: float
     pieces: Pieces
-    _next_s: Floats
-    _middle_s: Floats
-    _half_rate: Floats
+    #: By target: start, end and lookup bins a second (3, n), and the first bin (n,); by bin: the first piece in it.
+    _spans: Floats
     _first_bin: Indices
-    _bins_per_s: Floats
     _bin_piece: Indices
+    #: By piece: when the next one starts, inf at the last (s,); middle time and 2/length (2, s).
+    _next_s: Floats
+    _scales: Floats
 
     def __len__(self) -> int:
         return len(self.start_s)
@@ -104,38 +105,39 @@ class Ephemeris:
             block = slice(first, first + _BLOCK)
             spread, x = self._located(rows[block].astype(np.intp, copy=False), times[block])
             for array, column in zip(out, columns, strict=True):
-                for axis in range(3):
-                    array[block, axis] = column(self, spread, x, axis)
+                for axis, values in enumerate(column(self, spread, x)):
+                    array[block, axis] = values
         return [array.reshape(*shape, 3) for array in out]
 
     def _located(self, target: Indices, time_s: Floats) -> tuple[_Spread, Floats]:
         """Return the way from pieces to points, and the times within their pieces: -1 to 1, nan outside the span."""
         of_target = _spread(target)
-        start_s = of_target(self.start_s)
-        inside = (time_s >= start_s) & (time_s <= of_target(self.end_s))
+        start_s, end_s, bins_per_s = of_target(self._spans)
+        inside = (time_s >= start_s) & (time_s <= end_s)
         everywhere = bool(inside.all())
         time_s = time_s if everywhere else np.where(inside, time_s, start_s)
-        bin_ = ((time_s - start_s) * of_target(self._bins_per_s)).astype(np.intp)
+        bin_ = ((time_s - start_s) * bins_per_s).astype(np.intp)
         bin_ += of_target(self._first_bin)
         spread = _spread(self._stepped(self._bin_piece.take(bin_), time_s))
-        x = (time_s - spread(self._middle_s)) * spread(self._half_rate)
+        middle_s, per_half_length = spread(self._scales)
+        x = (time_s - middle_s) * per_half_length
         return spread, x if everywhere else np.where(inside, x, np.nan)
 
     def _stepped(self, piece: Indices, time_s: Floats) -> Indices:
         """Return pieces moved on, from the first in their lookup bin, to those that hold the times."""
-        late = np.flatnonzero(time_s >= self._next_s.take(piece))
+        late = (time_s >= self._next_s.take(piece)).nonzero()[0]
         while late.size:
             piece[late] += 1
             late = late[time_s[late] >= self._next_s[piece[late]]]
         return piece
 
 
-_Column = Callable[[Ephemeris, _Spread, Floats, int], Floats]
+_Column = Callable[[Ephemeris, _Spread, Floats], Floats]
 
 
-def _position(ephemeris: Ephemeris, spread: _Spread, x: Floats, axis: int) -> Floats:
-    """Return one component of position, by Horner's rule."""
-    first, *rest = ephemeris.pieces.coefficients[:, axis]
+def _position(ephemeris: Ephemeris, spread: _Spread, x: Floats) -> Floats:
+    """Return positions (3, m), by Horner's rule."""
+    first, *rest = ephemeris.pieces.coefficients
     value: Floats = spread(first)
     for coefficient in rest:
         value *= x
@@ -143,25 +145,27 @@ def _position(ephemeris: Ephemeris, spread: _Spread, x: Floats, axis: int) -> Fl
     return value
 
 
-def _velocity(ephemeris: Ephemeris, spread: _Spread, x: Floats, axis: int) -> Floats:
-    """Return one component of velocity: the derivative by Horner's rule, from x to time."""
-    first, *rest = ephemeris.pieces.coefficients[:-1, axis]
+def _velocity(ephemeris: Ephemeris, spread: _Spread, x: Floats) -> Floats:
+    """Return velocities (3, m): the derivative by Horner's rule, from x to time."""
+    first, *rest = ephemeris.pieces.coefficients[:-1]
     value: Floats = 5.0 * spread(first)
     for power, coefficient in zip((4.0, 3.0, 2.0, 1.0), rest, strict=True):
         value *= x
         value += power * spread(coefficient)
-    value *= spread(ephemeris._half_rate)
+    value *= spread(ephemeris._scales[1])
     return value
 
 
 def _spread(index: Indices) -> _Spread:
-    """Return the function that takes a column at these indices; long runs of one index are repeated, not gathered."""
-    edges = np.flatnonzero(index[1:] != index[:-1]) + 1
+    """Return the function that takes columns at these indices; long runs of one index are repeated, not gathered."""
+    edges = (index[1:] != index[:-1]).nonzero()[0]
     if _LONG_RUN * (len(edges) + 1) > len(index):
-        return lambda column: column.take(index)
-    edges = np.concatenate([[0], edges, [len(index)]])
-    heads, counts = index[edges[:-1]], np.diff(edges)
-    return lambda column: np.repeat(column.take(heads), counts)
+        return lambda columns: columns.take(index, axis=-1)
+    ends = np.append(edges, len(index) - 1)
+    heads, counts = index[ends], ends.copy()
+    counts[1:] -= ends[:-1]
+    counts[0] += 1
+    return lambda columns: columns.take(heads, axis=-1).repeat(counts, axis=-1)
 
 
 def _smooth_spans(start_s: Floats, end_s: Floats, breakpoints_s: ArrayLike | None) -> tuple[Indices, Floats, Floats]:
@@ -188,10 +192,9 @@ def _indexed(pieces: Pieces, tolerance_m: float) -> Ephemeris:
     earliest = np.ceil((pieces.start_s - start_s[pieces.target]) * bins_per_s[pieces.target]).astype(np.intp)
     bin_piece = np.zeros(bins.sum(), dtype=np.intp)
     np.maximum.at(bin_piece, first_bin[pieces.target] + earliest, np.arange(len(pieces)))
+    spans = np.stack([start_s, end_s, bins_per_s])
     next_s = pieces.end_s.copy()
     next_s[last] = np.inf
-    middle_s, half_rate = 0.5 * (pieces.start_s + pieces.end_s), 2.0 / (pieces.end_s - pieces.start_s)
-    return Ephemeris(
-        start_s, end_s, tolerance_m, pieces, next_s, middle_s, half_rate,
-        first_bin, bins_per_s, np.maximum.accumulate(bin_piece),
-    )  # fmt: skip
+    scales = np.stack([0.5 * (pieces.start_s + pieces.end_s), 2.0 / (pieces.end_s - pieces.start_s)])
+    first_piece = np.maximum.accumulate(bin_piece)
+    return Ephemeris(start_s, end_s, tolerance_m, pieces, spans, first_bin, first_piece, next_s, scales)

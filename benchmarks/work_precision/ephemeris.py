@@ -1,0 +1,198 @@
+"""Ephemerides of flights: what a tolerance costs in build time, memory and evaluation time, and what error it leaves.
+
+    python benchmarks/work_precision/ephemeris.py [--targets 1000] [--repeat 7] [--write docs/benchmarks]
+
+Flights of all five classes, from ignition to burnout and on to impact. Errors are the largest over a million random
+points, against the boost's own series and two-body propagation. Evaluation is of targets x 1000 times at once, in order
+(as a grid) and shuffled (each point another target and time). Times are processor time of one core, medians. `--write`
+puts the table, and, where matplotlib is installed, a plot into a folder.
+"""
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from opir_core.flight.aim import Aim, aim
+from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.flight.profiles import boost_profiles
+from opir_core.flight.trajectory import boost_ephemeris, flight_ephemeris
+from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
+
+TOLERANCES_M = (10.0, 1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)
+TIMES = 1000
+ERROR_POINTS = 1_000_000
+
+PAGE = """# Ephemerides: work and precision
+
+Made by `python benchmarks/work_precision/ephemeris.py --write docs/benchmarks`: {targets} flights of all classes,
+1000 times each; the largest error is over a million random points; processor time of one core, medians.
+
+{table}
+
+![Build time, memory and evaluation time against tolerance](ephemeris.svg)
+"""
+
+
+class Row(NamedTuple):
+    """One line of the table."""
+
+    span: str
+    tolerance_m: float
+    error_m: float
+    pieces: float
+    kilobytes: float
+    build_us: float
+    ordered_ns: float
+    shuffled_ns: float
+    state_ns: float
+
+
+def flights(count: int) -> Aim:
+    """Return flights of all classes over random ranges in random directions."""
+    rng = np.random.default_rng(1)
+    classes = list(boost_profiles().values())
+    profiles = [classes[row % len(classes)] for row in range(count)]
+    range_m = np.array([rng.uniform(1.001 * p.minimum_range_m, 0.999 * p.maximum_range_m) for p in profiles])
+    latitude, longitude = np.arcsin(rng.uniform(-1, 1, count)), rng.uniform(-np.pi, np.pi, count)
+    there = geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, count), range_m)
+    return aim(Geodetic(latitude, longitude, 0.0), Geodetic(*there, 0.0), rng.uniform(0.0, 600.0, count), profiles)
+
+
+def exact_m(flight: Aim, target: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+    """Return positions without an ephemeris."""
+    boost, _ = flight.path.state(target, time_s)
+    free_s = np.maximum(time_s - flight.burnout_s[target], 0.0)
+    coast, _ = propagate_kepler(flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target], free_s)
+    return np.where((time_s <= flight.burnout_s[target])[:, None], boost, eci_to_ecef(coast, time_s))
+
+
+def median_s(action: Callable[[], object], repeat: int) -> float:
+    """Return the median processor time of an action, after one call that is not counted."""
+    times = []
+    for _ in range(repeat + 1):
+        start = time.process_time()
+        action()
+        times.append(time.process_time() - start)
+    return statistics.median(times[1:])
+
+
+def largest_error_m(ephemeris: Ephemeris, flight: Aim) -> float:
+    """Return the largest error over random points, half of them crowded towards the start."""
+    rng = np.random.default_rng(2)
+    worst = 0.0
+    for _ in range(10):
+        target, share = rng.integers(0, len(ephemeris), ERROR_POINTS // 10), rng.random(ERROR_POINTS // 10)
+        share = np.where(rng.random(len(share)) < 0.5, share, share**4)
+        times = ephemeris.start_s[target] + share * (ephemeris.end_s - ephemeris.start_s)[target]
+        error = np.linalg.norm(ephemeris.position_m(target, times) - exact_m(flight, target, times), axis=1)
+        worst = max(worst, float(error.max()))
+    return worst
+
+
+def kilobytes(ephemeris: Ephemeris) -> float:
+    """Return the memory of all the arrays of an ephemeris."""
+    arrays = [
+        value for holder in (ephemeris, ephemeris.pieces) for value in vars_of(holder) if isinstance(value, np.ndarray)
+    ]
+    return sum(array.nbytes for array in arrays) / 1024
+
+
+def vars_of(holder: object) -> list[object]:
+    """Return the attributes of a slotted record."""
+    return [getattr(holder, name) for name in type(holder).__slots__ if name != "__weakref__"]
+
+
+def measured(span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, tolerance_m: float, repeat: int) -> Row:
+    """Return the table's line for one span and tolerance."""
+    ephemeris = build(flight, tolerance_m)
+    count, rng = len(ephemeris), np.random.default_rng(3)
+    target = np.repeat(np.arange(count), TIMES)
+    share = np.tile(np.linspace(0.0, 1.0, TIMES), count)
+    times = np.minimum(
+        ephemeris.start_s[target] + share * (ephemeris.end_s - ephemeris.start_s)[target], ephemeris.end_s[target]
+    )
+    order = rng.permutation(len(target))
+    mixed, mixed_times = target[order], times[order]
+    points = len(target)
+    return Row(
+        span,
+        tolerance_m,
+        largest_error_m(ephemeris, flight),
+        len(ephemeris.pieces) / count,
+        kilobytes(ephemeris) / count,
+        1e6 * median_s(lambda: build(flight, tolerance_m), min(repeat, 3)) / count,
+        1e9 * median_s(lambda: ephemeris.position_m(target, times), repeat) / points,
+        1e9 * median_s(lambda: ephemeris.position_m(mixed, mixed_times), repeat) / points,
+        1e9 * median_s(lambda: ephemeris.state(target, times), repeat) / points,
+    )
+
+
+def table(rows: list[Row]) -> str:
+    """Return the rows as a Markdown table."""
+    head = (
+        "| span | tolerance, m | largest error, m | pieces a target | kB a target | build, µs a target"
+        " | position, ns a point | shuffled, ns | position and velocity, ns |\n|---|---|---|---|---|---|---|---|---|"
+    )
+    lines = [
+        f"| {r.span} | {r.tolerance_m:g} | {r.error_m:.2g} | {r.pieces:.1f} | {r.kilobytes:.1f} | {r.build_us:.0f}"
+        f" | {r.ordered_ns:.0f} | {r.shuffled_ns:.0f} | {r.state_ns:.0f} |"
+        for r in rows
+    ]
+    return "\n".join([head, *lines])
+
+
+def write_plot(rows: list[Row], path: Path) -> None:
+    """Write build time, memory and evaluation time against tolerance."""
+    import matplotlib as mpl
+
+    mpl.use("svg")
+    mpl.rcParams["svg.hashsalt"] = "opir"
+    from matplotlib import pyplot as plt
+
+    panels = {
+        "build_us": "build, µs a target",
+        "kilobytes": "memory, kB a target",
+        "ordered_ns": "position, ns a point",
+    }
+    figure, axes = plt.subplots(1, len(panels), figsize=(11, 3.4), constrained_layout=True)
+    for axis, (column, label) in zip(axes, panels.items(), strict=True):
+        for span, marker in (("boost", "o-"), ("flight", "s-")):
+            of_span = [row for row in rows if row.span == span]
+            axis.plot(
+                [row.tolerance_m for row in of_span], [getattr(row, column) for row in of_span], marker, label=span
+            )
+        axis.set(xscale="log", xlabel="tolerance, m", ylabel=label, ylim=(0, None))
+        axis.invert_xaxis()
+        axis.legend()
+    figure.savefig(path, metadata={"Date": None})
+
+
+def main() -> None:
+    """Measure and print; write where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--targets", type=int, default=1000)
+    parser.add_argument("--repeat", type=int, default=7)
+    parser.add_argument("--write", type=Path)
+    options = parser.parse_args()
+    flight = flights(options.targets)
+    spans = {"boost": lambda f, tolerance: boost_ephemeris(f.path, tolerance), "flight": flight_ephemeris}
+    rows = [
+        measured(span, build, flight, tolerance, options.repeat)
+        for span, build in spans.items()
+        for tolerance in TOLERANCES_M
+    ]
+    print(table(rows))
+    if options.write:
+        text = PAGE.format(targets=options.targets, table=table(rows))
+        (options.write / "ephemeris.md").write_text(text, encoding="utf-8")
+        write_plot(rows, options.write / "ephemeris.svg")
+
+
+if __name__ == "__main__":
+    main()
