@@ -1,0 +1,131 @@
+"""Writes the generated pages of the documentation: `python docs/generate.py`; with `--check`, says which are stale."""
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from attrs import NOTHING, Attribute, Factory, asdict, fields, has
+
+from opir_core.fields import info_of
+from opir_core.plugin.components import CATALOGUE, Component, Constellation
+from opir_core.plugin.host import Host
+from opir_core.reading.heading import SceneFile
+
+DOCS = Path(__file__).resolve().parent
+HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|---|---|---|---|"
+PLUGINS = ["dsp", "sbirs", "nextgen"]
+
+
+def pages() -> Mapping[Path, str]:
+    """Return every generated page with its text."""
+    return {DOCS / "reference" / "scene.md": scene_page(), DOCS / "reference" / "components.md": components_page()}
+
+
+def scene_page() -> str:
+    """Return the page of a scene file's keys."""
+    return "\n".join(
+        [
+            "# The scene file",
+            "",
+            "The keys of a scene, read strictly: an unknown or repeated key, an alias, a tag, a NaN or a number out of",
+            "its range is refused, all problems in one message, each with its path and line. `opir run --set path=value`",
+            "sets any of them and goes through the same checks. What a component's block may hold is on the page of",
+            "[components](components.md).",
+            "",
+            HEAD,
+            *rows(SceneFile),
+            "",
+            "An item of `sensors` is `{constellation: NAME, ...}`, whose other keys apply to all its satellites, or",
+            "`{model: NAME, id: ID, ...}`. An item of `targets` is `{id: ID, model: NAME, ...}`; without `model` it is",
+            "`ballistic`. An item of `outputs` is a sink's name, or `{NAME: {...}}`. Wherever a component has presets,",
+            "`preset: NAME` starts from one.",
+            "",
+        ]
+    )
+
+
+def components_page() -> str:
+    """Return the page of all components of the core and of the constellations beside it."""
+    host = Host.discover(PLUGINS)
+    parts = [
+        "# Components",
+        "",
+        "What the core and the constellations beside it offer, by kind. Defaults whose source is *notional* are",
+        "made up, plausible, and no real system's.",
+    ]
+    for hook, kind in CATALOGUE.items():
+        names = host.names(hook)
+        if names:
+            parts += [
+                "",
+                f"## {kind.kind.capitalize()}s",
+                *(line for name in names for line in entry(host, hook, name)),
+            ]
+    return "\n".join([*parts, ""])
+
+
+def entry(host: Host, hook: str, name: str) -> Iterator[str]:
+    """Yield the lines of one component."""
+    offered = host.component(hook, name)
+    yield from ("", f"### `{name}`", "", f"{offered.summary}. From `{host.provenance(hook, name).distribution}`.")
+    if isinstance(offered, Constellation):
+        slots = ", ".join(f"{row['id']} at {row['orbital_slot_deg']:g}°" for row in offered.satellites)
+        yield from ("", f"Satellites with the model `{offered.model}`: {slots}.")
+    elif isinstance(offered, Component) and fields(offered.config):
+        yield from ("", HEAD, *rows(offered.config))
+        for preset, values in offered.presets.items():
+            told = ", ".join(f"`{key}: {shown(value)}`" for key, value in values.items())
+            yield from ("", f"Preset `{preset}`: {told}.")
+
+
+def rows(config: type, prefix: str = "") -> Iterator[str]:
+    """Yield a table row for each field of a configuration class, nested ones below their parent."""
+    for attribute in fields(config):
+        info, inner = info_of(attribute), nested_config(attribute)
+        bounds = " ".join(part for part in (info.unit, info.interval, ", ".join(info.choices)) if part)
+        cells = (f"`{prefix}{attribute.name}`", default_of(attribute), bounds, info.help, info.source)
+        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
+        if inner is not None:
+            yield from rows(inner, f"{prefix}{attribute.name}.")
+
+
+def nested_config(attribute: "Attribute[Any]") -> type | None:
+    """Return the configuration class that a field holds, if it holds one."""
+    return attribute.type if isinstance(attribute.type, type) and has(attribute.type) else None
+
+
+def default_of(attribute: "Attribute[Any]") -> str:
+    """Return a default as a scene would have it; "required" where there is none."""
+    default = attribute.default
+    if default is NOTHING:
+        return "required"
+    return f"`{shown(default.factory() if isinstance(default, Factory) else default)}`"
+
+
+def shown(value: Any) -> str:
+    """Return a value as YAML people would write it."""
+    if value is None or isinstance(value, bool):
+        return {None: "none", True: "true", False: "false"}[value]
+    if has(type(value)):
+        return shown(asdict(value))
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{key}: {shown(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return "[" + ", ".join(shown(item) for item in value) + "]"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def main() -> int:
+    """Write the pages, or check them."""
+    stale = [path for path, text in pages().items() if not path.exists() or path.read_text(encoding="utf-8") != text]
+    for path in stale:
+        print(f"{'stale' if '--check' in sys.argv else 'written'}: {path.relative_to(DOCS.parent)}")
+    if "--check" not in sys.argv:
+        for path in stale:
+            path.write_text(pages()[path], encoding="utf-8")
+    return 1 if stale and "--check" in sys.argv else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
