@@ -29,7 +29,7 @@ def scene_page() -> str:
             "# The scene file",
             "",
             "The keys of a scene, read strictly: an unknown or repeated key, an alias, a tag, a NaN or a number out of",
-            "its range is refused, all problems in one message, each with its path and line. `opir run --set path=value`",
+            "its range is refused, all problems in one message, each with its path and line. `--set path=value`",
             "sets any of them and goes through the same checks. What a component's block may hold is on the page of",
             "[components](components.md).",
             "",
