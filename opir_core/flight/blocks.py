@@ -1,0 +1,116 @@
+"""Arrays of states as columns, cut into blocks that fit a cache, and the forces on the arcs of a block."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from opir_core.flight.forces import Drag, Forces
+from opir_core.flight.gravity import Column, Gravity, Rows
+from opir_core.flight.integration import LOOSEST_TOLERANCE_M, Index, Integration, Recorder
+from opir_core.flight.levels import Levels, Seams
+from opir_core.flight.stepping import Acceleration
+
+Floats = NDArray[np.float64]
+
+#: Arcs a block: enough to hide numpy's overhead, few enough for the stages of a step to stay in a second-level cache.
+_BLOCK = 1024
+
+#: The floor of the one layer of a space without air, m.
+_BOTTOMLESS_M = -1e9
+
+#: A change of height in one step that bounds nothing, m.
+_BOUNDLESS_M = 1e12
+
+
+class Columns(NamedTuple):
+    """The arcs of a call, flattened: `shape` is that of the broadcast leading axes."""
+
+    shape: tuple[int, ...]
+    position: Rows
+    velocity: Rows
+    duration: Column
+    tolerance: Column
+    ballistic_coefficient: Column
+    target: Column
+
+    def block(self, part: slice) -> "Columns":
+        """Return some of the arcs, as copies."""
+        position, velocity = self.position[:, part].copy(), self.velocity[:, part].copy()
+        return Columns(self.shape, position, velocity, *(column[part].copy() for column in self[3:]))
+
+
+def columns_of(
+    position_m: ArrayLike,
+    velocity_m_s: ArrayLike,
+    duration_s: ArrayLike,
+    tolerance_m: ArrayLike,
+    forces: Forces,
+    height_m: ArrayLike = -np.inf,
+) -> Columns:
+    """Return the arguments of a call, broadcast against one another and flattened.
+
+    Raise ValueError where a state is not a vector of three, shapes do not fit or a tolerance is not positive.
+    """
+    vectors = [np.asarray(vector, dtype=np.float64) for vector in (position_m, velocity_m_s)]
+    if any(vector.ndim == 0 or vector.shape[-1] != 3 for vector in vectors):
+        raise ValueError(f"states need a last axis of 3, got shapes {vectors[0].shape} and {vectors[1].shape}")
+    beta = 1.0 if forces.drag is None else forces.drag.ballistic_coefficient_kg_m2
+    scalars = [np.asarray(scalar, dtype=np.float64) for scalar in (duration_s, tolerance_m, beta, height_m)]
+    if not bool(np.all(scalars[1] > 0.0)):
+        raise ValueError("tolerance_m must be positive")
+    shape = np.broadcast_shapes(*(vector.shape[:-1] for vector in vectors), *(scalar.shape for scalar in scalars))
+    position, velocity = (np.broadcast_to(vector, (*shape, 3)).reshape(-1, 3).T for vector in vectors)
+    duration, tolerance, beta, height = (np.broadcast_to(scalar, shape).reshape(-1) for scalar in scalars)
+    return Columns(shape, position, velocity, np.where(np.isnan(height), np.nan, duration), tolerance, beta, height)
+
+
+def integrations(
+    columns: Columns, forces: Forces, recorder: Recorder | None = None
+) -> Iterator[tuple[slice, Integration]]:
+    """Yield the parts of the arcs, and an integration for each."""
+    for first in range(0, columns.duration.size, _BLOCK):
+        part = slice(first, first + _BLOCK)
+        block = columns.block(part)
+        system = System(forces, block.ballistic_coefficient)
+        states = block.position, block.velocity
+        yield part, Integration(system, states, block.duration, block.tolerance, system.levels(block), recorder)
+
+
+class System:
+    """The forces on the arcs of a block."""
+
+    def __init__(self, forces: Forces, ballistic_coefficient: Column) -> None:
+        self.mu_m3_s2 = forces.gravity.mu_m3_s2
+        self.has_air = forces.drag is not None
+        self._gravity = Gravity(forces.gravity, forces.zonal)
+        if forces.drag is not None:
+            self._take_up(forces.drag, ballistic_coefficient)
+
+    def _take_up(self, drag: Drag, ballistic_coefficient: Column) -> None:
+        from opir_core.flight.atmosphere_density import air_layers
+        from opir_core.flight.drag import GravityAndDrag
+
+        self._air = air_layers(drag.atmosphere)
+        self._rotation = drag.air_rotation_rad_s
+        self._log_half_inverse_beta = -np.log(2.0 * ballistic_coefficient)
+        self._with_drag = GravityAndDrag
+
+    def acceleration(self, arcs: Index, layer: Index | None) -> Acceleration:
+        """Return the right side for the arcs of these numbers, each in its layer of the air."""
+        if not self.has_air or layer is None:
+            return self._gravity
+        parameters = np.take(self._air.parameters, layer, axis=1)
+        return self._with_drag(self._gravity, parameters, self._log_half_inverse_beta[arcs], self._rotation)
+
+    def levels(self, block: Columns) -> Levels | None:
+        """Return the heights that the arcs may not step across, if there are any."""
+        if self.has_air:
+            seams = Seams(*self._air[:4])
+        elif np.any(block.target > -np.inf):
+            seams = Seams(np.array([_BOTTOMLESS_M]), np.array([_BOUNDLESS_M]), np.zeros(1), np.zeros(1))
+        else:
+            return None
+        reach = np.sqrt(np.minimum(block.tolerance, LOOSEST_TOLERANCE_M))
+        return Levels(seams, block.target, reach, block.duration < 0.0)

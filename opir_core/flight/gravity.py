@@ -1,0 +1,69 @@
+"""Acceleration by a zonal gravity field, over columns of arcs."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core.flight.forces import ZonalField
+
+#: One value an arc, shape (n,).
+Column = NDArray[np.float64]
+
+#: One vector an arc, shape (3, n): contiguous x, y and z.
+Rows = NDArray[np.float64]
+
+
+class Gravity:
+    """The acceleration -mu/r² { r̂ [1 - Σ J_n (R/r)^n P'_{n+1}(s)] + ẑ Σ J_n (R/r)^n P'_n(s) }, with s = z/r.
+
+    This is the gradient of mu/r [1 - Σ J_n (R/r)^n P_n(s)] (Montenbruck and Gill, Satellite Orbits, 3.2), simplified
+    with (n+1) P_n + s P'_n = P'_{n+1}. Singular at the Earth's centre.
+    """
+
+    needs_velocity = False
+
+    def __init__(self, field: ZonalField, zonal: tuple[str, ...]) -> None:
+        self._mu = field.mu_m3_s2
+        self._j2 = field.j2 * field.radius_m**2 if "j2" in zonal else 0.0
+        self._j3 = field.j3 * field.radius_m**3 if "j3" in zonal else 0.0
+        self._j4 = field.j4 * field.radius_m**4 if "j4" in zonal else 0.0
+
+    def __call__(self, position: Rows, velocity: Rows | None = None) -> Rows:
+        """Return accelerations (3, n), m/s², at positions (3, n), m, from the Earth's centre."""
+        return self.with_inverse_radius(position)[0]
+
+    def with_inverse_radius(self, position: Rows) -> tuple[Rows, Column]:
+        """Return the accelerations, m/s², and 1/r, 1/m."""
+        squares = position * position
+        zz = squares[2]
+        inverse_square = squares[0] + squares[1]
+        inverse_square += zz
+        np.divide(1.0, inverse_square, out=inverse_square)
+        inverse_radius = np.sqrt(inverse_square)
+        zz *= inverse_square
+        radial, axial = self._harmonics(inverse_square, position[2], zz)
+        attraction = inverse_square * inverse_radius
+        attraction *= -self._mu
+        radial *= attraction
+        axial *= attraction
+        acceleration = position * radial
+        acceleration[2] += axial
+        return acceleration, inverse_radius
+
+    def _harmonics(self, inverse_square: Column, z: Column, ss: Column) -> tuple[Column, Column]:
+        """Return 1 - Σ J_n (R/r)^n P'_{n+1}(s) and r Σ J_n (R/r)^n P'_n(s), given 1/r² and s²."""
+        weight = inverse_square * self._j2
+        radial = ss * -7.5
+        radial += 1.5
+        radial *= weight
+        radial += 1.0
+        axial = weight * z
+        axial *= 3.0
+        if self._j3:
+            weight = inverse_square * self._j3
+            radial -= weight * inverse_square * z * (17.5 * ss - 7.5)
+            axial += weight * (7.5 * ss - 1.5)
+        if self._j4:
+            weight = inverse_square * inverse_square * self._j4
+            radial -= weight * ((39.375 * ss - 26.25) * ss + 1.875)
+            axial += weight * z * (17.5 * ss - 7.5)
+        return radial, axial

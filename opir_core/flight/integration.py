@@ -1,0 +1,267 @@
+"""Many arcs integrated at once, every arc with steps of its own.
+
+Arcs are columns. Nothing an arc does depends on its neighbours: all arithmetic is element by element, and arcs that are
+done are taken out of the columns. So a result is the same, to the last bit, alone and in any company.
+"""
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Protocol
+
+import numpy as np
+from attrs import define
+from numpy.typing import NDArray
+
+from opir_core.flight.gravity import Column, Rows
+from opir_core.flight.levels import Landing, Levels
+from opir_core.flight.stepping import Acceleration, Start, Step, stepped
+
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+#: A looser tolerance than this, m, saves next to nothing at order 8; a tighter one than the second is below rounding.
+LOOSEST_TOLERANCE_M = 0.1
+TIGHTEST_TOLERANCE_M = 1e-8
+
+#: A step may spend the share of the tolerance that its length has of the arc, or that this length would have.
+_SHORTEST_SHARE = 1.0 / 16.0
+_LONGEST_SHARE_S = 100.0
+
+#: The first step, in units of sqrt(r³/mu), at a tolerance of 1 m.
+_FIRST_STEP = 0.25
+
+#: Estimates of local errors are this much too small, at worst, where drag changes fast.
+_CAUTION_IN_AIR = 0.5
+
+#: An error of velocity this small, relative to that in orbit, is rounding, which no shorter step would mend.
+_ROUNDING = 4e-16
+
+#: An error of velocity grows for this many times the step it is made in, at least.
+_SHORTEST_GROWTH = 4.0
+
+#: By how much an error of velocity on the way moves the point of impact more than the time of fall says, and the
+#: shortest time of fall to reckon with, s.
+_OBLIQUITY = 2.5
+_SHORTEST_FALL_S = 10.0
+
+_SAFETY = 0.9
+_GROWTH = (0.2, 6.0)
+
+#: Attempts at a step before an arc is given up, and the shortest step, as a fraction of the time flown.
+_MOST_ATTEMPTS = 200_000
+_SHORTEST_STEP = 1e-14
+
+
+class Outcome(IntEnum):
+    """How an integration ended."""
+
+    UNDER_WAY = 0
+    REACHED_END = 1
+    IMPACT = 2
+    NOT_FINITE = 3
+    BELOW_AIR = 4
+    NOT_CONVERGED = 5
+
+
+@define(eq=False)
+class Ends:
+    """What became of the arcs: states, (3, n), at the elapsed times, and outcomes."""
+
+    elapsed: Column
+    position: Rows
+    velocity: Rows
+    outcome: NDArray[np.int8]
+
+    @classmethod
+    def of(cls, count: int) -> "Ends":
+        """Return the ends of arcs that have none yet."""
+        elapsed, position, velocity = (np.full(shape, np.nan) for shape in ((count,), (3, count), (3, count)))
+        return cls(elapsed, position, velocity, np.zeros(count, np.int8))
+
+
+#: Told of every set of steps: the arcs' numbers, the times and lengths of the steps, where they start, what became of
+#: them and which were accepted; it is also given the acceleration, to extend the steps with.
+Recorder = Callable[[Index, Column, Column, Start, Step, Mask, Acceleration], None]
+
+
+class System(Protocol):
+    """What moves the arcs."""
+
+    mu_m3_s2: float
+    has_air: bool
+
+    def acceleration(self, arcs: Index, layer: Index | None) -> Acceleration:
+        """Return the right side for the arcs of these numbers, each in its layer of the air, or without air."""
+        ...
+
+
+class Integration:
+    """Arcs under way: columns of states, and the control of every arc's steps."""
+
+    def __init__(
+        self,
+        system: System,
+        states: tuple[Rows, Rows],
+        duration: Column,
+        tolerance: Column,
+        levels: Levels | None = None,
+        recorder: Recorder | None = None,
+    ) -> None:
+        self._system, self._levels, self._recorder = system, levels, recorder
+        self._position, self._velocity = states
+        self._duration = duration
+        self._tolerance = np.clip(tolerance, TIGHTEST_TOLERANCE_M, LOOSEST_TOLERANCE_M)
+        if system.has_air:
+            self._tolerance *= _CAUTION_IN_AIR
+        self._index = np.arange(duration.size)
+        self._elapsed = np.zeros(duration.size)
+        self._planned = np.full(duration.size, np.inf)
+        self._ends = Ends.of(duration.size)
+
+    def ends(self) -> Ends:
+        """Integrate to the ends, and return them."""
+        with np.errstate(all="ignore"):
+            self._begin()
+            for _ in range(_MOST_ATTEMPTS):
+                if not self._index.size:
+                    break
+                self._attempt()
+            self._drop(np.full(self._index.size, Outcome.NOT_CONVERGED, np.int8))
+        return self._ends
+
+    def _begin(self) -> None:
+        self._acceleration = self._system.acceleration(self._index, None)(self._position, self._velocity)
+        landing = None if self._levels is None else self._levels.begin(self._state())
+        self._acceleration = self._right_side()(self._position, self._velocity)
+        radius = np.sqrt(_square(self._position))
+        circular_speed = np.sqrt(self._system.mu_m3_s2 / radius)
+        self._natural = _FIRST_STEP * radius / circular_speed * _eighth_root(self._tolerance)
+        self._rounding = _ROUNDING * circular_speed
+        self._horizon = self._time_left()
+        outcome = self._outcome(self._duration == 0.0, landing)
+        finite = np.isfinite(self._duration) & np.isfinite(self._position + self._velocity).all(axis=0)
+        outcome[~finite] = Outcome.NOT_FINITE
+        self._drop(outcome)
+
+    def _attempt(self) -> None:
+        """Try one step of every arc, keep those that are accurate enough and stay within their layer."""
+        start = self._state()
+        wanted, length, remaining = self._lengths()
+        h = np.copysign(length, self._duration)
+        right_side = self._right_side()
+        step = stepped(right_side, start, h)
+        share = np.maximum(length, np.minimum(self._horizon * _SHORTEST_SHARE, _LONGEST_SHARE_S)) / self._horizon
+        growth = np.maximum(self._time_left(), _SHORTEST_GROWTH * length)
+        ratio = step.velocity_error / np.maximum(self._tolerance * share / growth, self._rounding)
+        accepted = ratio <= 1.0
+        self._planned[:] = np.inf
+        self._natural = length * np.fmax(np.minimum(_SAFETY / _eighth_root(ratio), _GROWTH[1]), _GROWTH[0])
+        np.copyto(self._natural, np.maximum(self._natural, wanted), where=accepted & (length < wanted))
+        if self._levels is not None:
+            over, fraction = self._levels.shortened(start, step, h, accepted)
+            accepted[over] = False
+            self._planned[over] = length[over] * fraction
+            self._natural[over] = wanted[over]
+        if self._recorder is not None:
+            self._recorder(self._index, self._elapsed, h, start, step, accepted, right_side)
+        self._accept(step, accepted, h, accepted & (length >= remaining))
+
+    def _accept(self, step: Step, accepted: Mask, h: Column, last: Mask) -> None:
+        np.copyto(self._position, step.position, where=accepted)
+        np.copyto(self._velocity, step.velocity, where=accepted)
+        np.copyto(self._acceleration, step.acceleration, where=accepted)
+        np.copyto(self._elapsed, self._elapsed + h, where=accepted)
+        np.copyto(self._elapsed, self._duration, where=last)
+        landing = None if self._levels is None else self._levels.advance(self._state(), accepted)
+        if landing is not None and self._system.has_air and landing.changed.any():
+            changed = np.flatnonzero(landing.changed)
+            right_side = self._right_side(changed)
+            self._acceleration[:, changed] = right_side(self._position[:, changed], self._velocity[:, changed])
+        self._drop(self._outcome(last, landing))
+
+    def _lengths(self) -> tuple[Column, Column, Column]:
+        """Return the steps wanted for accuracy, those to try, and the time remaining, all positive."""
+        remaining = np.abs(self._duration - self._elapsed)
+        wanted = length = self._natural
+        if self._levels is not None:
+            wanted, length = self._levels.lengths(wanted)
+        even = remaining / np.ceil(remaining / wanted)
+        return wanted, np.minimum(np.minimum(length, even), self._planned), remaining
+
+    def _state(self) -> Start:
+        return Start(self._position, self._velocity, self._acceleration)
+
+    def _outcome(self, last: Mask, landing: Landing | None) -> NDArray[np.int8]:
+        outcome = np.where(last, Outcome.REACHED_END, Outcome.UNDER_WAY).astype(np.int8)
+        stuck = ~(self._natural > _SHORTEST_STEP * (1.0 + np.abs(self._elapsed))) | ~np.isfinite(self._acceleration[0])
+        outcome[stuck & ~last] = Outcome.NOT_CONVERGED
+        if landing is not None:
+            outcome[landing.sunk] = Outcome.BELOW_AIR
+            outcome[landing.impact] = Outcome.IMPACT
+        return outcome
+
+    def _drop(self, outcome: NDArray[np.int8]) -> None:
+        """Write down the ends of arcs that have an outcome, and keep the others."""
+        done = np.flatnonzero(outcome)
+        if not done.size:
+            return
+        arcs = self._index[done]
+        self._ends.outcome[arcs] = outcome[done]
+        self._write(done[outcome[done] == Outcome.REACHED_END])
+        self._write_impacts(done[outcome[done] == Outcome.IMPACT])
+        kept = outcome == Outcome.UNDER_WAY
+        for name in ("_position", "_velocity", "_acceleration"):
+            setattr(self, name, getattr(self, name)[:, kept])
+        for name in self._COLUMNS:
+            setattr(self, name, getattr(self, name)[kept])
+        if self._levels is not None:
+            self._levels.keep(kept)
+
+    _COLUMNS = ("_index", "_duration", "_tolerance", "_elapsed", "_planned", "_natural", "_horizon", "_rounding")
+
+    def _write(self, done: Index) -> None:
+        arcs = self._index[done]
+        self._ends.elapsed[arcs] = self._elapsed[done]
+        self._ends.position[:, arcs] = self._position[:, done]
+        self._ends.velocity[:, arcs] = self._velocity[:, done]
+
+    def _write_impacts(self, done: Index) -> None:
+        """Write down arcs that are next to their targets, moved there along their parabolas."""
+        if not done.size or self._levels is None:
+            return
+        position, velocity, acceleration = (
+            rows[:, done] for rows in (self._position, self._velocity, self._acceleration)
+        )
+        late = self._levels.time_to_target(position, velocity, done)
+        for _ in range(2):
+            there = position + late * (velocity + 0.5 * late * acceleration)
+            speed = velocity + late * acceleration
+            late = late + self._levels.time_to_target(there, speed, done)
+        arcs = self._index[done]
+        self._ends.elapsed[arcs] = np.maximum(self._elapsed[done] + late, 0.0)
+        self._ends.position[:, arcs] = position + late * (velocity + 0.5 * late * acceleration)
+        self._ends.velocity[:, arcs] = velocity + late * acceleration
+
+    def _time_left(self) -> Column:
+        """Return over how long an error of velocity now grows into one of position: to the end, or about to impact."""
+        remaining = np.abs(self._duration - self._elapsed)
+        if self._levels is None or not self._levels.has_target:
+            return remaining
+        fall = self._levels.fall_time(_square(self._position), self._system.mu_m3_s2)
+        return np.minimum(remaining, _OBLIQUITY * np.maximum(fall, _SHORTEST_FALL_S))
+
+    def _right_side(self, which: Index | None = None) -> Acceleration:
+        layer = None if self._levels is None else self._levels.layer
+        if which is None:
+            return self._system.acceleration(self._index, layer)
+        return self._system.acceleration(self._index[which], None if layer is None else layer[which])
+
+
+def _square(rows: Rows) -> Column:
+    squares = rows * rows
+    square: Column = squares[0] + squares[1] + squares[2]
+    return square
+
+
+def _eighth_root(column: Column) -> Column:
+    return np.sqrt(np.sqrt(np.sqrt(column)))

@@ -1,0 +1,214 @@
+"""Heights that arcs may not step across: the seams between layers of air, and the height of an impact.
+
+Each arc keeps within an interval of height, `low` to `high`. A step that would leave it is shortened to end on the
+boundary; there the arc changes over to the next interval. So a step never sees a kink in the density of the air, never
+jumps into the air from above, and an impact is found where it is.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core.flight.crossings import Index, Rise, crossing_fraction, height_within
+from opir_core.flight.ellipsoidal_height import height_and_climb
+from opir_core.flight.gravity import Column, Rows
+from opir_core.flight.stepping import Start, Step
+
+Mask = NDArray[np.bool_]
+
+#: An arc is at its target height when this close to it in height, m, and in time, s.
+_NEAR_M = 0.1
+_NEAR_S = 1e-4
+
+#: Steps this short, s, are not shortened further.
+_SHORTEST_S = 1e-3
+
+#: A start this close to the height of impact, m, is on it: rounding must not decide whether it has yet to rise.
+_ON_SURFACE_M = 1e-6
+
+#: Gravity in the bound of a step's change of height, m/s².
+_FALL_M_S2 = 10.0
+
+#: A step may be this much longer than wanted, to end on a boundary.
+_STRETCH = 1.05
+
+
+class Seams(NamedTuple):
+    """Layers from the lowest up: their floors, m, and what steps have to heed in them, as in `AirLayers`."""
+
+    floors_m: Column
+    strides_m: Column
+    stride_shares: Column
+    reaches_m: Column
+
+
+class Landing(NamedTuple):
+    """Which arcs changed over to another layer, came down on the target height, or left the air model at its floor."""
+
+    changed: Mask
+    impact: Mask
+    sunk: Mask
+
+
+class Levels:
+    """The intervals of height of n arcs, and where the arcs are in them; rates are along the direction of travel.
+
+    `target_m` is the height of impact, -inf where there is none to find; `reach` scales the seams' reaches.
+    """
+
+    def __init__(self, seams: Seams, target_m: Column, reach: Column, backward: Mask) -> None:
+        self._seams, self._ceilings = seams, np.append(seams.floors_m[1:], np.inf)
+        self._ceiling_reaches = np.append(seams.reaches_m[1:], 0.0)
+        self._target, self._reach = target_m, reach
+        self._direction = np.where(backward, -1.0, 1.0)
+        self.has_target = bool(np.any(target_m > -np.inf))
+
+    def begin(self, start: Start) -> Landing:
+        """Take up the arcs' first states."""
+        self._height, self._climb = self._height_and_climb(start.position, start.velocity)
+        self._bend = self._curvature(start, self._climb)
+        self.layer = np.searchsorted(self._seams.floors_m, self._height, side="right") - 1
+        outside = self.layer < 0
+        self.layer[outside] = 0
+        self._above = self._height >= self._target - _ON_SURFACE_M
+        self._set_bounds()
+        landing = self.settle(np.ones_like(outside))
+        return landing._replace(sunk=landing.sunk | outside)
+
+    def keep(self, kept: Mask) -> None:
+        """Drop the arcs that are not kept."""
+        for name in self._COLUMNS:
+            setattr(self, name, getattr(self, name)[kept])
+
+    _COLUMNS = (
+        *("_target", "_reach", "_direction", "_height", "_climb", "_bend", "layer", "_above"),
+        *("_low", "_high", "_low_reach", "_high_reach"),
+    )
+
+    def lengths(self, wanted: Column) -> tuple[Column, Column]:
+        """Return steps of the wanted length, s, or shorter: those that height allows, and those that end on boundaries.
+
+        Within the first, height changes by the layer's stride at most. The second cut the way to the boundary ahead,
+        as far as it can be foreseen from the present motion, into equal steps.
+        """
+        above = np.maximum(self._height - self._seams.floors_m[self.layer], 0.0)
+        stride = self._seams.strides_m[self.layer] + self._seams.stride_shares[self.layer] * above
+        rate = np.abs(self._climb)
+        allowed = np.minimum(wanted, 2.0 * stride / (rate + np.sqrt(rate * rate + 2.0 * _FALL_M_S2 * stride)))
+        ahead = self._time_to_boundary()
+        count = np.ceil(ahead / (_STRETCH * allowed))
+        return allowed, np.where(ahead < np.inf, ahead / np.maximum(count, 1.0), allowed)
+
+    def _time_to_boundary(self) -> Column:
+        """Return when the arcs meet the boundary they are heading for on a parabola, s; infinite if they do not."""
+        rate = np.abs(self._climb)
+        away = np.where(self._climb < 0.0, self._height - self._low, self._high - self._height)
+        bend = np.where(self._climb < 0.0, -self._bend, self._bend)
+        time = 2.0 * away / (rate + np.sqrt(rate * rate + 2.0 * bend * away))
+        return np.where(time > 0.0, time, np.inf)
+
+    def fall_time(self, radius_squared_m2: Column, mu_m3_s2: float) -> Column:
+        """Return about how long, s, the arcs would fall to their targets in the gravity at their height."""
+        gravity = mu_m3_s2 / radius_squared_m2
+        drop = np.maximum(self._height - self._target, 0.0)
+        return (self._climb + np.sqrt(self._climb * self._climb + 2.0 * gravity * drop)) / gravity
+
+    def shortened(self, start: Start, step: Step, h: Column, candidate: Mask) -> tuple[Index, Column]:
+        """Return which candidates' steps leave their interval, and at what fraction of them they first do."""
+        self._next_height, self._next_climb = self._height_and_climb(step.position, step.velocity)
+        length = np.abs(h)
+        rise = Rise(self._height, self._next_height, self._climb * length, self._next_climb * length)
+        down = rise.last < self._low - self._slack(self._next_climb)
+        leaving = down | (rise.last > self._high + self._high_reach)
+        candidate = candidate & (length > _SHORTEST_S)
+        index = np.flatnonzero(candidate & leaving)
+        end = np.ones(index.size)
+        turning = np.flatnonzero(candidate & ~leaving & (rise.first_rate * rise.last_rate < 0.0))
+        if turning.size:
+            down[turning] = rise.first_rate[turning] < 0.0
+            turning, fraction = self._turning_outside(start, step, h, rise, turning)
+            index, end = np.concatenate([index, turning]), np.concatenate([end, fraction])
+        if not index.size:
+            return index, end
+        return index, self._crossing(start, step, h, rise, index, down[index], end)
+
+    def _turning_outside(self, start: Start, step: Step, h: Column, rise: Rise, index: Index) -> tuple[Index, Column]:
+        """Return which of the steps at `index` turn outside their interval though both ends are inside, and where."""
+        fraction = rise.of(index).turning_point()
+        height, _ = height_within(start, step, h, index, fraction)
+        outside = (height < self._low[index]) | (height > self._high[index])
+        return index[outside], fraction[outside]
+
+    def _crossing(
+        self, start: Start, step: Step, h: Column, rise: Rise, index: Index, down: Mask, end: Column
+    ) -> Column:
+        """Return the fraction at which the boundary is met: on the cubic first, then one Newton step on the quintic.
+
+        Where that fails, half the first fraction: the next attempt then sees the boundary from closer by.
+        """
+        boundary = np.where(down, self._low[index], self._high[index])
+        fraction = crossing_fraction(rise.of(index), boundary, down, end)
+        height, rate = height_within(start, step, h, index, fraction)
+        better = fraction - (height - boundary) / rate
+        return np.where((better > 0.0) & (better < end), better, 0.5 * fraction)
+
+    def advance(self, start: Start, accepted: Mask) -> Landing:
+        """Move the accepted arcs to the ends of the steps last looked at, which is where `start` has them."""
+        np.copyto(self._height, self._next_height, where=accepted)
+        np.copyto(self._climb, self._next_climb, where=accepted)
+        self._bend = self._curvature(start, self._climb)
+        return self.settle(accepted)
+
+    def settle(self, moved: Mask) -> Landing:
+        """Change over the arcs that are on a boundary, or next to it and sure to cross it."""
+        falling, rising = self._climb < 0.0, self._climb > 0.0
+        drop, rise = self._height - self._low, self._high - self._height
+        down = moved & falling & (drop <= self._slack(self._climb)) & self._will_cover(drop)
+        up = moved & rising & (rise <= self._high_reach) & self._will_cover(rise)
+        impact = down & self._above & (self._low == self._target)
+        sunk = down & ~impact & (self.layer == 0)
+        changed = (down & ~impact & ~sunk) | up
+        if changed.any():
+            self.layer += (up & (self._high == self._ceilings[self.layer])).astype(np.intp) - (down & changed)
+            self._above |= up & (self._high == self._target)
+            self._set_bounds()
+        return Landing(changed, impact, sunk)
+
+    def _will_cover(self, distance: Column) -> Mask:
+        """Return whether the arcs, as they move, will cover twice a distance, m, before they turn round."""
+        return self._climb * self._climb >= 4.0 * np.abs(self._bend) * np.maximum(distance, 0.0)
+
+    def time_to_target(self, position: Rows, velocity: Rows, index: Index) -> Column:
+        """Return the times, s, after which states (3, k) of the arcs at `index`, close to their targets, are there."""
+        height, climb = height_and_climb(position, velocity, _inverse_length(position))
+        return (self._target[index] - height) / climb
+
+    def _set_bounds(self) -> None:
+        floor, ceiling = self._seams.floors_m[self.layer], self._ceilings[self.layer]
+        self._low = np.where(self._above, np.maximum(floor, self._target), floor)
+        self._high = np.where(self._above, ceiling, np.minimum(ceiling, self._target))
+        self._low_reach = np.where(self._low == floor, self._reach * self._seams.reaches_m[self.layer], 0.0)
+        self._high_reach = np.where(self._high == ceiling, self._reach * self._ceiling_reaches[self.layer], _NEAR_M)
+
+    def _slack(self, climb: Column) -> Column:
+        """Return how close to the boundary below, m, an arc is taken to be on it."""
+        return np.where(self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), self._low_reach)
+
+    def _height_and_climb(self, position: Rows, velocity: Rows) -> tuple[Column, Column]:
+        height, climb = height_and_climb(position, velocity, _inverse_length(position))
+        return height, climb * self._direction
+
+    def _curvature(self, start: Start, climb: Column) -> Column:
+        """Return about the second derivative of height, m/s²: of the radius."""
+        position, velocity, acceleration = start
+        radial = position[0] * acceleration[0] + position[1] * acceleration[1] + position[2] * acceleration[2]
+        squares = velocity * velocity
+        bend: Column = (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(position)
+        return bend
+
+
+def _inverse_length(rows: Rows) -> Column:
+    squares = rows * rows
+    inverse: Column = 1.0 / np.sqrt(squares[0] + squares[1] + squares[2])
+    return inverse

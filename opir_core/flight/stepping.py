@@ -1,0 +1,104 @@
+"""One DOP853 step of many arcs at once, each with its own length."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from opir_core.flight import dop853
+from opir_core.flight.gravity import Column, Rows
+
+
+class Acceleration(Protocol):
+    """The right side of r'' = a(r, v) over columns of arcs."""
+
+    #: Whether velocities matter; where they do not, `None` stands for them.
+    needs_velocity: bool
+
+    def __call__(self, position: Rows, velocity: Rows, /) -> Rows:
+        """Return accelerations (3, n), m/s², at positions and velocities (3, n)."""
+        ...
+
+
+class Start(NamedTuple):
+    """The states that steps begin from, (3, n) each, with the accelerations there."""
+
+    position: Rows
+    velocity: Rows
+    acceleration: Rows
+
+
+class Step(NamedTuple):
+    """Where the steps end, the estimated errors of the velocities there, m/s, and the accelerations at the stages."""
+
+    position: Rows
+    velocity: Rows
+    acceleration: Rows
+    velocity_error: Column
+    stages: list[Rows]
+
+
+def stepped(right_side: Acceleration, start: Start, h: Column) -> Step:
+    """Return one step of length h (n,), s, of either sign, from every state."""
+    stages = Stages(right_side, start, h, [start.acceleration])
+    for stage in range(1, dop853.STAGES):
+        stages.append(stage)
+    position, velocity = stages.append(dop853.STAGES)
+    return Step(position, velocity, stages.accelerations[-1], _velocity_error(stages), stages.accelerations)
+
+
+class Stages:
+    """The accelerations at the stages of a step, each found from those before it."""
+
+    def __init__(self, right_side: Acceleration, start: Start, h: Column, accelerations: list[Rows]) -> None:
+        self.accelerations = accelerations
+        self._right_side, self._start = right_side, start
+        self._h, self._hh, self._drift = h, h * h, h * start.velocity
+        self._scratch = np.empty_like(start.position)
+
+    def append(self, stage: int) -> tuple[Rows, Rows]:
+        """Add the acceleration at a stage; return the state there, without its velocity where forces do not need it."""
+        position = self._drift * dop853.NODES[stage]
+        position += self._start.position
+        if dop853.POSITION_WEIGHTS[stage]:
+            position += self.h2_sum(dop853.POSITION_WEIGHTS[stage])
+        velocity = self._start.velocity
+        if self._right_side.needs_velocity or stage == dop853.STAGES:
+            velocity = velocity + self.h_sum(dop853.VELOCITY_WEIGHTS[stage])
+        self.accelerations.append(self._right_side(position, velocity))
+        return position, velocity
+
+    def h_sum(self, weights: dop853.Row) -> Rows:
+        """Return h times the weighted sum of the accelerations."""
+        total = self._sum(weights)
+        total *= self._h
+        return total
+
+    def h2_sum(self, weights: dop853.Row) -> Rows:
+        """Return h² times the weighted sum of the accelerations."""
+        total = self._sum(weights)
+        total *= self._hh
+        return total
+
+    def _sum(self, weights: dop853.Row) -> Rows:
+        """Add up in the order given, whatever the number of arcs."""
+        (first, weight), *rest = weights
+        total = self.accelerations[first] * weight
+        for stage, weight in rest:
+            np.multiply(self.accelerations[stage], weight, out=self._scratch)
+            total += self._scratch
+        return total
+
+
+def _velocity_error(stages: Stages) -> Column:
+    """Return Hairer, Nørsett and Wanner's blend of the estimates of order 5 and 3, e5²/sqrt(e5² + 0.01 e3²), m/s."""
+    fifth = _square(stages.h_sum(dop853.ERROR_5))
+    third = _square(stages.h_sum(dop853.ERROR_3))
+    scale = np.sqrt(fifth + 0.01 * third)
+    error: Column = fifth / np.where(scale == 0.0, 1.0, scale)
+    return error
+
+
+def _square(rows: Rows) -> Column:
+    rows *= rows
+    square: Column = rows[0] + rows[1] + rows[2]
+    return square
