@@ -1,24 +1,3 @@
-"""Orbits of sensors: where a satellite is at a scene time."""
+"""The ideal geostationary slot, by its short name; all orbits are in `opir_core.orbits`."""
 
-import math
-
-import numpy as np
-from attrs import define
-
-from opir_core.constants import GEOSTATIONARY_RADIUS_M
-from opir_core.records import FloatArray
-
-
-@define
-class GeostationaryOrbit:
-    """An ideal geostationary slot: no inclination, no eccentricity, no drift, hence one point in ECEF."""
-
-    #: East longitude of the slot.
-    slot_deg: float
-    is_stationary: bool = True
-
-    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
-        """Return positions (n, 3) at scene times (n,): the same for all, as a read-only view of one row."""
-        slot_rad = math.radians(self.slot_deg)
-        position = (GEOSTATIONARY_RADIUS_M * math.cos(slot_rad), GEOSTATIONARY_RADIUS_M * math.sin(slot_rad), 0.0)
-        return np.broadcast_to(np.array(position), (len(time_s), 3))
+from opir_core.orbits.geostationary import GeostationaryOrbit as GeostationaryOrbit

@@ -1,0 +1,155 @@
+"""Kepler elements of a closed orbit about the Earth, in radians and metres; plain numbers, no arrays.
+
+The elements hold at the scene epoch, in ECI: ECEF frozen at that moment. So the node is given by its longitude on the
+Earth, and an orbit lies the same way over the ground whatever the date of the scene.
+"""
+
+import math
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
+
+#: A position or a velocity: x, y, z.
+Vector = tuple[float, float, float]
+
+#: Decimals of degrees and kilometres in scenes: 1e-12 deg is less than a micrometre at geostationary distance.
+_DECIMALS = 12
+
+
+@frozen(kw_only=True)
+class Elements:
+    """Kepler elements at the scene epoch.
+
+    `node_longitude_rad` is the east longitude, at the scene epoch, of the ascending node: where the orbit's plane
+    crosses the equator northwards, not where the satellite is. It is the right ascension of the node less the
+    sidereal time at Greenwich. Elements that are not of a closed orbit are a `ValueError`.
+    """
+
+    semi_major_axis_m: float
+    eccentricity: float
+    inclination_rad: float
+    node_longitude_rad: float
+    argument_of_perigee_rad: float
+    mean_anomaly_rad: float
+
+    def __attrs_post_init__(self) -> None:
+        angles = (
+            self.inclination_rad,
+            self.node_longitude_rad,
+            self.argument_of_perigee_rad,
+            self.mean_anomaly_rad,
+        )
+        if not all(math.isfinite(angle) for angle in angles):
+            raise ValueError("the angles of an orbit must be finite")
+        if not 0.0 < self.semi_major_axis_m < math.inf:
+            raise ValueError(f"the semi-major axis must be above zero and finite, not {self.semi_major_axis_m} m")
+        if not 0.0 <= self.eccentricity < 1.0:
+            raise ValueError(f"the eccentricity of a closed orbit is in [0, 1), not {self.eccentricity}")
+
+    @property
+    def mean_motion_rad_s(self) -> float:
+        """Return the mean angular velocity."""
+        return math.sqrt(EARTH_MU_M3_S2 / self.semi_major_axis_m) / self.semi_major_axis_m
+
+    @property
+    def period_s(self) -> float:
+        """Return the time of one turn in ECI."""
+        return 2.0 * math.pi / self.mean_motion_rad_s
+
+    @property
+    def perigee_radius_m(self) -> float:
+        """Return the least distance from the Earth's centre."""
+        return self.semi_major_axis_m * (1.0 - self.eccentricity)
+
+    @property
+    def apogee_radius_m(self) -> float:
+        """Return the greatest distance from the Earth's centre."""
+        return self.semi_major_axis_m * (1.0 + self.eccentricity)
+
+    @property
+    def perigee_time_s(self) -> float:
+        """Return the scene time of the passage of perigee nearest to the scene epoch."""
+        return -math.remainder(self.mean_anomaly_rad, 2.0 * math.pi) / self.mean_motion_rad_s
+
+    def perigee_state_eci(self) -> tuple[Vector, Vector]:
+        """Return position, m, and velocity, m/s, at perigee, in ECI."""
+        towards, along = perigee_axes(self)
+        radius_m = self.perigee_radius_m
+        speed_m_s = math.sqrt(EARTH_MU_M3_S2 / radius_m * (1.0 + self.eccentricity))
+        return _scaled(towards, radius_m), _scaled(along, speed_m_s)
+
+
+def perigee_axes(elements: Elements) -> tuple[Vector, Vector]:
+    """Return the unit vectors in the orbit's plane towards perigee and 90 degrees ahead of it, in ECI.
+
+    Source: Vallado, Fundamentals of Astrodynamics and Applications, section 2.6 (the perifocal frame).
+    """
+    cos_node, sin_node = math.cos(elements.node_longitude_rad), math.sin(elements.node_longitude_rad)
+    cos_tilt, sin_tilt = math.cos(elements.inclination_rad), math.sin(elements.inclination_rad)
+    cosine, sine = math.cos(elements.argument_of_perigee_rad), math.sin(elements.argument_of_perigee_rad)
+    towards = (
+        cos_node * cosine - sin_node * sine * cos_tilt,
+        sin_node * cosine + cos_node * sine * cos_tilt,
+        sine * sin_tilt,
+    )
+    along = (
+        -cos_node * sine - sin_node * cosine * cos_tilt,
+        -sin_node * sine + cos_node * cosine * cos_tilt,
+        cosine * sin_tilt,
+    )
+    return towards, along
+
+
+def mean_anomaly_rad(true_anomaly_rad: float, eccentricity: float) -> float:
+    """Return the mean anomaly, in [-pi, pi], at a true anomaly of a closed orbit (Vallado, section 2.2)."""
+    half_rad = 0.5 * math.remainder(true_anomaly_rad, 2.0 * math.pi)
+    across, ahead = (
+        math.sqrt(1.0 - eccentricity) * math.sin(half_rad),
+        math.sqrt(1.0 + eccentricity) * math.cos(half_rad),
+    )
+    eccentric_rad = 2.0 * math.atan2(across, ahead)
+    return eccentric_rad - eccentricity * math.sin(eccentric_rad)
+
+
+def orbit_block(elements: Elements) -> dict[str, Any]:
+    """Return elements as a scene's `orbit:` block holds them: `circular` where the eccentricity is zero, else `kepler`.
+
+    For constellations, which bring the settings of their satellites as plain data; rounded to 1e-12 deg and 1 nm.
+    """
+    node = {
+        "inclination_deg": _degrees(elements.inclination_rad),
+        "lon_asc_node_deg": _degrees(math.remainder(elements.node_longitude_rad, 2.0 * math.pi)),
+    }
+    if elements.eccentricity == 0.0:
+        altitude_m = elements.semi_major_axis_m - EARTH_EQUATORIAL_RADIUS_M
+        latitude_rad = elements.argument_of_perigee_rad + elements.mean_anomaly_rad
+        return {"circular": {"altitude_km": _kilometres(altitude_m), **node, "arg_latitude_deg": _turn(latitude_rad)}}
+    return {
+        "kepler": {
+            "semi_major_axis_km": _kilometres(elements.semi_major_axis_m),
+            "eccentricity": elements.eccentricity,
+            **node,
+            "arg_perigee_deg": _turn(elements.argument_of_perigee_rad),
+            "mean_anomaly_deg": _turn(elements.mean_anomaly_rad),
+        }
+    }
+
+
+def _scaled(direction: Vector, factor: float) -> Vector:
+    x, y, z = direction
+    return x * factor, y * factor, z * factor
+
+
+def _kilometres(length_m: float) -> float:
+    return round(length_m * 1e-3, _DECIMALS)
+
+
+def _degrees(angle_rad: float) -> float:
+    return round(math.degrees(angle_rad), _DECIMALS)
+
+
+def _turn(angle_rad: float) -> float:
+    """Return an angle in [0, 360) degrees; one that rounds to a whole turn is 0."""
+    return _degrees(angle_rad % (2.0 * math.pi)) % 360.0

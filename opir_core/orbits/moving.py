@@ -1,0 +1,86 @@
+"""Orbits that move over the ground: evaluated from polynomials that are fitted once a span of scene time."""
+
+from typing import Protocol
+
+import numpy as np
+from attrs import define, field
+
+from opir_core.errors import ModelError
+from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.pieces import Indices
+from opir_core.records import FloatArray
+
+#: Length of a span, s. A power of two, so that dividing by it is exact and every time has one span.
+SPAN_S = 2048.0
+
+#: Spans kept at a time: the oldest goes first, and comes back bit by bit the same.
+KEPT_SPANS = 64
+
+#: Times at which a motion is sampled for one span, at most. Smooth ones need 9 to 1 000.
+_MOST_SAMPLES = 8192
+
+#: Times further than this from the scene epoch (136 years) have no position.
+FARTHEST_S = 2.0**32
+
+
+class EarthFixedMotion(Protocol):
+    """How a satellite moves over the ground, element by element."""
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,)."""
+
+    def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions, m, and velocities relative to the turning Earth, m/s, (n, 3) at scene times (n,)."""
+
+
+@define(eq=False)
+class MovingOrbit:
+    """The orbit of a satellite that moves in ECEF, to `tolerance_m`.
+
+    Spans begin at whole multiples of `SPAN_S` of scene time, whatever times are asked for: a position depends on its
+    own time alone. In a span that no polynomials follow to the tolerance (SGP4 jumps where its theory changes, and
+    ends where a satellite decays) the motion itself is asked, time by time.
+    """
+
+    motion: EarthFixedMotion
+    tolerance_m: float = 1e-3
+    is_stationary: bool = field(default=False, init=False)
+    _spans: dict[int, Ephemeris | None] = field(factory=dict, init=False, repr=False)
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,); nan at times that are not finite or beyond `FARTHEST_S`."""
+        time = np.asarray(time_s, dtype=np.float64)
+        span = np.floor(time / SPAN_S)
+        if len(span) and abs(span[0]) * SPAN_S < FARTHEST_S and (span == span[0]).all():
+            return self._position_m(int(span[0]), time)
+        position = np.full((len(time), 3), np.nan)
+        for number in np.unique(span[np.abs(time) <= FARTHEST_S]):
+            rows = np.flatnonzero(span == number)
+            position[rows] = self._position_m(int(number), time[rows])
+        return position
+
+    def _position_m(self, number: int, time_s: FloatArray) -> FloatArray:
+        """Return positions at times that are all in one span."""
+        if number not in self._spans:
+            if len(self._spans) >= KEPT_SPANS:
+                del self._spans[next(iter(self._spans))]
+            self._spans[number] = self._fitted(number)
+        ephemeris = self._spans[number]
+        return self.motion.position_ecef_m(time_s) if ephemeris is None else ephemeris.position_m(0, time_s)
+
+    def _fitted(self, number: int) -> Ephemeris | None:
+        """Return the polynomials of a span, or None where there are none to the tolerance."""
+        start_s = number * SPAN_S
+        samples = 0
+
+        def state(_target: Indices, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+            nonlocal samples
+            samples += len(time_s)
+            if samples > _MOST_SAMPLES:
+                raise ModelError("the motion is too rough")
+            return self.motion.state_ecef(time_s)
+
+        try:
+            return Ephemeris.build(state, start_s, start_s + SPAN_S, tolerance_m=self.tolerance_m)
+        except ModelError:
+            return None

@@ -1,0 +1,166 @@
+"""The `orbit:` block as a scene's reader reads it: what is good, and the words for what is not."""
+
+import subprocess
+import sys
+
+import pytest
+from attrs import asdict, frozen
+
+from opir_core.fields import nested
+from opir_core.orbits import OrbitConfig
+from opir_core.reading.nodes import Refused
+from opir_core.reading.plain_data import node_of_data
+from opir_core.reading.strict_yaml import node_of_yaml
+from opir_core.reading.structuring import class_reader
+
+LINE_1 = "1 25544U 98067A   08264.51782528 -.00002182  00000-0 -11606-4 0  2927"
+LINE_2 = "2 25544  51.6416 247.4627 0006703 130.5360 325.0288 15.72125391563537"
+OMM = {
+    "OBJECT_NAME": "ISS (ZARYA)",
+    "EPOCH": "2008-09-20T12:25:40.104192",
+    "MEAN_MOTION": 15.72125391,
+    "ECCENTRICITY": 0.0006703,
+    "INCLINATION": 51.6416,
+    "RA_OF_ASC_NODE": 247.4627,
+    "ARG_OF_PERICENTER": 130.536,
+    "MEAN_ANOMALY": 325.0288,
+    "BSTAR": -1.1606e-05,
+}
+
+
+KINDS = "slot, kepler, circular, walker, molniya, tundra, tle, omm, omm_file"
+CIRCULAR = {"altitude_km": 1200.0, "inclination_deg": 53.0, "lon_asc_node_deg": 0.0}
+KEPLER = {"semi_major_axis_km": 26562.0, "eccentricity": 0.7, "inclination_deg": 63.4}
+WALKER = {**CIRCULAR, "total": 24, "planes": 6, "phasing": 1, "satellite": 1}
+
+
+def flow(settings, **more):
+    """Return settings as YAML on one line."""
+    return "{" + ", ".join(f"{key}: {value}" for key, value in {**settings, **more}.items()) + "}"
+
+
+@frozen(kw_only=True)
+class Carrier:
+    orbit: OrbitConfig | None = nested(default=None, help="where it flies")
+
+
+def read(text):
+    return class_reader(Carrier)(node_of_yaml(text)).orbit
+
+
+def read_data(orbit):
+    return class_reader(Carrier)(node_of_data({"orbit": orbit})).orbit
+
+
+def complaints(orbit):
+    with pytest.raises(Refused) as caught:
+        read_data(orbit)
+    return [(complaint.path, complaint.message) for complaint in caught.value.complaints]
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("orbit: {slot: {lon_deg: -75}}", "slot"),
+        ("orbit: {slot: {lon_deg: 285, inclination_deg: 5.5, eccentricity: 1e-3}}", "slot"),
+        ("orbit: {kepler: " + flow(KEPLER, raan_deg=10, true_anomaly_deg=180) + "}", "kepler"),
+        ("orbit: {kepler: " + flow(KEPLER, lon_asc_node_deg=10, mean_anomaly_deg=-7.5) + "}", "kepler"),
+        ("orbit: {circular: {altitude_km: 1200, inclination_deg: 53, lon_asc_node_deg: -10}}", "circular"),
+        ("orbit: {walker: " + flow(WALKER) + "}", "walker"),
+        ("orbit: {molniya: {apogee_lon_deg: 90}}", "molniya"),
+        ("orbit: {tundra: {apogee_lon_deg: -95, eccentricity: 0.25}}", "tundra"),
+        (f"orbit:\n  tle:\n  - {LINE_1}\n  - {LINE_2}", "tle"),
+        (f"orbit:\n  tle:\n  - '{LINE_1}'\n  - '{LINE_2}'", "tle"),
+        ("orbit: {omm_file: {path: omm.json, satellite: '25544'}}", "omm_file"),
+    ],
+)
+def test_every_kind_is_read_and_written_back(text, kind):
+    orbit = read(text)
+    assert [name for name in OrbitConfig.__slots__ if getattr(orbit, name, None) is not None and name[0] != "_"] == [
+        kind
+    ]
+    assert read_data(asdict(orbit)) == orbit
+
+
+def test_an_omm_is_read_as_yaml_and_as_json_would_give_it():
+    lines = "\n".join(f"    {key}: {value}" for key, value in OMM.items())
+    assert read(f"orbit:\n  omm:\n{lines}").omm == OMM
+    assert read_data({"omm": {key: str(value) for key, value in OMM.items()}}).omm["MEAN_MOTION"] == "15.72125391"
+
+
+@pytest.mark.parametrize(
+    ("orbit", "path", "words"),
+    [
+        ({}, "orbit", f"give one of {KINDS}"),
+        ({"slot": None}, "orbit", f"give one of {KINDS}"),
+        ({"slot": {"lon_deg": 1.0}, "tle": [LINE_1, LINE_2]}, "orbit", "slot and tle exclude each other"),
+        ({"slot": {"lon_deg": 400.0}}, "orbit.slot.lon_deg", "400.0 is outside [-180, 360] deg"),
+        (
+            {"slot": {"lon_deg": 0.0, "eccentricity": 0.9}},
+            "orbit.slot",
+            "the perigee is 4216.4 km from the Earth's centre, inside the Earth (6378.137 km)",
+        ),
+        ({"molniya": {"apogee_lon_deg": 0.0, "eccentricity": 0.8}}, "orbit.molniya", "the perigee is 5312.4 km"),
+        (
+            {"circular": {**CIRCULAR, "raan_deg": 1.0}},
+            "orbit.circular",
+            "lon_asc_node_deg and raan_deg exclude",
+        ),
+        (
+            {"kepler": {**KEPLER, "raan_deg": 1.0}},
+            "orbit.kepler",
+            "give one of mean_anomaly_deg, true_anomaly_deg",
+        ),
+        ({"kepler": {**KEPLER, "eccentricity": 1.0}}, "orbit.kepler.eccentricity", "1.0 is outside [0, 1)"),
+        ({"walker": {**WALKER, "planes": 5}}, "orbit.walker", "24 satellites cannot be shared evenly among 5 planes"),
+        ({"walker": {**WALKER, "phasing": 6}}, "orbit.walker", "phasing: 6 is not in [0, 6), the number of planes"),
+        ({"walker": {**WALKER, "satellite": 25}}, "orbit.walker", "satellite: 25 is more than the 24 of the pattern"),
+        ({"tle": [LINE_1]}, "orbit.tle", "this list has 1 items; 2 are needed"),
+        ({"tle": [LINE_1[:-1], LINE_2]}, "orbit.tle", "line 1 has 68 characters, not the 69 of a TLE"),
+        ({"tle": [LINE_2, LINE_1]}, "orbit.tle", "line 1 starts with '2 ', not 1 and a blank"),
+        ({"tle": [LINE_1[:-1] + "8", LINE_2]}, "orbit.tle", "line 1 has the checksum 8, and its digits come to 7"),
+        (
+            {"tle": [LINE_1, LINE_2.replace("51.6416", "51.64.6")[:-1] + "6"]},
+            "orbit.tle",
+            "line 2 has no number for the inclination in columns 9 to 16: ' 51.64.6'",
+        ),
+        (
+            {"tle": [LINE_1, LINE_2.replace("25544", "25545")[:-1] + "8"]},
+            "orbit.tle",
+            "the lines are of two objects, 25544 and 25545",
+        ),
+        (
+            {"tle": [LINE_1[:62] + "4" + LINE_1[63:-1] + "1", LINE_2]},
+            "orbit.tle",
+            "these are elements for SGP4-XP (ephemeris type 4), a theory that is not public",
+        ),
+        ({"omm": {"EPOCH": OMM["EPOCH"]}}, "orbit.omm", "MEAN_MOTION, ECCENTRICITY, INCLINATION"),
+        ({"omm": {**OMM, "MEAN_MOTION": "fast"}}, "orbit.omm", "MEAN_MOTION: 'fast' is not a number"),
+        ({"omm": {**OMM, "MEAN_MOTION": True}}, "orbit.omm", "MEAN_MOTION: True is not a number"),
+        ({"omm": {**OMM, "MEAN_MOTION": 157.0}}, "orbit.omm", "MEAN_MOTION: 157.0 is outside (0, 18] turns a day"),
+        ({"omm": {**OMM, "ECCENTRICITY": "nan"}}, "orbit.omm", "ECCENTRICITY: 'nan' is not a number"),
+        ({"omm": {**OMM, "ECCENTRICITY": 1.0}}, "orbit.omm", "ECCENTRICITY: 1.0 is outside [0, 1)"),
+        ({"omm": {**OMM, "INCLINATION": -1}}, "orbit.omm", "INCLINATION: -1.0 is outside [0, 180] deg"),
+        ({"omm": {**OMM, "EPOCH": "yesterday"}}, "orbit.omm", "EPOCH: 'yesterday' is not a time in UTC"),
+        ({"omm": {**OMM, "EPOCH": "2008-09-20T12:00:00+02:00"}}, "orbit.omm", "is not a time in UTC"),
+        ({"omm": {**OMM, "REF_FRAME": "GCRF"}}, "orbit.omm", "REF_FRAME: 'GCRF' is not TEME"),
+        ({"omm": {**OMM, "TIME_SYSTEM": "TAI"}}, "orbit.omm", "TIME_SYSTEM: 'TAI' is not UTC"),
+        ({"omm": {**OMM, "MEAN_ELEMENT_THEORY": "DSST"}}, "orbit.omm", "MEAN_ELEMENT_THEORY: 'DSST' is not SGP4"),
+        ({"omm": {**OMM, "EPHEMERIS_TYPE": 4}}, "orbit.omm", "SGP4-XP"),
+        ({"leo": {}}, "orbit.leo", "unknown key"),
+    ],
+)
+def test_what_is_wrong_is_said_where_it_stands(orbit, path, words):
+    found = complaints(orbit)
+    assert found[0][0] == path
+    assert words in found[0][1]
+    assert len(found) == 1
+
+
+def test_naming_orbits_imports_neither_numpy_nor_sgp4():
+    code = (
+        "import sys; from opir_core.orbits import OrbitConfig, walker_pattern, orbit_block, orbit_of;"
+        "[orbit_block(e) for e in walker_pattern(24, 6, 1, 1.2e6, 0.9)];"
+        "assert not {'numpy', 'sgp4'} & sys.modules.keys(), sorted(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
