@@ -23,7 +23,7 @@ from opir_core.flight.universal_anomaly import solved_quickly, solved_surely
 Solver = Callable[[Arcs[np.float64]], tuple[Floats, Mask]]
 
 #: States a block: enough to hide numpy's overhead, few enough for the arrays of a block to stay in the cache.
-_BLOCK = 8192
+_BLOCK = 16384
 
 
 class KeplerStatus(IntEnum):

@@ -20,16 +20,16 @@ Real = TypeVar("Real", bound=np.floating[Any])
 
 Functions: TypeAlias = tuple[NDArray[Real], NDArray[Real], NDArray[Real], NDArray[Real]]
 
-#: Largest |alpha s²| that two halvings of s bring within reach of the series.
-_REACH = 27.0
+#: Largest |alpha s²| that three halvings of s bring within reach of the series: a turn of an ellipse, and beyond.
+_HALVINGS, _REACH = 3, 60.0
 
-#: Halvings where two do not do: up to |sqrt(alpha) s| = 166, and to 5 320, where doubles end before.
+#: Halvings where three do not do: up to |sqrt(alpha) s| = 120, and to 3 900, where doubles end before.
 _MORE_HALVINGS = (7, 12)
 
-#: Taylor coefficients of c2 and c3 in -alpha h². For |alpha h²| <= 27 / 16 the first term left out is below 1e-17 of
-#: the sum in double precision, below 1e-6 in single, which only serves for guesses.
-_DOUBLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 10), (3, 9)))
-_SINGLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 6), (3, 5)))
+#: Taylor coefficients of c2 and c3 in -alpha h². For |alpha h²| <= 60 / 64 the first term left out is below 5e-17 of
+#: the sum in double precision, below 5e-7 in single, which only serves for guesses.
+_DOUBLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 9), (3, 8)))
+_SINGLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, terms in ((2, 5), (3, 4)))
 
 
 def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Real]:
@@ -38,7 +38,7 @@ def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Rea
     One-dimensional arrays of one length and one precision, in units with mu = 1. The error is a few last places of each
     function's largest term; what overflows is inf or nan. Only + - * are used, so the bits are the same everywhere.
     """
-    functions = _by_doubling(alpha, s, 2)
+    functions = _by_doubling(alpha, s, _HALVINGS)
     z = np.abs(alpha * s)
     z *= s
     at = np.flatnonzero(z > _REACH)
@@ -47,7 +47,7 @@ def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Rea
             break
         for whole, part in zip(functions, _by_doubling(alpha[at], s[at], halvings), strict=True):
             whole[at] = part
-        at = at[z[at] > _REACH * 4.0 ** (halvings - 2)]
+        at = at[z[at] > _REACH * 4.0 ** (halvings - _HALVINGS)]
     return functions
 
 
