@@ -52,18 +52,18 @@ def derivatives(arcs: Arcs[Real], functions: Functions[Real]) -> tuple[NDArray[R
 
 def laguerre_step(arcs: Arcs[Real], functions: Functions[Real]) -> NDArray[Real]:
     """Return Laguerre's step towards the anomaly, for degree 5 (Conway, Celestial Mechanics 39, 1986, 199-211)."""
-    excess, r, slope = derivatives(arcs, functions)
-    slope *= excess
+    step, r, slope = derivatives(arcs, functions)
+    step /= r
+    slope /= r
+    slope *= step
     slope *= 20.0
-    root = r * r
-    root *= 16.0
-    root -= slope
-    np.abs(root, out=root)
-    np.sqrt(root, out=root)
-    root += r
-    excess *= -5.0
-    excess /= root
-    return excess
+    np.subtract(16.0, slope, out=slope)
+    np.abs(slope, out=slope)
+    np.sqrt(slope, out=slope)
+    slope += 1.0
+    step *= -5.0
+    step /= slope
+    return step
 
 
 def excess_and_noise(arcs: Arcs[np.float64], functions: Functions[np.float64]) -> tuple[Floats, Floats]:

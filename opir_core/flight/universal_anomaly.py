@@ -45,7 +45,7 @@ def solved_surely(arcs: Arcs[np.float64]) -> tuple[Floats, Mask]:
         low, high = np.where(excess < 0.0, s, low), np.where(excess < 0.0, high, s)
         found, left = _corrected(arcs, s, functions)
         found[:, left] = np.stack([s, *functions[:3]])[:, left]
-        left &= ~((np.abs(excess) <= noise) | (high - low <= 2.0 * _EPSILON * high))
+        left &= ~((np.abs(excess) <= noise) & (noise < np.inf) | (high - low <= 2.0 * _EPSILON * high))
         solution[:, where[~left]] = found[:, ~left]
         at = np.flatnonzero(left)
         if not at.size:
