@@ -135,6 +135,17 @@ def test_tundra_dwells_over_one_longitude():
     assert np.degrees(longitudes_rad(apogees)) == pytest.approx([-95.0] * 3, abs=1e-8)
 
 
+@pytest.mark.parametrize("argument_of_perigee_rad", [0.0, 0.7, 4.0, 4.9, 1.5 * math.pi])
+@pytest.mark.parametrize("inclination_rad", [0.0, 0.4, 1.107, 2.5])
+def test_the_apogee_stands_over_its_longitude_whatever_the_perigee(inclination_rad, argument_of_perigee_rad):
+    elements = highly_elliptical_elements(
+        2.0, 0.6, -2.0, 3e3, inclination_rad=inclination_rad, argument_of_perigee_rad=argument_of_perigee_rad
+    )
+    apogee = positions(elements, np.array([3e3]))
+    assert longitudes_rad(apogee) == pytest.approx([-2.0], abs=1e-9)
+    assert np.linalg.norm(apogee) == pytest.approx(elements.apogee_radius_m, rel=1e-10)
+
+
 @pytest.mark.parametrize(("turns", "eccentricity"), [(2.0, 0.74), (2.0, 0.71), (1.0, 0.27)])
 def test_the_share_of_time_spent_in_the_north(turns, eccentricity):
     # North of the equator the true anomaly runs from 90 to 270 deg, the eccentric from acos(e): Kepler's equation.

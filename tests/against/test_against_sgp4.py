@@ -12,7 +12,7 @@ from sgp4_cases import KINDS, TLE, US_PER_DAY, epoch_of, published_km
 from opir_core.errors import ModelError
 from opir_core.geometry import gmst_rad
 from opir_core.orbits import OmmFileConfig, OrbitConfig, orbit_of
-from opir_core.orbits.moving import SPAN_S
+from opir_core.orbits.moving import SPAN_S, MovingOrbit
 from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
 
 PUBLISHED = published_km()
@@ -93,6 +93,21 @@ def test_a_position_does_not_depend_on_what_else_was_asked(number):
     one = orbit_of(config, epoch_us)
     alone = np.concatenate([one.position_ecef_m(time_s[[row]]) for row in reversed(range(60))])[::-1]
     assert together.tobytes() == alone.tobytes()
+
+
+@pytest.mark.parametrize("number", KINDS.values(), ids=KINDS.keys())
+def test_where_the_theory_is_smooth_polynomials_follow_it(number):
+    motion, seconds = motion_of(number)
+
+    class AskedForStatesAlone:
+        def position_ecef_m(self, time_s):
+            raise AssertionError("asked time by time")
+
+        def state_ecef(self, time_s):
+            return motion.state_ecef(time_s)
+
+    position = MovingOrbit(AskedForStatesAlone()).position_ecef_m(seconds + np.linspace(0.0, 7200.0, 9))
+    assert np.isfinite(position).all()
 
 
 def test_where_the_theory_jumps_positions_are_those_of_the_theory():

@@ -130,7 +130,9 @@ def test_spans_that_were_forgotten_come_back_the_same():
     assert orbit.position_ecef_m(np.array([5.0])).tobytes() == first.tobytes()
 
 
-@pytest.mark.parametrize("time_s", [0.0, SPAN_S, -SPAN_S, np.nextafter(SPAN_S, 0.0), -1e-300, 1e9, FARTHEST_S])
+@pytest.mark.parametrize(
+    "time_s", [0.0, SPAN_S, -SPAN_S, np.nextafter(SPAN_S, 0.0), -1e-300, 1e7, np.nextafter(FARTHEST_S, 0.0)]
+)
 def test_the_ends_of_spans_have_positions(time_s):
     elements = circular_elements(1.2e6, 0.9, 0.1)
     expected = TwoBodyMotion(elements).position_ecef_m(np.array([time_s]))
@@ -138,7 +140,7 @@ def test_the_ends_of_spans_have_positions(time_s):
 
 
 def test_times_without_a_position():
-    none = np.array([np.nan, np.inf, -np.inf, 2.0 * FARTHEST_S, -1e300])
+    none = np.array([np.nan, np.inf, -np.inf, FARTHEST_S, -FARTHEST_S, -1e300])
     orbit = moving(circular_elements(1.2e6, 0.9, 0.1))
     assert np.isnan(orbit.position_ecef_m(none)).all()
     mixed = orbit.position_ecef_m(np.concatenate([none, [7.0]]))
