@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from opir_core.flight.pieces import Indices, Motion, Pieces, fitted_pieces, merged_pieces
 from opir_core.geometry.vectors import Floats
 
-#: Points evaluated at a time: their columns stay in the processor's cache.
-_BLOCK = 32768
+#: Points evaluated at a time: enough to hide the cost of calls, few enough to stay near the processor.
+_BLOCK = 65536
 
 #: Bins of the time lookup for each piece.
 _BINS_PER_PIECE = 16
