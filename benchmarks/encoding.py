@@ -33,6 +33,7 @@ from opir_core.events.timestamps import timestamp_text, unix_microseconds
 from opir_core.protocols import EncoderContext, Sensor
 from opir_core.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.scene import REPORTED_TYPES
+from opir_core.sites import AzimuthElevation
 from opir_core.testing import stub_sensor
 
 EPOCH_US = 1_775_044_800_000_000
@@ -73,9 +74,9 @@ def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:
     stream = look % (SENSORS * TARGETS)
     keys = np.array([stream_key("benchmark", n) for n in range(SENSORS * TARGETS)], dtype=np.uint64)
     home = 4.2e7 * random.random((SENSORS, 3))[sensor]
+    downward = 4e6 * random.normal(size=(count, 3)) - home
     estimate = scan // 20 * TARGETS + stream % TARGETS if is_tracked else np.full(count, -1)
     detections = Detections(
-        time_s=scan * 0.05,
         time_ns=scan * 50_000_000,
         sensor=sensor,
         scan=scan,
@@ -84,9 +85,7 @@ def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:
         bands=np.ones(count, dtype=np.uint8),
         detection_count=(scan + 1).astype(np.int32),
         confidence=random.random(count),
-        azimuth_rad=2.0 * np.pi * random.random(count),
-        elevation_rad=-1.57 + 0.15 * random.random(count),
-        line_of_sight_ecef=random.random((count, 3)),
+        line_of_sight_ecef=downward / np.linalg.norm(downward, axis=1, keepdims=True),
         sensor_ecef_m=home + (7000.0 * scan * 0.05)[:, np.newaxis] if is_moving else home,
         snr=30.0 * random.random(count),
         track=stream % TARGETS if is_tracked else np.full(count, -1),
@@ -156,7 +155,7 @@ def struct_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
     sigma = msgspec.Raw(encode.encode(sensors[0].line_of_sight_sigma_rad * 1e6))
     _, first = np.unique(d.sensor, return_index=True)
     homes = [msgspec.Raw(encode.encode(home)) for home in rounded(d.sensor_ecef_m[first], 3).tolist()]
-    sensor, count = d.sensor.tolist(), len(d)
+    sensor, count, angles = d.sensor.tolist(), len(d), d.angles()
     columns = (
         uuid_text(d.detection_id),
         timestamp_text(unix_microseconds(d.time_ns, EPOCH_US)),
@@ -169,8 +168,8 @@ def struct_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
         rounded(d.confidence, 6).tolist(),
         ["1.0"] * count,
         [None] * count,
-        rounded_bearing_deg(d.azimuth_rad).tolist(),
-        rounded_degrees(d.elevation_rad).tolist(),
+        rounded_bearing_deg(angles.azimuth_rad).tolist(),
+        rounded_degrees(angles.elevation_rad).tolist(),
         [sigma] * count,
         [raw[1]] * count,
         rounded(d.snr, 6).tolist(),
@@ -184,13 +183,12 @@ def struct_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
 
 def dictionary_lines(window: Window, sensors: tuple[Sensor, ...]) -> bytes:
     """Return the lines of events without tracks, one dictionary at a time."""
-    d = window.detections
-    return b"".join(
-        json.dumps(dictionary(d, row, sensors), separators=(",", ":")).encode() + b"\n" for row in range(len(d))
-    )
+    d, angles = window.detections, window.detections.angles()
+    events = (dictionary(d, angles, row, sensors) for row in range(len(d)))
+    return b"".join(json.dumps(event, separators=(",", ":")).encode() + b"\n" for event in events)
 
 
-def dictionary(d: Detections, row: int, sensors: tuple[Sensor, ...]) -> dict[str, object]:
+def dictionary(d: Detections, angles: AzimuthElevation, row: int, sensors: tuple[Sensor, ...]) -> dict[str, object]:
     sensor = sensors[d.sensor[row]]
     high, low = d.detection_id[row].tolist()
     when = datetime.fromtimestamp(EPOCH_US // 1_000_000, UTC) + timedelta(microseconds=int(d.time_ns[row]) // 1000)
@@ -206,8 +204,8 @@ def dictionary(d: Detections, row: int, sensors: tuple[Sensor, ...]) -> dict[str
         "confidence": round(float(d.confidence[row]), 6),
         "schema_version": "1.0",
         "track_id": None,
-        "azimuth_deg": round(float(np.degrees(d.azimuth_rad[row])), 9),
-        "elevation_deg": round(float(np.degrees(d.elevation_rad[row])), 9),
+        "azimuth_deg": round(float(np.degrees(angles.azimuth_rad[row])), 9),
+        "elevation_deg": round(float(np.degrees(angles.elevation_rad[row])), 9),
         "line_of_sight_sigma_urad": sensor.line_of_sight_sigma_rad * 1e6,
         "bands": [band.name for band in sensor.bands],
         "snr": round(float(d.snr[row]), 6),

@@ -7,7 +7,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.dice import PairStreams, RowDice, WindowNumbers
-from opir_core.directions import measured_directions
+from opir_core.directions import measured_lines_of_sight
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.looks import Looks, exposures, look_times_ns
 from opir_core.plan import Plan
@@ -81,10 +81,8 @@ class Assembly:
 
     def _detections(self, exposed: Exposures, sightings: Sightings, hits: Hits, dice: RowDice) -> Detections:
         plan = self._plan
-        directions = measured_directions(self._sites, exposed, hits.direction_words)
         none = np.full(len(hits), -1, dtype=np.int64)
         return Detections(
-            time_s=exposed.time_s,
             time_ns=look_times_ns(plan.pairs, hits.pair, exposed.scan),
             sensor=exposed.sensor,
             scan=exposed.scan,
@@ -93,9 +91,7 @@ class Assembly:
             bands=sightings.bands,
             detection_count=hits.count,
             confidence=plan.confidence.confidence(sightings),
-            azimuth_rad=directions.azimuth_rad,
-            elevation_rad=directions.elevation_rad,
-            line_of_sight_ecef=directions.line_of_sight_ecef,
+            line_of_sight_ecef=measured_lines_of_sight(self._sites, exposed, hits.direction_words),
             sensor_ecef_m=exposed.sensor_ecef_m,
             snr=sightings.snr,
             track=none,

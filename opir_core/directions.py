@@ -1,7 +1,6 @@
-"""Measured lines of sight: the true ones with the sensors' errors, as unit vectors and as angles."""
+"""Measured lines of sight: the true ones with the sensors' errors, as unit vectors."""
 
 import numpy as np
-from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.randomness import normal_pairs
@@ -9,29 +8,15 @@ from opir_core.records import Exposures, FloatArray
 from opir_core.sites import Sites
 
 
-@frozen(eq=False)
-class MeasuredDirections:
-    """Lines of sight as measured: unit vectors (n, 3) in ECEF; azimuth and elevation in the sensor's local frame."""
-
-    line_of_sight_ecef: FloatArray
-    azimuth_rad: FloatArray
-    elevation_rad: FloatArray
-
-
-def measured_directions(sites: Sites, seen_as: Exposures, words: NDArray[np.uint64]) -> MeasuredDirections:
-    """Return directions with the sensors' line-of-sight errors: two normal errors across the line of sight.
+def measured_lines_of_sight(sites: Sites, seen_as: Exposures, words: NDArray[np.uint64]) -> FloatArray:
+    """Return unit vectors (n, 3) in ECEF with the sensors' line-of-sight errors: two normal errors across each.
 
     `words` (n,) are the dice, raw. The true direction is that to where the target was when the light left it.
     """
     sigma_rad = np.take(sites.sigma_rad, seen_as.sensor)
     first, second = normal_pairs(words)
     x, y, z = _directions(seen_as)
-    x, y, z = _tilted(x, y, z, first * sigma_rad, second * sigma_rad)
-    east, north, up = sites.local(seen_as.sensor, seen_as.sensor_ecef_m, x, y, z)
-    azimuth = np.arctan2(east, north)
-    azimuth += (azimuth < 0.0) * (2.0 * np.pi)
-    elevation = np.arctan2(up, np.sqrt(east * east + north * north))
-    return MeasuredDirections(_rows(x, y, z), azimuth, elevation)
+    return _rows(*_tilted(x, y, z, first * sigma_rad, second * sigma_rad))
 
 
 def _directions(seen_as: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from opir_core.protocols import Sensor
+    from opir_core.sites import AzimuthElevation
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -137,16 +138,18 @@ class Sightings(Columns):
 class Detections(Columns):
     """What sensors report; one row a detection, sorted by time, then sensor, then look. No truth is in it.
 
-    `sensor` is an index into the run's sensors; `scan` counts the sensor's scans from the scene's epoch;
-    `detection_id` (n, 2) holds the two 64-bit halves of a UUID; `reported_type` is a code into `REPORTED_TYPES`;
-    `bands` a bit mask over the sensor's bands; `detection_count` how often this sensor has detected this object so far;
-    `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object, `azimuth_rad` and `elevation_rad` the
-    same in the sensor's local frame; `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan where the model has
-    none; `track` is the track's number or -1; `estimate` the row of the window's `estimates` that holds the track's
-    state at the last tick before the detection, or -1.
+    `time_ns` is the scene time of the look, exact; `sensor` an index into the run's sensors; `scan` counts the sensor's
+    scans from the scene's epoch; `detection_id` (n, 2) holds the two 64-bit halves of a UUID; `reported_type` is a code
+    into `REPORTED_TYPES`; `bands` a bit mask over the sensor's bands; `detection_count` how often this sensor has
+    detected this object so far; `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object;
+    `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan where the model has none; `track` is the track's number
+    or -1; `estimate` the row of the window's `estimates` that holds the track's state at the last tick before the
+    detection, or -1.
+
+    `time_s`, `azimuth_rad` and `elevation_rad` are not stored: each is computed anew whenever it is asked for, so a run
+    that never asks never pays. Who wants both angles asks once, for `angles()`.
     """
 
-    time_s: FloatArray
     time_ns: IntArray
     sensor: IndexArray
     scan: IntArray
@@ -155,13 +158,36 @@ class Detections(Columns):
     bands: NDArray[np.uint8]
     detection_count: IndexArray
     confidence: FloatArray
-    azimuth_rad: FloatArray
-    elevation_rad: FloatArray
     line_of_sight_ecef: FloatArray
     sensor_ecef_m: FloatArray
     snr: FloatArray
     track: IntArray
     estimate: IntArray
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Return the scene times of the looks, (n,) s; computed at each call."""
+        return self.time_ns.astype(np.float64) * 1e-9
+
+    @property
+    def azimuth_rad(self) -> FloatArray:
+        """Return the azimuths of `angles()`, (n,) rad; both angles are computed at each call."""
+        return self.angles().azimuth_rad
+
+    @property
+    def elevation_rad(self) -> FloatArray:
+        """Return the elevations of `angles()`, (n,) rad; both angles are computed at each call."""
+        return self.angles().elevation_rad
+
+    def angles(self) -> "AzimuthElevation":
+        """Return the measured lines of sight as azimuth in [0, 2 pi) and elevation, (n,) rad; computed at each call.
+
+        Azimuth is clockwise from true north, elevation above the geodetic horizontal, both at the sensor; nan where the
+        direction or the sensor's position is.
+        """
+        from opir_core.sites import Viewpoints
+
+        return Viewpoints.of(self.sensor, self.sensor_ecef_m).angles(self.line_of_sight_ecef)
 
     @classmethod
     def empty(cls) -> Self:

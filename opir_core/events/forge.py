@@ -32,6 +32,7 @@ from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import EncoderContext, Sensor
 from opir_core.records import Detections, FloatArray, IntArray, Window
 from opir_core.scene import REPORTED_TYPES
+from opir_core.sites import Viewpoints
 
 #: A piece of the line: one for all events, or one for each.
 Piece = bytes | list[bytes]
@@ -71,6 +72,8 @@ class ForgeEncoder:
             return b""
         refuse_unlawful(window, self._sensors)
         sensor = detections.sensor.astype(np.int64)
+        viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
+        angles = viewpoints.angles(detections.line_of_sight_ecef)
         return _lines(
             len(detections),
             [
@@ -79,12 +82,12 @@ class ForgeEncoder:
                 _points(window, self._epoch_us),
                 number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
                 _tracks(detections.track),
-                number_texts(rounded_bearing_deg(detections.azimuth_rad)),
+                number_texts(rounded_bearing_deg(angles.azimuth_rad)),
                 b',"elevation_deg":',
-                number_texts(rounded_degrees(detections.elevation_rad)),
+                number_texts(rounded_degrees(angles.elevation_rad)),
                 _taken(self._look_pieces, self._first_look[sensor] + detections.bands),
                 number_texts(rounded(detections.snr, RATIO_DECIMALS)),
-                _sensor_positions(detections),
+                _sensor_positions(viewpoints),
                 *_whereabouts(window),
             ],
         )
@@ -155,21 +158,9 @@ def _tracks(track: IntArray) -> Piece:
     return _taken(_table(pieces), of_detection)
 
 
-def _sensor_positions(detections: Detections) -> Piece:
-    """Return the positions; sensors that stay where they were at their first row share its text."""
-    sensor, position = detections.sensor, detections.sensor_ecef_m
-    _, first, of_detection = np.unique(sensor, return_index=True, return_inverse=True)
-    pieces = _table(_position_pieces(position[first])).take(of_detection)
-    away = position != position[first[of_detection]]
-    moved = np.flatnonzero(away[:, 0] | away[:, 1] | away[:, 2])
-    if len(moved):
-        pieces[moved] = _position_pieces(position[moved])
-    positions: list[bytes] = pieces.tolist()
-    return positions
-
-
-def _position_pieces(position_ecef_m: FloatArray) -> list[bytes]:
-    return [_POSITION % place for place in vector_texts(rounded(position_ecef_m, METRE_DECIMALS))]
+def _sensor_positions(viewpoints: Viewpoints) -> Piece:
+    places = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
+    return _taken(_table(_POSITION % place for place in places), viewpoints.of_row)
 
 
 def _whereabouts(window: Window) -> list[Piece]:

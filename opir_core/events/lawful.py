@@ -6,11 +6,14 @@ import numpy as np
 
 from opir_core.errors import ModelError
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, Detections, Window
+from opir_core.records import BoolArray, Detections, FloatArray, Window
 from opir_core.scene import REPORTED_TYPES
 
-_FULL_CIRCLE_RAD = 2.0 * np.pi
-_RIGHT_ANGLE_RAD = 0.5 * np.pi
+# By how much the length of a unit vector may miss 1.
+_UNIT_ROUNDING = 1e-6
+
+# Components of positions, m, whose squares a double still holds: with any other there would be no horizontal.
+_FARTHEST_M = 1e100
 
 
 def refuse_unlawful(window: Window, sensors: Sequence[Sensor]) -> None:
@@ -34,14 +37,20 @@ def _laws(window: Window, sensors: Sequence[Sensor]) -> Iterator[tuple[str, Bool
     yield "the bands must be the sensor's", d.bands < band_ends[d.sensor]
     yield "the reported type must be a code into REPORTED_TYPES", d.reported_type < len(REPORTED_TYPES)
     yield "the confidence must be in [0, 1]", (d.confidence >= 0.0) & (d.confidence <= 1.0)
-    yield "the azimuth must be in [-2 pi, 2 pi]", np.abs(d.azimuth_rad) <= _FULL_CIRCLE_RAD
-    yield "the elevation must be in [-pi/2, pi/2]", np.abs(d.elevation_rad) <= _RIGHT_ANGLE_RAD
-    x, y, z = np.isfinite(d.sensor_ecef_m).T
-    yield "the sensor's position must be finite", x & y & z
+    yield "the line of sight must be a unit vector", _is_unit(d.line_of_sight_ecef)
+    x, y, z = (np.abs(d.sensor_ecef_m) <= _FARTHEST_M).T
+    yield f"the sensor's position must be finite, each component at most {_FARTHEST_M:g} m", x & y & z
     yield (
         "the estimate must be a row of the window's estimates",
         (d.estimate >= -1) & (d.estimate < len(window.estimates)),
     )
+
+
+@np.errstate(over="ignore")
+def _is_unit(vectors: FloatArray) -> BoolArray:
+    x, y, z = vectors.T
+    result: BoolArray = np.abs(np.sqrt(x * x + y * y + z * z) - 1.0) <= _UNIT_ROUNDING
+    return result
 
 
 def _sensor_name(detections: Detections, row: int, sensors: Sequence[Sensor]) -> str:

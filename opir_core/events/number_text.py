@@ -35,7 +35,10 @@ def rounded_degrees(angle_rad: FloatArray) -> FloatArray:
 
 def rounded_bearing_deg(angle_rad: FloatArray, turn_deg: float = 360.0) -> FloatArray:
     """Return angles, rad, as degrees in [0, turn), rounded."""
-    bearing = rounded(np.mod(np.degrees(angle_rad), turn_deg), DEGREE_DECIMALS)
+    bearing = np.degrees(angle_rad)
+    if not np.all((bearing >= 0.0) & (bearing < turn_deg)):  # The remainder leaves such as they are, but takes time.
+        bearing = np.mod(bearing, turn_deg)
+    bearing = rounded(bearing, DEGREE_DECIMALS)
     return np.where(bearing == turn_deg, 0.0, bearing)
 
 

@@ -49,7 +49,6 @@ def _detections(scan: Any) -> Detections:
     keys = np.tile(np.array([stream_key("stub")], dtype=np.uint64), (count, 1))
     down, place = _rows([-1.0, 0.0, 0.0], count), _rows([_GEOSTATIONARY_RADIUS_M, 0.0, 0.0], count)
     return Detections(
-        time_s=scan.astype(np.float64),
         time_ns=scan * _NS_PER_S,
         sensor=np.zeros(count, dtype=np.int32),
         scan=scan,
@@ -58,8 +57,6 @@ def _detections(scan: Any) -> Detections:
         bands=np.ones(count, dtype=np.uint8),
         detection_count=np.arange(1, count + 1, dtype=np.int32),
         confidence=np.full(count, 0.5),
-        azimuth_rad=np.zeros(count),
-        elevation_rad=np.full(count, -0.5 * np.pi),
         line_of_sight_ecef=down,
         sensor_ecef_m=place,
         snr=np.full(count, np.nan),

@@ -252,4 +252,4 @@ def test_windows_are_sized_by_the_looks_they_hold() -> None:
 def test_what_leaves_the_engine_cannot_be_written_to() -> None:
     found = run(stub_plan([stub_sensor()], targets(), ids(3), stub_scene()), [10**11])[0].detections
     with pytest.raises(ValueError, match="read-only"):
-        found.time_s[0] = 1.0
+        found.time_ns[0] = 1

@@ -12,7 +12,7 @@ import pytest
 from opir_core.events import detection_schema
 from opir_core.events.forge import ForgeEncoder
 from opir_core.events.identifiers import stream_key, uuid8_words
-from opir_core.geometry import azimuth_elevation_range, geodetic_to_ecef
+from opir_core.geometry import geodetic_to_ecef
 from opir_core.protocols import Band, EncoderContext
 from opir_core.testing import stub_sensor
 from opir_core.testing.windows import stub_estimates, stub_window
@@ -33,7 +33,7 @@ def made_event() -> dict[str, Any]:
     sensor = stub_sensor("SBIRS-GEO-1", -75.0, type="SBIRS-GEO", bands=bands)
     place = sensor.orbit.position_ecef_m(np.array([60.05]))
     target = geodetic_to_ecef(np.radians(28.5), np.radians(-80.6), 40_000.0)
-    seen = azimuth_elevation_range(place, target[np.newaxis])
+    offset = target - place
     known = stub_estimates(
         1,
         tick_s=60.0,
@@ -46,14 +46,12 @@ def made_event() -> dict[str, Any]:
     window = stub_window(
         1,
         estimates=known,
-        time_s=60.05,
         time_ns=60_050_000_000,
         detection_id=uuid8_words(np.array([stream_key("page")], dtype=np.uint64), np.array([600])),
         reported_type=0,
         bands=3,
         confidence=0.874,
-        azimuth_rad=seen.azimuth_rad,
-        elevation_rad=seen.elevation_rad,
+        line_of_sight_ecef=offset / np.linalg.norm(offset),
         sensor_ecef_m=place,
         snr=12.5,
         track=1,

@@ -19,8 +19,9 @@ from opir_core.events import SCHEMA_VERSION, detection_schema
 from opir_core.events.blocks import window_blocks
 from opir_core.events.forge import ForgeEncoder
 from opir_core.events.identifiers import uuid8_words, uuid_text
+from opir_core.events.number_text import rounded_bearing_deg, rounded_degrees
 from opir_core.events.timestamps import timestamp_text, unix_microseconds
-from opir_core.geometry import geodetic_to_ecef
+from opir_core.geometry import azimuth_elevation_range_in_axes, geodetic_to_ecef, local_axes
 from opir_core.protocols import Band, EncoderContext
 from opir_core.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.scene import REPORTED_TYPES
@@ -48,7 +49,7 @@ PAPER_FIELDS = [
     "impact_point",
     "confidence",
 ]
-FINITE = st.floats(allow_nan=False, allow_infinity=False)
+POSITION = st.floats(-1e100, 1e100)
 ANGLE = st.floats(-2 * np.pi, 2 * np.pi)
 
 
@@ -83,6 +84,14 @@ def estimates(draw: st.DrawFn) -> Tracks:
 
 
 @st.composite
+def unit_vectors(draw: st.DrawFn, count: int) -> np.ndarray:
+    component = st.sampled_from([0.0, -0.0, 1.0, -1.0, 1e-12, 5e-324]) | st.floats(-1.0, 1.0)
+    some = draw(column(component, count, shape=(3,)))
+    length = np.linalg.norm(some, axis=1, keepdims=True)
+    return np.where(length > 1e-100, some / np.maximum(length, 1e-100), [0.0, 0.0, -1.0])
+
+
+@st.composite
 def windows(draw: st.DrawFn) -> Window:
     """Any detections that an event can carry, the extremes included."""
     count = draw(st.integers(0, 8))
@@ -93,15 +102,13 @@ def windows(draw: st.DrawFn) -> Window:
         count,
         estimates=known,
         sensor=sensor,
-        time_s=draw(column(FINITE, count)),
         time_ns=draw(column(st.integers(-(2**63) + 1, 2**63 - 1), count, np.int64)),
         detection_id=uuid8_words(draw(column(st.integers(0, 2**64 - 1), count, np.uint64, (2,))), np.arange(count)),
         reported_type=draw(column(st.integers(0, 3), count, np.uint8)),
         bands=draw(column(st.integers(0, 255), count, np.int64)) % band_ends[sensor],
         confidence=draw(column(st.floats(0.0, 1.0), count)),
-        azimuth_rad=draw(column(ANGLE, count)),
-        elevation_rad=draw(column(st.floats(-np.pi / 2, np.pi / 2), count)),
-        sensor_ecef_m=draw(column(st.sampled_from([0.0, -4.2e7]) | FINITE, count, shape=(3,))),
+        line_of_sight_ecef=draw(unit_vectors(count)),
+        sensor_ecef_m=draw(column(st.sampled_from([0.0, -4.2e7]) | POSITION, count, shape=(3,))),
         snr=draw(column(st.floats(), count)),
         track=draw(column(st.integers(-1, 2**63 - 1), count, np.int64)),
         estimate=draw(column(st.integers(-1, len(known) - 1), count, np.int64)),
@@ -131,9 +138,10 @@ def test_every_event_says_what_its_row_says(window: Window) -> None:
         assert event["confidence"] == pytest.approx(d.confidence[row], abs=5.1e-7)
         assert event["schema_version"] == SCHEMA_VERSION
         assert event["track_id"] == (None if d.track[row] < 0 else d.track[row])
-        turned = abs(event["azimuth_deg"] - math.degrees(d.azimuth_rad[row])) % 360.0
+        seen = azimuth_elevation_range_in_axes(d.line_of_sight_ecef[row], local_axes(d.sensor_ecef_m[row]))
+        turned = abs(event["azimuth_deg"] - math.degrees(seen.azimuth_rad)) % 360.0
         assert min(turned, 360.0 - turned) <= 1e-9
-        assert event["elevation_deg"] == pytest.approx(math.degrees(d.elevation_rad[row]), abs=5.1e-10)
+        assert event["elevation_deg"] == pytest.approx(math.degrees(seen.elevation_rad), abs=5.1e-10)
         assert event["line_of_sight_sigma_urad"] == 20.0
         assert event["bands"] == [band.name for bit, band in enumerate(sensor.bands) if d.bands[row] >> bit & 1]
         assert event["sensor_position_ecef_m"] == pytest.approx(d.sensor_ecef_m[row].tolist(), abs=5.1e-4, rel=1e-15)
@@ -161,6 +169,7 @@ def raid(count: int) -> Window:
     random = np.random.default_rng(3)
     sensor = random.integers(0, 3, count)
     home = random.uniform(-4e7, 4e7, (3, 3))[sensor]
+    direction = random.normal(size=(count, 3))
     moving = (sensor == 2)[:, np.newaxis] * random.uniform(-1e6, 1e6, (count, 3))
     known = stub_estimates(
         20,
@@ -173,8 +182,7 @@ def raid(count: int) -> Window:
         estimates=known,
         sensor=sensor,
         bands=0,
-        azimuth_rad=random.uniform(0, 2 * np.pi, count),
-        elevation_rad=random.uniform(-1.57, 1.57, count),
+        line_of_sight_ecef=direction / np.linalg.norm(direction, axis=1, keepdims=True),
         confidence=random.random(count),
         snr=random.uniform(0, 100, count),
         sensor_ecef_m=home + moving,
@@ -261,17 +269,52 @@ def test_a_place_is_on_earth_or_null(place: list[float], expected: float | None)
     assert (point and point["lon_deg"]) == expected
 
 
+# The stub's sensor stands over the equator at longitude 0: up is x, east is y, north is z.
+@pytest.mark.parametrize(
+    ("east", "bearing"),
+    [
+        (0.0, b"0.0"),
+        (-0.0, b"0.0"),
+        (-5e-324, b"0.0"),
+        (-1e-17, b"0.0"),
+        (-1e-14, b"0.0"),
+        (-8e-12, b"0.0"),
+        (-9e-12, b"359.999999999"),
+        (9e-12, b"1e-9"),
+    ],
+)
+def test_north_is_0_and_never_360(east: float, bearing: bytes) -> None:
+    line = ENCODER.encode(stub_window(1, line_of_sight_ecef=[0.0, east, 1.0]))
+    assert b'"azimuth_deg":%b,' % bearing in line
+
+
 @pytest.mark.parametrize("azimuth_rad", [2 * np.pi, -2 * np.pi, -1e-17, -0.0, 2 * np.pi - 1e-14])
-def test_north_is_0_and_never_360(azimuth_rad: float) -> None:
-    line = ENCODER.encode(stub_window(1, azimuth_rad=azimuth_rad))
-    assert b'"azimuth_deg":0.0,' in line
+def test_a_bearing_of_a_full_turn_rounds_to_0(azimuth_rad: float) -> None:
+    for beside in (0.0, 1.0, -1.0):
+        bearing_deg = rounded_bearing_deg(np.array([azimuth_rad, beside]))[0]
+        assert bearing_deg == 0.0
+        assert not np.signbit(bearing_deg)
 
 
 @pytest.mark.parametrize("angle_rad", [-0.0, -1e-13])
 def test_zero_has_no_sign(angle_rad: float) -> None:
-    line = ENCODER.encode(stub_window(1, elevation_rad=angle_rad, snr=angle_rad, sensor_ecef_m=angle_rad))
-    assert b'"elevation_deg":0.0,' in line
-    assert b'"snr":0.0,"sensor_position_ecef_m":[0.0,0.0,0.0],' in line
+    assert not np.signbit(rounded_degrees(np.array([angle_rad])))
+    level = ENCODER.encode(stub_window(1, line_of_sight_ecef=[angle_rad, 0.0, 1.0], snr=angle_rad))
+    assert b'"elevation_deg":0.0,' in level
+    assert b'"snr":0.0,"sensor_position_ecef_m":' in level
+    central = ENCODER.encode(stub_window(1, sensor_ecef_m=angle_rad))
+    assert b'"sensor_position_ecef_m":[0.0,0.0,0.0],' in central
+
+
+@pytest.mark.parametrize(("up", "elevation_deg"), [(1.0, 90.0), (-1.0, -90.0)])
+def test_straight_up_and_down_have_an_azimuth_too(up: float, elevation_deg: float) -> None:
+    (event,) = events_of(stub_window(1, line_of_sight_ecef=[up, 0.0, -0.0]))
+    assert (event["azimuth_deg"], event["elevation_deg"]) == (0.0, elevation_deg)
+
+
+def test_rounding_leaves_the_length_of_a_unit_vector_lawful() -> None:
+    one, other = events_of(stub_window(2, line_of_sight_ecef=[[1.0 + 9e-7, 0.0, 0.0], [1.0 - 9e-7, 0.0, 0.0]]))
+    assert one["elevation_deg"] == other["elevation_deg"] == 90.0
 
 
 @pytest.mark.parametrize(
@@ -279,12 +322,16 @@ def test_zero_has_no_sign(angle_rad: float) -> None:
     [
         ({"confidence": np.nan}, r"confidence must be in \[0, 1\] \(the first is of sensor SBIRS-GEO-1 at 0.0 s\)"),
         ({"confidence": [0.5, -1e-9, 2.0]}, "2 of 3 detections cannot be encoded: the confidence"),
-        ({"azimuth_rad": np.inf}, "azimuth"),
-        ({"azimuth_rad": 7.0}, "azimuth"),
-        ({"elevation_rad": np.nan}, "elevation"),
-        ({"elevation_rad": 1.6}, "elevation"),
+        ({"line_of_sight_ecef": [np.nan, 0.0, 1.0]}, "the line of sight must be a unit vector"),
+        ({"line_of_sight_ecef": [0.0, np.inf, 0.0]}, "the line of sight must be a unit vector"),
+        ({"line_of_sight_ecef": [0.0, 0.0, -np.inf]}, "the line of sight must be a unit vector"),
+        ({"line_of_sight_ecef": 0.0}, "the line of sight must be a unit vector"),
+        ({"line_of_sight_ecef": 1e200}, "the line of sight must be a unit vector"),
+        ({"line_of_sight_ecef": [1.0 + 1.1e-6, 0.0, 0.0]}, "the line of sight must be a unit vector"),
+        ({"line_of_sight_ecef": [0.0, 1.0 - 1.1e-6, 0.0]}, "the line of sight must be a unit vector"),
         ({"sensor_ecef_m": [0.0, np.nan, 0.0]}, "position"),
         ({"sensor_ecef_m": [-np.inf, 0.0, np.inf]}, "position"),
+        ({"sensor_ecef_m": [0.0, -1.1e100, 0.0]}, "position"),
         ({"sensor": 3}, "the sensor must be in 0 to 2"),
         ({"sensor": -1}, "of sensor number -1"),
         ({"reported_type": 4}, "reported type"),
