@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from attrs import NOTHING, Attribute, Factory, asdict, fields, has
 
@@ -92,7 +92,8 @@ def rows(config: type, prefix: str = "") -> Iterator[str]:
 
 def nested_config(attribute: "Attribute[Any]") -> type | None:
     """Return the configuration class that a field holds, if it holds one."""
-    return attribute.type if isinstance(attribute.type, type) and has(attribute.type) else None
+    members = get_args(attribute.type) or (attribute.type,)
+    return next((member for member in members if isinstance(member, type) and has(member)), None)
 
 
 def default_of(attribute: "Attribute[Any]") -> str:

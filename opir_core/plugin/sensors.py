@@ -1,4 +1,4 @@
-"""A scanning sensor in a geostationary slot: the configuration that constellation plugins inherit, and its builder.
+"""A scanning sensor: the configuration that constellation plugins inherit, and its builder.
 
 Nothing heavy is imported before `scanning_sensor` is called.
 """
@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 from attrs import Factory, asdict, fields_dict, frozen
 
 from opir_core.fields import nested, number, text
+from opir_core.orbits.configs import OrbitConfig
 from opir_core.plugin.confusion import confusion_complaint, is_probability
 from opir_core.scene import TARGET_TYPES
 
 if TYPE_CHECKING:
-    from opir_core.protocols import Band, Sensor, SensorContext
+    from opir_core.protocols import Band, Orbit, Sensor, SensorContext
 
 SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
@@ -62,16 +63,22 @@ def _probabilities_complaint(probabilities: Any) -> str | None:
 
 @frozen(kw_only=True)
 class ScanningSensorConfig:
-    """What a scene may set of a scanning sensor in geostationary orbit.
+    """What a scene may set of a scanning sensor: in a geostationary slot, or in any orbit.
 
     A sensor model inherits this class, gives its own defaults with `with_defaults`, and needs at least those of
     `bands`, `scan_period_ms` and `detection_probability`. A mapping of detection probabilities or a confusion matrix
     that names some target types leaves the model's defaults for the others.
     """
 
-    orbital_slot_deg: float = number(
-        unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the geostationary slot"
+    orbital_slot_deg: float | None = number(
+        default=None,
+        unit="deg",
+        minimum=-180.0,
+        maximum=180.0,
+        source="",
+        help="east longitude of an ideal geostationary slot; this or orbit",
     )
+    orbit: OrbitConfig | None = nested(default=None, source="", help="any other orbit; this or orbital_slot_deg")
     bands: Mapping[str, tuple[float, float]] = nested(
         unit="um", check=_bands_complaint, help="spectral bands by name, each [lower_um, upper_um]"
     )
@@ -143,7 +150,12 @@ class ScanningSensorConfig:
         return round(self.scan_period_ms * 1e6)
 
     def _complaints(self) -> list[str | None]:
-        return [self._period_complaint(), self._raster_complaint(), self._discrimination_complaint()]
+        return [
+            self._place_complaint(),
+            self._period_complaint(),
+            self._raster_complaint(),
+            self._discrimination_complaint(),
+        ]
 
     def _period_complaint(self) -> str | None:
         # The double nearest to a whole number of ns, and no other, is that number over 1e6.
@@ -151,6 +163,11 @@ class ScanningSensorConfig:
             return None
         nearest_ms = max(self.scan_period_ns, 1) / 1e6
         return f"scan_period_ms: {self.scan_period_ms!r} is not a whole number of nanoseconds; write {nearest_ms!r}"
+
+    def _place_complaint(self) -> str | None:
+        if (self.orbital_slot_deg is None) != (self.orbit is None):
+            return None
+        return "a sensor has either orbital_slot_deg or orbit; give one of them"
 
     def _raster_complaint(self) -> str | None:
         sides: tuple[Any, ...] = (self.raster_rows, self.raster_columns)
@@ -177,16 +194,15 @@ def scanning_sensor(
     """Return the sensor that a configuration describes; `type` is what its events call its class."""
     from opir_core.plugin.scan_patterns import scan_pattern
     from opir_core.protocols import Sensor
-    from opir_core.sensor_orbits import GeostationaryOrbit
 
     half_angle_rad = math.radians(config.field_of_regard_half_angle_deg)
     completed = {name: _completed(config, name) for name in ("detection_probability", "confusion")}
     return Sensor(
         id=context.id,
         type=type,
-        orbital_slot_deg=config.orbital_slot_deg,
+        orbital_slot_deg=_slot_deg(config),
         bands=_bands(config.bands),
-        orbit=GeostationaryOrbit(config.orbital_slot_deg),
+        orbit=_orbit(config, context),
         scan=scan_pattern(
             config.scan_pattern,
             config.scan_phase,
@@ -204,6 +220,24 @@ def scanning_sensor(
         spectral_discrimination=config.spectral_discrimination,
         settings={**asdict(config), **completed},
     )
+
+
+def _slot_deg(config: ScanningSensorConfig) -> float | None:
+    """Return the longitude of the sensor's slot, or None where it has none."""
+    if config.orbit is None:
+        return config.orbital_slot_deg
+    return None if config.orbit.slot is None else config.orbit.slot.lon_deg
+
+
+def _orbit(config: ScanningSensorConfig, context: "SensorContext") -> "Orbit":
+    if config.orbit is None:
+        from opir_core.orbits.geostationary import GeostationaryOrbit
+
+        assert config.orbital_slot_deg is not None
+        return GeostationaryOrbit(config.orbital_slot_deg)
+    from opir_core.orbits import orbit_of
+
+    return orbit_of(config.orbit, context.epoch_us)
 
 
 def _completed(config: ScanningSensorConfig, name: str) -> dict[str, Any]:
