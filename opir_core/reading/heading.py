@@ -1,4 +1,3 @@
-# ruff: noqa: RUF009 - attrs fields, not defaults
 """The keys of a scene file, with what each means; the blocks among them are read later, by what they choose."""
 
 from attrs import frozen
