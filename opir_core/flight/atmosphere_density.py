@@ -40,7 +40,7 @@ _STRETCH_M = 500e3
 #: Polynomials, lowest power first, fitted to the standard's table I (docs/design/us_standard_atmosphere_fit.py).
 _MESOPAUSE_FIT = (-14.9256794, -3.0143544, 0.11682195, 0.0159635033, -0.0414649747, 0.125063609, 0.101376613)
 _THERMOSPHERE_FIT = (
-    *(-25.7605789, -6.53001027, -1.0620151, -1.35404649, -0.543909379),
+    *(-25.7605789, -6.53001027, -1.0620151, -1.35404649, -0.543909378),
     *(-2.01480271, 2.19598824, 5.01802978, -0.274988842, -2.94240127),
 )
 
@@ -54,11 +54,6 @@ _BOUNDLESS_M = 1e12
 _SCALE_HEIGHTS_PER_STEP = 1.5
 _SHARE_OF_HEIGHT_PER_STEP = 0.6
 
-#: A kink passed at a distance d too late gives an error of velocity that goes with rho d²: so the distance allowed, m,
-#: is this divided by the root of the density, kg/m³, and multiplied by that of the tolerance, m; up to the second.
-_REACH = 25.0
-_LONGEST_REACH = 1e4
-
 #: Above this height, m, an exponential atmosphere counts as weak.
 _EXPONENTIAL_INTERFACE_M = 150e3
 
@@ -68,13 +63,11 @@ class AirLayers(NamedTuple):
 
     `parameters`, (13, m), are each layer's Z_b, g, k and coefficients from the highest power to the lowest. In one step
     an integrator should change its height by `strides_m` plus `stride_shares` times its height above the floor at most.
-    It may use a layer's polynomial beyond its floor by `reaches_m` times the root of its tolerance in metres.
     """
 
     floors_m: Column
     strides_m: Column
     stride_shares: Column
-    reaches_m: Column
     parameters: NDArray[np.float64]
 
 
@@ -136,9 +129,7 @@ def _stacked(layers: list[_Layer]) -> AirLayers:
     floors, strides, shares = (
         np.array([getattr(layer, name) for layer in layers]) for name in ("floor_m", "stride_m", "stride_share")
     )
-    with np.errstate(divide="ignore"):
-        reaches = np.minimum(_REACH / np.sqrt(np.exp(log_density(parameters, floors))), _LONGEST_REACH)
-    return AirLayers(floors, strides, shares, reaches, parameters)
+    return AirLayers(floors, strides, shares, parameters)
 
 
 def _exponential(air: ExponentialAtmosphere) -> list[_Layer]:

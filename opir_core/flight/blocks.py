@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.flight.forces import Drag, Forces
 from opir_core.flight.gravity import Column, Gravity, Rows
-from opir_core.flight.integration import LOOSEST_TOLERANCE_M, Index, Integration, Recorder
+from opir_core.flight.integration import Index, Integration, Recorder
 from opir_core.flight.levels import Levels, Seams
 from opir_core.flight.stepping import Acceleration
 
@@ -107,10 +107,9 @@ class System:
     def levels(self, block: Columns) -> Levels | None:
         """Return the heights that the arcs may not step across, if there are any."""
         if self.has_air:
-            seams = Seams(*self._air[:4])
+            seams = Seams(self._air.floors_m, self._air.strides_m, self._air.stride_shares)
         elif np.any(block.target > -np.inf):
-            seams = Seams(np.array([_BOTTOMLESS_M]), np.array([_BOUNDLESS_M]), np.zeros(1), np.zeros(1))
+            seams = Seams(np.array([_BOTTOMLESS_M]), np.array([_BOUNDLESS_M]), np.zeros(1))
         else:
             return None
-        reach = np.sqrt(np.minimum(block.tolerance, LOOSEST_TOLERANCE_M))
-        return Levels(seams, block.target, reach, block.duration < 0.0)
+        return Levels(seams, block.target, block.duration < 0.0)

@@ -70,10 +70,18 @@ class KeplerArcs:
         """Return positions, m, and velocities, m/s, as `ArcStates.state` does."""
         from opir_core.flight.kepler import propagate_kepler
 
-        arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64))
+        arcs, time = queries(arc, time_s, self.duration_s.size)
         within = is_within(time, self.duration_s[arcs])
         time = np.where(within, time, np.nan)
         return propagate_kepler(self.position_m[arcs], self.velocity_m_s[arcs], time, self.mu_m3_s2)
+
+
+def queries(arc: ArrayLike, time_s: ArrayLike, count: int) -> tuple[Index, Floats]:
+    """Return numbers of arcs and times broadcast together; raise IndexError for a number that is not below `count`."""
+    arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64))
+    if arcs.size and (int(arcs.min()) < 0 or int(arcs.max()) >= count):
+        raise IndexError(f"arc numbers must be from 0 to {count - 1}")
+    return arcs, time
 
 
 def is_within(time_s: Floats, duration_s: Floats) -> NDArray[np.bool_]:

@@ -17,7 +17,8 @@ from opir_core.flight.stepping import Start, Step
 
 Mask = NDArray[np.bool_]
 
-#: An arc is at its target height when this close to it in height, m, and in time, s.
+#: An arc is on a boundary when this close to it, m: a seam met so late moves an impact by micrometres. On the height of
+#: impact it has to be this close in time, s, as well.
 _NEAR_M = 0.1
 _NEAR_S = 1e-4
 
@@ -40,7 +41,6 @@ class Seams(NamedTuple):
     floors_m: Column
     strides_m: Column
     stride_shares: Column
-    reaches_m: Column
 
 
 class Landing(NamedTuple):
@@ -54,13 +54,12 @@ class Landing(NamedTuple):
 class Levels:
     """The intervals of height of n arcs, and where the arcs are in them; rates are along the direction of travel.
 
-    `target_m` is the height of impact, -inf where there is none to find; `reach` scales the seams' reaches.
+    `target_m` is the height of impact, -inf where there is none to find.
     """
 
-    def __init__(self, seams: Seams, target_m: Column, reach: Column, backward: Mask) -> None:
+    def __init__(self, seams: Seams, target_m: Column, backward: Mask) -> None:
         self._seams, self._ceilings = seams, np.append(seams.floors_m[1:], np.inf)
-        self._ceiling_reaches = np.append(seams.reaches_m[1:], 0.0)
-        self._target, self._reach = target_m, reach
+        self._target = target_m
         self._direction = np.where(backward, -1.0, 1.0)
         self.has_target = bool(np.any(target_m > -np.inf))
 
@@ -81,10 +80,7 @@ class Levels:
         for name in self._COLUMNS:
             setattr(self, name, getattr(self, name)[kept])
 
-    _COLUMNS = (
-        *("_target", "_reach", "_direction", "_height", "_climb", "_bend", "layer", "_above"),
-        *("_low", "_high", "_low_reach", "_high_reach"),
-    )
+    _COLUMNS = ("_target", "_direction", "_height", "_climb", "_bend", "layer", "_above", "_low", "_high")
 
     def lengths(self, wanted: Column) -> tuple[Column, Column]:
         """Return steps of the wanted length, s, or shorter: those that height allows, and those that end on boundaries.
@@ -120,7 +116,7 @@ class Levels:
         length = np.abs(h)
         rise = Rise(self._height, self._next_height, self._climb * length, self._next_climb * length)
         down = rise.last < self._low - self._slack(self._next_climb)
-        leaving = down | (rise.last > self._high + self._high_reach)
+        leaving = down | (rise.last > self._high + _NEAR_M)
         candidate = candidate & (length > _SHORTEST_S)
         index = np.flatnonzero(candidate & leaving)
         end = np.ones(index.size)
@@ -165,7 +161,7 @@ class Levels:
         falling, rising = self._climb < 0.0, self._climb > 0.0
         drop, rise = self._height - self._low, self._high - self._height
         down = moved & falling & (drop <= self._slack(self._climb)) & self._will_cover(drop)
-        up = moved & rising & (rise <= self._high_reach) & self._will_cover(rise)
+        up = moved & rising & (rise <= _NEAR_M) & self._will_cover(rise)
         impact = down & self._above & (self._low == self._target)
         sunk = down & ~impact & (self.layer == 0)
         changed = (down & ~impact & ~sunk) | up
@@ -188,12 +184,10 @@ class Levels:
         floor, ceiling = self._seams.floors_m[self.layer], self._ceilings[self.layer]
         self._low = np.where(self._above, np.maximum(floor, self._target), floor)
         self._high = np.where(self._above, ceiling, np.minimum(ceiling, self._target))
-        self._low_reach = np.where(self._low == floor, self._reach * self._seams.reaches_m[self.layer], 0.0)
-        self._high_reach = np.where(self._high == ceiling, self._reach * self._ceiling_reaches[self.layer], _NEAR_M)
 
     def _slack(self, climb: Column) -> Column:
         """Return how close to the boundary below, m, an arc is taken to be on it."""
-        return np.where(self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), self._low_reach)
+        return np.where(self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), _NEAR_M)
 
     def _height_and_climb(self, position: Rows, velocity: Rows) -> tuple[Column, Column]:
         height, climb = height_and_climb(position, velocity, _inverse_length(position))

@@ -4,7 +4,7 @@ import numpy as np
 from attrs import define, field, frozen
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.flight.dense import is_within
+from opir_core.flight.dense import is_within, queries
 from opir_core.flight.extension import extended, nested
 from opir_core.flight.gravity import Column
 from opir_core.flight.integration import Index, Mask
@@ -33,10 +33,7 @@ class SegmentArcs:
 
     def state(self, arc: ArrayLike, time_s: ArrayLike) -> tuple[Floats, Floats]:
         """Return positions, m, and velocities, m/s, as `dense.ArcStates.state` does."""
-        arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64))
-        count = self.first.size - 1
-        if arcs.size and (int(arcs.min()) < 0 or int(arcs.max()) >= count):
-            raise IndexError(f"arc numbers must be from 0 to {count - 1}")
+        arcs, time = queries(arc, time_s, self.first.size - 1)
         flat = np.full((arcs.size, 2, 3), np.nan)
         for begin in range(0, arcs.size, _BLOCK):
             part = slice(begin, begin + _BLOCK)

@@ -1,0 +1,188 @@
+"""Impact: first descent through a height, by event, under any forces."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
+from opir_core.flight.impact import ImpactReason, impact, impact_states
+from opir_core.flight.kepler_impact import kepler_impact
+from opir_core.flight.propagation import propagate
+from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+MODELS = {
+    "kepler": "kepler",
+    "j2": Forces(),
+    "us76": Forces(drag=Drag(2000.0)),
+    "exp": Forces(drag=Drag(2000.0, ExponentialAtmosphere(1.225, 7200.0))),
+}
+NUMERICAL = [name for name in MODELS if name != "kepler"]
+
+
+def shots(count, seed=0, fastest=7200.0):
+    random = np.random.default_rng(seed)
+    up = random.normal(size=(count, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    along = np.cross(up, random.normal(size=(count, 3)))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    angle = np.radians(random.uniform(20.0, 60.0, (count, 1)))
+    speed = random.uniform(1500.0, fastest, (count, 1))
+    height = random.uniform(60e3, 300e3, (count, 1))
+    return up * (6371e3 + height), speed * (np.sin(angle) * up + np.cos(angle) * along)
+
+
+@pytest.mark.parametrize("height_m", [-3000.0, 0.0, 30e3, 150e3])
+@pytest.mark.parametrize("name", list(MODELS))
+def test_impacts_are_on_the_height_and_on_the_arc(name, height_m):
+    position, velocity = shots(60)
+    states = impact_states(position, velocity, height_m, MODELS[name], tolerance_m=1e-6)
+    hit = states.reason == ImpactReason.IMPACT
+    assert hit.sum() >= 30
+    assert np.abs(ecef_to_geodetic(states.position_m[hit]).height_m - height_m).max() <= 1e-6
+    there, speed = propagate(position[hit], velocity[hit], states.duration_s[hit], MODELS[name], tolerance_m=1e-6)
+    np.testing.assert_allclose(states.position_m[hit], there, rtol=0.0, atol=1e-5)
+    np.testing.assert_allclose(states.velocity_m_s[hit], speed, rtol=0.0, atol=1e-6)
+    descent = (states.velocity_m_s[hit] * states.position_m[hit]).sum(axis=1)
+    assert (descent < 0.0).all()
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_an_impact_is_the_first(name):
+    """Nowhere between start and impact is the arc at or below the height, sampled."""
+    position, velocity = shots(10, seed=2)
+    duration, _ = impact(position, velocity, 10e3, MODELS[name])
+    fraction = np.linspace(0.0, 1.0, 60)[:-1, np.newaxis]
+    on_the_way, _ = propagate(position, velocity, fraction * duration, MODELS[name], tolerance_m=1e-2)
+    assert ecef_to_geodetic(on_the_way).height_m.min() > 10e3
+
+
+@pytest.mark.parametrize("tolerance_m", [1e-1, 1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("height_m", [0.0, 40e3])
+def test_without_oblateness_it_is_the_closed_form(tolerance_m, height_m):
+    position, velocity = shots(200, seed=3)
+    round_field = Forces(gravity=ZonalField(j2=0.0))
+    duration, point = impact(position, velocity, height_m, round_field, tolerance_m=tolerance_m)
+    exact_duration, exact_point = kepler_impact(position, velocity, height_m)
+    assert np.linalg.norm(point - exact_point, axis=1).max() <= max(tolerance_m, 2e-6)
+    assert np.abs(duration - exact_duration).max() <= max(1e-3 * tolerance_m, 1e-9)
+
+
+@pytest.mark.parametrize("tolerance_m", [1e-1, 1e-3, 1e-5])
+@pytest.mark.parametrize("name", NUMERICAL)
+def test_errors_stay_within_the_tolerance(name, tolerance_m):
+    position, velocity = shots(150, seed=4)
+    _, exact = impact(position, velocity, 0.0, MODELS[name], tolerance_m=1e-8)
+    _, found = impact(position, velocity, 0.0, MODELS[name], tolerance_m=tolerance_m)
+    assert np.linalg.norm(found - exact, axis=1).max() <= tolerance_m
+
+
+def test_thin_air_is_no_air():
+    position, velocity = shots(20, seed=5)
+    _, with_drag = impact(position, velocity, 0.0, Forces(drag=Drag(1e15)))
+    _, without = impact(position, velocity)
+    assert np.linalg.norm(with_drag - without, axis=1).max() <= 1e-3
+
+
+@pytest.mark.parametrize("name", NUMERICAL)
+def test_results_do_not_depend_on_the_company(name):
+    position, velocity = shots(60, seed=6)
+    height = np.linspace(0.0, 50e3, 60)
+    whole = impact_states(position, velocity, height, MODELS[name])
+    for chosen in ([3], [59, 0, 31], list(range(1, 60, 2))):
+        some = impact_states(position[chosen], velocity[chosen], height[chosen], MODELS[name])
+        for part, everything in zip(some, whole, strict=True):
+            np.testing.assert_array_equal(part, everything[chosen])
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_reasons_for_no_impact(name):
+    radius = 6378137.0
+    around, within = [0.0, 7.6e3, 0.0], 7200.0
+    cases = [
+        ([radius + 500e3, 0.0, 0.0], around, ImpactReason.NO_DESCENT),
+        ([radius + 500e3, 0.0, 0.0], [12e3, 0.0, 0.0], ImpactReason.NO_DESCENT),
+        ([np.nan, 0.0, 0.0], around, ImpactReason.NOT_FINITE),
+        ([radius + 500e3, 0.0, 0.0], [0.0, 3e3, 0.0], ImpactReason.IMPACT),
+    ]
+    position, velocity, reasons = (np.array(each) for each in zip(*cases, strict=True))
+    states = impact_states(position, velocity, 0.0, MODELS[name], within_s=within)
+    np.testing.assert_array_equal(states.reason, reasons)
+    np.testing.assert_array_equal(np.isnan(states.duration_s), reasons != ImpactReason.IMPACT)
+    assert np.isnan(states.position_m[:3]).all()
+    assert np.isnan(states.velocity_m_s[:3]).all()
+    soon = impact_states(position[3], velocity[3], 0.0, MODELS[name], within_s=10.0)
+    assert soon.reason == ImpactReason.NO_DESCENT
+    assert impact_states(position[3], velocity[3], np.nan, MODELS[name]).reason == ImpactReason.NOT_FINITE
+
+
+def test_drag_ends_below_the_air_model():
+    states = impact_states([6378137.0 + 1e3, 0.0, 0.0], [-300.0, 0.0, 0.0], -6e3, MODELS["us76"])
+    assert states.reason == ImpactReason.BELOW_AIR
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+@pytest.mark.parametrize("latitude", [0.0, 0.7, np.pi / 2])
+def test_a_start_on_the_ground(name, latitude):
+    ground = geodetic_to_ecef(latitude, 0.3, 0.0)
+    normal = geodetic_to_ecef(latitude, 0.3, 1.0) - ground
+    rising, _ = impact(ground, 500.0 * normal, 0.0, MODELS[name])
+    falling, point = impact(ground, -500.0 * normal, 0.0, MODELS[name])
+    assert 30.0 < rising < 120.0
+    assert falling == pytest.approx(0.0, abs=1e-8)
+    np.testing.assert_allclose(point, ground, rtol=0.0, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", list(MODELS))
+def test_a_start_below_the_height_first_rises_through_it(name):
+    start = np.array([6378137.0, 0.0, 0.0])
+    upward = np.array([2500.0, 300.0, 100.0])
+    duration, point = impact(start, upward, 4e3, MODELS[name])
+    at_ground, _ = impact(start, upward, 0.0, MODELS[name])
+    assert 20.0 < duration < at_ground
+    assert ecef_to_geodetic(point).height_m == pytest.approx(4e3, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["kepler", "j2", "us76"])
+@pytest.mark.parametrize("depth_m", [-50.0, -0.5, -0.01, 0.01, 0.5, 50.0])
+def test_a_perigee_just_below_the_height_is_an_impact_and_just_above_is_none(name, depth_m):
+    """Grazing arcs: the sign of the perigee's depth decides, however shallow."""
+    start, velocity = np.array([6378137.0 + 400e3, 0.0, 0.0]), np.array([0.0, 7600.0, 0.0])
+    times = np.linspace(100.0, 3000.0, 400)
+    for _ in range(4):
+        arc, _ = propagate(start, velocity, times, MODELS[name], tolerance_m=1e-6)
+        heights = ecef_to_geodetic(arc).height_m
+        lowest = np.argmin(heights)
+        spread = times[1] - times[0]
+        times = np.linspace(times[lowest] - spread, times[lowest] + spread, 400)
+    perigee = heights.min()
+    states = impact_states(start, velocity, perigee + depth_m, MODELS[name], within_s=4000.0, tolerance_m=1e-6)
+    assert (states.reason == ImpactReason.IMPACT) == (depth_m > 0.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(0.0, 90.0), st.floats(0.0, 5.0), st.floats(1.0, 11e3), st.floats(-90.0, 90.0), st.sampled_from(NUMERICAL)
+)
+def test_no_shot_warns_and_every_impact_is_on_the_ground(latitude, height_exponent, speed, angle, name):
+    latitude, angle = np.radians([latitude, angle])
+    start = geodetic_to_ecef(latitude, 1.0, 10.0**height_exponent)
+    normal = geodetic_to_ecef(latitude, 1.0, 10.0**height_exponent + 1.0) - start
+    velocity = speed * (np.sin(angle) * normal + np.cos(angle) * np.cross([0.6, 0.0, 0.8], normal))
+    states = impact_states(start, velocity, 0.0, MODELS[name], within_s=5000.0, tolerance_m=1e-3)
+    if states.reason == ImpactReason.IMPACT:
+        assert abs(ecef_to_geodetic(states.position_m).height_m) <= 1e-6
+        assert states.duration_s >= 0.0
+    else:
+        assert states.reason == ImpactReason.NO_DESCENT
+
+
+def test_heights_and_limits_broadcast():
+    position, velocity = shots(3)
+    duration, point = impact(position, velocity, np.array([[0.0], [10e3]]), MODELS["j2"])
+    assert duration.shape == (2, 3)
+    assert point.shape == (2, 3, 3)
+    assert (duration[1] < duration[0]).all()
+    assert impact(position[0], velocity[0])[0].shape == ()
