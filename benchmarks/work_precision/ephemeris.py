@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.flight.aim import Aim, aim
+from opir_core.flight.aiming import Aim, aim
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.flight.profiles import boost_profiles

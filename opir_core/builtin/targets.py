@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from opir_core.builtin.configs import AimConfig, BallisticConfig, LaunchConfig
 from opir_core.errors import Problem, SceneError
-from opir_core.flight.aim import Aim, aim, surface_range_m
+from opir_core.flight.aiming import Aim, aim, surface_range_m
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.profiles import PROFILES_BY_TYPE, BoostProfile, boost_profile, profile_for_type
 from opir_core.geometry import Geodetic, ecef_to_geodetic

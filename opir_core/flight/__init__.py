@@ -7,34 +7,45 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from opir_core.flight.aim import Aim, aim
+    from opir_core.flight.aiming import Aim, aim
+    from opir_core.flight.conic_impact import kepler_impact
     from opir_core.flight.ephemeris import Ephemeris
+    from opir_core.flight.forces import Drag, Forces
+    from opir_core.flight.impact_event import impact
     from opir_core.flight.kepler import propagate_kepler
-    from opir_core.flight.kepler_impact import kepler_impact
     from opir_core.flight.lambert_arc import lambert
     from opir_core.flight.profiles import BoostProfile, boost_profile, boost_profiles
+    from opir_core.flight.propagation import propagate
 
 _HOMES = {
-    "Aim": "aim",
+    "Aim": "aiming",
     "BoostProfile": "profiles",
+    "Drag": "forces",
     "Ephemeris": "ephemeris",
-    "aim": "aim",
+    "Forces": "forces",
+    "aim": "aiming",
     "boost_profile": "profiles",
     "boost_profiles": "profiles",
-    "kepler_impact": "kepler_impact",
+    "impact": "impact_event",
+    "kepler_impact": "conic_impact",
     "lambert": "lambert_arc",
+    "propagate": "propagation",
     "propagate_kepler": "kepler",
 }
 
 __all__ = [
     "Aim",
     "BoostProfile",
+    "Drag",
     "Ephemeris",
+    "Forces",
     "aim",
     "boost_profile",
     "boost_profiles",
+    "impact",
     "kepler_impact",
     "lambert",
+    "propagate",
     "propagate_kepler",
 ]
 

@@ -7,7 +7,7 @@ from a guess good to a few percent of the range.
 import numpy as np
 
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.kepler_impact import kepler_impact
+from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.shot import Impact, Shot
 from opir_core.geometry import ecef_to_eci, ecef_to_eci_state
 from opir_core.geometry.vectors import Floats, components, length

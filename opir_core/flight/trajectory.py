@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from opir_core.flight.aim import Aim
+from opir_core.flight.aiming import Aim
 from opir_core.flight.boost import BoostPath
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler

@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import opir_core
-from opir_core.flight.aim import aim
+from opir_core.flight.aiming import aim
 from opir_core.flight.ascent import ascent
 from opir_core.flight.boost import boost_path, launch_site
 from opir_core.flight.profiles import boost_profiles

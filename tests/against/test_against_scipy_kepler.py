@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from opir_core.constants import EARTH_MU_M3_S2
+from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.kepler_impact import kepler_impact
 from opir_core.geometry import ecef_to_geodetic
 
 TOLERANCE = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-7}

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.flight.aim import aim, surface_range_m
-from opir_core.flight.kepler_impact import kepler_impact
+from opir_core.flight.aiming import aim, surface_range_m
+from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.profiles import boost_profile, boost_profiles
 from opir_core.geometry import (
     Geodetic,

@@ -5,7 +5,7 @@ import pytest
 
 from opir_core.flight.dense import dense_arcs
 from opir_core.flight.forces import Drag, Forces
-from opir_core.flight.impact import impact_states
+from opir_core.flight.impact_event import impact_states
 from opir_core.flight.propagation import propagate
 
 pytestmark = pytest.mark.filterwarnings("error")

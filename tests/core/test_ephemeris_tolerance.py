@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from opir_core.flight.aim import aim
+from opir_core.flight.aiming import aim
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.flight.profiles import boost_profiles
 from opir_core.flight.trajectory import boost_ephemeris, coast_ephemeris, flight_ephemeris

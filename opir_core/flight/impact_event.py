@@ -102,8 +102,8 @@ _REASONS = np.array(
 def _kepler_impacts(
     position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike, within_s: ArrayLike, forces: Forces
 ) -> ImpactStates:
+    from opir_core.flight.conic_impact import kepler_impact
     from opir_core.flight.kepler import propagate_kepler
-    from opir_core.flight.kepler_impact import kepler_impact
 
     mu = forces.gravity.mu_m3_s2
     duration, point = kepler_impact(position_m, velocity_m_s, height_m, mu)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING
 from opir_core.flight.ascent import ascent
 from opir_core.flight.boost import BoostPath, boost_path, launch_site
-from opir_core.flight.kepler_impact import kepler_impact
+from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.profiles import BoostProfile
 from opir_core.flight.shooting import solved
 from opir_core.flight.shot import Impact, Shot
