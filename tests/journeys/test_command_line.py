@@ -45,6 +45,29 @@ def test_a_run_writes_events_truth_and_manifest_and_says_so(tmp_path: Path) -> N
     assert all(name in done.stdout for name in ("events.jsonl", "events.truth.jsonl", "events.manifest.json"))
 
 
+def test_a_terminal_sees_progress_and_the_table_stays_clean(tmp_path: Path) -> None:
+    import os
+
+    ours, theirs = os.openpty()
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "opir_core", "run", PACIFIC],
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=theirs,
+            text=True,
+            check=False,
+            env={**os.environ, "TERM": "xterm"},
+        )
+        os.close(theirs)
+        shown = os.read(ours, 65536).decode()
+    finally:
+        os.close(ours)
+    assert done.returncode == 0, shown
+    assert "pacific-test-range" in shown
+    assert done.stdout == opir(tmp_path, "run", PACIFIC).stdout
+
+
 def test_events_hold_no_truth(tmp_path: Path) -> None:
     opir(tmp_path, "run", PACIFIC, "--quiet")
     text = (tmp_path / "events.jsonl").read_text(encoding="utf-8")
