@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from opir_core.flight.ephemeris import Ephemeris
     from opir_core.flight.forces import Drag, Forces
     from opir_core.flight.impact_event import impact
-    from opir_core.flight.kepler import propagate_kepler
+    from opir_core.flight.kepler import KeplerStatus, kepler_status, propagate_kepler
     from opir_core.flight.lambert_arc import lambert
     from opir_core.flight.profiles import BoostProfile, boost_profile, boost_profiles
     from opir_core.flight.propagation import propagate
@@ -23,11 +23,13 @@ _HOMES = {
     "Drag": "forces",
     "Ephemeris": "ephemeris",
     "Forces": "forces",
+    "KeplerStatus": "kepler",
     "aim": "aiming",
     "boost_profile": "profiles",
     "boost_profiles": "profiles",
     "impact": "impact_event",
     "kepler_impact": "conic_impact",
+    "kepler_status": "kepler",
     "lambert": "lambert_arc",
     "propagate": "propagation",
     "propagate_kepler": "kepler",
@@ -39,11 +41,13 @@ __all__ = [
     "Drag",
     "Ephemeris",
     "Forces",
+    "KeplerStatus",
     "aim",
     "boost_profile",
     "boost_profiles",
     "impact",
     "kepler_impact",
+    "kepler_status",
     "lambert",
     "propagate",
     "propagate_kepler",
