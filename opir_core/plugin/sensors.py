@@ -75,10 +75,14 @@ class ScanningSensorConfig:
         unit="deg",
         minimum=-180.0,
         maximum=180.0,
-        source="",
+        source="no default: a scene places its sensors",
         help="east longitude of an ideal geostationary slot; this or orbit",
     )
-    orbit: OrbitConfig | None = nested(default=None, source="", help="any other orbit; this or orbital_slot_deg")
+    orbit: OrbitConfig | None = nested(
+        default=None,
+        source="no default: a scene places its sensors",
+        help="any other orbit; this or orbital_slot_deg",
+    )
     bands: Mapping[str, tuple[float, float]] = nested(
         unit="um", check=_bands_complaint, help="spectral bands by name, each [lower_um, upper_um]"
     )

@@ -75,7 +75,9 @@ def mappings(draw: st.DrawFn) -> dict[str, Any]:
         "confidence": draw(st.sampled_from(["weighted", {"model": "weighted", "band": band, "count": 1 - band}])),
         "tracker": draw(st.sampled_from(["none", "arc", {"model": "arc", "window_s": 3}])),
         "outputs": draw(
-            st.lists(st.sampled_from(["null", {"null": {}}, {"jsonl": {"path": "-"}}, "jsonl"]), max_size=3)
+            st.lists(
+                st.sampled_from(["null", {"null": {}}, {"jsonl": {"path": "-"}}, "jsonl"]), max_size=3, unique_by=repr
+            )
         ),
     }
 
