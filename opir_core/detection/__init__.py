@@ -1,1 +1,0 @@
-"""Detection: exposures to probability of detection."""

@@ -1,1 +1,0 @@
-"""Tracking: detections to tracks."""
