@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-from opir_core.commands.scene_arguments import add_scene_arguments, scene_of
+from opir_core.commands.scene_arguments import add_scene_arguments, plan_of, scene_of
 from opir_core.commands.tables import counted, table
 
 
@@ -19,11 +19,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compile the scene's plan and tell it."""
     from opir_core.explanation import explained
-    from opir_core.plan import compile_plan
     from opir_core.plugin.host import Host
 
     host = Host.discover()
-    told = explained(compile_plan(scene_of(arguments, host), host))
+    told = explained(plan_of(arguments, scene_of(arguments, host), host))
     sys.stdout.write((json.dumps(told, indent=2) if arguments.json else _as_text(told)) + "\n")
     return 0
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from opir_core.commands.scene_arguments import add_scene_arguments, scene_of
+from opir_core.commands.scene_arguments import add_scene_arguments, plan_of, scene_of
 
 if TYPE_CHECKING:
     from opir_core.delivery import Outcome
@@ -33,12 +33,11 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate the scene."""
     from opir_core.commands.progress import progress
     from opir_core.delivery import deliver
-    from opir_core.plan import compile_plan
     from opir_core.plugin.host import Host
 
     host = Host.discover()
     scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_jsonl(_DEFAULT_OUT)}]",))
-    plan = compile_plan(scene, host)
+    plan = plan_of(arguments, scene, host)
     truth = _beside(scene, arguments.truth, "truth.jsonl")
     manifest = _beside(scene, arguments.manifest, "manifest.json")
     with progress(scene, is_shown=not arguments.quiet and sys.stderr.isatty()) as on_window:

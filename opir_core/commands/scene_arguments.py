@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from opir_core.plan import Plan
     from opir_core.plugin.host import Host
     from opir_core.scene import Scene
 
@@ -39,3 +40,14 @@ def scene_of(
     if scene.outputs or not otherwise:
         return scene
     return load_scene(arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host)
+
+
+def plan_of(arguments: argparse.Namespace, scene: "Scene", host: "Host") -> "Plan":
+    """Return the scene's plan; what is wrong with its flights is told with the scene's file."""
+    from opir_core.errors import SceneError
+    from opir_core.plan import compile_plan
+
+    try:
+        return compile_plan(scene, host)
+    except SceneError as error:
+        raise SceneError(error.problems, source=arguments.scene) from error

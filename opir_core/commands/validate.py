@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from opir_core.commands.scene_arguments import add_scene_arguments, scene_of
+from opir_core.commands.scene_arguments import add_scene_arguments, plan_of, scene_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,11 +13,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read and plan the scene; a problem is raised."""
-    from opir_core.plan import compile_plan
     from opir_core.plugin.host import Host
 
     host = Host.discover()
-    plan = compile_plan(scene_of(arguments, host), host)
+    plan = plan_of(arguments, scene_of(arguments, host), host)
     sensors, targets = len(plan.sensors), len(plan.targets.ids)
     sys.stdout.write(f"{arguments.scene}: good ({sensors} sensors, {targets} targets)\n")
     return 0

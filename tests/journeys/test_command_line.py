@@ -129,6 +129,7 @@ def test_validate_says_good_or_all_that_is_wrong(tmp_path: Path) -> None:
 def test_an_aim_out_of_reach_says_what_the_class_reaches(tmp_path: Path) -> None:
     done = opir(tmp_path, "validate", FIRST_LIGHT, "--set", "targets[0].type=SRBM")
     assert done.returncode == 2
+    assert done.stderr.startswith(f"opir: {FIRST_LIGHT}: 1 problem")
     assert "targets[0].aim" in done.stderr
     assert "SRBM" in done.stderr
     assert " km" in done.stderr
