@@ -1,14 +1,13 @@
 """Writes the generated pages of the documentation: `python docs/generate.py`; with `--check`, says which are stale."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, get_args
 
-from attrs import NOTHING, Attribute, Factory, asdict, fields, has
+from attrs import fields
 
-from opir_core.fields import info_of
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
+from opir_core.plugin.description import field_rows, shown
 from opir_core.plugin.host import Host
 from opir_core.reading.heading import SceneFile
 
@@ -79,42 +78,12 @@ def entry(host: Host, hook: str, name: str) -> Iterator[str]:
             yield from ("", f"Preset `{preset}`: {told}.")
 
 
-def rows(config: type, prefix: str = "") -> Iterator[str]:
+def rows(config: type) -> Iterator[str]:
     """Yield a table row for each field of a configuration class, nested ones below their parent."""
-    for attribute in fields(config):
-        info, inner = info_of(attribute), nested_config(attribute)
-        bounds = " ".join(part for part in (info.unit, info.interval, ", ".join(info.choices)) if part)
-        cells = (f"`{prefix}{attribute.name}`", default_of(attribute), bounds, info.help, info.source)
+    for row in field_rows(config):
+        default = row.default_text if row.is_required else f"`{row.default_text}`"
+        cells = (f"`{row.key}`", default, row.bounds, row.help, row.source)
         yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |"
-        if inner is not None:
-            yield from rows(inner, f"{prefix}{attribute.name}.")
-
-
-def nested_config(attribute: "Attribute[Any]") -> type | None:
-    """Return the configuration class that a field holds, if it holds one."""
-    members = get_args(attribute.type) or (attribute.type,)
-    return next((member for member in members if isinstance(member, type) and has(member)), None)
-
-
-def default_of(attribute: "Attribute[Any]") -> str:
-    """Return a default as a scene would have it; "required" where there is none."""
-    default = attribute.default
-    if default is NOTHING:
-        return "required"
-    return f"`{shown(default.factory() if isinstance(default, Factory) else default)}`"
-
-
-def shown(value: Any) -> str:
-    """Return a value as YAML people would write it."""
-    if value is None or isinstance(value, bool):
-        return {None: "none", True: "true", False: "false"}[value]
-    if has(type(value)):
-        return shown(asdict(value))
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{key}: {shown(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return "[" + ", ".join(shown(item) for item in value) + "]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def main() -> int:

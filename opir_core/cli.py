@@ -17,6 +17,7 @@ COMMANDS = {
     "validate": "read a scene and say what is wrong with it",
     "explain": "say what a scene will compute, and what it skips and why",
     "plugins": "list the installed plugins and what they offer",
+    "describe": "say what a component is and what a scene may set of it",
     "schema": "print the JSON Schema of an event",
 }
 

@@ -37,6 +37,12 @@ class FieldInfo:
         right = "]" if self.maximum is not None else ")"
         return f"{left}{'-inf' if low is None else _figure(low)}, {'inf' if high is None else _figure(high)}{right}"
 
+    @property
+    def requirement(self) -> str:
+        """Return what the field is to hold, in one line; "" where nothing is known of it."""
+        parts = (self.help, self.unit, self.interval, " or ".join(self.choices))
+        return ", ".join(part for part in parts if part)
+
     def accepts(self, value: float) -> bool:
         """Return whether a number lies in the interval; NaN never does."""
         return (

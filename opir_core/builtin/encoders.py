@@ -1,12 +1,14 @@
-"""Core's own event encoders."""
+"""Core's own event encoders; nothing heavy is imported before one is built."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from opir_core.plugin.components import EventEncoder
-from opir_core.protocols import Encoder, EncoderContext
+
+if TYPE_CHECKING:
+    from opir_core.protocols import Encoder, EncoderContext
 
 
-def _forge(_config: Any, context: EncoderContext) -> Encoder:
+def _forge(_config: Any, context: "EncoderContext") -> "Encoder":
     from opir_core.events.forge import ForgeEncoder
 
     return ForgeEncoder(context)

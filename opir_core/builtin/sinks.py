@@ -1,13 +1,14 @@
 """Core's own sinks: JSON lines in a file or on standard output, memory, and nowhere; imported when they are built."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from attrs import frozen
 
 from opir_core.fields import text
 from opir_core.plugin.components import SinkModel
-from opir_core.protocols import Delivery, Sink, SinkContext
-from opir_core.records import Window
+
+if TYPE_CHECKING:
+    from opir_core.protocols import Sink, SinkContext
 
 
 @frozen
@@ -28,34 +29,21 @@ class MemoryConfig:
     encoder: str = text(help="the event encoder that makes events of what is kept, when asked", default="forge")
 
 
-class Nowhere:
-    """Takes events and forgets them."""
-
-    def __init__(self) -> None:
-        self._taken = 0
-
-    def write(self, window: Window) -> None:
-        """Count the window's events."""
-        self._taken += len(window.detections)
-
-    def close(self) -> Delivery:
-        """Return all as delivered."""
-        return Delivery(delivered=self._taken)
-
-
-def _jsonl(config: JsonlConfig, context: SinkContext) -> Sink:
+def _jsonl(config: JsonlConfig, context: "SinkContext") -> "Sink":
     from opir_core.builtin.line_file import LineFile
 
     return LineFile(config.path, context.make_encoder())
 
 
-def _memory(_config: MemoryConfig, context: SinkContext) -> Sink:
+def _memory(_config: MemoryConfig, context: "SinkContext") -> "Sink":
     from opir_core.builtin.memory import Memory
 
     return Memory(context.make_encoder)
 
 
-def _null(_config: Any, _context: SinkContext) -> Sink:
+def _null(_config: Any, _context: "SinkContext") -> "Sink":
+    from opir_core.builtin.nowhere import Nowhere
+
     return Nowhere()
 
 

@@ -33,7 +33,7 @@ def _as_json(rows: "list[PluginRow]") -> str:
 
 
 def _as_text(rows: "list[PluginRow]") -> str:
-    heads = [(row.plugin, row.distribution, row.version, row.state) for row in rows]
+    heads = [(row.plugin, row.distribution, row.version, row.api or "-", row.state) for row in rows]
     listed = [
         (part.kind, part.name, row.plugin, _warned(part.summary, part.contested_by))
         for row in rows
@@ -42,7 +42,7 @@ def _as_text(rows: "list[PluginRow]") -> str:
     failures = [f"{row.plugin}: {row.failure}" for row in rows if row.failure]
     return "\n\n".join(
         [
-            table(("plugin", "distribution", "version", "state"), heads),
+            table(("plugin", "distribution", "version", "api", "state"), heads),
             table(("kind", "name", "plugin", "summary"), sorted(listed)),
             *failures,
         ]

@@ -1,6 +1,7 @@
 """What plugin authors import: the hook marker, the component types, the fields of configuration classes and sensors."""
 
 from opir_core.fields import FieldInfo, flag, nested, number, text
+from opir_core.plugin.api import API_VERSION
 from opir_core.plugin.components import (
     AtmosphereModel,
     BackgroundModel,
@@ -21,6 +22,7 @@ from opir_core.plugin.hookspecs import hookimpl
 from opir_core.plugin.sensors import ScanningSensorConfig, scanning_sensor
 
 __all__ = [
+    "API_VERSION",
     "AtmosphereModel",
     "BackgroundModel",
     "ClassifierModel",

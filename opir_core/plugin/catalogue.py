@@ -25,7 +25,7 @@ def rows(shelf: Shelf) -> list[PluginRow]:
     selection = shelf.selection
     return [
         *(_row(shelf, source, owners) for source in shelf.sources),
-        *(_bare_row(source.provenance, "hidden") for source in selection.hidden),
+        *(_bare_row(source.provenance, "hidden", api=source.api) for source in selection.hidden),
         *(
             _bare_row(Provenance(name, "", ""), "unknown", unknown_plugin(name, selection))
             for name in selection.unknown
@@ -37,7 +37,7 @@ def _row(shelf: Shelf, source: Source, owners: dict[Offer, list[Provenance]]) ->
     owner = source.provenance
     outcome = shelf.load(source)
     if isinstance(outcome, PluginFailure):
-        return _bare_row(owner, "failed", outcome.reason)
+        return _bare_row(owner, "failed", outcome.reason, api=source.api)
     components = tuple(
         ComponentRow(
             hook=hook,
@@ -53,12 +53,18 @@ def _row(shelf: Shelf, source: Source, owners: dict[Offer, list[Provenance]]) ->
         version=owner.version,
         plugin=owner.plugin,
         state="ready",
+        api=source.api,
         components=components,
         commands=tuple(sorted(name for hook, name in source.advertised or () if hook == COMMAND_HOOK)),
     )
 
 
-def _bare_row(owner: Provenance, state: str, failure: str = "") -> PluginRow:
+def _bare_row(owner: Provenance, state: str, failure: str = "", *, api: str = "") -> PluginRow:
     return PluginRow(
-        distribution=owner.distribution, version=owner.version, plugin=owner.plugin, state=state, failure=failure
+        distribution=owner.distribution,
+        version=owner.version,
+        plugin=owner.plugin,
+        state=state,
+        api=api,
+        failure=failure,
     )

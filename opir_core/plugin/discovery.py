@@ -2,7 +2,8 @@
 
 A distribution names its plugins in the entry-point group `opir` (`dsp = "opir_dsp.plugin"`). In the group
 `opir.components` it may list what they offer, as hook and name with the same value
-(`"sensor_models.DSP" = "opir_dsp.plugin"`): such a plugin is imported only when a name it lists is asked for.
+(`"sensor_models.DSP" = "opir_dsp.plugin"`): such a plugin is imported only when a name it lists is asked for. In the
+group `opir.api` it says which versions of the plugin interface it is written for (`opir_core.plugin.api`).
 """
 
 import re
@@ -13,6 +14,7 @@ from importlib import import_module
 from attrs import frozen
 
 from opir_core._version import __version__
+from opir_core.plugin.api import API_GROUP, API_VERSION, complaint_about, version_text
 from opir_core.plugin.components import CATALOGUE
 from opir_core.plugin.distributions import Distribution, distributions_with
 from opir_core.plugin.provenance import Provenance
@@ -23,6 +25,9 @@ COMMAND_HOOK = "opir_add_commands"
 
 #: A hook and a name that a plugin offers under it.
 Offer = tuple[str, str]
+
+#: An entry point: its name and its value.
+Entry = tuple[str, str]
 
 #: The hooks by the names that advertisements use.
 HOOK_OF_KIND: Mapping[str, str] = {
@@ -37,13 +42,15 @@ _VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\
 class Source:
     """A plugin as its metadata describe it.
 
-    `advertised` is None where it lists nothing and only importing it can tell what it offers. `fault` is what is wrong
-    with the metadata themselves, "" where nothing is.
+    `advertised` is None where it lists nothing and only importing it can tell what it offers. `api` is the range of
+    plugin interfaces that it declares, "" where it declares none. `fault` is what is wrong with the metadata
+    themselves, "" where nothing is.
     """
 
     provenance: Provenance
     load: Callable[[], object]
     advertised: frozenset[Offer] | None = None
+    api: str = ""
     fault: str = ""
 
 
@@ -64,12 +71,13 @@ class Selection:
 def builtin_source() -> Source:
     """Return core's own plugin, which no allow-list leaves out."""
     owner = Provenance("builtin", "opir-core", __version__)
-    return Source(provenance=owner, load=partial(_imported, "opir_core.builtin.plugin"))
+    load = partial(_imported, "opir_core.builtin.plugin")
+    return Source(provenance=owner, load=load, api=version_text(API_VERSION))
 
 
 def installed_sources() -> list[Source]:
     """Return the plugins of all installed distributions, sorted by distribution and name."""
-    distributions = distributions_with((PLUGIN_GROUP, COMPONENT_GROUP))
+    distributions = distributions_with((PLUGIN_GROUP, COMPONENT_GROUP, API_GROUP))
     return [source for distribution in distributions for source in sources_of(distribution)]
 
 
@@ -80,8 +88,9 @@ def sources_of(distribution: Distribution) -> list[Source]:
     """
     plugins = sorted(set(distribution.entry_points.get(PLUGIN_GROUP, ())))
     adverts = sorted(set(distribution.entry_points.get(COMPONENT_GROUP, ())))
-    faults = _faults(plugins, adverts)
-    return [_source(distribution, name, value, adverts, faults) for name, value in plugins or [("", "")]]
+    declared = sorted(set(distribution.entry_points.get(API_GROUP, ())))
+    faults = _faults(plugins, adverts) + _strays(plugins, declared)
+    return [_source(distribution, name, value, adverts, declared, faults) for name, value in plugins or [("", "")]]
 
 
 def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str) -> Selection:
@@ -100,25 +109,46 @@ def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str
 
 
 def _source(
-    distribution: Distribution, name: str, value: str, adverts: Sequence[tuple[str, str]], faults: Sequence[str]
+    distribution: Distribution,
+    name: str,
+    value: str,
+    adverts: Sequence[Entry],
+    declared: Sequence[Entry],
+    faults: Sequence[str],
 ) -> Source:
     offers = frozenset(_offer(entry) for entry, target in adverts if target == value or not name)
-    own = [f"the plugin name {name!r} belongs to opir-core"] if name == "builtin" else []
+    ranges = [written for written, target in declared if target == value]
     return Source(
         provenance=Provenance(name, distribution.name, distribution.version),
         load=partial(_imported, value),
         advertised=offers or None,
-        fault="; ".join([*faults, *own]),
+        api=" and ".join(ranges),
+        fault="; ".join([*faults, *_own_faults(distribution, name, ranges)]),
     )
 
 
-def _faults(plugins: Sequence[tuple[str, str]], adverts: Sequence[tuple[str, str]]) -> list[str]:
-    values = {value for _, value in plugins}
-    strays = [(entry, value) for entry, value in adverts if value not in values]
+def _own_faults(distribution: Distribution, name: str, ranges: Sequence[str]) -> list[str]:
+    taken = [f"the plugin name {name!r} belongs to opir-core"] if name == "builtin" else []
+    if len(ranges) > 1:
+        return [*taken, f"declares several plugin APIs, {' and '.join(ranges)}; one range is due"]
+    wrong = (complaint_about(written, distribution.name, __version__) for written in ranges)
+    return [*taken, *filter(None, wrong)]
+
+
+def _faults(plugins: Sequence[Entry], adverts: Sequence[Entry]) -> list[str]:
     unreadable = [entry for entry, _ in adverts if _offer(entry)[0] not in HOOK_OF_KIND.values()]
     return [
-        *(f"advertises {entry} for {value!r}, which is no entry point of it in group opir" for entry, value in strays),
+        *_strays(plugins, adverts),
         *(f"advertises {entry}, which is not a kind of component and a name" for entry in unreadable),
+    ]
+
+
+def _strays(plugins: Sequence[Entry], entries: Sequence[Entry]) -> list[str]:
+    values = {value for _, value in plugins}
+    return [
+        f"advertises {entry} for {value!r}, which is no entry point of it in group opir"
+        for entry, value in entries
+        if value not in values
     ]
 
 

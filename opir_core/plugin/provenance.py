@@ -62,13 +62,15 @@ class PluginRow:
     """One plugin in a catalogue.
 
     `state` is "ready", "failed" (`failure` says why), "hidden" (the allow-list leaves it out, so it was not imported)
-    or "unknown" (the allow-list names it and no installed distribution offers it). `commands` are those advertised.
+    or "unknown" (the allow-list names it and no installed distribution offers it). `api` is the range of plugin
+    interfaces that it declares, "" for none. `commands` are those advertised.
     """
 
     distribution: str
     version: str
     plugin: str
     state: str
+    api: str = ""
     components: tuple[ComponentRow, ...] = ()
     commands: tuple[str, ...] = ()
     failure: str = ""

@@ -12,7 +12,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from attrs import NOTHING, Attribute, fields, frozen, has
 from cattrs import Converter
 
-from opir_core.fields import METADATA_KEY
+from opir_core.fields import METADATA_KEY, info_of
 from opir_core.reading import readers
 from opir_core.reading.nodes import Gathering, Node, Refused, key_step
 from opir_core.reading.plain_data import data_of_node
@@ -75,7 +75,7 @@ class ClassReader:
                 if name in block:
                     values[name] = field.value(block[name])
                 elif field.attribute.default is NOTHING:
-                    raise node.refused("is missing")
+                    raise node.refused(_missing(field.attribute))
         return values
 
 
@@ -186,6 +186,11 @@ _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Reader]], ...] = (
     (_is_mapping, _mapping_reader),
     (lambda kind: isinstance(kind, type) and has(kind) and kind is not Node, class_reader),
 )
+
+
+def _missing(attribute: "Attribute[Any]") -> str:
+    wanted = info_of(attribute).requirement
+    return f"is missing: {wanted}" if wanted else "is missing"
 
 
 def _words_of(error: Exception) -> str:

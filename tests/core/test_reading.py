@@ -439,7 +439,7 @@ def test_complaints_of_nested_types_have_their_path() -> None:
         "tracker.rows[1]: 3 is a number; a list is needed",
         "tracker.table.a.b: nothing is given; a number is needed",
         "tracker.places[0].lat_deg: 91.0 is outside [-90, 90] deg",
-        "tracker.places[0].lon_deg: is missing",
+        "tracker.places[0].lon_deg: is missing: longitude, deg, [-180, 180]",
     ]
 
 

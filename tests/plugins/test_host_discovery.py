@@ -51,7 +51,12 @@ def test_core_alone(shop):
     )
     assert Host.discover().catalogue() == [
         PluginRow(
-            distribution="opir-core", version=__version__, plugin="builtin", state="ready", components=(constant,)
+            distribution="opir-core",
+            version=__version__,
+            plugin="builtin",
+            state="ready",
+            api="1.0",
+            components=(constant,),
         )
     ]
 
