@@ -90,6 +90,8 @@ def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:
         snr=30.0 * random.random(count),
         track=stream % TARGETS if is_tracked else np.full(count, -1),
         estimate=estimate,
+        line_of_sight_sigma_rad=np.full(count, 2e-5),
+        band_irradiance_w_m2=np.empty((count, 0)),
     )
     nothing = np.zeros(count)
     truth = DetectionTruth(nothing.astype(np.int32), nothing, nothing, nothing, nothing)

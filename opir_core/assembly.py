@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from opir_core.dice import PairStreams, RowDice, WindowNumbers
 from opir_core.directions import measured_lines_of_sight
+from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.looks import Looks, exposures, look_times_ns
 from opir_core.plan import Plan
@@ -59,7 +60,10 @@ class Assembly:
         exposed = exposures(plan, self._sites, hits.pair, scan, geometry=True)
         measured = plan.detection.measure(exposed, dice)
         sightings = self._sightings(exposed, measured, hits)
-        detections = self._detections(exposed, sightings, hits, dice)
+        sigma_rad = measured.line_of_sight_sigma_rad
+        if sigma_rad is None:
+            sigma_rad = self._sites.sigma_rad.take(exposed.sensor)
+        detections = self._detections(exposed, sightings, sigma_rad, hits, dice)
         truth = DetectionTruth(
             exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
         )
@@ -77,9 +81,21 @@ class Assembly:
             band_total=self._band_totals[exposed.sensor],
             detection_count=hits.count,
             snr=measured.snr,
+            band_irradiance_w_m2=self._band_irradiance(measured, len(hits)),
         )
 
-    def _detections(self, exposed: Exposures, sightings: Sightings, hits: Hits, dice: RowDice) -> Detections:
+    def _band_irradiance(self, measured: Measured, rows: int) -> FloatArray:
+        measured_w_m2 = measured.band_irradiance_w_m2
+        if measured_w_m2 is None:
+            return np.empty((rows, 0))
+        owed = (rows, int(self._band_totals.max()))
+        if measured_w_m2.shape != owed:
+            raise ModelError(f"the detection model measured irradiances of shape {measured_w_m2.shape}, not {owed}")
+        return measured_w_m2
+
+    def _detections(
+        self, exposed: Exposures, sightings: Sightings, sigma_rad: FloatArray, hits: Hits, dice: RowDice
+    ) -> Detections:
         plan = self._plan
         none = np.full(len(hits), -1, dtype=np.int64)
         return Detections(
@@ -91,11 +107,13 @@ class Assembly:
             bands=sightings.bands,
             detection_count=hits.count,
             confidence=plan.confidence.confidence(sightings),
-            line_of_sight_ecef=measured_lines_of_sight(self._sites, exposed, hits.direction_words),
+            line_of_sight_ecef=measured_lines_of_sight(self._sites, exposed, sigma_rad, hits.direction_words),
             sensor_ecef_m=exposed.sensor_ecef_m,
             snr=sightings.snr,
             track=none,
             estimate=none,
+            line_of_sight_sigma_rad=sigma_rad,
+            band_irradiance_w_m2=sightings.band_irradiance_w_m2,
         )
 
     def _reported_type(self, sightings: Sightings, hits: Hits, dice: RowDice) -> NDArray[np.uint8]:

@@ -8,15 +8,19 @@ from opir_core.records import Exposures, FloatArray
 from opir_core.sites import Sites
 
 
-def measured_lines_of_sight(sites: Sites, seen_as: Exposures, words: NDArray[np.uint64]) -> FloatArray:
-    """Return unit vectors (n, 3) in ECEF with the sensors' line-of-sight errors: two normal errors across each.
+def measured_lines_of_sight(
+    sites: Sites, seen_as: Exposures, sigma_rad: FloatArray, words: NDArray[np.uint64]
+) -> FloatArray:
+    """Return unit vectors (n, 3) in ECEF with their errors: the sensor's bias, and two normal errors across each.
 
-    `words` (n,) are the dice, raw. The true direction is that to where the target was when the light left it.
+    `sigma_rad` (n,) is the spread of each along both axes; `words` (n,) are the dice, raw. The true direction is that
+    to where the target was when the light left it.
     """
-    sigma_rad = np.take(sites.sigma_rad, seen_as.sensor)
     first, second = normal_pairs(words)
-    x, y, z = _directions(seen_as)
-    return _rows(*_tilted(x, y, z, first * sigma_rad, second * sigma_rad))
+    direction = _directions(seen_as)
+    if sites.bias.is_any:
+        direction = sites.bias.applied(*direction, seen_as.sensor, seen_as.sensor_ecef_m)
+    return _rows(*_tilted(*direction, first * sigma_rad, second * sigma_rad))
 
 
 def _directions(seen_as: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -28,7 +28,7 @@ class Engine:
         self.plan = plan
         self.time_ns = 0
         names = pair_names(plan)
-        self._sites = Sites.of(plan.sensors)
+        self._sites = Sites.of(plan.sensors, plan.bias)
         self._streams = PairStreams(plan.scene.seed, names)
         self._assembly = Assembly(plan, self._sites, self._streams, names)
         self._tick_ns = _tick_ns(plan.pairs)

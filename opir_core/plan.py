@@ -9,6 +9,7 @@ from typing import Any
 
 from attrs import frozen
 
+from opir_core.bias import Bias
 from opir_core.plugin.components import Component
 from opir_core.plugin.host import Host
 from opir_core.protocols import (
@@ -45,6 +46,7 @@ class Plan:
     classifier: Classifier
     confidence: Confidence
     tracker: Tracker
+    bias: Bias
     end_ns: int
 
 
@@ -72,6 +74,7 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         classifier=built(host, scene.classification, context),
         confidence=built(host, scene.confidence, context),
         tracker=built(host, scene.tracker, tracked),
+        bias=Bias.drawn(scene.seed, sensors),
         end_ns=end_ns,
     )
 

@@ -56,6 +56,9 @@ class Sensor:
     gives, by true type, the chances of each reported type, or is empty. `minimum_elevation_rad` bounds the sensor's
     elevation above the target's horizon and is -pi/2 where anything unobstructed is seen. `settings` is what the
     sensor's block came to, for `opir explain` and the manifest.
+
+    `line_of_sight_sigma_rad` is the spread of single lines of sight, per axis. `line_of_sight_bias_sigma_rad` is that
+    of the one bias, per axis, that a sensor has throughout a run (`opir_core.bias`).
     """
 
     id: str
@@ -69,6 +72,7 @@ class Sensor:
     line_of_sight_sigma_rad: float
     detection_probability: Mapping[str, float]
     confusion: Mapping[str, Mapping[str, float]] = field(factory=dict)
+    line_of_sight_bias_sigma_rad: float = 0.0
     false_alarm_susceptibility: str = "moderate"
     spectral_discrimination: str = "none"
     settings: Mapping[str, Any] = field(factory=dict)
@@ -79,7 +83,7 @@ class Trajectories(Protocol):
 
     @property
     def type_code(self) -> NDArray[np.uint8]:
-        """Codes into `TARGET_TYPES`, (n,)."""
+        """Codes into `EMITTER_TYPES`, of which the `TARGET_TYPES` are the first, (n,)."""
 
     @property
     def ignition_s(self) -> FloatArray:
@@ -111,10 +115,17 @@ class Dice(Protocol):
 
 @frozen(eq=False)
 class Measured:
-    """What a detection model says of looks that detected: the bands that confirm (bit masks) and the SNR (or nan)."""
+    """What a detection model says of looks that detected: the bands that confirm (bit masks) and the SNR (or nan).
+
+    `line_of_sight_sigma_rad` (n,) is the standard deviation of each direction, per axis, or None for the sensors' own;
+    `band_irradiance_w_m2` (n, B), B the largest number of bands of the run's sensors, is what is measured at the
+    aperture, nan beyond a sensor's own bands, or None where the model measures none.
+    """
 
     bands: NDArray[np.uint8]
     snr: FloatArray
+    line_of_sight_sigma_rad: FloatArray | None = None
+    band_irradiance_w_m2: FloatArray | None = None
 
 
 class DetectionProbability(Protocol):
@@ -221,7 +232,7 @@ class ModelContext:
     """What detection, classification and confidence models are built with."""
 
     sensors: tuple[Sensor, ...]
-    #: Codes into `TARGET_TYPES` of the scene's targets.
+    #: Codes into `EMITTER_TYPES` of the plan's targets: the scene's launches, then its other hot sources.
     target_type_code: NDArray[np.uint8] = field(eq=False)
 
 

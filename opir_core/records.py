@@ -49,6 +49,8 @@ class Columns:
         pieces = list(parts)
         if not pieces:
             return cls.empty()
+        # Pieces of no rows have nothing to say of how wide a column is.
+        pieces = [piece for piece in pieces if len(piece)] or pieces[:1]
         return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in _names(cls)))
 
     @classmethod
@@ -114,7 +116,8 @@ class Sightings(Columns):
 
     `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of the sensor's elevation
     above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is how often this sensor
-    has detected this target so far, this one included; `snr` is nan where the detection model has none.
+    has detected this target so far, this one included; `snr` is nan where the detection model has none;
+    `band_irradiance_w_m2` (n, B) as in `Detections`.
     """
 
     time_s: FloatArray
@@ -127,6 +130,7 @@ class Sightings(Columns):
     band_total: IntArray
     detection_count: IndexArray
     snr: FloatArray
+    band_irradiance_w_m2: FloatArray
 
     @property
     def elevation_rad(self) -> FloatArray:
@@ -146,6 +150,11 @@ class Detections(Columns):
     or -1; `estimate` the row of the window's `estimates` that holds the track's state at the last tick before the
     detection, or -1.
 
+    `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis across it, apart from
+    the bias that all lines of sight of a sensor share. `band_irradiance_w_m2` (n, B) is measured at the aperture, nan
+    beyond the sensor's own bands; B is the largest number of bands of the run's sensors where the detection model
+    measures irradiance, and 0 where it does not or where there are no rows.
+
     `time_s`, `azimuth_rad` and `elevation_rad` are not stored: each is computed anew whenever it is asked for, so a run
     that never asks never pays. Who wants both angles asks once, for `angles()`.
     """
@@ -163,6 +172,8 @@ class Detections(Columns):
     snr: FloatArray
     track: IntArray
     estimate: IntArray
+    line_of_sight_sigma_rad: FloatArray
+    band_irradiance_w_m2: FloatArray
 
     @property
     def time_s(self) -> FloatArray:
@@ -199,9 +210,9 @@ class Detections(Columns):
 class DetectionTruth(Columns):
     """What was really seen, row by row beside `Detections`: kept apart from it, and never encoded into an event.
 
-    `target` is an index into the run's targets; `emission_time_s` when the detected light left it; `range_m` the true
-    distance; `target_elevation_sine` of the sensor's elevation above the target's horizon; `probability` the look's
-    probability of detection.
+    `target` is an index into the run's targets, or -1 where noise alone crossed the threshold; `emission_time_s` when
+    the detected light left it; `range_m` the true distance; `target_elevation_sine` of the sensor's elevation above the
+    target's horizon; `probability` the look's probability of detection. Where there is no target these are nan.
     """
 
     target: IndexArray
@@ -292,6 +303,7 @@ _DETECTION_SHAPES: _Shapes = {
     "sensor_ecef_m": (np.float64, (3,)),
     "track": (np.int64, ()),
     "estimate": (np.int64, ()),
+    "band_irradiance_w_m2": (np.float64, (0,)),
 }
 _TRUTH_SHAPES: _Shapes = {"target": (np.int32, ())}
 _TRACK_SHAPES: _Shapes = {

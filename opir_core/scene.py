@@ -7,6 +7,12 @@ from attrs import frozen
 #: The target types a scene may launch, in the order of their codes.
 TARGET_TYPES = ("ICBM", "IRBM", "SRBM")
 
+#: What else a scene may put on the ground or in the air that is hot; their codes follow those of `TARGET_TYPES`.
+SOURCE_TYPES = ("fire", "flare", "glint", "bolide", "other")
+
+#: All that radiates, in the order of the codes of a plan's targets.
+EMITTER_TYPES = (*TARGET_TYPES, *SOURCE_TYPES)
+
 #: What an event may report as its target type, in the order of their codes.
 REPORTED_TYPES = (*TARGET_TYPES, "UNKNOWN")
 

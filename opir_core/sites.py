@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
+from opir_core.bias import Bias
 from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
 from opir_core.protocols import Sensor
 from opir_core.records import FloatArray, IndexArray, IntArray
@@ -18,17 +19,18 @@ class Sites:
     position_ecef_m: FloatArray
     sigma_rad: FloatArray
     moving: IntArray
+    bias: Bias
 
     @classmethod
-    def of(cls, sensors: tuple[Sensor, ...]) -> "Sites":
-        """Return the sites of sensors."""
+    def of(cls, sensors: tuple[Sensor, ...], bias: Bias) -> "Sites":
+        """Return the sites of sensors that have this bias."""
         position = np.full((len(sensors), 3), np.nan)
         for number, sensor in enumerate(sensors):
             if sensor.orbit.is_stationary:
                 position[number] = sensor.orbit.position_ecef_m(np.zeros(1))[0]
         sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in sensors], dtype=np.float64)
         moving = np.flatnonzero([not sensor.orbit.is_stationary for sensor in sensors])
-        return cls(sensors, position, sigma_rad, moving)
+        return cls(sensors, position, sigma_rad, moving, bias)
 
     def positions(self, sensor: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of sensors (n,) at scene times (n,), m."""

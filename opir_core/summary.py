@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from opir_core.plan import Plan
-from opir_core.records import Window
-from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.records import Detections, IndexArray, Window
+from opir_core.scene import EMITTER_TYPES, REPORTED_TYPES
 
 
 class Tally:
@@ -18,6 +18,7 @@ class Tally:
         self._plan = plan
         self._looks = 0
         self._tracks = 0
+        self._noise = np.zeros(sensors, dtype=np.int64)
         self._detections = np.zeros((sensors, targets), dtype=np.int64)
         self._first_s = np.full((sensors, targets), np.inf)
         self._last_s = np.full((sensors, targets), -np.inf)
@@ -32,12 +33,20 @@ class Tally:
 
     def count(self, window: Window) -> None:
         """Take a window into account; its detections are sorted by time."""
+        self._looks += window.looks
+        self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         found, target = window.detections, window.truth.target
+        is_noise = target < 0
+        if is_noise.any():
+            self._noise += np.bincount(found.sensor[is_noise], minlength=len(self._noise))
+            found, target = found.take(~is_noise), target[~is_noise]
+        self._count(found, target)
+
+    def _count(self, found: Detections, target: IndexArray) -> None:
+        """Count detections of targets."""
         sensors, targets = self._detections.shape
         pair = found.sensor * targets + target
         time_s = found.time_ns * 1e-9
-        self._looks += window.looks
-        self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         self._detections += np.bincount(pair, minlength=sensors * targets).reshape(sensors, targets)
         # Of repeated places the last written stays: written backwards, that is each pair's first detection.
         first_s, last_s = np.full(sensors * targets, np.inf), np.full(sensors * targets, -np.inf)
@@ -55,7 +64,8 @@ class Tally:
             "sensors": len(self._plan.sensors),
             "targets": len(self._plan.targets.ids),
             "looks": self._looks,
-            "detections": int(self._detections.sum()),
+            "detections": int(self._detections.sum() + self._noise.sum()),
+            "noise_detections": int(self._noise.sum()),
             "tracks": self._tracks,
         }
 
@@ -70,7 +80,8 @@ class Tally:
                 "sensor_id": sensor.id,
                 "sensor_type": sensor.type,
                 "looks": int(looks[row]),
-                "detections": int(self._detections[row].sum()),
+                "detections": int(self._detections[row].sum() + self._noise[row]),
+                "noise_detections": int(self._noise[row]),
                 "targets_detected": int((self._detections[row] > 0).sum()),
             }
             for row, sensor in enumerate(self._plan.sensors)
@@ -87,7 +98,7 @@ class Tally:
         reported = REPORTED_TYPES[int(self._reported[row].argmax())]
         return {
             "target_id": targets.ids[row],
-            "target_type": TARGET_TYPES[targets.type_code[row]],
+            "target_type": EMITTER_TYPES[targets.type_code[row]],
             "ignition_s": float(targets.ignition_s[row]),
             "burnout_s": float(targets.burnout_s[row]),
             "detections": int(detections.sum()),

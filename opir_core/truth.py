@@ -1,6 +1,7 @@
 """The truth file: what was really launched and really seen, apart from the events.
 
-JSON lines: one `target` a launch, then one `detection` an event, tied to it by `detection_id`.
+JSON lines: one `sensor` each with its line-of-sight bias, one `target` a launch or other hot source, then one
+`detection` an event, tied to it by `detection_id`; its `target_id` is null where it is noise alone.
 """
 
 from collections.abc import Sequence
@@ -18,7 +19,7 @@ from opir_core.records import Window
 
 class _Detection(msgspec.Struct, tag_field="record", tag="detection"):
     detection_id: str
-    target_id: str
+    target_id: str | None
     emission_s: float
     range_m: float
     target_elevation_rad: float
@@ -33,6 +34,7 @@ class TruthFile:
         self._ids = plan.targets.ids
         self._encoder = msgspec.json.Encoder()
         self._file = self._opened()
+        self._write([{"record": "sensor", **told} for told in self._sensors(plan)])
         self._write([{"record": "target", "target_id": id_, **told} for id_, told in self._launches(plan)])
 
     def __enter__(self) -> Self:
@@ -46,13 +48,21 @@ class TruthFile:
         truth = window.truth
         columns = (
             uuid_text(window.detections.detection_id),
-            [self._ids[target] for target in truth.target.tolist()],
+            [None if target < 0 else self._ids[target] for target in truth.target.tolist()],
             truth.emission_time_s.tolist(),
             truth.range_m.tolist(),
             truth.target_elevation_rad.tolist(),
             truth.probability.tolist(),
         )
         self._write(list(map(_Detection, *columns)))
+
+    @staticmethod
+    def _sensors(plan: Plan) -> "list[dict[str, object]]":
+        bias = zip(plan.sensors, plan.bias.east_rad.tolist(), plan.bias.north_rad.tolist(), strict=True)
+        return [
+            {"sensor_id": sensor.id, "line_of_sight_bias_east_rad": east, "line_of_sight_bias_north_rad": north}
+            for sensor, east, north in bias
+        ]
 
     @staticmethod
     def _launches(plan: Plan) -> "list[tuple[str, dict[str, object]]]":

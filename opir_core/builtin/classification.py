@@ -14,13 +14,17 @@ from opir_core.protocols import Classifier, Dice, ModelContext, Sensor
 from opir_core.records import FloatArray, IndexArray, Sightings
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 
+#: True types: those of missiles, and one for all that is none.
+_ROWS = len(TARGET_TYPES) + 1
+
 
 @frozen(eq=False)
 class ConfusionClassifier:
     """The reported type, drawn once for each sensor and target from the sensor's confusion matrix.
 
     `thresholds` (reported types - 1, sensors · true types) are cumulative probabilities, 1 from the last type of any
-    probability on; a type is reported where the draw lies below its threshold and not below the one before.
+    probability on; a type is reported where the draw lies below its threshold and not below the one before. What is no
+    missile is one more true type, which is always UNKNOWN.
     """
 
     thresholds: FloatArray
@@ -33,7 +37,7 @@ class ConfusionClassifier:
     def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`, the same for all detections of a pair."""
         drawn = dice.pair_uniforms("classification")[:, 0]
-        row = sensor * len(TARGET_TYPES) + self.type_code[target]
+        row = sensor * _ROWS + np.minimum(self.type_code[target], len(TARGET_TYPES))
         reported = np.zeros(len(drawn), dtype=np.uint8)
         for threshold in self.thresholds:
             reported += drawn >= threshold.take(row)
@@ -51,9 +55,8 @@ class TrueType:
         return self.pair_type(sightings.sensor, sightings.target, dice)
 
     def pair_type(self, _sensor: IndexArray, target: IndexArray, _dice: Dice) -> NDArray[np.uint8]:
-        """Return codes (n,) of the targets' types."""
-        chosen: NDArray[np.uint8] = self.type_code[target]
-        return chosen
+        """Return codes (n,) of the targets' types; what is no missile is UNKNOWN."""
+        return np.minimum(self.type_code[target], np.uint8(UNKNOWN_TYPE))
 
 
 @frozen
@@ -75,8 +78,9 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
     Raises `ModelError` where neither the configuration nor the sensor says how a type that the scene launches is
     reported.
     """
-    thresholds = np.ones((len(context.sensors), len(TARGET_TYPES), len(REPORTED_TYPES) - 1))
-    launched = np.flatnonzero(np.bincount(context.target_type_code)).tolist()
+    thresholds = np.ones((len(context.sensors), _ROWS, len(REPORTED_TYPES) - 1))
+    thresholds[:, -1] = 0.0
+    launched = np.flatnonzero(np.bincount(context.target_type_code)[: len(TARGET_TYPES)]).tolist()
     for number, sensor in enumerate(context.sensors):
         matrix = {**sensor.confusion, **config.matrices.get(sensor.type, {})}
         for code in launched:

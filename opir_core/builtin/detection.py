@@ -1,5 +1,7 @@
 """Detection models that know no radiometry: `constant`, `always` and `never`."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from attrs import define
 from numpy.typing import NDArray
@@ -11,15 +13,15 @@ from opir_core.plugin.confusion import is_probability
 from opir_core.plugin.sensors import MAXIMUM_BANDS
 from opir_core.protocols import DetectionProbability, Dice, Measured, ModelContext, Sensor
 from opir_core.records import Exposures, FloatArray, IndexArray
-from opir_core.scene import TARGET_TYPES
+from opir_core.scene import EMITTER_TYPES, TARGET_TYPES
 
 
 @define(eq=False)
 class ConstantDetection:
     """A probability of detection for each sensor and target type, the same for every look.
 
-    `probability_table` is (sensors, target types), nan where the sensor has no figure; `type_code` the targets' codes
-    into `TARGET_TYPES`; `band_count` the sensors' numbers of bands. Each band confirms a detection independently with
+    `probability_table` is (sensors, types), nan where the sensor has no figure; `type_code` the targets' codes into
+    `EMITTER_TYPES`; `band_count` the sensors' numbers of bands. Each band confirms a detection independently with
     probability `band_confirmation`; where none would, the sensor's first band does.
     """
 
@@ -62,7 +64,8 @@ def constant_detection(config: ConstantConfig, context: ModelContext) -> Detecti
 
     Raises `ModelError` where a sensor has no probability for a type that the scene launches.
     """
-    needed = [TARGET_TYPES[code] for code in _present(context.target_type_code)]
+    needed = [EMITTER_TYPES[code] for code in _present(context.target_type_code)]
+    _refuse_sources(needed)
     table = np.full((len(context.sensors), len(TARGET_TYPES)), np.nan)
     for row, sensor in enumerate(context.sensors):
         for name in needed:
@@ -72,17 +75,26 @@ def constant_detection(config: ConstantConfig, context: ModelContext) -> Detecti
 
 def always_detection(_config: NoConfig, context: ModelContext) -> DetectionProbability:
     """Return the model `always`: every look detects, in all bands."""
-    return _detection(np.ones((len(context.sensors), len(TARGET_TYPES))), context, 1.0)
+    return _detection(np.ones((len(context.sensors), len(EMITTER_TYPES))), context, 1.0)
 
 
 def never_detection(_config: NoConfig, context: ModelContext) -> DetectionProbability:
     """Return the model `never`: no look detects."""
-    return _detection(np.zeros((len(context.sensors), len(TARGET_TYPES))), context, 1.0)
+    return _detection(np.zeros((len(context.sensors), len(EMITTER_TYPES))), context, 1.0)
 
 
 def _present(codes: NDArray[np.uint8]) -> list[int]:
     """Return the codes that occur, each once, ascending. (`np.unique` would import masked arrays for the same.)"""
     return np.flatnonzero(np.bincount(codes)).tolist()
+
+
+def _refuse_sources(needed: Sequence[str]) -> None:
+    unknown = [name for name in needed if name not in TARGET_TYPES]
+    if unknown:
+        raise ModelError(
+            f"detection: constant has no probability of detection for a {unknown[0]}: choose a detection model that"
+            " knows radiometry (detection: snr), or leave sources out"
+        )
 
 
 def _detection(table: FloatArray, context: ModelContext, band_confirmation: float) -> ConstantDetection:

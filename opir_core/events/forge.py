@@ -43,7 +43,8 @@ _TIMESTAMP = slice(_OPENING.rindex(b'"-') + 1, _OPENING.rindex(b'-"') + 1)
 _SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
 _POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
 _TRACK = b',"schema_version":"%b","track_id":%b,"azimuth_deg":'
-_LOOK = b',"line_of_sight_sigma_urad":%b,"bands":%b,"snr":'
+_SIGMA = b',"line_of_sight_sigma_urad":'
+_BANDS = b',"bands":%b,"snr":'
 _POSITION = b',"sensor_position_ecef_m":[%b],'
 _NOWHERE = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
 
@@ -61,7 +62,9 @@ class ForgeEncoder:
         self._sensors = context.sensors
         self._epoch_us = context.epoch_us
         self._sensor_pieces = _table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
+        self._band_pieces = _table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
         self._look_pieces = _table(piece for sensor in context.sensors for piece in _look_pieces(sensor))
+        self._sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors], dtype=np.float64)
         looks = [1 << len(sensor.bands) for sensor in context.sensors]
         self._first_look = np.cumsum([0, *looks[:-1]], dtype=np.int64)
 
@@ -85,12 +88,21 @@ class ForgeEncoder:
                 number_texts(rounded_bearing_deg(angles.azimuth_rad)),
                 b',"elevation_deg":',
                 number_texts(rounded_degrees(angles.elevation_rad)),
-                _taken(self._look_pieces, self._first_look[sensor] + detections.bands),
+                *self._looks(detections, sensor),
                 number_texts(rounded(detections.snr, RATIO_DECIMALS)),
                 _sensor_positions(viewpoints),
                 *_whereabouts(window),
             ],
         )
+
+    def _looks(self, detections: Detections, sensor: IntArray) -> list[Piece]:
+        """Return how well the direction is known and which bands confirm; sensors' own sigmas come from tables."""
+        place = self._first_look[sensor] + detections.bands
+        sigma_rad = detections.line_of_sight_sigma_rad
+        if np.array_equal(sigma_rad, self._sigma_rad.take(sensor)):
+            return [_taken(self._look_pieces, place)]
+        sigma_urad = rounded(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS)
+        return [_SIGMA, number_texts(sigma_urad), _taken(self._band_pieces, place)]
 
 
 def _lines(count: int, pieces: Sequence[Piece]) -> bytes:
@@ -109,11 +121,16 @@ def _sensor_pieces(sensor: Sensor) -> list[bytes]:
 
 
 def _look_pieces(sensor: Sensor) -> list[bytes]:
-    """Return a piece for each set of bands, in the order of its bit mask."""
+    """Return a piece for each set of bands, with the sensor's own sigma."""
     sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS))
+    return [_SIGMA + sigma + bands for bands in _band_pieces(sensor)]
+
+
+def _band_pieces(sensor: Sensor) -> list[bytes]:
+    """Return a piece for each set of bands, in the order of its bit mask."""
     names = [band.name for band in sensor.bands]
     masks = range(1 << len(names))
-    return [_LOOK % (sigma, _json([name for bit, name in enumerate(names) if mask >> bit & 1])) for mask in masks]
+    return [_BANDS % _json([name for bit, name in enumerate(names) if mask >> bit & 1]) for mask in masks]
 
 
 def _table(pieces: Iterable[bytes]) -> NDArray[Any]:

@@ -38,6 +38,7 @@ def _laws(window: Window, sensors: Sequence[Sensor]) -> Iterator[tuple[str, Bool
     yield "the reported type must be a code into REPORTED_TYPES", d.reported_type < len(REPORTED_TYPES)
     yield "the confidence must be in [0, 1]", (d.confidence >= 0.0) & (d.confidence <= 1.0)
     yield "the line of sight must be a unit vector", _is_unit(d.line_of_sight_ecef)
+    yield "the standard deviation of the line of sight must be finite and not negative", _is_sigma(d)
     x, y, z = (np.abs(d.sensor_ecef_m) <= _FARTHEST_M).T
     yield f"the sensor's position must be finite, each component at most {_FARTHEST_M:g} m", x & y & z
     yield (
@@ -50,6 +51,12 @@ def _laws(window: Window, sensors: Sequence[Sensor]) -> Iterator[tuple[str, Bool
 def _is_unit(vectors: FloatArray) -> BoolArray:
     x, y, z = vectors.T
     result: BoolArray = np.abs(np.sqrt(x * x + y * y + z * z) - 1.0) <= _UNIT_ROUNDING
+    return result
+
+
+def _is_sigma(detections: Detections) -> BoolArray:
+    sigma_rad = detections.line_of_sight_sigma_rad
+    result: BoolArray = (sigma_rad >= 0.0) & (sigma_rad < np.inf)
     return result
 
 

@@ -130,6 +130,14 @@ class ScanningSensorConfig:
     line_of_sight_sigma_urad: float = number(
         default=20.0, unit="urad", minimum=0.0, maximum=1e5, help="standard deviation of a measured direction, per axis"
     )
+    line_of_sight_bias_sigma_urad: float = number(
+        default=0.0,
+        unit="urad",
+        minimum=0.0,
+        maximum=1e5,
+        source="0: no bias, as in the opir-simulator paper (2026)",
+        help="standard deviation, per axis, of the constant error of all a sensor's directions, drawn once a run",
+    )
     false_alarm_susceptibility: str = text(
         default="moderate", choices=SUSCEPTIBILITIES, help="how readily clutter is taken for a target"
     )
@@ -218,6 +226,7 @@ def scanning_sensor(
         field_of_regard_half_angle_rad=half_angle_rad,
         minimum_elevation_rad=math.radians(config.minimum_elevation_deg),
         line_of_sight_sigma_rad=config.line_of_sight_sigma_urad * 1e-6,
+        line_of_sight_bias_sigma_rad=config.line_of_sight_bias_sigma_urad * 1e-6,
         detection_probability=completed["detection_probability"],
         confusion=completed["confusion"],
         false_alarm_susceptibility=config.false_alarm_susceptibility,

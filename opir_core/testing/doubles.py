@@ -7,6 +7,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.bias import Bias
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.orbits.geostationary import GeostationaryOrbit
 from opir_core.plan import Plan
@@ -202,6 +203,7 @@ def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], 
         targets=targets,
         pairs=pairs,
         sightlines=sightlines,
+        bias=Bias.drawn(scene.seed, sensors),
         end_ns=end_ns,
         **(models | parts),
     )

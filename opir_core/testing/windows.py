@@ -11,6 +11,7 @@ from opir_core.scene import UNKNOWN_TYPE
 
 _NS_PER_S = 1_000_000_000
 _GEOSTATIONARY_RADIUS_M = 42_164_172.0
+_SIGMA_RAD = 2e-5
 
 
 def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = None, **columns: Any) -> Window:
@@ -62,6 +63,8 @@ def _detections(scan: Any) -> Detections:
         snr=np.full(count, np.nan),
         track=none,
         estimate=none.copy(),
+        line_of_sight_sigma_rad=np.full(count, _SIGMA_RAD),
+        band_irradiance_w_m2=np.empty((count, 0)),
     )
 
 

@@ -56,9 +56,8 @@ def sightings_of(sensor, target):
     rows = len(sensor)
     floats, counts = np.zeros(rows), np.ones(rows, np.int64)
     index = [np.asarray(values, dtype=np.int32) for values in (sensor, target)]
-    return Sightings(
-        floats, *index, floats, floats, counts.astype(np.uint8), counts, counts, counts.astype(np.int32), floats
-    )
+    bands, so_far = counts.astype(np.uint8), counts.astype(np.int32)
+    return Sightings(floats, *index, floats, floats, bands, counts, counts, so_far, floats, np.empty((rows, 0)))
 
 
 def reported(classifier, sensor, target, numbers):

@@ -30,6 +30,7 @@ def sightings(band_count, band_total, detection_count, elevation_rad):
         band_total=np.array(band_total, dtype=np.int64),
         detection_count=np.array(detection_count, dtype=np.int32),
         snr=floats,
+        band_irradiance_w_m2=np.empty((rows, 0)),
     )
 
 

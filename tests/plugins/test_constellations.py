@@ -139,7 +139,7 @@ def test_what_is_reported_follows_the_matrix(name, true_type):
     index, floats = np.zeros(rows, np.int32), np.zeros(rows)
     target = np.full(rows, TARGET_TYPES.index(true_type), dtype=np.int32)
     mask, count = np.ones(rows, np.uint8), np.ones(rows, np.int64)
-    seen = Sightings(floats, index, target, floats, floats, mask, count, count, index, floats)
+    seen = Sightings(floats, index, target, floats, floats, mask, count, count, index, floats, np.empty((rows, 0)))
     codes = classifier.reported_type(seen, SeededDice(rows))
     for code, reported in enumerate(REPORTED_TYPES):
         low, high = binom.interval(0.999, rows, sensor.confusion[true_type][reported])
