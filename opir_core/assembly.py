@@ -6,6 +6,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.columns import Columns
 from opir_core.dice import PairStreams, RowDice, WindowNumbers
 from opir_core.directions import measured_lines_of_sight
 from opir_core.errors import ModelError
@@ -14,7 +15,6 @@ from opir_core.looks import Looks, exposures, look_times_ns
 from opir_core.plan import Plan
 from opir_core.protocols import Measured
 from opir_core.records import (
-    Columns,
     Detections,
     DetectionTruth,
     Exposures,

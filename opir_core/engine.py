@@ -8,11 +8,12 @@ windows begin and end.
 import numpy as np
 
 from opir_core.assembly import Assembly, Hits
+from opir_core.columns import Filling
 from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.errors import ModelError
 from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names, seen
 from opir_core.plan import Plan
-from opir_core.records import Detections, DetectionTruth, Filling, FloatArray, IndexArray, IntArray, Window
+from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
 from opir_core.sightlines import Pairs
 from opir_core.sites import Sites
 from opir_core.ticks import TickedTracker

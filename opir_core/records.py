@@ -4,12 +4,14 @@ Records are `eq=False` and their arrays are to be read, not written: a record th
 buffers.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
-from attrs import fields, frozen
+from attrs import frozen
 from numpy.typing import NDArray
+
+from opir_core.columns import Columns, names_of
 
 if TYPE_CHECKING:
     from opir_core.protocols import Sensor
@@ -19,69 +21,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 IndexArray = NDArray[np.int32]
 BoolArray = NDArray[np.bool_]
-
-_Filled = TypeVar("_Filled", bound="Columns")
-
-
-class Columns:
-    """What all records of columns can do; the first attribute of a record gives its length."""
-
-    def __len__(self) -> int:
-        return len(getattr(self, _names(type(self))[0]))
-
-    def take(self, rows: Any) -> Self:
-        """Return the rows chosen by an index array, a mask or a slice."""
-        return self._map(lambda column: column[rows])
-
-    def freeze(self) -> Self:
-        """Make every buffer read-only and return the record."""
-        for name in _names(type(self)):
-            getattr(self, name).flags.writeable = False
-        return self
-
-    def blank(self, rows: int) -> Self:
-        """Return a record like this one, of so many rows that are still to be written."""
-        return self._map(lambda column: np.empty((rows, *column.shape[1:]), column.dtype))
-
-    @classmethod
-    def concatenate(cls, parts: Iterable[Self]) -> Self:
-        """Return one record of all rows, in order; of none, the empty record."""
-        pieces = list(parts)
-        if not pieces:
-            return cls.empty()
-        # Pieces of no rows have nothing to say of how wide a column is.
-        pieces = [piece for piece in pieces if len(piece)] or pieces[:1]
-        return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in _names(cls)))
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Return the record of no rows."""
-        raise TypeError(f"{cls.__name__} has no empty form")
-
-    def _map(self, change: Callable[[Any], Any]) -> Self:
-        return type(self)(*(change(getattr(self, name)) for name in _names(type(self))))
-
-
-class Filling(Generic[_Filled]):
-    """A record of a known number of rows that is filled part by part, each copied while it is still in the cache."""
-
-    def __init__(self, record: type[_Filled], rows: int) -> None:
-        self._record = record
-        self._rows = rows
-        self._whole: _Filled | None = None
-        self._at = 0
-
-    def put(self, part: _Filled) -> None:
-        """Take the next rows."""
-        if self._whole is None:
-            self._whole = part.blank(self._rows)
-        for name in _names(self._record):
-            getattr(self._whole, name)[self._at : self._at + len(part)] = getattr(part, name)
-        self._at += len(part)
-
-    def record(self) -> _Filled:
-        """Return what has been put."""
-        return self._record.empty() if self._whole is None else self._whole
 
 
 @frozen(eq=False)
@@ -319,9 +258,5 @@ _TRACK_SHAPES: _Shapes = {
 
 
 def _no_rows(record: Callable[..., _Record], shapes: _Shapes) -> _Record:
-    specified = (shapes.get(name, (np.float64, ())) for name in _names(record))
+    specified = (shapes.get(name, (np.float64, ())) for name in names_of(record))
     return record(*(np.empty((0, *shape), dtype=kind) for kind, shape in specified))
-
-
-def _names(record: Any) -> tuple[str, ...]:
-    return tuple(attribute.name for attribute in fields(record))

@@ -1,0 +1,75 @@
+"""What all records of columns can do: numpy arrays of one length, taken, joined and filled as one."""
+
+from collections.abc import Callable, Iterable
+from typing import Any, Generic, Self, TypeVar
+
+import numpy as np
+from attrs import fields
+
+_Filled = TypeVar("_Filled", bound="Columns")
+
+
+class Columns:
+    """What all records of columns can do; the first attribute of a record gives its length."""
+
+    def __len__(self) -> int:
+        return len(getattr(self, names_of(type(self))[0]))
+
+    def take(self, rows: Any) -> Self:
+        """Return the rows chosen by an index array, a mask or a slice."""
+        return self._map(lambda column: column[rows])
+
+    def freeze(self) -> Self:
+        """Make every buffer read-only and return the record."""
+        for name in names_of(type(self)):
+            getattr(self, name).flags.writeable = False
+        return self
+
+    def blank(self, rows: int) -> Self:
+        """Return a record like this one, of so many rows that are still to be written."""
+        return self._map(lambda column: np.empty((rows, *column.shape[1:]), column.dtype))
+
+    @classmethod
+    def concatenate(cls, parts: Iterable[Self]) -> Self:
+        """Return one record of all rows, in order; of none, the empty record."""
+        pieces = list(parts)
+        if not pieces:
+            return cls.empty()
+        # Pieces of no rows have nothing to say of how wide a column is.
+        pieces = [piece for piece in pieces if len(piece)] or pieces[:1]
+        return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names_of(cls)))
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no rows."""
+        raise TypeError(f"{cls.__name__} has no empty form")
+
+    def _map(self, change: Callable[[Any], Any]) -> Self:
+        return type(self)(*(change(getattr(self, name)) for name in names_of(type(self))))
+
+
+class Filling(Generic[_Filled]):
+    """A record of a known number of rows that is filled part by part, each copied while it is still in the cache."""
+
+    def __init__(self, record: type[_Filled], rows: int) -> None:
+        self._record = record
+        self._rows = rows
+        self._whole: _Filled | None = None
+        self._at = 0
+
+    def put(self, part: _Filled) -> None:
+        """Take the next rows."""
+        if self._whole is None:
+            self._whole = part.blank(self._rows)
+        for name in names_of(self._record):
+            getattr(self._whole, name)[self._at : self._at + len(part)] = getattr(part, name)
+        self._at += len(part)
+
+    def record(self) -> _Filled:
+        """Return what has been put."""
+        return self._record.empty() if self._whole is None else self._whole
+
+
+def names_of(record: Any) -> tuple[str, ...]:
+    """Return the names of a record's columns, in order."""
+    return tuple(attribute.name for attribute in fields(record))
