@@ -24,22 +24,15 @@ class Bias:
 
     east_rad: FloatArray
     north_rad: FloatArray
-    is_any: bool
-
-    @classmethod
-    def of(cls, east_rad: FloatArray, north_rad: FloatArray) -> "Bias":
-        """Return the bias of sensors by its components (sensors,), rad."""
-        return cls(east_rad, north_rad, bool(east_rad.any() or north_rad.any()))
 
     @classmethod
     def drawn(cls, seed: int, sensors: Sequence[Sensor]) -> "Bias":
         """Return normal biases with the sensors' own standard deviations, each from the sensor's own stream."""
         bias = np.zeros((2, len(sensors)))
         for number, sensor in enumerate(sensors):
-            if sensor.line_of_sight_bias_sigma_rad > 0.0:
-                east, north = normal_pairs(Stream(stream_key(seed, sensor.id, STREAM)).words(0, 1))
-                bias[:, number] = np.array([east[0], north[0]]) * sensor.line_of_sight_bias_sigma_rad
-        return cls.of(bias[0], bias[1])
+            east, north = normal_pairs(Stream(stream_key(seed, sensor.id, STREAM)).words(0, 1))
+            bias[:, number] = np.array([east[0], north[0]]) * sensor.line_of_sight_bias_sigma_rad
+        return cls(bias[0], bias[1])
 
     def applied(
         self, x: FloatArray, y: FloatArray, z: FloatArray, sensor: IndexArray, sensor_ecef_m: FloatArray
@@ -57,3 +50,11 @@ class Bias:
         axes = local_axes(sensor_ecef_m)
         about_east, about_north = self.north_rad[sensor], -self.east_rad[sensor]
         return tuple(about_east * axes[:, 0, axis] + about_north * axes[:, 1, axis] for axis in range(3))
+
+    def told(self, sensors: Sequence[Sensor]) -> list[dict[str, str | float]]:
+        """Return one mapping a sensor, for the truth file and the manifest."""
+        both = zip(sensors, self.east_rad.tolist(), self.north_rad.tolist(), strict=True)
+        return [
+            {"sensor_id": sensor.id, "line_of_sight_bias_east_rad": east, "line_of_sight_bias_north_rad": north}
+            for sensor, east, north in both
+        ]

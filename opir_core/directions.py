@@ -18,7 +18,7 @@ def measured_lines_of_sight(
     """
     first, second = normal_pairs(words)
     direction = _directions(seen_as)
-    if sites.bias.is_any:
+    if sites.bias is not None:
         direction = sites.bias.applied(*direction, seen_as.sensor, seen_as.sensor_ecef_m)
     return _rows(*_tilted(*direction, first * sigma_rad, second * sigma_rad))
 

@@ -25,16 +25,10 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
         "random_numbers": SCHEME,
         "versions": {"opir-core": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "components": components_used(plan),
-        "line_of_sight_bias_urad": _biases_urad(plan),
+        "sensors": [] if plan.bias is None else plan.bias.told(plan.sensors),
         "counts": dict(counts),
         "scene": scene_mapping(plan.scene),
     }
-
-
-def _biases_urad(plan: Plan) -> dict[str, list[float]]:
-    """Return the bias drawn for each sensor that has one, towards east and towards north."""
-    both = zip(plan.sensors, plan.bias.east_rad.tolist(), plan.bias.north_rad.tolist(), strict=True)
-    return {sensor.id: [east * 1e6, north * 1e6] for sensor, east, north in both if east or north}
 
 
 def components_used(plan: Plan) -> list[Mapping[str, str]]:

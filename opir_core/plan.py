@@ -5,11 +5,10 @@ sensor can see which target when. Whatever is not in the plan is not imported, c
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from attrs import frozen
 
-from opir_core.bias import Bias
 from opir_core.plugin.components import Component
 from opir_core.plugin.host import Host
 from opir_core.protocols import (
@@ -29,6 +28,9 @@ from opir_core.scene import Choice, Scene
 from opir_core.sightlines import Pairs, Sightlines, compile_pairs
 from opir_core.targets import Targets, join_targets
 
+if TYPE_CHECKING:
+    from opir_core.bias import Bias
+
 _NS = 1_000_000_000
 
 
@@ -46,7 +48,7 @@ class Plan:
     classifier: Classifier
     confidence: Confidence
     tracker: Tracker
-    bias: Bias
+    bias: "Bias | None"
     end_ns: int
 
 
@@ -74,9 +76,18 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         classifier=built(host, scene.classification, context),
         confidence=built(host, scene.confidence, context),
         tracker=built(host, scene.tracker, tracked),
-        bias=Bias.drawn(scene.seed, sensors),
+        bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
     )
+
+
+def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> "Bias | None":
+    """Return the line-of-sight bias of sensors, or None where none of them has any."""
+    if not any(sensor.line_of_sight_bias_sigma_rad for sensor in sensors):
+        return None
+    from opir_core.bias import Bias
+
+    return Bias.drawn(seed, sensors)
 
 
 def built(host: Host, choice: Choice, context: Any) -> Any:

@@ -1,14 +1,16 @@
 """Where sensors are, as columns: those of a plan, and the places that rows of detections were made from."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from attrs import frozen
 
-from opir_core.bias import Bias
 from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
 from opir_core.protocols import Sensor
 from opir_core.records import FloatArray, IndexArray, IntArray
+
+if TYPE_CHECKING:
+    from opir_core.bias import Bias
 
 
 @frozen(eq=False)
@@ -19,11 +21,11 @@ class Sites:
     position_ecef_m: FloatArray
     sigma_rad: FloatArray
     moving: IntArray
-    bias: Bias
+    bias: "Bias | None"
 
     @classmethod
-    def of(cls, sensors: tuple[Sensor, ...], bias: Bias) -> "Sites":
-        """Return the sites of sensors that have this bias."""
+    def of(cls, sensors: tuple[Sensor, ...], bias: "Bias | None" = None) -> "Sites":
+        """Return the sites of sensors that have this bias, or none."""
         position = np.full((len(sensors), 3), np.nan)
         for number, sensor in enumerate(sensors):
             if sensor.orbit.is_stationary:

@@ -1,6 +1,6 @@
 """The truth file: what was really launched and really seen, apart from the events.
 
-JSON lines: one `sensor` each with its line-of-sight bias, one `target` a launch or other hot source, then one
+JSON lines: one `sensor` each where sensors have a line-of-sight bias, one `target` a launch or other hot source, then one
 `detection` an event, tied to it by `detection_id`; its `target_id` is null where it is noise alone.
 """
 
@@ -58,11 +58,7 @@ class TruthFile:
 
     @staticmethod
     def _sensors(plan: Plan) -> "list[dict[str, object]]":
-        bias = zip(plan.sensors, plan.bias.east_rad.tolist(), plan.bias.north_rad.tolist(), strict=True)
-        return [
-            {"sensor_id": sensor.id, "line_of_sight_bias_east_rad": east, "line_of_sight_bias_north_rad": north}
-            for sensor, east, north in bias
-        ]
+        return [] if plan.bias is None else [dict(told) for told in plan.bias.told(plan.sensors)]
 
     @staticmethod
     def _launches(plan: Plan) -> "list[tuple[str, dict[str, object]]]":

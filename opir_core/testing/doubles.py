@@ -7,10 +7,9 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.bias import Bias
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.orbits.geostationary import GeostationaryOrbit
-from opir_core.plan import Plan
+from opir_core.plan import Plan, drawn_bias
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.host import Host
 from opir_core.plugin.scan_patterns import AlignedScan
@@ -203,7 +202,7 @@ def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], 
         targets=targets,
         pairs=pairs,
         sightlines=sightlines,
-        bias=Bias.drawn(scene.seed, sensors),
+        bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
         **(models | parts),
     )

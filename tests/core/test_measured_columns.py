@@ -101,7 +101,7 @@ def test_a_bias_moves_the_line_to_nadir_east_and_north() -> None:
     sensor_m = stub_sensor(slot_deg=30.0).orbit.position_ecef_m(np.zeros(1))
     axes = local_axes(sensor_m)[0]
     down = -axes[2]
-    bias = Bias.of(np.array([3e-5]), np.array([-2e-5]))
+    bias = Bias(np.array([3e-5]), np.array([-2e-5]))
     moved = bias.applied(*(down[axis : axis + 1] for axis in range(3)), *_at(sensor_m))
     shift = np.array([component[0] for component in moved]) - down
     assert axes @ shift == pytest.approx([3e-5, -2e-5, 0.0], abs=1e-9)
@@ -129,6 +129,7 @@ def test_a_biased_sensor_errs_by_its_bias_and_disturbs_no_draw() -> None:
     (_, plain), (plan, biased) = lines(0.0), lines(1e-4)
     assert np.array_equal(plain.scan, biased.scan)
     shift = biased.line_of_sight_ecef - plain.line_of_sight_ecef
+    assert plan.bias is not None
     size = np.hypot(plan.bias.east_rad[0], plan.bias.north_rad[0])
     # The directions across the line of sight turn with it, by the bias: errors of up to 5 sigma turn along.
     assert np.ptp(shift, axis=0).max() < 2.0 * size * 5.0 * 2e-5
@@ -147,8 +148,8 @@ def test_truth_and_manifest_tell_the_bias(tmp_path: Path) -> None:
     assert list(east.values()) == plan.bias.east_rad.tolist()
     from opir_core.manifest import run_manifest
 
-    manifest = run_manifest(plan, {})["line_of_sight_bias_urad"]
-    assert {id_: both[0] * 1e-6 for id_, both in manifest.items()} == pytest.approx(east)
+    manifest = run_manifest(plan, {})["sensors"]
+    assert {row["sensor_id"]: row["line_of_sight_bias_east_rad"] for row in manifest} == east
 
 
 def test_noise_is_counted_apart_and_is_nobody_in_the_truth(tmp_path: Path) -> None:
