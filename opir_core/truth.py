@@ -1,6 +1,6 @@
 """The truth file: what was really launched and really seen, apart from the events.
 
-JSON lines: one `sensor` each where sensors have a line-of-sight bias, one `target` a launch or other hot source, then one
+JSON lines: one `sensor` each where sensors have a line-of-sight bias, one `target` a launch or other hot source, one
 `detection` an event, tied to it by `detection_id`; its `target_id` is null where it is noise alone.
 """
 
