@@ -37,8 +37,11 @@ def scene_page() -> str:
             "",
             "An item of `sensors` is `{constellation: NAME, ...}`, whose other keys apply to all its satellites, or",
             "`{model: NAME, id: ID, ...}`. An item of `targets` is `{id: ID, model: NAME, ...}`; without `model` it is",
-            "`ballistic`. An item of `outputs` is a sink's name, or `{NAME: {...}}`. Wherever a component has presets,",
-            "`preset: NAME` starts from one.",
+            "`ballistic`. Its `signature`, a name or a block of `model` and settings, says how brightly it radiates;",
+            "without one it is `plume`. An item of `sources` is `{id: ID, model: NAME, ...}`; its emitters are called",
+            "ID-1, ID-2 and so on. Signatures, atmosphere and background are built where the detection model looks at",
+            "them; `constant` does not. An item of `outputs` is a sink's name, or `{NAME: {...}}`. Wherever a",
+            "component has presets, `preset: NAME` starts from one.",
             "",
         ]
     )

@@ -65,8 +65,8 @@ def _not_computed(plan: Plan) -> list[str]:
         (constant and not plan.pairs.is_checked.any(), "visibility of single looks (every pair is certain)"),
         (not plan.scene.light_time, "light time (switched off)"),
         (plan.tracker.cadence_s is None, "tracks (no tracker)"),
-        (plan.scene.atmosphere is None, "atmosphere (none named)"),
-        (plan.scene.background is None, "background and false alarms (none named)"),
+        (plan.scene.atmosphere.name == "clear", "atmosphere (a clear sky, transmittance 1)"),
+        (plan.scene.background.name == "none", "background (none)"),
         (not plan.scene.outputs, "event encoding (no outputs)"),
     )
     return [line for is_skipped, line in told if is_skipped]

@@ -2,6 +2,9 @@
 
 A component's `build` returns one of these. Element-wise results must not depend on how rows are grouped into calls: the
 engine may hand over any slice of a run, and the bytes of the events must be the same.
+
+What signature, source, atmosphere and background models must do stands in `opir_core.radiometry.protocols`, which is
+imported only for scenes whose detection model looks at them.
 """
 
 from collections.abc import Callable, Mapping, Sequence

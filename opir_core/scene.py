@@ -19,6 +19,12 @@ REPORTED_TYPES = (*TARGET_TYPES, "UNKNOWN")
 #: The code of "no answer" among `REPORTED_TYPES`.
 UNKNOWN_TYPE = REPORTED_TYPES.index("UNKNOWN")
 
+#: The type code of a source that is no target: a perfect classifier reports it as UNKNOWN.
+SOURCE_TYPE = UNKNOWN_TYPE
+
+#: The signature model of a target whose block names none.
+DEFAULT_SIGNATURE = "plume"
+
 
 @frozen
 class Choice:
@@ -44,7 +50,16 @@ class SceneSensor:
 
 @frozen
 class SceneTarget:
-    """One launch: its id (unique in the scene) and its target model."""
+    """One launch: its id (unique in the scene), its target model, and its signature model (None: the default one)."""
+
+    id: str
+    model: Choice
+    signature: Choice | None = None
+
+
+@frozen
+class SceneSource:
+    """A block of emitters that are no targets: its id (unique in the scene) and its source model."""
 
     id: str
     model: Choice
@@ -55,7 +70,7 @@ class Scene:
     """A whole scene.
 
     `epoch_us` is the scene's zero of time, in microseconds of UTC since 1970-01-01 (no leap seconds). `light_time` says
-    whether light takes time from target to sensor. `atmosphere` and `background` are None where the scene names none.
+    whether light takes time from target to sensor.
     """
 
     name: str
@@ -68,22 +83,26 @@ class Scene:
     classification: Choice
     confidence: Choice
     tracker: Choice
+    atmosphere: Choice
+    background: Choice
+    sources: tuple[SceneSource, ...] = ()
     outputs: tuple[Choice, ...] = ()
     light_time: bool = True
-    atmosphere: Choice | None = None
-    background: Choice | None = None
 
     @property
     def choices(self) -> tuple[Choice, ...]:
         """Return every component that the scene chose, in the order of the scene file."""
-        optional = (self.atmosphere, self.background)
+        signatures = (target.signature for target in self.targets)
         return (
             *(sensor.model for sensor in self.sensors),
             *(target.model for target in self.targets),
+            *(choice for choice in signatures if choice is not None),
+            *(source.model for source in self.sources),
             self.detection,
             self.classification,
             self.confidence,
             self.tracker,
-            *(choice for choice in optional if choice is not None),
+            self.atmosphere,
+            self.background,
             *self.outputs,
         )

@@ -9,6 +9,8 @@ from typing import Any
 
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
 from opir_core.plugin.components import (
+    AtmosphereModel,
+    BackgroundModel,
     ClassifierModel,
     ConfidenceModel,
     DetectionModel,
@@ -89,6 +91,22 @@ def opir_target_models() -> Iterable[TargetModel]:
         summary="boost on a generic class profile, then a Kepler arc to the aim point",
         config=BallisticConfig,
         build=_built_by("targets", "ballistic_targets"),
+    )
+
+
+@hookimpl
+def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
+    """Yield `clear`."""
+    yield AtmosphereModel(
+        name="clear", summary="transmittance 1, no clouds", build=_built_by("clear_sky", "clear_atmosphere")
+    )
+
+
+@hookimpl
+def opir_background_models() -> Iterable[BackgroundModel]:
+    """Yield `none`."""
+    yield BackgroundModel(
+        name="none", summary="nothing shines but targets", build=_built_by("clear_sky", "no_background")
     )
 
 

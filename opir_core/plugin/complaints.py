@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from attrs import frozen
 
 from opir_core.plugin.components import CATALOGUE
-from opir_core.plugin.discovery import COMMAND_HOOK, Offer, Selection
+from opir_core.plugin.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
 from opir_core.plugin.fitness import nearest, nearest_names
 from opir_core.plugin.provenance import PluginFailure, Provenance
 
@@ -102,7 +102,7 @@ def _way_out(owners: Sequence[Provenance]) -> str:
     registered = [owner.plugin for owner in owners if not owner.distribution]
     if registered:
         return f"leave out {' or '.join(registered)}, which this program registered"
-    plugins = sorted({owner.plugin for owner in owners} - {"builtin"})
+    plugins = sorted({owner.plugin for owner in owners} - set(CORE_PLUGINS))
     if len({owner.plugin for owner in owners}) < len(owners):
         return "uninstall all of them but one"
     without = " or ".join(plugins)

@@ -86,6 +86,22 @@ class TargetModel(Component):
 
 
 @frozen(kw_only=True)
+class SignatureModel(Component):
+    """`build(configs, context) -> Signatures`: the radiant intensity of all targets of the model at once."""
+
+    hook = "opir_signature_models"
+    kind = "signature model"
+
+
+@frozen(kw_only=True)
+class SourceModel(Component):
+    """`build(config, context) -> Sources`: emitters that are no targets, any number from one block."""
+
+    hook = "opir_source_models"
+    kind = "source model"
+
+
+@frozen(kw_only=True)
 class AtmosphereModel(Component):
     """`build(config, context) -> Transmittance`: a path to in-band transmittance."""
 
@@ -95,7 +111,7 @@ class AtmosphereModel(Component):
 
 @frozen(kw_only=True)
 class BackgroundModel(Component):
-    """`build(config, context) -> Background`: background radiance and discrete hot sources."""
+    """`build(config, context) -> Background`: background radiance and clutter."""
 
     hook = "opir_background_models"
     kind = "background model"
@@ -141,6 +157,8 @@ CATALOGUE: Mapping[str, type[Component] | type[Constellation]] = {
         ClassifierModel,
         TrackerModel,
         TargetModel,
+        SignatureModel,
+        SourceModel,
         AtmosphereModel,
         BackgroundModel,
         EventEncoder,

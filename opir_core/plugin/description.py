@@ -5,7 +5,7 @@ from typing import Any, get_args, get_type_hints
 
 from attrs import NOTHING, Attribute, asdict, fields, frozen, has
 
-from opir_core.fields import info_of
+from opir_core.fields import METADATA_KEY, info_of
 from opir_core.plugin.components import Component, Constellation
 from opir_core.plugin.provenance import Provenance
 
@@ -112,7 +112,12 @@ def _row(attribute: "Attribute[Any]", kind: Any, prefix: str) -> FieldRow:
 def _nested_config(kind: Any) -> type | None:
     """Return the configuration class that a field holds, if it holds one."""
     members = get_args(kind) or (kind,)
-    return next((member for member in members if isinstance(member, type) and has(member)), None)
+    return next((member for member in members if isinstance(member, type) and _is_config(member)), None)
+
+
+def _is_config(kind: type) -> bool:
+    """Return whether a class is one of settings: some of its fields say what they are."""
+    return has(kind) and any(METADATA_KEY in attribute.metadata for attribute in fields(kind))
 
 
 _KINDS = {float: "number", int: "whole number", str: "text", bool: "true or false", type(None): "none"}

@@ -35,6 +35,12 @@ HOOK_OF_KIND: Mapping[str, str] = {
     "commands": COMMAND_HOOK,
 }
 
+#: Core's own plugins, which no allow-list leaves out: the module and, where it is to be imported only for what a scene
+#: asks of it, what it offers.
+CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
+    "builtin": ("opir_core.builtin.plugin", None),
+}
+
 _VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\w+)*))?\s*(?:\[.*\])?")
 
 
@@ -68,11 +74,17 @@ class Selection:
     rule: str = ""
 
 
-def builtin_source() -> Source:
-    """Return core's own plugin, which no allow-list leaves out."""
-    owner = Provenance("builtin", "opir-core", __version__)
-    load = partial(_imported, "opir_core.builtin.plugin")
-    return Source(provenance=owner, load=load, api=version_text(API_VERSION))
+def core_sources() -> list[Source]:
+    """Return core's own plugins, which no allow-list leaves out."""
+    return [
+        Source(
+            provenance=Provenance(name, "opir-core", __version__),
+            load=partial(_imported, module),
+            advertised=offers,
+            api=version_text(API_VERSION),
+        )
+        for name, (module, offers) in CORE_PLUGINS.items()
+    ]
 
 
 def installed_sources() -> list[Source]:
@@ -94,11 +106,11 @@ def sources_of(distribution: Distribution) -> list[Source]:
 
 
 def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str) -> Selection:
-    """Return the sources parted by the names that are allowed (None allows all); core's own plugin always is."""
+    """Return the sources parted by the names that are allowed (None allows all); core's own plugins always are."""
     known = list(sources)
     if allowed is None:
         return Selection(known)
-    wanted = {name.strip() for name in allowed} - {""} | {"builtin"}
+    wanted = {name.strip() for name in allowed} - {""} | set(CORE_PLUGINS)
     names = {source.provenance.plugin for source in known}
     return Selection(
         allowed=[source for source in known if source.provenance.plugin in wanted],
@@ -128,7 +140,7 @@ def _source(
 
 
 def _own_faults(distribution: Distribution, name: str, ranges: Sequence[str]) -> list[str]:
-    taken = [f"the plugin name {name!r} belongs to opir-core"] if name == "builtin" else []
+    taken = [f"the plugin name {name!r} belongs to opir-core"] if name in CORE_PLUGINS else []
     if len(ranges) > 1:
         return [*taken, f"declares several plugin APIs, {' and '.join(ranges)}; one range is due"]
     wrong = (complaint_about(written, distribution.name, __version__) for written in ranges)

@@ -68,12 +68,20 @@ class CatalogueHooks:
         """Yield target models: launches to trajectories and plumes. Chosen with `model: NAME` in a target's block."""
 
     @hookspec
+    def opir_signature_models(self) -> Iterable[c.SignatureModel]:  # type: ignore[empty-body]
+        """Yield signature models: how brightly targets radiate. Chosen with `signature: NAME` in a target's block."""
+
+    @hookspec
+    def opir_source_models(self) -> Iterable[c.SourceModel]:  # type: ignore[empty-body]
+        """Yield source models: emitters that are no targets. Chosen with `model: NAME` in a block of `sources`."""
+
+    @hookspec
     def opir_atmosphere_models(self) -> Iterable[c.AtmosphereModel]:  # type: ignore[empty-body]
         """Yield atmosphere models: a path to in-band transmittance. Chosen with `atmosphere: NAME`."""
 
     @hookspec
     def opir_background_models(self) -> Iterable[c.BackgroundModel]:  # type: ignore[empty-body]
-        """Yield background models: background radiance and discrete hot sources. Chosen with `background: NAME`."""
+        """Yield background models: background radiance and clutter. Chosen with `background: NAME`."""
 
     @hookspec
     def opir_event_encoders(self) -> Iterable[c.EventEncoder]:  # type: ignore[empty-body]

@@ -15,7 +15,7 @@ from opir_core.errors import PluginError
 from opir_core.plugin import catalogue, complaints
 from opir_core.plugin.complaints import Search
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
-from opir_core.plugin.discovery import Selection, Source, builtin_source, installed_sources, selected
+from opir_core.plugin.discovery import Selection, Source, core_sources, installed_sources, selected
 from opir_core.plugin.offerings import Offerings
 from opir_core.plugin.provenance import PluginFailure, PluginRow, Provenance
 from opir_core.plugin.shelf import Shelf, outcome_of, warn
@@ -37,7 +37,7 @@ class Host:
 
     @classmethod
     def discover(cls, allowed: Iterable[str] | EllipsisType | None = ...) -> Self:
-        """Return a host of core's own plugin and the installed ones; none of them is imported yet.
+        """Return a host of core's own plugins and the installed ones; none of them is imported yet.
 
         `allowed` are short names of plugins (`["dsp", "kafka"]`; an empty list allows none, None allows all). Left out,
         the environment's `OPIR_PLUGINS=dsp,kafka` says it: set to nothing it allows none, unset it allows all. A name
@@ -47,15 +47,15 @@ class Host:
         if isinstance(allowed, EllipsisType):
             rule, allowed = ALLOW_VARIABLE, os.environ.get(ALLOW_VARIABLE)
         names = allowed.split(",") if isinstance(allowed, str) else allowed
-        selection = selected([builtin_source(), *installed_sources()], names, rule)
+        selection = selected([*core_sources(), *installed_sources()], names, rule)
         for name in selection.unknown:
             warn(complaints.unknown_plugin(name, selection))
         return cls(selection)
 
     @classmethod
     def of(cls, *plugins: object) -> Self:
-        """Return a host of core's own plugin and the given plugin objects (modules or instances), and no others."""
-        host = cls(Selection([builtin_source()]))
+        """Return a host of core's own plugins and the given plugin objects (modules or instances), and no others."""
+        host = cls(Selection(core_sources()))
         for plugin in plugins:
             host.register(plugin)
         return host

@@ -10,7 +10,7 @@ from opir_core.reading.nodes import Gathering, Node, index_step, key_step, under
 from opir_core.reading.readers import block_of, items_of, refusal
 from opir_core.reading.sensors import SensorReader
 from opir_core.reading.structuring import class_reader
-from opir_core.reading.targets import TargetReader
+from opir_core.reading.targets import SourceReader, TargetReader
 from opir_core.scene import Choice, Scene
 
 _SINKS = "opir_sinks"
@@ -46,10 +46,11 @@ class Assembler:
 
     def _parts(self, values: dict[str, Any]) -> dict[str, Any]:
         """Return the parts of the scene that its blocks come to."""
-        parts: dict[str, Any] = {"targets": (), "outputs": ()}
+        parts: dict[str, Any] = {"targets": (), "sources": (), "outputs": ()}
         lists = {
             "sensors": SensorReader(self.chooser).sensors,
             "targets": TargetReader(self.chooser, values.get("duration_s")).targets,
+            "sources": lambda node: SourceReader(self.chooser, parts["targets"]).sources(node),
             "outputs": self._outputs,
         }
         for key, read in lists.items():
@@ -61,9 +62,9 @@ class Assembler:
                 parts[key] = self._model(hook, values.get(key), key, default)
         return parts
 
-    def _model(self, hook: str, node: Node | None, key: str, default: str | None) -> Choice | None:
-        if node is None or (node.value is None and default is None):
-            return self.chooser.choice(hook, default, key, Settings(Node({}))) if default is not None else None
+    def _model(self, hook: str, node: Node | None, key: str, default: str) -> Choice:
+        if node is None:
+            return self.chooser.choice(hook, default, key, Settings(Node({})))
         return self.chooser.named(hook, node, key)
 
     def _outputs(self, node: Node) -> tuple[Choice, ...]:

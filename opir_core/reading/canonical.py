@@ -8,7 +8,7 @@ from attrs import fields, has
 
 from opir_core.reading.epoch import text_of_epoch_us
 from opir_core.reading.heading import CHOICES
-from opir_core.scene import Choice, Scene, SceneSensor
+from opir_core.scene import Choice, Scene, SceneSensor, SceneTarget
 
 
 def scene_mapping(scene: Scene) -> dict[str, Any]:
@@ -23,8 +23,9 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         "seed": scene.seed,
         "light_time": scene.light_time,
         "sensors": _sensors(scene.sensors),
-        "targets": [{"id": target.id, **_block(target.model)} for target in scene.targets],
-        **{key: _block(choice) for key in CHOICES if (choice := getattr(scene, key)) is not None},
+        "targets": [_target(target) for target in scene.targets],
+        "sources": [{"id": source.id, **_block(source.model)} for source in scene.sources],
+        **{key: _block(getattr(scene, key)) for key in CHOICES},
         "outputs": [{choice.name: _settings(choice.config)} for choice in scene.outputs],
     }
 
@@ -48,6 +49,11 @@ def _sensors(sensors: tuple[SceneSensor, ...]) -> list[dict[str, Any]]:
         members = [{"id": sensor.id, **_block(sensor.model)} for sensor in group]
         blocks += members if constellation is None else [{"constellation": constellation, "members": members}]
     return blocks
+
+
+def _target(target: SceneTarget) -> dict[str, Any]:
+    signature = {} if target.signature is None else {"signature": _block(target.signature)}
+    return {"id": target.id, **_block(target.model), **signature}
 
 
 def _block(choice: Choice) -> dict[str, Any]:

@@ -13,8 +13,8 @@ CHOICES = {
     "classification": ("opir_classifiers", "paper"),
     "confidence": ("opir_confidence_models", "weighted"),
     "tracker": ("opir_trackers", "none"),
-    "atmosphere": ("opir_atmosphere_models", None),
-    "background": ("opir_background_models", None),
+    "atmosphere": ("opir_atmosphere_models", "clear"),
+    "background": ("opir_background_models", "none"),
 }
 
 #: The target model of a target that names none.
@@ -53,6 +53,9 @@ class SceneFile:
     light_time: bool = flag(help="whether light takes time from target to sensor", default=True, source="")
     sensors: Node = nested(help="constellations and single sensors", source="")
     targets: Node | None = nested(help="launches", default=None, source="")
+    sources: Node | None = nested(
+        help="emitters that are no targets: fires, flares, glints, bolides", default=None, source=""
+    )
     detection: Node | None = nested(help="detection model: its name, or a block of model and settings", default=None)
     classification: Node | None = nested(help="classifier: its name, or a block of model and settings", default=None)
     confidence: Node | None = nested(help="confidence model: its name, or a block of model and settings", default=None)

@@ -16,6 +16,9 @@ MAXIMUM_DIGITS = 30
 MAXIMUM_SENSORS = 10_000
 MAXIMUM_TARGETS = 50_000
 
+#: The most blocks of sources; one block may stand for many emitters.
+MAXIMUM_SOURCES = 1_000
+
 #: The longest scene, s: thirty days.
 MAXIMUM_DURATION_S = 30 * 86_400.0
 

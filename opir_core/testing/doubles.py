@@ -179,6 +179,8 @@ def stub_scene(*, seed: int = 0, duration_s: float = 100.0, light_time: bool = T
         classification=nothing,
         confidence=nothing,
         tracker=nothing,
+        atmosphere=nothing,
+        background=nothing,
         light_time=light_time,
     )
 

@@ -71,13 +71,15 @@ def test_a_page_is_read(page: Path) -> None:
     aim = Place(lat_deg=0.5, lon_deg=167.7)
     assert scene.targets[0].model.config == Ballistic(type="ICBM", launch=launch, aim=aim)
     assert [choice.name for choice in scene.outputs] == ["null", "jsonl"]
-    assert (scene.atmosphere, scene.background) == (None, None)
+    assert scene.sources == ()
 
 
 def test_models_not_named_are_the_defaults(page: Path) -> None:
     scene = load_scene(page, host=HOST)
     chosen = (scene.detection, scene.classification, scene.confidence, scene.tracker, scene.targets[0].model)
     assert [choice.name for choice in chosen] == ["constant", "paper", "weighted", "none", "ballistic"]
+    assert (scene.atmosphere.name, scene.background.name) == ("clear", "none")
+    assert scene.targets[0].signature is None
 
 
 def test_a_preset_is_under_what_is_written(page: Path) -> None:
@@ -470,3 +472,55 @@ def test_reading_imports_no_numbers() -> None:
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=paths).stdout
     heavy = {"numpy", "scipy", "msgspec", "json", "hashlib", "difflib", "asyncio", "opir_core.builtin.plugin"}
     assert heavy.isdisjoint(loaded.split())
+
+
+def test_a_target_names_its_signature() -> None:
+    target = good_mapping()["targets"][0]
+    plain, named, set_ = read(
+        targets=[
+            {**target, "id": "A"},
+            {**target, "id": "B", "signature": "flame"},
+            {**target, "id": "C", "signature": {"model": "flame", "peak_w_sr": 2.0}},
+        ]
+    ).targets
+    assert plain.signature is None
+    assert named.signature is not None
+    assert (named.signature.name, named.signature.path) == ("flame", "targets[1].signature")
+    assert set_.signature is not None
+    assert set_.signature.config.peak_w_sr == 2.0
+
+
+def test_a_signature_that_is_not_one_is_refused_with_its_path() -> None:
+    target = good_mapping()["targets"][0]
+    assert problems(targets=[{**target, "signature": {"model": "flame", "peak_w_sr": -1.0}}]) == [
+        "targets[0].signature.peak_w_sr: -1.0 is outside [0, inf) W/sr"
+    ]
+
+
+def test_sources_are_read() -> None:
+    scene = read(sources=[{"id": "steppe", "model": "fires", "peak_w_sr": 3.0}])
+    (source,) = scene.sources
+    assert (source.id, source.model.name, source.model.path) == ("steppe", "fires", "sources[0]")
+    assert source.model.config.peak_w_sr == 3.0
+    assert source.model in scene.choices
+    assert scene_from_mapping(scene_mapping(scene), host=HOST) == scene
+
+
+def test_sources_need_ids_of_their_own() -> None:
+    target = good_mapping()["targets"][0]
+    told = problems(
+        targets=[{**target, "id": "steppe-7"}, {**target, "id": "T1"}],
+        sources=[
+            {"id": "steppe", "model": "fires"},
+            {"id": "T1", "model": "fires"},
+            {"id": "a", "model": "fires"},
+            {"id": "a", "model": "fires"},
+            {"model": "fires"},
+        ],
+    )
+    assert told == [
+        "sources[0].id: the target steppe-7 has an id of this source's emitters",
+        "sources[1].id: the target T1 has an id of this source's emitters",
+        "sources[3].id: a is the id of sources[2] already",
+        "sources[4].id: is missing",
+    ]

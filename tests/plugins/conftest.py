@@ -10,6 +10,7 @@ from textwrap import dedent, indent
 import pytest
 
 from opir_core.errors import PluginError
+from opir_core.plugin import discovery
 from opir_core.plugin.components import DetectionModel, NoConfig
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.plugin.host import Host
@@ -77,6 +78,7 @@ def shop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shop]:
     monkeypatch.setattr(sys, "path", [entry for entry in sys.path if entry in standard])
     monkeypatch.delenv("OPIR_PLUGINS", raising=False)
     monkeypatch.setitem(sys.modules, "opir_core.builtin.plugin", stub_builtin())
+    monkeypatch.setattr(discovery, "CORE_PLUGINS", {"builtin": discovery.CORE_PLUGINS["builtin"]})
     for name in [name for name in sys.modules if name.startswith("opir_") and name.partition(".")[0] != "opir_core"]:
         monkeypatch.delitem(sys.modules, name)
     yield Shop(tmp_path)

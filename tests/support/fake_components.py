@@ -7,6 +7,8 @@ from typing import Any
 from attrs import Factory, frozen
 
 from opir_core.plugin import (
+    AtmosphereModel,
+    BackgroundModel,
     ClassifierModel,
     ConfidenceModel,
     Constellation,
@@ -14,7 +16,9 @@ from opir_core.plugin import (
     EventEncoder,
     NoConfig,
     SensorModel,
+    SignatureModel,
     SinkModel,
+    SourceModel,
     TargetModel,
     TrackerModel,
     flag,
@@ -79,6 +83,11 @@ class Lines:
 
 
 @frozen(kw_only=True)
+class Flame:
+    peak_w_sr: float = number(help="brightness", unit="W/sr", minimum=0.0, default=1e5)
+
+
+@frozen(kw_only=True)
 class Arc:
     window_s: float = number(help="memory", unit="s", above=0.0, default=10.0)
 
@@ -127,6 +136,26 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
 def opir_trackers() -> Iterable[TrackerModel]:
     yield TrackerModel(name="none", summary="none", build=print)
     yield TrackerModel(name="arc", summary="arc", config=Arc, build=print)
+
+
+@hookimpl
+def opir_signature_models() -> Iterable[SignatureModel]:
+    yield SignatureModel(name="flame", summary="bright", config=Flame, build=print)
+
+
+@hookimpl
+def opir_source_models() -> Iterable[SourceModel]:
+    yield SourceModel(name="fires", summary="burn", config=Flame, build=print)
+
+
+@hookimpl
+def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
+    yield AtmosphereModel(name="clear", summary="clear", build=print)
+
+
+@hookimpl
+def opir_background_models() -> Iterable[BackgroundModel]:
+    yield BackgroundModel(name="none", summary="dark", build=print)
 
 
 @hookimpl

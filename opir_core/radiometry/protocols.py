@@ -1,0 +1,130 @@
+"""What signature, source, atmosphere and background models must do: arrays in, arrays out.
+
+`band` is an index into the `bands` of the context that a model was built with: the distinct bands of the scene's
+sensors. A model that cannot answer for one of them raises `ModelError` when it is built, in words. Results are element
+by element and finite: they do not depend on how rows are grouped into calls.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from attrs import field, frozen
+
+from opir_core.protocols import Band, Trajectories
+from opir_core.radiometry.records import Paths, Views
+from opir_core.records import FloatArray, IndexArray
+
+
+class Signatures(Protocol):
+    """How brightly the targets of one model radiate; rows are counted as in the context (or the `Sources`)."""
+
+    def intensity_w_sr(
+        self,
+        band: int,
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return radiant intensities (n,) in a band, W/sr, at the source: before the atmosphere takes anything.
+
+        `altitude_m` is height above the WGS 84 ellipsoid; `aspect_rad` is the angle, in [0, pi], that `aspect_rad()`
+        gives, or that between the direction of flight and the direction to the sensor: 0 is nose-on, pi/2 broadside.
+        """
+
+    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
+        """Return the angles (n,) that `intensity_w_sr` takes at scene times, by unit vectors (n, 3) to the sensors.
+
+        None where that angle is measured from the direction of flight (of the velocity in ECEF), as for plumes.
+        """
+
+
+class Sources(Protocol):
+    """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
+
+    The engine adds them to the targets as further rows; `trajectories.type_code` is `opir_core.scene.SOURCE_TYPE` for
+    all, `trajectories.ignition_s` and `burnout_s` say when they shine, which may begin before the scene does.
+    """
+
+    @property
+    def ids(self) -> Sequence[str]:
+        """Ids of the emitters: the block's own id with a number from 1, `fires-17`."""
+
+    @property
+    def trajectories(self) -> Trajectories:
+        """When and where they shine."""
+
+    @property
+    def signatures(self) -> Signatures:
+        """How brightly."""
+
+
+class Transmittance(Protocol):
+    """What the atmosphere lets through."""
+
+    def transmittance(self, band: int, path: Paths) -> FloatArray:
+        """Return in-band transmittances (n,) in [0, 1] from target to sensor; 1 for targets above the atmosphere."""
+
+    def cloud_top_m(self, point_ecef_m: FloatArray) -> FloatArray:
+        """Return the heights (n,) of the tops of opaque clouds over points (n, 3), m; -inf where there is none."""
+
+
+class Background(Protocol):
+    """What shines behind a target."""
+
+    def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
+        """Return in-band radiances (n,) at the sensor, W m⁻² sr⁻¹; 0 for cold space."""
+
+    def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
+        """Return the standard deviations (n,) of the radiance left after the sensor has taken the background off.
+
+        Over a pixel of solid angle ω at range R it is like a source of standard deviation clutter · ω · R², W/sr
+        (`opir_core.radiometry.clutter_intensity_w_sr`), or clutter · ω at the aperture, W/m².
+        """
+
+
+@frozen(kw_only=True)
+class SignatureContext:
+    """What a signature model is built with, row by row with its configurations.
+
+    `paths` are the scene paths of the targets; `types` their target types; `profiles` the class profile of each, as
+    the target model's `truth` tells it, or "" where it tells none; `burn_time_s` (n,) from ignition to burnout.
+    """
+
+    bands: tuple[Band, ...]
+    ids: tuple[str, ...]
+    paths: tuple[str, ...]
+    types: tuple[str, ...]
+    profiles: tuple[str, ...]
+    burn_time_s: FloatArray = field(eq=False)
+
+
+@frozen(kw_only=True)
+class SourceContext:
+    """What a source model is built with: the block's id and scene path, and the scene's bands, epoch, length, seed."""
+
+    bands: tuple[Band, ...]
+    id: str
+    path: str
+    epoch_us: int
+    duration_s: float
+    seed: int
+
+
+@frozen(kw_only=True)
+class AtmosphereContext:
+    """What an atmosphere model is built with."""
+
+    bands: tuple[Band, ...]
+    path: str
+    seed: int
+
+
+@frozen(kw_only=True)
+class BackgroundContext:
+    """What a background model is built with; `make_atmosphere` returns the scene's, whose clouds it may look at."""
+
+    bands: tuple[Band, ...]
+    path: str
+    epoch_us: int
+    make_atmosphere: Callable[[], Transmittance]
