@@ -5,7 +5,8 @@ from typing import Self
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import Columns, FloatArray
+from opir_core.columns import Columns
+from opir_core.records import FloatArray
 
 
 @frozen(eq=False)
