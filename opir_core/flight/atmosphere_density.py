@@ -5,7 +5,7 @@ layer's floor Z_b to 1 at its top. An integrator that uses one layer's polynomia
 the layer, never meets a kink.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from math import inf, log, log1p, nextafter
 from typing import NamedTuple
@@ -51,7 +51,7 @@ _BOUNDLESS_M = 1e12
 
 #: The largest change of height in one step, in scale heights of density at the floor of a layer, and, where drag is too
 #: weak to matter to long steps, in heights above the floor as well, so that no step drops into the air unawares.
-_SCALE_HEIGHTS_PER_STEP = 1.5
+_SCALE_HEIGHTS_PER_STEP = 2.0
 _SHARE_OF_HEIGHT_PER_STEP = 0.6
 
 #: Above this height, m, an exponential atmosphere counts as weak.
@@ -82,6 +82,16 @@ def log_density(parameters: NDArray[np.float64], height_m: Column) -> Column:
         value *= x
     value += parameters[-1]
     return value
+
+
+def log_density_alone(parameters: Sequence[float], height_m: float) -> float:
+    """Return ln rho at one height: the operations of `log_density` in their order."""
+    x = height_m - parameters[0]
+    x = x * (parameters[1] / (1.0 + parameters[2] * x)) - 1.0
+    value = parameters[3] * x
+    for coefficient in parameters[4:-1]:
+        value = (value + coefficient) * x
+    return value + parameters[-1]
 
 
 def density_kg_m3(height_m: ArrayLike, atmosphere: ExponentialAtmosphere | str = US_STANDARD_1976) -> Column:

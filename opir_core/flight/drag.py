@@ -1,11 +1,13 @@
 """Gravity and drag together, for arcs each of which stays within one layer of the air."""
 
+from math import sqrt
+
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.flight.atmosphere_density import log_density
-from opir_core.flight.ellipsoidal_height import height_m
-from opir_core.flight.gravity import Column, Gravity, Rows
+from opir_core.flight.atmosphere_density import log_density, log_density_alone
+from opir_core.flight.ellipsoidal_height import height_alone_m, height_m
+from opir_core.flight.gravity import Alone, Column, Gravity, Rows
 
 
 class GravityAndDrag:
@@ -43,4 +45,19 @@ class GravityAndDrag:
         factor *= np.sqrt(speed, out=speed)
         wind *= factor
         acceleration -= wind
+        return acceleration
+
+    def alone(self, arc: int) -> Alone:
+        """Return the right side for one arc: the operations of the whole in their order, so the same bits."""
+        gravity, omega = self._gravity.alone_with_inverse_radius, self._rotation
+        parameters, logarithm = self._parameters[:, arc].tolist(), float(self._log_half_inverse_beta[arc])
+
+        def acceleration(x: float, y: float, z: float, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
+            ax, ay, az, inverse_radius = gravity(x, y, z)
+            height = height_alone_m(x, y, z, inverse_radius)
+            wx, wy = vx + omega * y, vy - omega * x
+            factor = float(np.exp(log_density_alone(parameters, height) + logarithm))
+            factor *= sqrt(wx * wx + wy * wy + vz * vz)
+            return ax - wx * factor, ay - wy * factor, az - vz * factor
+
         return acceleration

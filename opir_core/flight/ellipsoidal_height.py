@@ -1,5 +1,7 @@
 """Geodetic height above the WGS 84 ellipsoid and its direction, in closed form, over columns of arcs."""
 
+from math import sqrt
+
 import numpy as np
 
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
@@ -17,6 +19,21 @@ def height_m(position: Rows, inverse_radius: Column) -> Column:
     geostationary height; below the ellipsoid's evolute only the sign is meaningful.
     """
     return _height_and_normal(position, inverse_radius)[0]
+
+
+def height_alone_m(x: float, y: float, z: float, inverse_radius: float) -> float:
+    """Return the height, m, of one position: the operations of `height_m` in their order."""
+    e2, ratio, sine = (
+        EARTH_ECCENTRICITY_SQUARED,
+        min(EARTH_EQUATORIAL_RADIUS_M * inverse_radius, _DEEPEST),
+        z * inverse_radius,
+    )
+    stretched_z = z / (((0.5 - ratio) * (sine * sine) * e2 + 1.0) * ratio * -e2 + 1.0)
+    equatorial = x * x + y * y
+    inverse_norm = 1.0 / sqrt(stretched_z * stretched_z + equatorial)
+    normal_z = stretched_z * inverse_norm
+    foot = sqrt(normal_z * normal_z * -e2 + 1.0) * EARTH_EQUATORIAL_RADIUS_M
+    return (z * stretched_z + equatorial) * inverse_norm - foot
 
 
 def height_and_climb(position: Rows, velocity: Rows, inverse_radius: Column) -> tuple[Column, Column]:

@@ -8,7 +8,7 @@ from opir_core.flight.forces import J2, ForceModel, forces_of
 Floats = NDArray[np.float64]
 
 #: The error of position, m, that propagation allows an arc unless told otherwise.
-TOLERANCE_M = 1e-4
+TOLERANCE_M = 1e-3
 
 
 def propagate(

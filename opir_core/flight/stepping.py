@@ -5,7 +5,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from opir_core.flight import dop853
-from opir_core.flight.gravity import Column, Rows
+from opir_core.flight.gravity import Alone, Column, Rows
+from opir_core.flight.single_steps import single_step
 
 
 class Acceleration(Protocol):
@@ -16,6 +17,10 @@ class Acceleration(Protocol):
 
     def __call__(self, position: Rows, velocity: Rows, /) -> Rows:
         """Return accelerations (3, n), m/s², at positions and velocities (3, n)."""
+        ...
+
+    def alone(self, arc: int) -> Alone:
+        """Return the same for one of the arcs, to the same bits."""
         ...
 
 
@@ -39,11 +44,28 @@ class Step(NamedTuple):
 
 def stepped(right_side: Acceleration, start: Start, h: Column) -> Step:
     """Return one step of length h (n,), s, of either sign, from every state."""
+    if h.size <= _FEW:
+        return _stepped_one_by_one(right_side, start, h)
     stages = Stages(right_side, start, h, [start.acceleration])
     for stage in range(1, dop853.STAGES):
         stages.append(stage)
     position, velocity = stages.append(dop853.STAGES)
     return Step(position, velocity, stages.accelerations[-1], _velocity_error(stages), stages.accelerations)
+
+
+#: Up to this many arcs are stepped one by one.
+_FEW = 8
+
+
+def _stepped_one_by_one(right_side: Acceleration, start: Start, h: Column) -> Step:
+    states = zip(*(rows.T.tolist() for rows in start), h.tolist(), strict=True)
+    steps = [
+        single_step(right_side.alone(arc), right_side.needs_velocity, position, velocity, acceleration, length)
+        for arc, (position, velocity, acceleration, length) in enumerate(states)
+    ]
+    end, speed = (np.array([step[each] for step in steps]).T.copy() for each in (0, 1))
+    stages = list(np.array([step.stages for step in steps]).transpose(2, 1, 0).copy())
+    return Step(end, speed, stages[-1], np.array([step.velocity_error for step in steps]), stages)
 
 
 class Stages:
