@@ -38,7 +38,7 @@ BOUND_S = 2.0
 PAGE = """# Numerical propagation: work and precision
 
 Made by `python benchmarks/work_precision/propagation.py --write docs/benchmarks`: {arcs} ballistic arcs of
-{shortest:.0f} to {longest:.0f} minutes to the ground; tools that take one at a time were given {singles} of them.
+{shortest:.0f} to {longest:.0f} minutes to the ground; tools that take arcs one at a time were given {singles} of them.
 Error: the largest distance from the reference ({reference}) at its time of impact.
 Time: processor time of one core, medians; in the same run a multiplication of two numpy arrays took {multiply_ns:.2f} ns
 an element (0.2 ns where nothing else runs). SciPy is called with a right side in plain Python. "Steps to {bound:.0f} s"

@@ -120,6 +120,18 @@ def of(name, beta):
     return MODELS[name] if drag is None else Forces(drag=Drag(beta, drag.atmosphere))
 
 
+@pytest.mark.parametrize("forces", MODELS.values(), ids=list(MODELS))
+def test_few_arcs_are_many_to_the_last_bit(forces):
+    """Few arcs are stepped in plain numbers, many in columns: the same operations in the same order."""
+    position, velocity = flights(40, seed=9)
+    for tolerance_m in (1e-2, 1e-6):
+        whole = propagate(position, velocity, 1200.0, forces, tolerance_m=tolerance_m)
+        for part in (slice(0, 1), slice(1, 3), slice(3, 11)):
+            some = propagate(position[part], velocity[part], 1200.0, forces, tolerance_m=tolerance_m)
+            np.testing.assert_array_equal(some[0], whole[0][part])
+            np.testing.assert_array_equal(some[1], whole[1][part])
+
+
 @pytest.mark.parametrize("name", ["j2", "us76"])
 def test_results_do_not_depend_on_blocks_and_memory_layout(name):
     position, velocity = flights(2100, seed=8)
