@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-
 from propagation_peers import SCALE_HEIGHT_M, SEA_LEVEL_KG_M3, Problem, heyoka_batch, heyoka_single, solved
 
 from opir_core.flight import Drag, Forces, impact, propagate
@@ -40,8 +39,8 @@ PAGE = """# Numerical propagation: work and precision
 Made by `python benchmarks/work_precision/propagation.py --write docs/benchmarks`: {arcs} ballistic arcs of
 {shortest:.0f} to {longest:.0f} minutes to the ground; tools that take arcs one at a time were given {singles} of them.
 Error: the largest distance from the reference ({reference}) at its time of impact.
-Time: processor time of one core, medians; in the same run a multiplication of two numpy arrays took {multiply_ns:.2f} ns
-an element (0.2 ns where nothing else runs). SciPy is called with a right side in plain Python. "Steps to {bound:.0f} s"
+Time: processor time of one core, medians; in the same run a multiplication of two numpy arrays took {multiply_ns:.2f}
+ns an element (0.2 ns where nothing else runs). SciPy is called with a right side in plain Python. "Steps to {bound:.0f} s"
 is a bound set for the whole arc; opir needs none, since it ends its steps at the seams of the air and bounds them
 inside.
 

@@ -71,7 +71,7 @@ def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
 
 def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None:
     loaded = modules_of(command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--quiet"), tmp_path)
-    heavier = {"propagation", "integration", "single_steps", "drag", "atmosphere_density", "gravity", "stepping", "dop853"}
+    heavier = {"forces", "propagation", "integration", "impact_event", "drag", "gravity", "stepping", "dop853"}
     assert not {f"opir_core.flight.{name}" for name in heavier} & loaded
 
 
