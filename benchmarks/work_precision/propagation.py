@@ -40,9 +40,9 @@ Made by `python benchmarks/work_precision/propagation.py --write docs/benchmarks
 {shortest:.0f} to {longest:.0f} minutes to the ground; tools that take arcs one at a time were given {singles} of them.
 Error: the largest distance from the reference ({reference}) at its time of impact.
 Time: processor time of one core, medians; in the same run a multiplication of two numpy arrays took {multiply_ns:.2f}
-ns an element (0.2 ns where nothing else runs). SciPy is called with a right side in plain Python. "Steps to {bound:.0f} s"
-is a bound set for the whole arc; opir needs none, since it ends its steps at the seams of the air and bounds them
-inside.
+ns an element (0.2 ns where nothing else runs). SciPy is called with a right side in plain Python. "Steps to
+{bound:.0f} s" is a bound set for the whole arc; opir needs none, since it ends its steps at the seams of the air and
+bounds them inside.
 
 {findings}
 
