@@ -12,8 +12,8 @@ from opir_core.errors import SinkError
 from opir_core.manifest import run_manifest
 from opir_core.plan import Plan, built
 from opir_core.plugin.components import EventEncoder
-from opir_core.protocols import Encoder, EncoderContext, Sink, SinkContext
-from opir_core.pump import PumpReport, pump
+from opir_core.protocols import Carrier, Encoder, EncoderContext, Sink, SinkContext
+from opir_core.pump import PumpReport, SinkReport, pump
 from opir_core.records import Window
 from opir_core.run import plan_windows
 from opir_core.scene import Choice
@@ -31,10 +31,15 @@ class Outcome:
     def raise_for_failures(self) -> None:
         """Raise `SinkError` if any sink failed, with what each had delivered."""
         told = [
-            f"{sink.error} ({sink.delivered} events delivered, {sink.dropped} lost)" for sink in self.report.failures
+            f"{sink.error} ({sink.delivered} events delivered, {_kept(sink)}{sink.dropped} lost)"
+            for sink in self.report.failures
         ]
         if told:
             raise SinkError("\n".join(told))
+
+
+def _kept(sink: SinkReport) -> str:
+    return f"{sink.spooled} spooled, " if sink.spooled else ""
 
 
 def deliver(
@@ -74,9 +79,14 @@ def _sinks(plan: Plan) -> Mapping[str, Sink]:
 
 
 def _sink(plan: Plan, choice: Choice) -> Sink:
-    context = SinkContext(make_encoder=partial(_encoder, plan, choice), scene_name=plan.scene.name)
-    sink: Sink = built(plan.host, choice, context)
-    return sink
+    make_encoder = partial(_encoder, plan, choice)
+    context = SinkContext(make_encoder=make_encoder, scene_name=plan.scene.name, resumes=choice.spool is not None)
+    made: Sink | Carrier = built(plan.host, choice, context)
+    if choice.spool is None and not isinstance(made, Carrier):
+        return made
+    from opir_core.spool.opening import dispatched
+
+    return dispatched(choice, made, make_encoder, plan.sensors)
 
 
 def _encoder(plan: Plan, choice: Choice) -> Encoder:

@@ -8,13 +8,18 @@ imported only for scenes whose detection model looks at them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks, Window
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from opir_core.spool.parcels import Parcel
 
 
 @frozen
@@ -181,7 +186,10 @@ class Tracker(Protocol):
 
 
 class Encoder(Protocol):
-    """Detections to message bytes."""
+    """Detections to message bytes.
+
+    An encoder that has no message for some detections has `encodable(window)` too: which rows, (n,), it has one for.
+    """
 
     @property
     def content_type(self) -> str:
@@ -197,15 +205,49 @@ class Encoder(Protocol):
 
 @frozen
 class Delivery:
-    """What became of a sink's events."""
+    """What became of a sink's events: delivered + spooled + dropped + withheld = those taken + recovered.
+
+    `spooled` wait in a spool, `withheld` are those the encoder has no message for, `recovered` those that an earlier
+    run had left in the spool. `complaint` says why not all was delivered, where that is a failure.
+    """
 
     delivered: int
     spooled: int = 0
     dropped: int = 0
+    withheld: int = 0
+    recovered: int = 0
+    complaint: str | None = None
+
+
+@runtime_checkable
+class Carrier(Protocol):
+    """Carries encoded events away and says later which have arrived: what a sink's `build` may return for a sink.
+
+    The core makes a sink of it: it encodes, queues in memory or in a spool, feeds the carrier from a thread of its own,
+    a few megabytes ahead of what is acknowledged, and strikes off what arrived. A carrier tries again by itself
+    whatever may yet succeed, for as long as it is open.
+    """
+
+    @property
+    def trouble(self) -> str | None:
+        """Why nothing gets through at the moment, for people; None while all is well."""
+
+    def carry(self, parcel: "Parcel") -> "Future[None]":
+        """Take events on their way, without waiting; of one key, they arrive in the order in which they were given.
+
+        The future is done once every one is acknowledged. A `SinkError` in it is final: the sink has failed.
+        """
+
+    def close(self, wait_s: float) -> None:
+        """Let go of everything within `wait_s` seconds; futures that are not done by then are cancelled."""
 
 
 class Sink(Protocol):
-    """Where events go. A sink that fails raises `SinkError`; the other sinks go on."""
+    """Where events go. A sink that fails raises `SinkError`; the other sinks go on.
+
+    A sink that can be asked how it stands while it is open has `standing() -> Delivery` too, callable from any thread:
+    there `spooled` are all that are taken and not yet delivered, wherever they wait.
+    """
 
     def write(self, window: Window) -> None:
         """Take a window's events."""
@@ -261,8 +303,10 @@ class SinkContext:
     """What sinks are built with.
 
     `make_encoder` returns the encoder that the output's block names (`encoder: NAME`); what it needs is imported only
-    then, so a sink that never encodes never asks.
+    then, so a sink that never encodes never asks. `resumes` is true where a spool may hold events of an earlier run:
+    what is already at the sink's place is to be added to, not overwritten.
     """
 
     make_encoder: Callable[[], Encoder]
     scene_name: str
+    resumes: bool = False

@@ -17,13 +17,15 @@ from opir_core.records import Window
 
 @frozen
 class SinkReport:
-    """What became of the events that a sink was to take; `error` says why it failed, or is None."""
+    """What became of the events that a sink was to take (see `Delivery`); `error` says why it failed, or is None."""
 
     name: str
     delivered: int
     spooled: int
     dropped: int
     error: str | None = None
+    withheld: int = 0
+    recovered: int = 0
 
 
 @frozen
@@ -97,16 +99,17 @@ class Outlets:
         except SinkError as error:
             self._closed[name] = (None, failure or str(error))
         else:
-            self._closed[name] = (delivery, failure)
+            self._closed[name] = (delivery, failure or delivery.complaint)
 
     def _sink_report(self, name: str) -> SinkReport:
         delivery, failure = self._closed[name]
         told = delivery or Delivery(delivered=0)
-        if failure is None:
-            return SinkReport(name, told.delivered, told.spooled, told.dropped)
-        # A sink that failed has not seen all events, so it cannot know how many it has cost.
-        missing = max(told.dropped, self.events - told.delivered - told.spooled)
-        return SinkReport(name, told.delivered, told.spooled, missing, failure)
+        missing = told.dropped
+        if failure is not None:
+            # A sink that failed has not seen all events, so it cannot know how many it has cost.
+            accounted = told.delivered + told.spooled + told.withheld - told.recovered
+            missing = max(told.dropped, self.events - accounted)
+        return SinkReport(name, told.delivered, told.spooled, missing, failure, told.withheld, told.recovered)
 
 
 def pump(

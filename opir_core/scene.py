@@ -31,12 +31,14 @@ class Choice:
     """A component chosen by name, with its configuration.
 
     `hook` is the catalogue hook it came through, `path` where in the scene it stands (`sensors[2]`, `detection`).
+    `spool` is what an output's key of that name came to (`opir_core.spool.SpoolConfig`), or None.
     """
 
     hook: str
     name: str
     config: Any
     path: str
+    spool: Any = None
 
 
 @frozen

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from opir_core.errors import SinkError
-from opir_core.events.blocks import window_blocks
+from opir_core.events.blocks import only_encodable, window_blocks
 from opir_core.protocols import Delivery, Encoder
 from opir_core.records import Window
 
@@ -16,22 +16,27 @@ STANDARD_OUTPUT = "-"
 class LineFile:
     """Writes events to a file, overwritten if it exists, or to standard output; made, it is open.
 
+    With `appends` what the file holds stays.
+
     Nothing is held back: what `write` was given has been handed to the system when it returns, so a run that is killed
     leaves whole lines, but perhaps for the last. A file that fills its disk is cut back to its last whole line.
     """
 
-    def __init__(self, path: str, encoder: Encoder) -> None:
+    def __init__(self, path: str, encoder: Encoder, *, appends: bool = False) -> None:
         self._name = "standard output" if path == STANDARD_OUTPUT else path
         self._encoder = encoder
         self._taken = 0
         self._delivered = 0
-        self._descriptor = _standard_output() if path == STANDARD_OUTPUT else _opened(path)
+        self._withheld = 0
+        self._descriptor = _standard_output() if path == STANDARD_OUTPUT else _opened(path, appends=appends)
 
     def write(self, window: Window) -> None:
         """Encode the window's events and write them."""
         self._taken += len(window.detections)
         for block in window_blocks(window):
-            self._write_lines(self._encoder.encode(block))
+            kept = only_encodable(block, self._encoder)
+            self._withheld += len(block.detections) - len(kept.detections)
+            self._write_lines(self._encoder.encode(kept))
 
     def close(self) -> Delivery:
         """Close the file; what was not written whole was dropped."""
@@ -39,7 +44,8 @@ class LineFile:
             os.close(self._descriptor)
         except OSError as error:
             raise self._failure(error) from error
-        return Delivery(delivered=self._delivered, dropped=self._taken - self._delivered)
+        missing = self._taken - self._withheld - self._delivered
+        return Delivery(delivered=self._delivered, dropped=missing, withheld=self._withheld)
 
     def _write_lines(self, lines: bytes) -> None:
         written = 0
@@ -59,11 +65,12 @@ class LineFile:
         )
 
 
-def _opened(path: str) -> int:
+def _opened(path: str, *, appends: bool) -> int:
     if not path:
         raise SinkError("jsonl: the path is empty; give the path of a file, or - for standard output")
+    opening = os.O_APPEND if appends else os.O_TRUNC
     try:
-        return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
+        return os.open(path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666)
     except OSError as error:
         raise SinkError(f"jsonl: {path}: cannot be opened: {_reason(error)}; {_way_in(error, path)}") from error
     except ValueError as error:  # a NUL, or half a surrogate pair

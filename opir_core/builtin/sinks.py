@@ -16,7 +16,7 @@ class JsonlConfig:
     """Where lines of events go."""
 
     path: str = text(
-        help="the file, overwritten if it exists, in a folder that exists; - is standard output",
+        help="the file, in a folder that exists, overwritten (or added to, with a spool); - is standard output",
         default="events.jsonl",
     )
     encoder: str = text(help="the event encoder that makes the lines", default="forge")
@@ -32,7 +32,7 @@ class MemoryConfig:
 def _jsonl(config: JsonlConfig, context: "SinkContext") -> "Sink":
     from opir_core.builtin.line_file import LineFile
 
-    return LineFile(config.path, context.make_encoder())
+    return LineFile(config.path, context.make_encoder(), appends=context.resumes)
 
 
 def _memory(_config: MemoryConfig, context: "SinkContext") -> "Sink":

@@ -9,6 +9,7 @@ from opir_core.commands.tables import counted, table
 
 if TYPE_CHECKING:
     from opir_core.delivery import Outcome
+    from opir_core.pump import SinkReport
     from opir_core.scene import Scene
 
 #: Targets that are listed one by one; of more, the first so many.
@@ -67,4 +68,13 @@ def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _delivered(scene: "Scene", outcome: "Outcome") -> list[str]:
     places = {choice.path: getattr(choice.config, "path", choice.name) for choice in scene.outputs}
-    return [f"{places[sink.name]}: {counted(sink.delivered)} events" for sink in outcome.report.sinks]
+    return [f"{places[sink.name]}: {counted(sink.delivered)} events{_besides(sink)}" for sink in outcome.report.sinks]
+
+
+def _besides(sink: "SinkReport") -> str:
+    """Return what else became of a sink's events."""
+    fates = ("spooled", sink.spooled), ("dropped", sink.dropped), ("withheld", sink.withheld)
+    parts = [f"{counted(number)} {fate}" for fate, number in fates if number]
+    if sink.recovered:
+        parts.append(f"{counted(sink.recovered)} of them left in the spool by an earlier run")
+    return "".join(f", {part}" for part in parts)

@@ -54,7 +54,7 @@ def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
     """Return the setting that `--out` or `--sink` stands for."""
     if arguments.out is not None:
         return (f"outputs=[{_jsonl(arguments.out)}]",)
-    return (f"outputs=[{json.dumps(arguments.sink)}]",) if arguments.sink is not None else ()
+    return (f"outputs=[{{{json.dumps(arguments.sink)}: {{}}}}]",) if arguments.sink is not None else ()
 
 
 def _jsonl(path: str) -> str:

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 from attrs import evolve
 
-from opir_core.records import Tracks, Window
+from opir_core.protocols import Encoder
+from opir_core.records import BoolArray, DetectionTruth, Tracks, Window
 
 #: Detections in a block: enough to spread numpy's cost per call, few enough to stay near the processor.
 BLOCK_ROWS = 8_192
@@ -19,3 +20,14 @@ def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:
         block = slice(start, start + rows)
         part = evolve(window, detections=window.detections.take(block), truth=window.truth.take(block))
         yield part if start == 0 else evolve(part, looks=0, tracks=Tracks.empty())
+
+
+def only_encodable(window: Window, encoder: Encoder) -> Window:
+    """Return the window without the detections that an encoder has no message for."""
+    encodable = getattr(encoder, "encodable", None)
+    if encodable is None or not len(window.detections):
+        return window
+    mask: BoolArray = encodable(window)
+    return (
+        window if mask.all() else evolve(window, detections=window.detections.take(mask), truth=DetectionTruth.empty())
+    )

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from attrs import evolve
+
 from opir_core.plugin.host import Host
 from opir_core.reading.choosing import Chooser, Settings
 from opir_core.reading.epoch import epoch_us_of_text
@@ -90,13 +92,28 @@ class Assembler:
         ((name, node),) = block.items()
         with under(key_step(name)):
             settings = {} if node.value is None else dict(block_of(node))
-            return self.chooser.choice(_SINKS, name, path, Settings(node, settings, other_keys=("preset",)))
+            spooled = {"spool": settings.pop("spool")} if "spool" in settings else {}
+            gathering = Gathering()
+            with gathering.at():
+                chosen = Settings(node, settings, other_keys=("preset", "spool"))
+                choice = self.chooser.choice(_SINKS, name, path, chosen)
+            with gathering.at():
+                spool = {key: _spool_settings(block) for key, block in spooled.items()}
+            gathering.require_whole()
+            return evolve(choice, **spool)
 
     def _require_encoder(self, choice: Choice) -> None:
         """Look up the encoder that a sink's settings name, so that one that is missing is told with the others."""
         name = getattr(choice.config, "encoder", None)
         if isinstance(name, str):
             self.chooser.component(_ENCODERS, name, f"{choice.path}.encoder")
+
+
+def _spool_settings(node: Node) -> Any:
+    from opir_core.spool.settings import SpoolConfig
+
+    with under(key_step("spool")):
+        return class_reader(SpoolConfig)(node)
 
 
 def _require_own_place(item: Node, choice: Choice, others: list[Choice]) -> None:

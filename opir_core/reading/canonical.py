@@ -26,7 +26,7 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         "targets": [_target(target) for target in scene.targets],
         "sources": [{"id": source.id, **_block(source.model)} for source in scene.sources],
         **{key: _block(getattr(scene, key)) for key in CHOICES},
-        "outputs": [{choice.name: _settings(choice.config)} for choice in scene.outputs],
+        "outputs": [{choice.name: _output_settings(choice)} for choice in scene.outputs],
     }
 
 
@@ -58,6 +58,11 @@ def _target(target: SceneTarget) -> dict[str, Any]:
 
 def _block(choice: Choice) -> dict[str, Any]:
     return {"model": choice.name, **_settings(choice.config)}
+
+
+def _output_settings(choice: Choice) -> dict[str, Any]:
+    spool = {} if choice.spool is None else {"spool": _settings(choice.spool)}
+    return {**_settings(choice.config), **spool}
 
 
 def _settings(config: Any) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from opir_core.reading.structuring import ClassReader, UnreadableTypeError, clas
 from opir_core.scene import Choice
 
 #: Keys that a scene keeps for itself, besides those that may stand in the block at hand.
-_KEPT = {"opir_sensor_models": ("id", "model", "constellation", "members")}
+_KEPT = {"opir_sensor_models": ("id", "model", "constellation", "members"), "opir_sinks": ("spool",)}
 
 
 @frozen

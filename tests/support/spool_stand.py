@@ -1,0 +1,118 @@
+"""A stand for spools: carriers that do as they are told, and a process that can be killed while it fills one."""
+
+import json
+import os
+import time
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from opir_core.errors import SinkError
+from opir_core.events.forge import ForgeEncoder
+from opir_core.protocols import EncoderContext, Sink
+from opir_core.records import Window
+from opir_core.spool.backlog import MemoryBacklog
+from opir_core.spool.dispatch import Dispatch, Policy
+from opir_core.spool.journal import Journal
+from opir_core.spool.parcels import Packer, Parcel
+from opir_core.testing import stub_sensor
+from opir_core.testing.windows import stub_window
+
+SENSORS = tuple(stub_sensor(f"S-{number}") for number in range(5))
+ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=0))
+MIB = 1 << 20
+QUICK = Policy(when_full="refuse", wait_s=0.3, stall_s=0.2)
+
+
+class Holding:
+    """A carrier that acknowledges when told to, or at once; `mood` is "take", "hold" or "fail"."""
+
+    def __init__(self, mood: str = "take") -> None:
+        self.mood = mood
+        self.trouble: str | None = None
+        self.parcels: list[Parcel] = []
+        self.held: list[Future[None]] = []
+        self.closed = 0
+
+    def carry(self, parcel: Parcel) -> "Future[None]":
+        future: Future[None] = Future()
+        self.parcels.append(parcel)
+        if self.mood == "take":
+            future.set_result(None)
+        elif self.mood == "fail":
+            future.set_exception(SinkError("the broker refuses it"))
+        else:
+            self.held.append(future)
+        return future
+
+    def release(self) -> None:
+        self.mood = "take"
+        for future in self.held:
+            future.set_result(None)
+        self.held.clear()
+
+    def close(self, wait_s: float) -> None:
+        self.closed += 1
+        for future in self.held:
+            future.cancel()
+
+    @property
+    def ids(self) -> list[str]:
+        return [event["detection_id"] for event in self.events]
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        return [json.loads(line) for parcel in self.parcels for line in parcel.messages()]
+
+
+class Appending(Holding):
+    """A carrier that appends lines to a file, a little at a time, as a slow consumer takes them."""
+
+    def __init__(self, path: Path, nap_s: float) -> None:
+        super().__init__()
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        self._nap_s = nap_s
+
+    def carry(self, parcel: Parcel) -> "Future[None]":
+        time.sleep(self._nap_s)
+        os.write(self._file, parcel.body)
+        return super().carry(parcel)
+
+    def close(self, wait_s: float) -> None:
+        os.close(self._file)
+
+
+def window(count: int, first: int = 0) -> Window:
+    """Return a window whose detections take turns between the sensors."""
+    return stub_window(count, first_scan=first, sensor=np.arange(first, first + count) % len(SENSORS))
+
+
+def ids_of(*windows: Window) -> list[str]:
+    return [json.loads(line)["detection_id"] for each in windows for line in ENCODER.encode(each).splitlines()]
+
+
+def spooled(path: Path, carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> Dispatch:
+    return Dispatch("stub", carrier, Journal(str(path), max_bytes), Packer(ENCODER, SENSORS), policy)
+
+
+def unspooled(carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> Dispatch:
+    return Dispatch("stub", carrier, MemoryBacklog(max_bytes), Packer(ENCODER, SENSORS), policy)
+
+
+def fill(sink: Sink, windows: int, rows: int, first: int, nap_s: float) -> None:
+    """Write windows one after the other."""
+    for number in range(windows):
+        sink.write(window(rows, first + number * rows))
+        time.sleep(nap_s)
+
+
+def fill_through_a_spool(folder: str, first: int, told: Any) -> None:
+    """Be a process that fills a spool for ever; `told` is set once it has begun. To be killed."""
+    sink = spooled(Path(folder) / "spool", Appending(Path(folder) / "arrived", 0.001))
+    taken = os.open(Path(folder) / "taken", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    told.set()
+    for number in range(first, first + 1_000_000, 7):
+        sink.write(window(7, number))
+        os.write(taken, b"%d\n" % number)
