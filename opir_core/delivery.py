@@ -12,7 +12,7 @@ from opir_core.errors import SinkError
 from opir_core.manifest import run_manifest
 from opir_core.plan import Plan, built
 from opir_core.plugin.components import EventEncoder
-from opir_core.protocols import Carrier, Encoder, EncoderContext, Sink, SinkContext
+from opir_core.protocols import Encoder, EncoderContext, Sink, SinkContext
 from opir_core.pump import PumpReport, SinkReport, pump
 from opir_core.records import Window
 from opir_core.run import plan_windows
@@ -81,9 +81,10 @@ def _sinks(plan: Plan) -> Mapping[str, Sink]:
 def _sink(plan: Plan, choice: Choice) -> Sink:
     make_encoder = partial(_encoder, plan, choice)
     context = SinkContext(make_encoder=make_encoder, scene_name=plan.scene.name, resumes=choice.spool is not None)
-    made: Sink | Carrier = built(plan.host, choice, context)
-    if choice.spool is None and not isinstance(made, Carrier):
-        return made
+    made: Any = built(plan.host, choice, context)
+    if choice.spool is None and not hasattr(made, "carry"):
+        sink: Sink = made
+        return sink
     from opir_core.spool.opening import dispatched
 
     return dispatched(choice, made, make_encoder, plan.sensors)

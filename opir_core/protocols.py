@@ -8,18 +8,13 @@ imported only for scenes whose detection model looks at them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks, Window
-
-if TYPE_CHECKING:
-    from concurrent.futures import Future
-
-    from opir_core.spool.parcels import Parcel
 
 
 @frozen
@@ -219,32 +214,10 @@ class Delivery:
     complaint: str | None = None
 
 
-@runtime_checkable
-class Carrier(Protocol):
-    """Carries encoded events away and says later which have arrived: what a sink's `build` may return for a sink.
-
-    The core makes a sink of it: it encodes, queues in memory or in a spool, feeds the carrier from a thread of its own,
-    a few megabytes ahead of what is acknowledged, and strikes off what arrived. A carrier tries again by itself
-    whatever may yet succeed, for as long as it is open.
-    """
-
-    @property
-    def trouble(self) -> str | None:
-        """Why nothing gets through at the moment, for people; None while all is well."""
-
-    def carry(self, parcel: "Parcel") -> "Future[None]":
-        """Take events on their way, without waiting; of one key, they arrive in the order in which they were given.
-
-        The future is done once every one is acknowledged. A `SinkError` in it is final: the sink has failed.
-        """
-
-    def close(self, wait_s: float) -> None:
-        """Let go of everything within `wait_s` seconds; futures that are not done by then are cancelled."""
-
-
 class Sink(Protocol):
     """Where events go. A sink that fails raises `SinkError`; the other sinks go on.
 
+    A sink's `build` may return an `opir_core.spool.carriers.Carrier` instead, of which the core makes a sink.
     A sink that can be asked how it stands while it is open has `standing() -> Delivery` too, callable from any thread:
     there `spooled` are all that are taken and not yet delivered, wherever they wait.
     """

@@ -14,9 +14,10 @@ from concurrent.futures import Future
 from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
-from opir_core.protocols import Carrier, Delivery
+from opir_core.protocols import Delivery
 from opir_core.records import Window
 from opir_core.spool.backlog import Backlog, FullError
+from opir_core.spool.carriers import Carrier
 from opir_core.spool.parcels import Packing, Parcel
 from opir_core.spool.settings import DROP_NEWEST, DROP_OLDEST, WAIT
 

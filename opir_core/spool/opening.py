@@ -5,9 +5,10 @@ from typing import Any
 
 from attrs import evolve
 
-from opir_core.protocols import Carrier, Encoder, Sensor, Sink
+from opir_core.protocols import Encoder, Sensor, Sink
 from opir_core.scene import Choice
 from opir_core.spool.backlog import Backlog, MemoryBacklog
+from opir_core.spool.carriers import Carrier
 from opir_core.spool.dispatch import Dispatch, Policy
 from opir_core.spool.journal import Journal
 from opir_core.spool.parcels import Packer, Packing

@@ -11,10 +11,11 @@ from typing import Any, TypeVar
 import numpy as np
 from attrs import evolve, fields
 
+from opir_core.columns import Columns
 from opir_core.errors import SinkError
 from opir_core.events.blocks import window_blocks
 from opir_core.protocols import Sink
-from opir_core.records import Columns, Detections, DetectionTruth, Tracks, Window
+from opir_core.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.spool.parcels import Parcel
 
 _CONTENT_TYPE = "application/vnd.opir.window+npz"

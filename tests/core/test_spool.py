@@ -29,11 +29,12 @@ from spool_stand import (
 
 from opir_core.builtin.memory import Memory
 from opir_core.errors import SinkError
-from opir_core.protocols import Carrier, Delivery
+from opir_core.protocols import Delivery
 from opir_core.pump import pump
 from opir_core.records import Tracks, Window
 from opir_core.spool import parcels
 from opir_core.spool.backlog import FullError
+from opir_core.spool.carriers import Carrier
 from opir_core.spool.dispatch import AHEAD_BYTES, Dispatch, Policy
 from opir_core.spool.journal import Journal
 from opir_core.spool.parcels import PARCEL_EVENTS, Packer
