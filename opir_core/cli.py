@@ -18,6 +18,7 @@ COMMANDS = {
     "explain": "say what a scene will compute, and what it skips and why",
     "plugins": "list the installed plugins and what they offer",
     "describe": "say what a component is and what a scene may set of it",
+    "physics": "work out a radiometric quantity from its formula",
     "schema": "print the JSON Schema of an event",
 }
 

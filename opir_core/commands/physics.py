@@ -1,0 +1,45 @@
+"""`opir physics min-intensity`: the least radiant intensity that a sensor detects, by the unit of its noise."""
+
+import argparse
+import sys
+
+UNITS = {"W/m2": 1.0, "W/cm2": 1e4}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the quantities that can be asked for."""
+    asked = parser.add_subparsers(metavar="QUANTITY", required=True)
+    least = asked.add_parser("min-intensity", help="NEI R² SNR / transmittance, in both units of the NEI")
+    least.add_argument("--nei", type=_positive, default=5e-14, help="noise-equivalent irradiance (default 5e-14)")
+    least.add_argument("--unit", choices=UNITS, help="the unit of --nei; without, the answer for each is given")
+    least.add_argument("--range-km", type=_positive, default=36_000.0, help="range (default 36000)")
+    least.add_argument("--transmittance", type=_share, default=1.0, help="of the atmosphere, (0, 1] (default 1)")
+    least.add_argument("--snr", type=_positive, default=5.0, help="signal over noise at the threshold (default 5)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the least intensity for each unit that the NEI may be in."""
+    from opir_core.radiometry.aperture import minimum_detectable_intensity_w_sr
+
+    for unit in [arguments.unit] if arguments.unit else UNITS:
+        nei_w_m2 = arguments.nei * UNITS[unit]
+        least = minimum_detectable_intensity_w_sr(
+            nei_w_m2, arguments.range_km * 1e3, arguments.transmittance, arguments.snr
+        )
+        converted = "" if unit == "W/m2" else f" = {nei_w_m2:g} W/m2"
+        sys.stdout.write(f"NEI {arguments.nei:g} {unit}{converted}: {float(least):.6g} W/sr\n")
+    return 0
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
+    return value
+
+
+def _share(text: str) -> float:
+    value = _positive(text)
+    if value > 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not in (0, 1]")
+    return value
