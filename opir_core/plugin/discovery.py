@@ -39,6 +39,10 @@ HOOK_OF_KIND: Mapping[str, str] = {
 #: asks of it, what it offers.
 CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
+    "radiometry": (
+        "opir_core.radiometry.plugin",
+        frozenset({("opir_signature_models", "plume")}),
+    ),
 }
 
 _VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\w+)*))?\s*(?:\[.*\])?")

@@ -1,0 +1,32 @@
+"""Core's plugin of radiometry: plumes, atmospheres, backgrounds and sources; imported for scenes that name one.
+
+What it offers is listed in `opir_core.plugin.discovery.CORE_PLUGINS`.
+"""
+
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from typing import Any
+
+from opir_core.plugin.components import SignatureModel
+from opir_core.plugin.hookspecs import hookimpl
+from opir_core.radiometry.configs import PlumeConfig
+
+
+def _built_by(module: str, function: str) -> Callable[..., Any]:
+    """Return a `build` that imports its module of this package when it is called."""
+
+    def build(config: Any, context: Any) -> Any:
+        return getattr(import_module(f"opir_core.radiometry.{module}"), function)(config, context)
+
+    return build
+
+
+@hookimpl
+def opir_signature_models() -> Iterable[SignatureModel]:
+    """Yield `plume`."""
+    yield SignatureModel(
+        name="plume",
+        summary="notional plume by class, thrust phase, altitude and aspect, with a spectrum for any band",
+        config=PlumeConfig,
+        build=_built_by("plume", "plume_signatures"),
+    )

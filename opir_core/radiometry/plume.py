@@ -1,0 +1,175 @@
+"""The signature model `plume`: notional radiant intensity by class, thrust phase, altitude and aspect.
+
+Source: `opir_core/data/plumes.json`, which says what in it is notional. Intensity is a product of the band's peak, the
+stage, the rise at ignition, altitude and aspect. The aspect's factor is that of the area which a long body shows: for an
+angle a from the direction of flight √(sin² a + e² cos² a), with e what it shows end-on.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.errors import ModelError
+from opir_core.flight.profiles import PROFILES_BY_TYPE
+from opir_core.protocols import Band
+from opir_core.radiometry.configs import PlumeConfig
+from opir_core.radiometry.planck import band_radiance
+from opir_core.radiometry.protocols import SignatureContext, Signatures
+from opir_core.records import FloatArray, IndexArray, IntArray
+
+_TABLE = Path(__file__).parents[1] / "data" / "plumes.json"
+
+#: Where hot combustion gases radiate, µm: H₂O with CO₂ near 2.7, CO₂ near 4.3 (Ludwig et al., Handbook of Infrared
+#: Radiation from Combustion Gases, NASA SP-3080, 1973; the edges, where a hot band fades, are notional). A gas stands
+#: by the name of the table's band that fixes it.
+GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (4.17, 4.6)}
+
+
+@frozen(eq=False)
+class PlumeSignatures:
+    """Plumes of n targets: `peak_w_sr` (bands, n); the other columns (n,), stage scales (n, 8), shapes by number."""
+
+    peak_w_sr: FloatArray
+    burn_time_s: FloatArray
+    stages: IntArray
+    stage_scale: FloatArray
+    rise_time_s: FloatArray
+    nose_on: FloatArray
+    tail_on: FloatArray
+    shape: IntArray
+    shapes: tuple[tuple[FloatArray, FloatArray], ...]
+
+    def intensity_w_sr(
+        self,
+        band: int,
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return radiant intensities (n,) at the source, W/sr; 0 before ignition and after burnout."""
+        peak: FloatArray = self.peak_w_sr[band][target]
+        thrust = self._thrust(target, time_since_ignition_s)
+        return peak * thrust * self._altitude(target, altitude_m) * self._aspect(target, aspect_rad)
+
+    def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
+        """Return None: aspect is measured from the direction of flight."""
+        return None
+
+    def _thrust(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        burn_time_s, stages = self.burn_time_s[target], self.stages[target]
+        stage = np.clip((time_s / burn_time_s * stages).astype(np.int64), 0, stages - 1)
+        # A rise without duration is a step.
+        rise = -np.expm1(-time_s / np.maximum(self.rise_time_s[target], 1e-12))
+        burns = (time_s >= 0.0) & (time_s <= burn_time_s)
+        return np.where(burns, rise * self.stage_scale[target, stage], 0.0)
+
+    def _altitude(self, target: IndexArray, altitude_m: FloatArray) -> FloatArray:
+        if len(self.shapes) == 1:
+            return np.interp(altitude_m, *self.shapes[0])
+        scale, shape = np.empty(len(target)), self.shape[target]
+        for number, points in enumerate(self.shapes):
+            rows = np.flatnonzero(shape == number)
+            scale[rows] = np.interp(altitude_m[rows], *points)
+        return scale
+
+    def _aspect(self, target: IndexArray, aspect_rad: FloatArray) -> FloatArray:
+        cosine, sine = np.cos(aspect_rad), np.sin(aspect_rad)
+        end_on = np.where(cosine > 0.0, self.nose_on[target], self.tail_on[target]) * cosine
+        shown: FloatArray = np.sqrt(sine * sine + end_on * end_on)
+        return shown
+
+
+def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) -> Signatures:
+    """Return the plumes of all targets of the model; `ModelError` names a target whose plume is of no known class."""
+    classes = [_class_name(config, context, row) for row, config in enumerate(configs)]
+    shapes = list(dict.fromkeys((config.altitude_km, config.altitude_scale) for config in configs))
+    peaks = [
+        _peaks(config, name, context, row) for row, (config, name) in enumerate(zip(configs, classes, strict=True))
+    ]
+    return PlumeSignatures(
+        peak_w_sr=np.array(peaks, dtype=np.float64).reshape(-1, len(context.bands)).T.copy(),
+        burn_time_s=np.asarray(context.burn_time_s, dtype=np.float64),
+        stages=np.array(
+            [config.stages or plume_table()["stages"][name] for config, name in zip(configs, classes, strict=True)]
+        ),
+        stage_scale=np.array([_padded(config.stage_scale) for config in configs]),
+        rise_time_s=_column(configs, "rise_time_s"),
+        nose_on=_column(configs, "nose_on"),
+        tail_on=_column(configs, "tail_on"),
+        shape=np.array([shapes.index((config.altitude_km, config.altitude_scale)) for config in configs]),
+        shapes=tuple((np.array(km) * 1e3, np.array(scale)) for km, scale in shapes),
+    )
+
+
+@cache
+def plume_table() -> Mapping[str, Any]:
+    """Return the table of plumes as its file has it."""
+    table: Mapping[str, Any] = json.loads(_TABLE.read_text(encoding="utf-8"))
+    return table
+
+
+def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: float, gas_k: float) -> float:
+    """Return the intensity, W/sr, in any band of a plume given by its intensities in the table's three bands.
+
+    In the table's bands it is what the table has. Raises `ValueError` where the continuum that LWIR implies is brighter
+    than the SWIR or MWIR given.
+    """
+    edges = plume_table()["bands_um"]
+    area = peaks["LWIR"] / _radiance(continuum_k, edges["LWIR"])
+    total = area * _radiance(continuum_k, (band.lower_um, band.upper_um))
+    for name, gas in GAS_BANDS_UM.items():
+        rest = peaks[name] - area * _radiance(continuum_k, edges[name])
+        if rest < 0.0:
+            raise ValueError(
+                f"the continuum that LWIR {peaks['LWIR']:g} W/sr implies at {continuum_k:g} K,"
+                f" {peaks[name] - rest:g} W/sr in {name}, is more than the {peaks[name]:g} W/sr of {name}"
+            )
+        total += (
+            rest * _radiance(gas_k, _overlap(gas, band)) / _radiance(gas_k, _overlap(gas, Band(name, *edges[name])))
+        )
+    return total
+
+
+def _peaks(config: PlumeConfig, name: str, context: SignatureContext, row: int) -> list[float]:
+    """Return the peak of one target in each band."""
+    peaks = {**plume_table()["peak_w_sr"][name], **config.peak_w_sr}
+    temperatures = (config.continuum_temperature_k, config.gas_temperature_k)
+    try:
+        return [config.scale * plume_intensity_w_sr(peaks, band, *temperatures) for band in context.bands]
+    except ValueError as error:
+        raise ModelError(f"{context.paths[row]}: {error}") from error
+
+
+def _class_name(config: PlumeConfig, context: SignatureContext, row: int) -> str:
+    table = plume_table()["peak_w_sr"]
+    if config.profile is not None:
+        if config.profile in table:
+            return config.profile
+        raise ModelError(f"{context.paths[row]}.profile: {config.profile!r} is not one of {', '.join(table)}")
+    flown = context.profiles[row]
+    return flown if flown in table else PROFILES_BY_TYPE[context.types[row]][0]
+
+
+def _radiance(temperature_k: float, edges_um: Sequence[float]) -> float:
+    return float(band_radiance(temperature_k, *edges_um))
+
+
+def _overlap(gas: tuple[float, float], band: Band) -> tuple[float, float]:
+    """Return what of a gas's band lies in another; a band without width where nothing does."""
+    lower = max(gas[0], band.lower_um)
+    return lower, max(lower, min(gas[1], band.upper_um))
+
+
+def _padded(scales: Sequence[float]) -> list[float]:
+    most = 8
+    return [*scales[:most], *[scales[-1]] * (most - len(scales))]
+
+
+def _column(configs: Sequence[PlumeConfig], name: str) -> FloatArray:
+    return np.array([getattr(config, name) for config in configs], dtype=np.float64)
