@@ -1,7 +1,7 @@
 """The signature model `plume`: notional radiant intensity by class, thrust phase, altitude and aspect.
 
 Source: `opir_core/data/plumes.json`, which says what in it is notional. Intensity is a product of the band's peak, the
-stage, the rise at ignition, altitude and aspect. The aspect's factor is that of the area which a long body shows: for an
+stage, the rise at ignition, altitude and aspect. The aspect's factor is that of the area which a long body shows: at an
 angle a from the direction of flight √(sin² a + e² cos² a), with e what it shows end-on.
 """
 
@@ -63,9 +63,9 @@ class PlumeSignatures:
 
     def _thrust(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         burn_time_s, stages = self.burn_time_s[target], self.stages[target]
-        stage = np.clip((time_s / burn_time_s * stages).astype(np.int64), 0, stages - 1)
+        stage = np.clip(np.minimum(time_s / burn_time_s, 1.0) * stages, 0.0, stages - 1.0).astype(np.int64)
         # A rise without duration is a step.
-        rise = -np.expm1(-time_s / np.maximum(self.rise_time_s[target], 1e-12))
+        rise = -np.expm1(-np.maximum(time_s, 0.0) / np.maximum(self.rise_time_s[target], 1e-12))
         burns = (time_s >= 0.0) & (time_s <= burn_time_s)
         return np.where(burns, rise * self.stage_scale[target, stage], 0.0)
 

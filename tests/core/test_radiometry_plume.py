@@ -1,6 +1,7 @@
 """Plumes: the table's bands, other bands by the stated spectrum, thrust phases, altitude, aspect, and bad settings."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -62,8 +63,7 @@ def test_a_band_has_what_its_parts_have(name):
     edges = np.array([1.5, 2.2, 2.6, 2.9, 3.3, 4.1, 4.3, 4.5, 5.0, 9.0, 14.0])
     peaks = TABLE["peak_w_sr"][name]
     parts = [
-        plume_intensity_w_sr(peaks, Band("part", low, high), 1500.0, 2000.0)
-        for low, high in zip(edges, edges[1:], strict=False)
+        plume_intensity_w_sr(peaks, Band("part", low, high), 1500.0, 2000.0) for low, high in pairwise(edges.tolist())
     ]
     whole = plume_intensity_w_sr(peaks, Band("whole", edges[0], edges[-1]), 1500.0, 2000.0)
     assert sum(parts) == pytest.approx(whole, rel=1e-12)
