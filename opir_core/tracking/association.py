@@ -1,0 +1,114 @@
+"""Which rays belong to which tracks: nearest or joint, one ray a track and scan, one track a ray."""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.assignment import nearest
+from opir_core.tracking.gating import Pairs
+from opir_core.tracking.joint_association import marginals
+from opir_core.tracking.rays import Rays, Sights
+
+#: A pair that a joint association believes in less than this is left out of the track's sight.
+_LEAST_BELIEF = 1e-6
+
+#: A sight tells at least this share of what an undoubted one would, or it is left out.
+_LEAST_TOLD = 1e-3
+
+
+class Associated(NamedTuple):
+    """The sights of tracks, and the track (rows,) that each ray was given to, -1 for none."""
+
+    sights: Sights
+    owner: IntArray
+
+
+@frozen
+class Chances:
+    """What association takes for granted: chance of detection a look, by sensor, and false alarms a scan and sr."""
+
+    detection: FloatArray
+    false_per_sr: float
+
+    def log_ratio(self, pairs: Pairs, rays: Rays) -> FloatArray:
+        """Return the log likelihood (n,) that pairs belong together over that of a miss and a false alarm."""
+        chance = self.detection[rays.sensor[pairs.ray]]
+        odds = np.log(chance / ((1.0 - chance) * 2.0 * np.pi * self.false_per_sr))
+        log: FloatArray = odds - 0.5 * (pairs.distance + pairs.log_volume)
+        return log
+
+
+def scan_groups(pairs: Pairs, rays: Rays) -> IntArray:
+    """Return a number (n,) for each pair's track, sensor and scan: at most one ray of a group is the track's own."""
+    scans = np.stack([rays.sensor.astype(np.int64), rays.scan], axis=1)
+    _, scan = np.unique(scans, axis=0, return_inverse=True)
+    _, group = np.unique(pairs.track * (len(rays) + 1) + scan[pairs.ray], return_inverse=True)
+    number: IntArray = group.astype(np.int64)
+    return number
+
+
+def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
+    """Return each track's ray of each scan by global nearest neighbour."""
+    chosen = nearest(scan_groups(pairs, rays), pairs.ray, -chances.log_ratio(pairs, rays))
+    used = pairs.take(np.flatnonzero(chosen))
+    owner = np.full(len(rays), -1, dtype=np.int64)
+    owner[used.ray] = used.track
+    return Associated(used.sights(used.seen, np.eye(2) / used.sigma_rad[:, None, None]), owner)
+
+
+def associate_joint(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
+    """Return one sight for each track and scan that stands for all its rays, each as probable as it is.
+
+    The joint probabilistic update of Fortmann, Bar-Shalom and Scheffe ("Sonar tracking of multiple targets using joint
+    probabilistic data association", IEEE J. Oceanic Engineering 8(3), 1983) takes K M Kᵀ from the covariance, with
+    M = (1 - β₀) S - Σ β ν νᵀ + ν̄ ν̄ᵀ. A plain update with residual S M⁻¹ ν̄ and noise S M⁻¹ S - H P Hᵀ does the same,
+    and that is the sight: so any filter can take it in. Where the rays disagree so much that M is not positive, the
+    sight tells nothing in that direction and is left out.
+    """
+    group, ratio = scan_groups(pairs, rays), chances.log_ratio(pairs, rays)
+    owner = np.full(len(rays), -1, dtype=np.int64)
+    chosen = pairs.take(np.flatnonzero(nearest(group, pairs.ray, -ratio)))
+    owner[chosen.ray] = chosen.track
+    beta = marginals(group, pairs.ray, np.exp(np.minimum(ratio, 300.0)))
+    return Associated(_blended(pairs, group, beta), owner)
+
+
+def _blended(pairs: Pairs, group: IntArray, beta: FloatArray) -> Sights:
+    count = int(group.max(initial=-1)) + 1
+    lead = np.full(count, -1, dtype=np.int64)
+    order = np.lexsort((-np.arange(len(beta)), beta))
+    lead[group[order]] = order
+    first = pairs.take(lead)
+    belief: FloatArray = np.bincount(group, beta, count).astype(np.float64)
+    mean = np.stack([np.bincount(group, beta * pairs.seen[:, axis], count) for axis in (0, 1)], axis=1).astype(
+        np.float64
+    )
+    square = np.empty((count, 2, 2))
+    for row, column in ((0, 0), (0, 1), (1, 1)):
+        total = np.bincount(group, beta * pairs.seen[:, row] * pairs.seen[:, column], count)
+        square[:, row, column] = square[:, column, row] = total - mean[:, row] * mean[:, column]
+    told = belief[:, None, None] * first.spread - square
+    return _as_sights(first, belief, mean, told)
+
+
+def _as_sights(first: Pairs, belief: FloatArray, mean: FloatArray, told: FloatArray) -> Sights:
+    """Return the sights whose plain update takes K `told` Kᵀ from the covariance and moves the mean by K `mean`.
+
+    In the coordinates in which S is the identity: information I = M / (I - M + R) is worked out direction by direction
+    of M, each bounded below, with R the noise of one ray.
+    """
+    root = np.linalg.cholesky(first.spread)
+    inverse = np.linalg.inv(root)
+    share, turn = np.linalg.eigh(inverse @ told @ inverse.transpose(0, 2, 1))
+    noise = inverse @ (np.square(first.sigma_rad)[:, None, None] * inverse.transpose(0, 2, 1))
+    useful = np.flatnonzero((share[:, 0] > _LEAST_TOLD) & (belief > _LEAST_BELIEF))
+    root, inverse, share, turn, noise = (part[useful] for part in (root, inverse, share, turn, noise))
+    turned = turn.transpose(0, 2, 1)
+    # S M⁻¹ S - H P Hᵀ = M⁻¹ - I + R in these coordinates; never less than the noise of one ray.
+    excess = (turn * (1.0 / np.minimum(share, 1.0) - 1.0)[:, None, :]) @ turned
+    effective = root @ (excess + noise) @ root.transpose(0, 2, 1)
+    pulled = root @ ((turn / np.minimum(share, 1.0)[:, None, :]) @ (turned @ (inverse @ mean[useful][:, :, None])))
+    whitener = np.linalg.inv(np.linalg.cholesky(0.5 * (effective + effective.transpose(0, 2, 1))))
+    return first.take(useful).sights(pulled[:, :, 0], whitener)

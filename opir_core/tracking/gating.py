@@ -1,0 +1,175 @@
+"""Gating in line-of-sight space: which rays can belong to which tracks, found through bins of directions.
+
+Directions are put into cubic bins of about the gate's width, tracks of like gates together, so that the cost grows with
+the gated pairs and not with tracks times rays.
+"""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.records import Columns, FloatArray, IntArray
+from opir_core.tracking.rays import Rays, Sights, axes_across, emission_s, turned
+from opir_core.tracking.switching_filter import Outlook
+
+#: Bits of each of three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
+_BITS = 18
+_FINEST = 2.0 ** -(_BITS - 2)
+
+#: Distance at which light time is first guessed, m.
+_FIRST_RANGE_M = 3.6e7
+
+
+@frozen(eq=False)
+class Pairs(Columns):
+    """Gated pairs of a track and a ray: where the ray passes the track, in the plane across the expected direction.
+
+    `seen` (n, 2), rad, is measured less expected, `spread` (n, 2, 2) its covariance; `distance` (n,) its squared
+    Mahalanobis length and `log_volume` (n,) the logarithm of det spread. Vectors are inertial, m.
+    """
+
+    track: IntArray
+    ray: IntArray
+    time_s: FloatArray
+    origin_m: FloatArray
+    axes: FloatArray
+    seen: FloatArray
+    spread: FloatArray
+    distance: FloatArray
+    log_volume: FloatArray
+    sigma_rad: FloatArray
+
+    def sights(self, seen: FloatArray, whitener: FloatArray) -> Sights:
+        """Return the pairs as sights with other residuals and weights."""
+        return Sights(self.track, self.time_s, self.origin_m, self.axes, seen, whitener)
+
+
+def candidates(outlook: Outlook, rays: Rays, span_s: float, gate: float, light_time: bool) -> tuple[IntArray, IntArray]:
+    """Return tracks and rays of pairs that may pass the gate (and some that do not): the bins of the two touch."""
+    sensor, which = np.unique(rays.sensor, return_inverse=True)
+    count = len(outlook.side)
+    track, place = np.repeat(np.arange(count), len(sensor)), np.tile(np.arange(len(sensor)), count)
+    middle = np.full(len(track), outlook.time_s - 0.5 * span_s)
+    origin, sigma = _middles(rays, which, len(sensor))
+    apart, range_m = _directions(outlook, track, origin[place], middle, light_time)
+    reach = _reach(outlook, track, range_m, span_s, gate) + gate * sigma[place]
+    reach += _parallax(rays, which, origin)[place] / range_m
+    return _touching(track, place, apart, reach, which, rays.direction_ecef)
+
+
+def _middles(rays: Rays, which: IntArray, sensors: int) -> tuple[FloatArray, FloatArray]:
+    """Return the mean place of each sensor and its largest error."""
+    total = np.bincount(which, minlength=sensors)
+    origin = np.stack([np.bincount(which, rays.origin_ecef_m[:, axis], sensors) / total for axis in range(3)], axis=1)
+    sigma = np.zeros(sensors)
+    np.maximum.at(sigma, which, rays.sigma_rad)
+    return origin, sigma
+
+
+def _parallax(rays: Rays, which: IntArray, origin: FloatArray) -> FloatArray:
+    """Return how far each sensor strays from its mean place, m."""
+    stray = np.zeros(len(origin))
+    np.maximum.at(stray, which, np.sqrt(np.sum((rays.origin_ecef_m - origin[which]) ** 2, axis=1)))
+    return stray
+
+
+def _directions(
+    outlook: Outlook, track: IntArray, origin: FloatArray, time_s: FloatArray, light_time: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return ECEF unit vectors (n, 3) to tracks as seen at looks (n,), and the distances (n,)."""
+    guess = emission_s(time_s, np.full(len(time_s), _FIRST_RANGE_M), light_time)
+    position = turned(outlook.positions(track, guess), -guess)
+    apart = position - origin
+    range_m = np.sqrt(np.sum(apart * apart, axis=1))
+    return apart / range_m[:, None], range_m
+
+
+def _reach(outlook: Outlook, track: IntArray, range_m: FloatArray, span_s: float, gate: float) -> FloatArray:
+    """Return how far from its middle direction a track may be seen within the span, rad."""
+    everyone = np.arange(len(outlook.side))
+    variance = np.zeros(len(everyone))
+    for end in (outlook.time_s - span_s - 0.2, outlook.time_s):
+        side = outlook.position_sides(everyone, np.full(len(everyone), end))
+        variance = np.maximum(variance, np.sum(side * side, axis=(1, 2)))
+    speed = np.sqrt(np.sum(outlook.derivative[:, 1] ** 2, axis=1))
+    wide: FloatArray = (gate * np.sqrt(variance) + speed * (0.5 * span_s + 0.2))[track] / range_m
+    return wide
+
+
+def _touching(
+    track: IntArray, place: IntArray, middle: FloatArray, reach: FloatArray, which: IntArray, direction: FloatArray
+) -> tuple[IntArray, IntArray]:
+    octave = np.ceil(np.log2(np.clip(reach, _FINEST, 1.0))).astype(np.int64)
+    tracks, found = [], []
+    for level in np.unique(octave):
+        mine = np.flatnonzero(octave == level)
+        keys = _keys(which, _bins(direction, level))
+        order = np.argsort(keys, kind="stable")
+        entry, spot = _met(keys[order], place[mine], _bins(middle[mine], level))
+        tracks.append(track[mine[entry]])
+        found.append(order[spot])
+    pair_track, pair_ray = np.concatenate([*tracks, _NONE]), np.concatenate([*found, _NONE])
+    order = np.lexsort((pair_ray, pair_track))
+    return pair_track[order], pair_ray[order]
+
+
+_NONE = np.empty(0, dtype=np.int64)
+
+
+def _bins(direction: FloatArray, level: int) -> IntArray:
+    """Return bin numbers (n, 3), from 1, of bins of width 2**level."""
+    return np.floor((direction + 1.0) * 2.0**-level).astype(np.int64) + 1
+
+
+def _keys(place: IntArray, bins: IntArray) -> IntArray:
+    return ((place << _BITS | bins[:, 0]) << _BITS | bins[:, 1]) << _BITS | bins[:, 2]
+
+
+def _met(keys: IntArray, place: IntArray, bins: IntArray) -> tuple[IntArray, IntArray]:
+    """Return entries and rows of the sorted keys whose bins touch: for each of 9 columns of bins, a run of three."""
+    starts, stops = [], []
+    for dx in (-1, 0, 1):
+        for dy in (-1, 0, 1):
+            here = bins + np.array([dx, dy, 0])
+            key = _keys(place, here)
+            starts.append(np.searchsorted(keys, key - 1, side="left"))
+            stops.append(np.searchsorted(keys, key + 1, side="right"))
+    start, stop = np.concatenate(starts), np.concatenate(stops)
+    length = stop - start
+    entry = np.repeat(np.tile(np.arange(len(place)), 9), length)
+    spot = np.arange(int(length.sum())) - np.repeat(np.cumsum(length) - length, length) + np.repeat(start, length)
+    return entry, spot
+
+
+def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: float, light_time: bool) -> Pairs:
+    """Return those of candidate pairs (n,) that are within `gate` standard deviations of each other."""
+    time_s, origin, direction, position = _met_at(outlook, rays, track, ray, light_time)
+    apart = position - origin
+    range_m = np.sqrt(np.sum(apart * apart, axis=1))
+    axes = axes_across(apart / range_m[:, None])
+    local = np.sum(axes * direction[:, None, :], axis=2)
+    seen = local[:, :2] / local[:, 2:]
+    side = (axes[:, :2] @ outlook.position_sides(track, time_s)) / range_m[:, None, None]
+    sigma = rays.sigma_rad[ray]
+    spread = side @ side.transpose(0, 2, 1)
+    spread[:, [0, 1], [0, 1]] += (sigma * sigma)[:, None]
+    determinant = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] ** 2
+    distance = (
+        spread[:, 1, 1] * seen[:, 0] ** 2
+        - 2.0 * spread[:, 0, 1] * seen[:, 0] * seen[:, 1]
+        + spread[:, 0, 0] * seen[:, 1] ** 2
+    ) / determinant
+    inside = np.flatnonzero((distance <= gate * gate) & (local[:, 2] > 0.0))
+    whole = Pairs(track, ray, time_s, origin, axes, seen, spread, distance, np.log(determinant), sigma)
+    return whole.take(inside)
+
+
+def _met_at(
+    outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, light_time: bool
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return when the light left, and origin, direction and the track's position then, inertial."""
+    look = rays.time_s[ray]
+    guess = emission_s(look, np.full(len(look), _FIRST_RANGE_M), light_time)
+    there = outlook.positions(track, guess) - turned(rays.origin_ecef_m[ray], guess)
+    time_s = emission_s(look, np.sqrt(np.sum(there * there, axis=1)), light_time)
+    origin, direction = turned(rays.origin_ecef_m[ray], time_s), turned(rays.direction_ecef[ray], time_s)
+    return time_s, origin, direction, outlook.positions(track, time_s)

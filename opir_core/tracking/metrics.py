@@ -1,0 +1,85 @@
+"""Distances between a set of estimates and a set of true states: OSPA and GOSPA.
+
+Pure functions of arrays. The assignment is the optimal one (scipy.optimize.linear_sum_assignment).
+"""
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.records import FloatArray, IntArray
+
+
+@frozen(eq=False)
+class Gospa:
+    """A GOSPA distance and its parts: `distance`**p = `localisation` + `missed` + `false`, all of them p-th powers.
+
+    `assigned` (k, 2) are the pairs (estimate, truth) closer than the cut-off, by estimate; every other truth is missed,
+    every other estimate false.
+    """
+
+    distance: float
+    localisation: float
+    missed: float
+    false: float
+    missed_count: int
+    false_count: int
+    assigned: IntArray
+
+
+def gospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: float = 2.0, alpha: float = 2.0) -> Gospa:
+    """Return the generalised optimal sub-pattern assignment distance between points (m, d) and (n, d).
+
+    With `alpha` 2 the distance splits into what assigned pairs are apart and `cutoff`**p / 2 for each missed truth and
+    each false estimate (Rahmathullah, Garcia-Fernandez and Svensson, "Generalized optimal sub-pattern assignment
+    metric", Fusion 2017, proposition 1). With another alpha in (0, 2] what is left over in the larger set costs
+    `cutoff`**p / alpha each (their definition 1) and pairs cut off are a missed truth and a false estimate, at half of
+    `cutoff`**p each. Two empty sets are at distance 0.
+    """
+    _check(cutoff, order)
+    if not 0.0 < alpha <= 2.0:
+        raise ValueError(f"alpha must be in (0, 2], got {alpha!r}")
+    power, pairs = _assigned(estimate, truth, cutoff, order)
+    near = power < cutoff**order
+    localisation, cut = float(power[near].sum()), int(np.count_nonzero(~near))
+    spare_estimates, spare_truths = len(estimate) - len(power), len(truth) - len(power)
+    missed = cutoff**order * (cut / 2.0 + spare_truths / alpha)
+    false = cutoff**order * (cut / 2.0 + spare_estimates / alpha)
+    total = float((localisation + missed + false) ** (1.0 / order))
+    return Gospa(total, localisation, missed, false, cut + spare_truths, cut + spare_estimates, pairs[near])
+
+
+def ospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: float = 2.0) -> float:
+    """Return the optimal sub-pattern assignment distance between points (m, d) and (n, d), at most `cutoff`.
+
+    The p-th mean of the cut-off distances of the best assignment, each point of the larger set that is left over at
+    `cutoff` (Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", IEEE
+    Trans. Signal Processing 56(8), 2008). Two empty sets are at distance 0.
+    """
+    _check(cutoff, order)
+    larger = max(len(estimate), len(truth))
+    if not larger:
+        return 0.0
+    power, _ = _assigned(estimate, truth, cutoff, order)
+    return float(((power.sum() + cutoff**order * (larger - len(power))) / larger) ** (1.0 / order))
+
+
+def _check(cutoff: float, order: float) -> None:
+    if not 0.0 < cutoff < np.inf:
+        raise ValueError(f"the cut-off must be positive and finite, got {cutoff!r}")
+    if not 1.0 <= order < np.inf:
+        raise ValueError(f"the order must be finite and at least 1, got {order!r}")
+
+
+def _assigned(
+    estimate: FloatArray, truth: FloatArray, cutoff: float, order: float
+) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Return the p-th powers of the cut-off distances of the best assignment, and its pairs, by estimate."""
+    if not len(estimate) or not len(truth):
+        return np.empty(0), np.empty((0, 2), dtype=np.int64)
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.sqrt(np.sum((np.asarray(estimate)[:, None, :] - np.asarray(truth)[None, :, :]) ** 2, axis=2))
+    power = np.minimum(apart, cutoff) ** order
+    rows, columns = linear_sum_assignment(power)
+    return power[rows, columns], np.stack([rows, columns], axis=1).astype(np.int64)

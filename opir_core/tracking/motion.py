@@ -1,0 +1,142 @@
+"""How targets move between looks: boost with a nearly constant jerk, and free flight, in the inertial frame.
+
+A state of boost (12) is position, velocity, specific force a (all but gravity) and its rate; of coast (6) position and
+velocity. Both fall under the gravity of the scene's forces. White noise drives the rate of the specific force in boost,
+and the velocity in coast. Units m, s; the inertial frame is ECEF frozen at the scene's epoch.
+"""
+
+from math import factorial
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.flight.forces import Forces
+from opir_core.flight.gravity import Gravity
+from opir_core.records import FloatArray
+
+#: Sizes of the states.
+BOOST, COAST = 12, 6
+
+#: The longest step of Runge and Kutta's fourth-order method, s: it leaves (n h)⁵ r / 120 < 1 mm in low orbits.
+_LONGEST_STEP_S = 20.0
+
+_UNIT = np.eye(3)
+
+
+@frozen(eq=False)
+class Motion:
+    """The motion of one mode: the size of its state and the intensity of the noise, as a standard deviation per √s.
+
+    `noise` has the unit of the state's last derivative per √s: m/s³ for boost, m/s for coast.
+    """
+
+    size: int
+    noise: float
+    forces: Forces
+
+    def gravity(self, position_m: FloatArray) -> FloatArray:
+        """Return the acceleration of gravity (n, 3), m/s², at positions (n, 3)."""
+        field = Gravity(self.forces.gravity, self.forces.zonal)
+        down: FloatArray = np.ascontiguousarray(field(np.ascontiguousarray(position_m.T)).T)
+        return down
+
+    def gradient(self, position_m: FloatArray) -> FloatArray:
+        """Return the gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of it, is left out."""
+        square = np.sum(position_m * position_m, axis=1)
+        outer = position_m[:, :, None] * position_m[:, None, :] / square[:, None, None]
+        scale = self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square))
+        gradient: FloatArray = scale[:, None, None] * (3.0 * outer - _UNIT)
+        return gradient
+
+    def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states (n, d) after steps (n,), s."""
+        pieces = max(1, int(np.ceil(np.max(np.abs(step_s), initial=0.0) / _LONGEST_STEP_S)))
+        for _ in range(pieces):
+            state = self._runge_kutta(state, (step_s / pieces)[:, None])
+        return state
+
+    def _runge_kutta(self, state: FloatArray, step: FloatArray) -> FloatArray:
+        first = self._rate(state)
+        second = self._rate(state + 0.5 * step * first)
+        third = self._rate(state + 0.5 * step * second)
+        fourth = self._rate(state + step * third)
+        return state + step / 6.0 * (first + 2.0 * (second + third) + fourth)
+
+    def _rate(self, state: FloatArray) -> FloatArray:
+        rate = np.zeros_like(state)
+        rate[:, : self.size - 3] = state[:, 3:]
+        rate[:, 3:6] = self.gravity(state[:, :3])
+        if self.size == BOOST:
+            rate[:, 3:6] += state[:, 6:9]
+        return rate
+
+    def transition(self, position_m: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return the transition matrices (n, d, d) of steps (n,): the exponential series with a constant gradient."""
+        gradient = self.gradient(position_m)
+        blocks = self.size // 3
+        matrix = np.zeros((len(step_s), self.size, self.size))
+        for row in range(blocks):
+            for column in range(row, blocks):
+                power = step_s ** (column - row) / factorial(column - row)
+                _block(matrix, row, column)[...] = power[:, None, None] * _UNIT
+        for row, column, order in _GRADIENT_TERMS:
+            if column < blocks:
+                _block(matrix, row, column)[...] += (step_s**order / factorial(order))[:, None, None] * gradient
+        _block(matrix, 0, 0)[...] += (step_s**4 / 24.0)[:, None, None] * (gradient @ gradient)
+        return matrix
+
+    def noise_root(self, step_s: FloatArray) -> FloatArray | None:
+        """Return L (n, d, d) with L Lᵀ the covariance of the noise gathered in steps (n,); None where there is none."""
+        if self.noise == 0.0:
+            return None
+        blocks = self.size // 3
+        powers = np.arange(blocks - 1, -1, -1)
+        scale = self.noise * np.abs(step_s)[:, None] ** (powers + 0.5)
+        small = scale[:, :, None] * _integrator_noise(blocks)
+        whole: FloatArray = (small[:, :, None, :, None] * _UNIT[:, None, :]).reshape(len(step_s), self.size, self.size)
+        return whole
+
+    def taylor(self, state: FloatArray) -> FloatArray:
+        """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
+        position, velocity = state[:, :3], state[:, 3:6]
+        gradient = self.gradient(position)
+        derivative = np.zeros((len(state), 5, 3))
+        derivative[:, 0], derivative[:, 1] = position, velocity
+        derivative[:, 2] = self.gravity(position)
+        derivative[:, 3] = _times(gradient, velocity)
+        if self.size == BOOST:
+            derivative[:, 2] += state[:, 6:9]
+            derivative[:, 3] += state[:, 9:12]
+        derivative[:, 4] = _times(gradient, derivative[:, 2])
+        return derivative
+
+
+#: Where the gradient enters the exponential series: block row, block column, power of time.
+_GRADIENT_TERMS = ((0, 0, 2), (0, 1, 3), (0, 2, 4), (1, 0, 1), (1, 1, 2), (1, 2, 3), (1, 3, 4))
+
+
+def _block(matrix: FloatArray, row: int, column: int) -> FloatArray:
+    return matrix[:, 3 * row : 3 * row + 3, 3 * column : 3 * column + 3]
+
+
+def _times(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    product: FloatArray = np.sum(matrix * vectors[:, None, :], axis=2)
+    return product
+
+
+def _integrator_noise(blocks: int) -> FloatArray:
+    """Return the Cholesky factor of the covariance of a chain of integrators driven by unit noise for one second.
+
+    Its elements are 1 / (a! b! (a + b + 1)) for the a-th and b-th integrals.
+    """
+    powers = range(blocks - 1, -1, -1)
+    unit = np.array([[1.0 / (factorial(a) * factorial(b) * (a + b + 1)) for b in powers] for a in powers])
+    return np.linalg.cholesky(unit)
+
+
+def weights_at(offset_s: FloatArray) -> FloatArray:
+    """Return 1, τ, τ²/2, τ³/6, τ⁴/24 for offsets (n,), as (n, 5)."""
+    power = np.ones((len(offset_s), 5))
+    for order in range(1, 5):
+        power[:, order] = power[:, order - 1] * offset_s / order
+    return power

@@ -1,0 +1,95 @@
+"""Rays: the lines of sight of detections, and what each says about the track it is held against."""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
+from opir_core.records import Columns, Detections, FloatArray, IndexArray, IntArray
+
+
+@frozen(eq=False)
+class Rays(Columns):
+    """Lines of sight, one row each: scene time of the look, sensor, its scan, where from and where to in ECEF, error.
+
+    `direction_ecef` (n, 3) are unit vectors; `sigma_rad` the standard deviation of each of two angles across.
+    """
+
+    time_s: FloatArray
+    sensor: IndexArray
+    scan: IntArray
+    origin_ecef_m: FloatArray
+    direction_ecef: FloatArray
+    sigma_rad: FloatArray
+
+    @classmethod
+    def of(cls, detections: Detections, sigma_rad: FloatArray) -> "Rays":
+        """Return the rays of detections, with the sensors' errors `sigma_rad` (sensors,)."""
+        return cls(
+            detections.time_s,
+            detections.sensor,
+            detections.scan,
+            detections.sensor_ecef_m,
+            detections.line_of_sight_ecef,
+            np.take(sigma_rad, detections.sensor),
+        )
+
+
+@frozen(eq=False)
+class Sights(Columns):
+    """What rays say of tracks: two whitened residuals each, in the plane across a reference direction.
+
+    A point p is seen at y = E (p - origin) / (z · (p - origin)), with E the first two rows of `axes` (n, 3, 3) and z
+    the third; the residuals are `whitener` (n, 2, 2) times (`seen` (n, 2) - y). `track` is a row of the bank, `time_s`
+    when the light left, and all vectors are inertial.
+    """
+
+    track: IntArray
+    time_s: FloatArray
+    origin_m: FloatArray
+    axes: FloatArray
+    seen: FloatArray
+    whitener: FloatArray
+
+    def residuals(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return whitened residuals (n, 2) at positions (n, 3), and what y gains a metre there, whitened, (n, 2, 3)."""
+        local = np.sum(self.axes * (position_m - self.origin_m)[:, None, :], axis=2)
+        depth = local[:, 2]
+        y = local[:, :2] / depth[:, None]
+        slope = (self.axes[:, :2] - y[:, :, None] * self.axes[:, None, 2]) / depth[:, None, None]
+        return _apart(self.whitener, self.seen - y), self.whitener @ slope
+
+
+def emission_s(time_s: FloatArray, range_m: FloatArray, light_time: bool) -> FloatArray:
+    """Return when light seen at scene times (n,) left a distance (n,) away."""
+    return time_s - range_m / SPEED_OF_LIGHT_M_S if light_time else time_s
+
+
+def turned(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return ECEF vectors (n, 3) in the inertial frame at scene times (n,)."""
+    angle = EARTH_ROTATION_RAD_S * time_s
+    cosine, sine = np.cos(angle), np.sin(angle)
+    out = vectors.copy()
+    out[:, 0] = cosine * vectors[:, 0] - sine * vectors[:, 1]
+    out[:, 1] = sine * vectors[:, 0] + cosine * vectors[:, 1]
+    return out
+
+
+def axes_across(direction: FloatArray) -> FloatArray:
+    """Return right-handed orthonormal axes (n, 3, 3) as rows whose third is the unit vectors (n, 3) given.
+
+    Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017): smooth everywhere but across z = 0.
+    """
+    x, y, z = direction[:, 0], direction[:, 1], direction[:, 2]
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    axes = np.empty((len(direction), 3, 3))
+    axes[:, 0, 0], axes[:, 0, 1], axes[:, 0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    axes[:, 1, 0], axes[:, 1, 1], axes[:, 1, 2] = b, sign + y * y * a, -y
+    axes[:, 2] = direction
+    return axes
+
+
+def _apart(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    product: FloatArray = np.sum(matrix * vectors[:, None, :], axis=2)
+    return product

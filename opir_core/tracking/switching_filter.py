@@ -1,0 +1,253 @@
+"""The stereo filter: boost and coast side by side, as square roots of information, for a bank of tracks at once.
+
+Each mode is an iterated extended filter: the looks of a slice are taken in together by one QR decomposition a track,
+linearised anew at each round's solution. The modes interact by first and second moments (Blom and Bar-Shalom, "The
+interacting multiple model algorithm", IEEE Trans. Automatic Control 33(8), 1988). The noise of a slice enters at its
+start, so that within the slice a target follows one smooth path.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.records import Columns, FloatArray, IntArray
+from opir_core.tracking import square_root
+from opir_core.tracking.motion import BOOST, COAST, Motion, weights_at
+from opir_core.tracking.rays import Sights
+
+#: Mode weights stay above this, so that no mode is ever lost.
+_LEAST_WEIGHT = 1e-6
+
+#: A mode takes part in a mixture from this share on.
+_LEAST_SHARE = 1e-4
+
+#: Rounds of relinearisation stop once no step is longer than this many standard deviations.
+_SETTLED_SIGMAS = 1e-3
+
+
+@frozen(eq=False)
+class Bank(Columns):
+    """The estimates of tracks, one row each, all at one time: mean and root of information of each mode, and weights.
+
+    `weight` (n, 2) are the probabilities of boost and coast; `pace` (n, 2) the looks that detected and the time, s,
+    over which they are counted, both fading.
+    """
+
+    weight: FloatArray
+    boost_mean: FloatArray
+    boost_root: FloatArray
+    coast_mean: FloatArray
+    coast_root: FloatArray
+    pace: FloatArray
+
+    @classmethod
+    def empty(cls) -> "Bank":
+        """Return the bank of no tracks."""
+        boost, coast = np.empty((0, BOOST)), np.empty((0, COAST))
+        roots = np.empty((0, BOOST, BOOST)), np.empty((0, COAST, COAST))
+        return cls(np.empty((0, 2)), boost, roots[0], coast, roots[1], np.empty((0, 2)))
+
+
+class Outlook(NamedTuple):
+    """Tracks about a time: derivatives (n, 5, 3) of the position and the spread S (n, 12, 12) of the state."""
+
+    time_s: float
+    derivative: FloatArray
+    side: FloatArray
+
+    def positions(self, track: IntArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (m, 3) of tracks (m,) at times (m,)."""
+        weight = weights_at(time_s - self.time_s)
+        total: FloatArray = np.sum(self.derivative[track] * weight[:, :, None], axis=1)
+        return total
+
+    def position_sides(self, track: IntArray, time_s: FloatArray) -> FloatArray:
+        """Return A (m, 3, 12) with A Aᵀ the covariance of the position of tracks (m,) at times (m,)."""
+        weight = weights_at(time_s - self.time_s)[:, :4]
+        blocks = self.side.reshape(len(self.side), 4, 3, BOOST)[track]
+        total: FloatArray = np.sum(blocks * weight[:, :, None, None], axis=1)
+        return total
+
+
+@frozen(eq=False)
+class SwitchingFilter:
+    """A filter of two modes; `boost_s` and `coast_s` are the mean times spent in each, inf for one that never ends.
+
+    `rounds` bounds the relinearisations of an update.
+    """
+
+    boost: Motion
+    coast: Motion
+    boost_s: float
+    coast_s: float
+    rounds: int = 4
+    memory_s: float = 20.0
+
+    def moved(self, bank: Bank, step_s: float) -> Bank:
+        """Return the bank a step later."""
+        if not len(bank):
+            return bank
+        mixed = self._mixed(bank, step_s)
+        boost = self._carried(self.boost, mixed.boost_mean, mixed.boost_root, step_s)
+        coast = self._carried(self.coast, mixed.coast_mean, mixed.coast_root, step_s)
+        return evolve(mixed, boost_mean=boost[0], boost_root=boost[1], coast_mean=coast[0], coast_root=coast[1])
+
+    def _carried(
+        self, motion: Motion, mean: FloatArray, root: FloatArray, step_s: float
+    ) -> tuple[FloatArray, FloatArray]:
+        steps = np.full(len(mean), step_s)
+        after = motion.propagated(mean, steps)
+        back = motion.transition(0.5 * (mean[:, :3] + after[:, :3]), -steps)
+        return after, square_root.moved(root, back, motion.noise_root(steps))
+
+    def _mixed(self, bank: Bank, step_s: float) -> Bank:
+        """Return the bank with its modes mixed by the chance of having switched during a step."""
+        leave = -np.expm1(-step_s / np.array([self.boost_s, self.coast_s]))
+        switch = np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
+        weight = bank.weight @ switch
+        share = bank.weight[:, :, None] * switch / np.maximum(weight, 1e-300)[:, None, :]
+        boost_mean, boost_root = bank.boost_mean.copy(), bank.boost_root.copy()
+        coast_mean, coast_root = bank.coast_mean.copy(), bank.coast_root.copy()
+        into_coast = np.flatnonzero(share[:, 0, 1] > _LEAST_SHARE)
+        if len(into_coast):
+            part = bank.take(into_coast)
+            means, roots = (part.boost_mean[:, :COAST], part.coast_mean), (_leading(part.boost_root), part.coast_root)
+            coast_mean[into_coast], coast_root[into_coast] = square_root.mixed(share[into_coast, :, 1], means, roots)
+        into_boost = np.flatnonzero(share[:, 1, 0] > _LEAST_SHARE)
+        if len(into_boost):
+            part = bank.take(into_boost)
+            means, roots = (part.boost_mean, _extended_mean(part)), (part.boost_root, _extended_root(part))
+            boost_mean[into_boost], boost_root[into_boost] = square_root.mixed(share[into_boost, :, 0], means, roots)
+        return Bank(weight, boost_mean, boost_root, coast_mean, coast_root, bank.pace)
+
+    def updated(self, bank: Bank, time_s: float, sights: Sights, step_s: float) -> Bank:
+        """Return the bank with sights of a slice of length `step_s` that ends at `time_s` taken in."""
+        if not len(bank):
+            return bank
+        hits = np.bincount(sights.track, minlength=len(bank)).astype(np.float64)
+        seen = np.flatnonzero(hits)
+        place = np.cumsum(hits > 0.0) - 1
+        mine = evolve(sights, track=place[sights.track])
+        change = np.zeros((len(bank), 2))
+        boost, boost_root = bank.boost_mean.copy(), bank.boost_root.copy()
+        coast, coast_root = bank.coast_mean.copy(), bank.coast_root.copy()
+        if len(seen):
+            modes = ((self.boost, boost, boost_root), (self.coast, coast, coast_root))
+            for number, (motion, mean, root) in enumerate(modes):
+                if np.any(bank.weight[:, number] > 0.0):
+                    told = self.taken_in(motion, mean[seen], root[seen], time_s, mine)
+                    mean[seen], root[seen], change[seen, number] = told
+        missed, pace = self._misses(bank, hits, step_s)
+        change[:, 0] += missed
+        return Bank(_reweighed(bank.weight, change), boost, boost_root, coast, coast_root, pace)
+
+    def _misses(self, bank: Bank, hits: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
+        """Return what a silent slice takes from the boost's log weight, and the pace after it.
+
+        A burning target that was seen r times a second stays unseen for t with the chance exp(-r t); one whose burn is
+        over is not seen at all. A sight of a coasting target counts for neither mode.
+        """
+        fade = np.exp(-step_s / self.memory_s)
+        rate = bank.pace[:, 0] / np.maximum(bank.pace[:, 1], step_s)
+        silent = hits == 0.0
+        kept = np.where(silent[:, None], bank.pace, fade * bank.pace + np.stack([hits, np.full(len(hits), step_s)], 1))
+        return np.where(silent, -rate * step_s, 0.0), kept
+
+    def taken_in(
+        self, motion: Motion, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return means and roots of one mode after sights (every track has one), and the log likelihoods (n,)."""
+        place, depth = _queued(sights.track, len(mean))
+        weight = weights_at(sights.time_s - time_s)
+        point, after, left = mean, root, np.zeros(len(mean))
+        for turn in range(self.rounds):
+            path = motion.taylor(point)
+            position = np.sum(path[sights.track] * weight[:, :, None], axis=1)
+            rows = _rows(sights, position, weight[:, : motion.size // 3], place, depth, len(mean))
+            owed = np.sum(root * (mean - point)[:, None, :], axis=2)
+            after, step, left = square_root.updated(root, owed, rows)
+            point = point + step
+            if turn + 1 < self.rounds and _longest(after, step) < _SETTLED_SIGMAS:
+                break
+        gained = square_root.log_determinant(root) - square_root.log_determinant(after) - 0.5 * left
+        return point, after, gained
+
+    def outlook(self, bank: Bank, time_s: float) -> Outlook:
+        """Return where tracks are about the bank's time, by the likelier mode of each."""
+        derivative = self.boost.taylor(bank.boost_mean)
+        side = square_root.spread(bank.boost_root)
+        coasting = np.flatnonzero(bank.weight[:, 1] > bank.weight[:, 0])
+        if len(coasting):
+            derivative[coasting] = self.coast.taylor(bank.coast_mean[coasting])
+            side[coasting] = 0.0
+            side[coasting, :COAST, :COAST] = square_root.spread(bank.coast_root[coasting])
+        return Outlook(time_s, derivative, side)
+
+    def moments(self, bank: Bank) -> tuple[FloatArray, FloatArray]:
+        """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity, over both modes."""
+        center = bank.weight[:, :1] * bank.boost_mean[:, :COAST] + bank.weight[:, 1:] * bank.coast_mean
+        total = np.zeros((len(bank), COAST, COAST))
+        for number, (mean, root) in enumerate(
+            ((bank.boost_mean[:, :COAST], bank.boost_root), (bank.coast_mean, bank.coast_root))
+        ):
+            side = square_root.spread(root)[:, :COAST]
+            shift = (mean - center)[:, :, None]
+            total += bank.weight[:, number, None, None] * (
+                side @ side.transpose(0, 2, 1) + shift @ shift.transpose(0, 2, 1)
+            )
+        return center, 0.5 * (total + total.transpose(0, 2, 1))
+
+
+def _leading(root: FloatArray) -> FloatArray:
+    """Return the root of information of position and velocity alone, of a boost root."""
+    return square_root.root_of_spread(square_root.spread(root)[:, :COAST])
+
+
+def _extended_mean(bank: Bank) -> FloatArray:
+    """Return the coast means with the boost's specific force and its rate."""
+    return np.concatenate([bank.coast_mean, bank.boost_mean[:, COAST:]], axis=1)
+
+
+def _extended_root(bank: Bank) -> FloatArray:
+    """Return the coast roots with what the boost knows of specific force and its rate alone."""
+    root = np.zeros_like(bank.boost_root)
+    root[:, :COAST, :COAST] = bank.coast_root
+    root[:, COAST:, COAST:] = square_root.root_of_spread(square_root.spread(bank.boost_root)[:, COAST:])
+    return root
+
+
+def _reweighed(weight: FloatArray, change: FloatArray) -> FloatArray:
+    """Return weights times exp(change), normalised, none of a mode in use below the least."""
+    scaled = weight * np.exp(change - change.max(axis=1, keepdims=True))
+    scaled = np.where(weight > 0.0, np.maximum(scaled, _LEAST_WEIGHT * scaled.sum(axis=1, keepdims=True)), 0.0)
+    total: FloatArray = scaled / scaled.sum(axis=1, keepdims=True)
+    return total
+
+
+def _longest(root: FloatArray, step: FloatArray) -> float:
+    """Return the longest step, in standard deviations of the estimates."""
+    return float(np.sqrt(np.max(np.sum(np.sum(root * step[:, None, :], axis=2) ** 2, axis=1))))
+
+
+def _queued(track: IntArray, count: int) -> tuple[IntArray, int]:
+    """Return each sight's place among those of its track, and how many the track with most has."""
+    order = np.argsort(track, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(np.bincount(track, minlength=count))])
+    place = np.empty(len(track), dtype=np.int64)
+    place[order] = np.arange(len(track)) - starts[track[order]]
+    return place, int(place.max(initial=-1)) + 1
+
+
+def _rows(
+    sights: Sights, position: FloatArray, weight: FloatArray, place: IntArray, depth: int, count: int
+) -> FloatArray:
+    """Return whitened rows (n, 2 depth, d + 1), padded with zeros."""
+    residual, slope = sights.residuals(position)
+    blocks = weight.shape[1]
+    rows = np.zeros((count, depth, 2, 3 * blocks + 1))
+    full = np.empty((len(position), 2, 3 * blocks + 1))
+    full[:, :, :-1] = (slope[:, :, None, :] * weight[:, None, :, None]).reshape(len(position), 2, 3 * blocks)
+    full[:, :, -1] = residual
+    rows[sights.track, place] = full
+    return rows.reshape(count, 2 * depth, 3 * blocks + 1)

@@ -1,0 +1,50 @@
+"""GOSPA and OSPA equal those of Stone Soup (MIT licence) to rounding."""
+
+import datetime
+
+import numpy as np
+import pytest
+
+from opir_core.tracking.metrics import gospa, ospa
+
+stonesoup = pytest.importorskip("stonesoup")
+
+CASES = [
+    (seed, estimates, truths)
+    for seed, (estimates, truths) in enumerate([(3, 3), (5, 2), (2, 6), (8, 8), (1, 0), (0, 4)])
+]
+
+
+def points(seed: int, count: int) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-3000.0, 3000.0, (count, 3))
+
+
+def as_states(values: np.ndarray) -> list[object]:
+    from stonesoup.types.state import State
+
+    return [State(value[:, None], timestamp=datetime.datetime(2026, 4, 1)) for value in values]
+
+
+@pytest.mark.parametrize(("seed", "estimates", "truths"), CASES)
+@pytest.mark.parametrize("order", [1.0, 2.0])
+def test_gospa(seed: int, estimates: int, truths: int, order: float) -> None:
+    from stonesoup.metricgenerator.ospametric import GOSPAMetric
+
+    found, true = points(seed, estimates), points(seed + 100, truths)
+    metric, _ = GOSPAMetric(c=2000.0, p=order).compute_gospa_metric(as_states(found), as_states(true))
+    told = metric.value
+    mine = gospa(found, true, cutoff=2000.0, order=order)
+    assert mine.distance == pytest.approx(told["distance"], rel=1e-12, abs=1e-9)
+    assert mine.localisation == pytest.approx(told["localisation"], rel=1e-12, abs=1e-6)
+    assert mine.missed == pytest.approx(told["missed"], rel=1e-12)
+    assert mine.false == pytest.approx(told["false"], rel=1e-12)
+
+
+@pytest.mark.parametrize(("seed", "estimates", "truths"), CASES)
+@pytest.mark.parametrize("order", [1.0, 2.0])
+def test_ospa(seed: int, estimates: int, truths: int, order: float) -> None:
+    from stonesoup.metricgenerator.ospametric import OSPAMetric
+
+    found, true = points(seed, estimates), points(seed + 100, truths)
+    told = OSPAMetric(c=2000.0, p=order).compute_OSPA_distance(as_states(found), as_states(true))
+    assert ospa(found, true, cutoff=2000.0, order=order) == pytest.approx(float(told.value), rel=1e-12)
