@@ -7,7 +7,8 @@ the gated pairs and not with tracks times rays.
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import Columns, FloatArray, IntArray
+from opir_core.columns import Columns
+from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.rays import Rays, Sights, axes_across, emission_s, turned
 from opir_core.tracking.switching_filter import Outlook
 

@@ -3,8 +3,9 @@
 import numpy as np
 from attrs import frozen
 
+from opir_core.columns import Columns
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
-from opir_core.records import Columns, Detections, FloatArray, IndexArray, IntArray
+from opir_core.records import Detections, FloatArray, IndexArray, IntArray
 
 
 @frozen(eq=False)

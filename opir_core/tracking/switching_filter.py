@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.records import Columns, FloatArray, IntArray
+from opir_core.columns import Columns
+from opir_core.records import FloatArray, IntArray
 from opir_core.tracking import square_root
 from opir_core.tracking.motion import BOOST, COAST, Motion, weights_at
 from opir_core.tracking.rays import Sights
