@@ -72,13 +72,14 @@ def _sinks(plan: Plan) -> Mapping[str, Sink]:
     with ExitStack() as opened:
         sinks: dict[str, Sink] = {}
         for choice in plan.scene.outputs:
-            sinks[choice.path] = _sink(plan, choice)
+            sinks[choice.path] = opened_sink(plan, choice)
             opened.callback(sinks[choice.path].close)
         opened.pop_all()
     return sinks
 
 
-def _sink(plan: Plan, choice: Choice) -> Sink:
+def opened_sink(plan: Plan, choice: Choice) -> Sink:
+    """Return the sink of one of a scene's outputs, open."""
     make_encoder = partial(_encoder, plan, choice)
     context = SinkContext(make_encoder=make_encoder, scene_name=plan.scene.name, resumes=choice.spool is not None)
     made: Any = built(plan.host, choice, context)

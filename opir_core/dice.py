@@ -15,23 +15,38 @@ Words = NDArray[np.uint64]
 class PairStreams:
     """The streams of all pairs of a run, made when first read.
 
-    `names` are each pair's sensor and target ids; a pair's streams are keyed by the seed, these and a purpose.
+    `names` are each pair's sensor and target ids; a pair's streams are keyed by the seed, these and a purpose. Those of
+    its scans go by `scan_names`, where these differ.
     """
 
-    def __init__(self, seed: int, names: Sequence[tuple[str, str]]) -> None:
+    def __init__(
+        self, seed: int, names: Sequence[tuple[str, str]], scan_names: Sequence[tuple[str, str]] | None = None
+    ) -> None:
         self._seed = seed
         self._names = names
+        self._scan_names = names if scan_names is None else scan_names
         self._streams: dict[tuple[str, int], dict[int, Stream]] = {}
         self._constants: dict[tuple[str, int], FloatArray] = {}
 
     def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> Words:
         """Return (sum of scans · words,) raw words: in turn those of each pair's `scans` from `first_scan` on."""
+        return self._words(self._scan_names, purpose, words, pairs, first_scan, scans)
+
+    def _words(
+        self,
+        names: Sequence[tuple[str, str]],
+        purpose: str,
+        words: int,
+        pairs: IntArray,
+        first_scan: IntArray,
+        scans: IntArray,
+    ) -> Words:
         streams = self._streams.setdefault((purpose, words), {})
         parts = []
         for pair, first, count in zip(pairs.tolist(), first_scan.tolist(), scans.tolist(), strict=True):
             stream = streams.get(pair)
             if stream is None:
-                stream = streams[pair] = Stream(stream_key(self._seed, *self._names[pair], purpose), words)
+                stream = streams[pair] = Stream(stream_key(self._seed, *names[pair], purpose), words)
             parts.append(stream.words(first, count))
         return np.concatenate(parts) if parts else np.empty(0, dtype=np.uint64)
 
@@ -41,7 +56,7 @@ class PairStreams:
         if key not in self._constants:
             everyone = np.arange(len(self._names))
             zeros = np.zeros_like(everyone)
-            raw = self.words(f"{purpose}:pair", words, everyone, zeros, zeros + 1)
+            raw = self._words(self._names, f"{purpose}:pair", words, everyone, zeros, zeros + 1)
             self._constants[key] = uniforms_of(raw).reshape(-1, words)
         return self._constants[key]
 

@@ -11,7 +11,7 @@ from opir_core.assembly import Assembly, Hits
 from opir_core.columns import Filling
 from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.errors import ModelError
-from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names, seen
+from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names, scan_names, seen
 from opir_core.plan import Plan
 from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
 from opir_core.sightlines import Pairs
@@ -28,13 +28,20 @@ class Engine:
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.time_ns = 0
-        names = pair_names(plan)
+        self._names = pair_names(plan)
+        by_scan = scan_names(plan)
         self._sites = Sites.of(plan.sensors, plan.bias)
-        self._streams = PairStreams(plan.scene.seed, names)
-        self._assembly = Assembly(plan, self._sites, self._streams, names)
+        self._streams = PairStreams(plan.scene.seed, self._names, by_scan)
+        self._assembly = Assembly(plan, self._sites, self._streams, by_scan)
         self._tick_ns = _tick_ns(plan.pairs)
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
         self._tracker = TickedTracker(plan.tracker, plan.end_ns)
+
+    def take_over(self, former: "Engine") -> None:
+        """Go on where another engine stopped, whose plan has the same sensors: its moment, its tracker, its counts."""
+        self.time_ns, self._tracker = former.time_ns, former._tracker
+        counts = dict(zip(former._names, former._counts.tolist(), strict=True))
+        self._counts = np.array([counts.get(name, 0) for name in self._names], dtype=np.int32)
 
     def advance(self, end_ns: int) -> Window:
         """Return the window from where the last one ended to `end_ns`."""

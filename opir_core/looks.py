@@ -48,6 +48,16 @@ def pair_names(plan: Plan) -> list[tuple[str, str]]:
     return [(plan.sensors[sensor].id, plan.targets.ids[target]) for sensor, target in both]
 
 
+def scan_names(plan: Plan) -> list[tuple[str, str]]:
+    """Return the names that each pair's scans go by: its ids, the sensor's with its generation where scans are anew."""
+    if not any(plan.scan_generations):
+        return pair_names(plan)
+    pieces = zip(plan.sensors, plan.scan_generations, strict=True)
+    names = [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in pieces]
+    both = zip(plan.pairs.sensor.tolist(), plan.pairs.target.tolist(), strict=True)
+    return [(names[sensor], plan.targets.ids[target]) for sensor, target in both]
+
+
 def look_times_ns(pairs: Pairs, pair: IntArray, scan: IntArray) -> IntArray:
     """Return when pairs (n,) make their scans (n,), in ns of scene time."""
     times: IntArray = pairs.phase_ns[pair] + scan * pairs.period_ns[pair]

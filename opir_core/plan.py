@@ -7,7 +7,7 @@ sensor can see which target when. Whatever is not in the plan is not imported, c
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.plugin.components import Component
 from opir_core.plugin.host import Host
@@ -50,6 +50,8 @@ class Plan:
     tracker: Tracker
     bias: "Bias | None"
     end_ns: int
+    #: How often each sensor's scans have been numbered anew; empty in a run whose scan rates never changed.
+    scan_generations: tuple[int, ...] = ()
 
 
 def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
@@ -78,6 +80,20 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         tracker=built(host, scene.tracker, tracked),
         bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
+    )
+
+
+def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
+    """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
+    scene, context = plan.scene, ModelContext(sensors=plan.sensors, target_type_code=targets.type_code)
+    return evolve(
+        plan,
+        targets=targets,
+        pairs=pairs,
+        sightlines=sightlines,
+        detection=built(plan.host, scene.detection, context),
+        classifier=built(plan.host, scene.classification, context),
+        confidence=built(plan.host, scene.confidence, context),
     )
 
 

@@ -1,0 +1,80 @@
+"""Laps: a scene run again and again, its scene time going on, each lap a run of its own."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.errors import Problem, SceneError
+from opir_core.live.drafting import plan_of_lap
+from opir_core.plan import Plan
+from opir_core.plugin.host import Host
+from opir_core.records import FloatArray, IntArray, Tracks, Window
+from opir_core.scene import Scene
+
+
+@frozen(eq=False)
+class Shift:
+    """How far a lap's windows are moved on: in time, and in the numbers of tracks."""
+
+    time_ns: int = 0
+    tracks: int = 0
+
+    def shifted(self, window: Window) -> Window:
+        """Return a window of a lap as one of the whole run."""
+        if not self.time_ns:
+            return window
+        found, moved_s = window.detections, self.time_ns * 1e-9
+        track: IntArray = np.where(found.track >= 0, found.track + self.tracks, found.track)
+        return evolve(
+            window,
+            start_s=window.start_s + moved_s,
+            end_s=window.end_s + moved_s,
+            detections=evolve(found, time_ns=found.time_ns + self.time_ns, track=track).freeze(),
+            tracks=self._tracks(window.tracks, moved_s),
+            estimates=self._tracks(window.estimates, moved_s),
+        )
+
+    def _tracks(self, tracks: Tracks, moved_s: float) -> Tracks:
+        return evolve(
+            tracks,
+            tick_s=tracks.tick_s + moved_s,
+            track=tracks.track + self.tracks,
+            launch=_later(tracks.launch, moved_s),
+            impact=_later(tracks.impact, moved_s),
+        )
+
+
+def _later(place: FloatArray, moved_s: float) -> FloatArray:
+    moved = place.copy()
+    moved[:, 2] += moved_s
+    return moved
+
+
+class Laps:
+    """Plans of the laps to come: the next is made in a thread of its own while one runs."""
+
+    def __init__(self, base: Scene, host: Host, lap_ns: int) -> None:
+        if lap_ns % 1000:
+            raise SceneError([Problem("duration_s", "a scene that runs in a loop lasts whole microseconds")])
+        self.lap_ns = lap_ns
+        self._base = base
+        self._host = host
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="opir-lap")
+        self._next: tuple[int, Future[Plan]] | None = None
+
+    def prepare(self, lap: int, base: Scene | None = None) -> None:
+        """Begin to make the plan of a lap; `base` is the scene from then on."""
+        self._base = base or self._base
+        self._next = lap, self._pool.submit(plan_of_lap, self._base, self._host, lap, self.lap_ns // 1000)
+
+    def plan(self, lap: int) -> Plan:
+        """Return the plan of a lap, as it was last prepared."""
+        if self._next is None or self._next[0] != lap:
+            self.prepare(lap)
+        assert self._next is not None
+        return self._next[1].result()
+
+    def close(self) -> None:
+        """Make no more plans."""
+        self._pool.shutdown(wait=False, cancel_futures=True)

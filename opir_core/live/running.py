@@ -1,0 +1,303 @@
+"""A run paced by the clock, in a thread of its own: window by window, with changes let in between two windows."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from functools import partial
+from typing import Any
+
+from attrs import evolve, frozen
+
+from opir_core.delivery import opened_sink
+from opir_core.engine import Engine
+from opir_core.errors import OpirError
+from opir_core.live.drafting import Draft, drafted_launch, drafted_settings
+from opir_core.live.growth import looked_at
+from opir_core.live.laps import Laps, Shift
+from opir_core.live.outlets import Outlet
+from opir_core.live.pace import Pace
+from opir_core.live.telling import Counts, LiveStatus, LiveWindow
+from opir_core.plan import Plan, compile_plan
+from opir_core.plugin.host import Host
+from opir_core.reading import scene_mapping
+from opir_core.scene import Scene
+
+_NS = 1_000_000_000
+_WAITING_CHANGES = 16
+_ANSWER_S = 10.0
+_TRIES = 6
+
+
+class RefusedError(OpirError):
+    """A change that the run cannot take: it has ended, too many wait, or the moment is past."""
+
+
+class BusyError(RefusedError):
+    """A change that may be taken later."""
+
+
+class PastError(RefusedError):
+    """A launch that is not before it can be taken in."""
+
+
+@frozen(kw_only=True)
+class LiveSettings:
+    """How a run goes: scene time per real time (None: as fast as it goes), real time of a cycle, again and again."""
+
+    speed: float | None = 1.0
+    cycle_ns: int = 50_000_000
+    loop: bool = False
+    maximum_targets: int = 1_000
+
+
+@frozen
+class Launched:
+    """A launch that was taken in: its target's id, its moment of scene time, and the first cycle that may see it."""
+
+    target_id: str
+    time_s: float
+    cycle: int
+
+
+class LiveRun:
+    """Runs a scene in its own thread; every public method may be called from any other."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        host: Host,
+        settings: LiveSettings,
+        on_window: Callable[[LiveWindow], None] = lambda _window: None,
+    ) -> None:
+        self.scene, self.host, self.settings = scene, host, settings
+        self._on_window = on_window
+        self._engine = Engine(compile_plan(scene, host))
+        self._laps = Laps(scene, host, self._engine.plan.end_ns) if settings.loop else None
+        self._pace = Pace(settings.speed, settings.cycle_ns)
+        self._counts = Counts.of(len(scene.sensors))
+        self._launched = len(scene.targets)
+        self._lap, self._shift, self._tracks = 0, Shift(), 0
+        self._outlets: tuple[Outlet, ...] = ()
+        self._drafts: queue.Queue[tuple[Draft, Future[int]]] = queue.Queue(_WAITING_CHANGES)
+        self._changing = threading.Lock()
+        self._waiting = threading.BoundedSemaphore(_WAITING_CHANGES)
+        self._stopping = threading.Event()
+        self._state = "starting"
+        self._error: str | None = None
+        self._thread = threading.Thread(target=self._work, name="opir-engine", daemon=True)
+
+    def start(self) -> None:
+        """Open the sinks and begin; raises `SinkError` where a sink cannot be opened."""
+        plan, outlets = self.plan, list[Outlet]()
+        try:
+            for choice in plan.scene.outputs:
+                outlets.append(Outlet(choice.path, choice.name, opened_sink(plan, choice)))
+        except BaseException:
+            for outlet in outlets:
+                outlet.close(time.monotonic() + 1.0)
+            raise
+        self._outlets, self._state = tuple(outlets), "running"
+        if self._laps is not None:
+            self._laps.prepare(1)
+        self._pace.start()
+        self._thread.start()
+
+    def stop(self, within_s: float = 4.0) -> LiveStatus:
+        """End the run, let the sinks take what is queued, close them, and return how things stand."""
+        deadline_s = time.monotonic() + within_s
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join(within_s / 2)
+        closings = [threading.Thread(target=outlet.close, args=(deadline_s,)) for outlet in self._outlets]
+        for closing in closings:
+            closing.start()
+        for closing in closings:
+            closing.join()
+        if self._laps is not None:
+            self._laps.close()
+        if self._state != "failed":
+            self._state = "stopped"
+        return self.status()
+
+    @property
+    def plan(self) -> Plan:
+        """The plan in force."""
+        return self._engine.plan
+
+    @property
+    def time_ns(self) -> int:
+        """Scene time, all laps, up to which the run has come."""
+        return self._engine.time_ns + self._shift.time_ns
+
+    def status(self) -> LiveStatus:
+        """Return how things stand."""
+        counts, plan = self._counts, self.plan
+        return LiveStatus(
+            state=self._state,
+            error=self._error,
+            time_ns=self.time_ns,
+            cycle=counts.cycle,
+            lap=self._lap,
+            speed=self.settings.speed,
+            late_s=counts.late_s,
+            latest_s=counts.latest_s,
+            late_cycles=counts.late_cycles,
+            late_counts=tuple(counts.late_counts),
+            late_total_s=counts.late_total_s,
+            looks=counts.looks,
+            detections=counts.detections,
+            targets=int(looked_at(plan, self._engine.time_ns).sum()),
+            targets_launched=self._launched,
+            sensors=counts.sensors(plan),
+            sinks=tuple(outlet.status() for outlet in self._outlets),
+        )
+
+    def settings_mapping(self) -> dict[str, Any]:
+        """Return the scene's settings in force, as plain data: its mapping without targets and sources."""
+        told = scene_mapping(evolve(self.plan.scene, epoch_us=self.scene.epoch_us, seed=self.scene.seed))
+        return {key: value for key, value in told.items() if key not in ("targets", "sources")}
+
+    def launch(self, block: Mapping[str, Any]) -> Launched:
+        """Add a target; `block` is as in a scene's `targets`, its `id` and its `launch.time_s` may be left out.
+
+        The time counts from the scene's epoch; left out, it is as soon as can be. Raises `SceneError`, `PluginError` or
+        `ModelError` for what is wrong with it, `RefusedError` where the run cannot take it.
+        """
+        with self._change():
+            if self.status().targets >= self.settings.maximum_targets:
+                raise BusyError(f"{self.settings.maximum_targets} targets are in the run, the most it takes at a time")
+            self._launched += 1
+            for attempt in range(_TRIES):
+                timed, is_ours = self._timed(block, 2**attempt)
+                draft = drafted_launch(self.plan, timed, self._engine.time_ns, self._lap)
+                try:
+                    cycle = self._taken(draft)
+                except PastError:
+                    if not is_ours:
+                        raise
+                else:
+                    return Launched(timed["id"], timed["launch"]["time_s"] + self._shift.time_ns / _NS, cycle)
+            raise BusyError("the run is too fast for a launch without a time; give launch.time_s")
+
+    def configure(self, mapping: Mapping[str, Any]) -> int:
+        """Change the scene's settings, all or none, at the start of a cycle; return the cycle.
+
+        `mapping` is laid out as `settings_mapping` gives it. Raises `SceneError`, `PluginError`, `ModelError` for what
+        is wrong with it, `RestartError` for what a running scene cannot change, `RefusedError` where the run has ended.
+        """
+        with self._change():
+            for _ in range(_TRIES):
+                draft = drafted_settings(self.plan, mapping, self._lap, self.scene)
+                try:
+                    return self._taken(draft)
+                except PastError:
+                    continue
+            raise BusyError("the run's laps are too short to change it")
+
+    def _change(self) -> "_Turn":
+        return _Turn(self._waiting, self._changing)
+
+    def _timed(self, block: Mapping[str, Any], cycles: int) -> tuple[dict[str, Any], bool]:
+        """Return a launch's block with an id and a time of the lap, and whether the time is ours to choose."""
+        timed = {"id": f"live-{self._launched}", **block}
+        launch = timed.get("launch")
+        if not isinstance(launch, Mapping):
+            return timed, False
+        if launch.get("time_s") is None:
+            step_ns = self._pace.step_ns(self._engine.time_ns)
+            after_ns = self._engine.time_ns + (2 + cycles) * step_ns
+            return {**timed, "launch": {**launch, "time_s": -(-after_ns // 1_000_000) / 1000}}, True
+        time_s = launch["time_s"]
+        if isinstance(time_s, int | float) and not isinstance(time_s, bool) and self._shift.time_ns:
+            if time_s < self._shift.time_ns / _NS:
+                raise PastError(self._past())
+            timed["launch"] = {**launch, "time_s": time_s - self._shift.time_ns / _NS}
+        return timed, False
+
+    def _past(self) -> str:
+        return f"launch.time_s is past: the scene's clock is at {self.time_ns / _NS:.3f} s; leave it out for now"
+
+    def _taken(self, draft: Draft) -> int:
+        """Return the cycle at whose start a draft took over."""
+        answer: Future[int] = Future()
+        if self._state != "running":
+            raise RefusedError(f"the run has {self._state}: start it again, or start it with --loop")
+        self._drafts.put_nowait((draft, answer))
+        return answer.result(_ANSWER_S)
+
+    def _work(self) -> None:
+        try:
+            while self._cycle():
+                pass
+            self._state = "ended" if not self._stopping.is_set() else self._state
+        except Exception as error:  # told by status and health, and by the exit code
+            self._error = str(error) if isinstance(error, OpirError) else f"{type(error).__name__}: {error}"
+            self._state = "failed"
+        while not self._drafts.empty():
+            self._drafts.get_nowait()[1].set_exception(RefusedError(f"the run has {self._state}"))
+
+    def _cycle(self) -> bool:
+        """Go one window on; return whether there is another."""
+        self._take_over()
+        engine = self._engine
+        if engine.time_ns >= engine.plan.end_ns:
+            if self._laps is None:
+                return False
+            engine = self._next_lap(self._laps)
+        edge_ns = min(engine.time_ns + self._pace.step_ns(self.time_ns), engine.plan.end_ns)
+        due_ns = edge_ns + self._shift.time_ns
+        if not self._pace.wait(due_ns, self._stopping):
+            return False
+        window = self._shift.shifted(engine.advance(edge_ns))
+        self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
+        self._counts.take(window)
+        for outlet in self._outlets if len(window.detections) else ():
+            outlet.write(window, self._stopping)
+        self._on_window(LiveWindow(window, self._counts.cycle, self._lap, engine.plan))
+        allowed_s = min(sensor.scan.period_ns for sensor in engine.plan.sensors) / _NS
+        self._counts.ended(self._pace.late_ns(due_ns) / _NS, allowed_s)
+        return True
+
+    def _next_lap(self, laps: Laps) -> Engine:
+        self._lap += 1
+        plan = laps.plan(self._lap)
+        self._shift = Shift(self._lap * laps.lap_ns, self._tracks)
+        self._engine = Engine(plan)
+        self._launched += len(plan.targets.ids)
+        laps.prepare(self._lap + 1)
+        return self._engine
+
+    def _take_over(self) -> None:
+        """Let in what was asked for since the last window."""
+        while not self._drafts.empty():
+            draft, answer = self._drafts.get_nowait()
+            is_late = draft.not_after_ns is not None and draft.not_after_ns < self._engine.time_ns
+            if is_late or draft.lap != self._lap:
+                answer.set_exception(PastError(self._past()))
+                continue
+            draft.engine.take_over(self._engine)
+            self._engine = draft.engine
+            if self._laps is not None and draft.base is not None:
+                self._laps.prepare(self._lap + 1, draft.base)
+            for choice in draft.reopened:
+                outlet = next(outlet for outlet in self._outlets if outlet.path == choice.path)
+                outlet.replace(partial(opened_sink, draft.engine.plan, choice))
+            answer.set_result(self._counts.cycle)
+
+
+class _Turn:
+    """The turn of one who changes the run; raises `BusyError` where too many wait for theirs."""
+
+    def __init__(self, waiting: threading.BoundedSemaphore, changing: threading.Lock) -> None:
+        self._waiting, self._changing = waiting, changing
+
+    def __enter__(self) -> None:
+        if not self._waiting.acquire(blocking=False):
+            raise BusyError("too many changes wait for their turn; try again")
+        self._changing.acquire()
+
+    def __exit__(self, _kind: object, _error: object, _trace: object) -> None:
+        self._changing.release()
+        self._waiting.release()
