@@ -1,5 +1,5 @@
 # The everyday commands; each is one line that can be typed as well.
-PLUGINS = ./plugins/opir_dsp ./plugins/opir_sbirs ./plugins/opir_nextgen
+PLUGINS = $(wildcard ./plugins/*/)
 
 .PHONY: install test quick lint types format ci benchmarks
 

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from attrs import fields
 
@@ -13,7 +14,10 @@ from opir_core.reading.heading import SceneFile
 
 DOCS = Path(__file__).resolve().parent
 HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|---|---|---|---|"
-PLUGINS = ["dsp", "sbirs", "nextgen"]
+#: So many satellites of a fleet are told one by one.
+_FEW = 6
+
+PLUGINS = ["dsp", "sbirs", "nextgen", "heo", "leo"]
 
 
 def pages() -> Mapping[Path, str]:
@@ -67,13 +71,25 @@ def components_page() -> str:
     return "\n".join([*parts, ""])
 
 
+def placed(satellite: Mapping[str, Any]) -> str:
+    """Return where a satellite is, in a few words."""
+    if "orbital_slot_deg" in satellite:
+        return f"at {satellite['orbital_slot_deg']:g}°"
+    ((kind, elements),) = satellite["orbit"].items()
+    if kind == "walker":
+        return f"({elements['total']}/{elements['planes']}/{elements['phasing']}, no. {elements['satellite']})"
+    return f"({kind}, " + ", ".join(f"{name}: {value:g}" for name, value in elements.items()) + ")"
+
+
 def entry(host: Host, hook: str, name: str) -> Iterator[str]:
     """Yield the lines of one component."""
     offered = host.component(hook, name)
     yield from ("", f"### `{name}`", "", f"{offered.summary}. From `{host.provenance(hook, name).distribution}`.")
     if isinstance(offered, Constellation):
-        slots = ", ".join(f"{row['id']} at {row['orbital_slot_deg']:g}°" for row in offered.satellites)
-        yield from ("", f"Satellites with the model `{offered.model}`: {slots}.")
+        satellites = [f"{row['id']} {placed(row)}" for row in offered.satellites]
+        few = satellites if len(satellites) <= _FEW else [*satellites[:2], "…", satellites[-1]]
+        slots = ", ".join(few)
+        yield from ("", f"{len(satellites)} satellites with the model `{offered.model}`: {slots}.")
     elif isinstance(offered, Component) and fields(offered.config):
         yield from ("", HEAD, *rows(offered.config))
         for preset, values in offered.presets.items():

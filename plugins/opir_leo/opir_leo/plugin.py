@@ -1,0 +1,101 @@
+"""The sensor models `LEO-WIDE` and `LEO-MEDIUM` of a low tracking layer, and notional Walker patterns of them."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
+from typing import Any
+
+from opir_core.plugin import (
+    Constellation,
+    ScanningSensorConfig,
+    SensorModel,
+    cited,
+    hookimpl,
+    scanning_sensor,
+    with_defaults,
+)
+
+#: Notional; Walker delta patterns, which `walker_pattern` of opir_core.orbits cites.
+NOTIONAL_WIDE_PATTERN = {"total": 24, "planes": 6, "phasing": 1, "altitude_km": 1200.0, "inclination_deg": 60.0}
+NOTIONAL_MEDIUM_PATTERN = {"total": 12, "planes": 3, "phasing": 1, "altitude_km": 1200.0, "inclination_deg": 60.0}
+
+LIMB_AND_SPACE = (
+    "the Earth's disk from 1200 km, asin(6378.137 / 7578.137) = 57.3 deg, and a notional margin of 9.7 deg, in which"
+    " targets stand against space up to 600 km above the limb"
+)
+
+#: Ranges of hundreds to a few thousand kilometres: notional, better than from 36 000 km.
+NOTIONAL_CONFUSION = {
+    "ICBM": {"ICBM": 0.93, "IRBM": 0.04, "SRBM": 0.01, "UNKNOWN": 0.02},
+    "IRBM": {"ICBM": 0.04, "IRBM": 0.91, "SRBM": 0.03, "UNKNOWN": 0.02},
+    "SRBM": {"ICBM": 0.01, "IRBM": 0.03, "SRBM": 0.94, "UNKNOWN": 0.02},
+}
+
+
+@with_defaults(
+    bands={"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)},
+    scan_pattern="staring",
+    scan_period_ms=100.0,
+    detection_probability={"ICBM": 0.95, "IRBM": 0.93, "SRBM": 0.9},
+    field_of_regard_half_angle_deg=cited(67.0, LIMB_AND_SPACE),
+    line_of_sight_sigma_urad=100.0,
+    false_alarm_susceptibility="moderate",
+    spectral_discrimination="dual-band-ratio",
+    confusion=NOTIONAL_CONFUSION,
+)
+class WideConfig(ScanningSensorConfig):
+    """What a scene may set of a LEO-WIDE sensor."""
+
+
+@with_defaults(
+    bands={"MWIR": (4.0, 5.0), "LWIR": (8.0, 12.0)},
+    scan_pattern="staring",
+    scan_period_ms=200.0,
+    detection_probability={"ICBM": 0.9, "IRBM": 0.88, "SRBM": 0.85},
+    field_of_regard_half_angle_deg=cited(67.0, LIMB_AND_SPACE),
+    line_of_sight_sigma_urad=30.0,
+    false_alarm_susceptibility="low",
+    spectral_discrimination="dual-band-ratio",
+    confusion=NOTIONAL_CONFUSION,
+)
+class MediumConfig(ScanningSensorConfig):
+    """What a scene may set of a LEO-MEDIUM sensor."""
+
+
+@hookimpl
+def opir_sensor_models() -> Iterable[SensorModel]:
+    """Yield the sensor models `LEO-WIDE` and `LEO-MEDIUM`."""
+    yield SensorModel(
+        name="LEO-WIDE",
+        summary="wide-field stare at the disk and the limb below a low orbit, for plumes",
+        config=WideConfig,
+        build=partial(scanning_sensor, type="LEO-WIDE"),
+    )
+    yield SensorModel(
+        name="LEO-MEDIUM",
+        summary="medium-field, finer stare of mid and long waves from a low orbit, for plumes and warm bodies",
+        config=MediumConfig,
+        build=partial(scanning_sensor, type="LEO-MEDIUM"),
+    )
+
+
+@hookimpl
+def opir_constellations() -> Iterable[Constellation]:
+    """Yield the constellations `LEO-WIDE` and `LEO-MEDIUM`."""
+    yield Constellation(
+        name="LEO-WIDE",
+        summary="24 LEO-WIDE satellites in a notional Walker pattern 60 deg: 24/6/1 at 1200 km",
+        model="LEO-WIDE",
+        satellites=list(_fleet("LEO-WIDE", NOTIONAL_WIDE_PATTERN)),
+    )
+    yield Constellation(
+        name="LEO-MEDIUM",
+        summary="12 LEO-MEDIUM satellites in a notional Walker pattern 60 deg: 12/3/1 at 1200 km",
+        model="LEO-MEDIUM",
+        satellites=list(_fleet("LEO-MEDIUM", NOTIONAL_MEDIUM_PATTERN)),
+    )
+
+
+def _fleet(name: str, pattern: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    for number in range(1, pattern["total"] + 1):
+        walker = {**pattern, "satellite": number, "lon_asc_node_deg": 0.0}
+        yield {"id": f"{name}-{number:02d}", "orbit": {"walker": walker}}
