@@ -11,6 +11,7 @@ from opir_core.plugin.components import CATALOGUE, Component, Constellation
 from opir_core.plugin.description import field_rows, shown
 from opir_core.plugin.host import Host
 from opir_core.reading.heading import SceneFile
+from opir_core.scene import SceneDrag
 
 DOCS = Path(__file__).resolve().parent
 HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|---|---|---|---|"
@@ -38,6 +39,14 @@ def scene_page() -> str:
             "",
             HEAD,
             *rows(SceneFile),
+            "",
+            "`forces` is what acts on targets between burnout and impact: `kepler`, or a list out of `j2`, `j3` and",
+            "`j4` (the zonal harmonics of EGM96) and `drag`: `[j2, drag]`. Aims, impacts and what trackers predict",
+            "are under these forces. The air turns with the Earth. A target's block may give a ballistic coefficient",
+            "of its own. Drag has settings, as in `[j2, {drag: {ballistic_coefficient_kg_m2: 2000}}]`:",
+            "",
+            HEAD,
+            *rows(SceneDrag),
             "",
             "An item of `sensors` is `{constellation: NAME, ...}`, whose other keys apply to all its satellites, or",
             "`{model: NAME, id: ID, ...}`. An item of `targets` is `{id: ID, model: NAME, ...}`; without `model` it is",

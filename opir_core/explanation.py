@@ -24,6 +24,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
     looking = np.flatnonzero(plan.pairs.looks > 0)
     return {
         "scene": plan.scene.name,
+        "forces": list(plan.scene.forces.names),
         "components": components_used(plan),
         "looks": int(plan.pairs.looks.sum()),
         "windows": len(window_edges_ns(plan)),
@@ -64,6 +65,7 @@ def _not_computed(plan: Plan) -> list[str]:
         (constant, "geometry of looks that do not detect (the probability of detection is constant)"),
         (constant and not plan.pairs.is_checked.any(), "visibility of single looks (every pair is certain)"),
         (not plan.scene.light_time, "light time (switched off)"),
+        (plan.scene.forces.is_kepler, "numerical propagation (forces: kepler, in closed form)"),
         (plan.tracker.cadence_s is None, "tracks (no tracker)"),
         (plan.scene.atmosphere.name == "clear", "atmosphere (a clear sky, transmittance 1)"),
         (plan.scene.background.name == "none", "background (none)"),

@@ -30,6 +30,7 @@ from opir_core.targets import Targets, join_targets
 
 if TYPE_CHECKING:
     from opir_core.bias import Bias
+    from opir_core.flight.forces import ForceModel
 
 _NS = 1_000_000_000
 
@@ -66,7 +67,9 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
     context = ModelContext(sensors=sensors, target_type_code=targets.type_code)
-    tracked = TrackerContext(sensors=sensors, epoch_us=scene.epoch_us, duration_s=scene.duration_s)
+    tracked = TrackerContext(
+        sensors=sensors, epoch_us=scene.epoch_us, duration_s=scene.duration_s, forces=_forces(scene)
+    )
     return Plan(
         scene=scene,
         host=host,
@@ -135,11 +138,23 @@ def _targets(scene: Scene, host: Host) -> Targets:
 def _trajectories(scene: Scene, host: Host, places: Sequence[int]) -> Trajectories:
     chosen = [scene.targets[place] for place in places]
     context = TargetContext(
-        ids=tuple(target.id for target in chosen), paths=tuple(target.model.path for target in chosen)
+        ids=tuple(target.id for target in chosen),
+        paths=tuple(target.model.path for target in chosen),
+        forces=_forces(scene),
+        epoch_us=scene.epoch_us,
     )
     component = _component(host, chosen[0].model)
     trajectories: Trajectories = component.build([target.model.config for target in chosen], context)
     return trajectories
+
+
+def _forces(scene: Scene) -> "ForceModel":
+    """Return what acts in free flight; for two-body motion nothing is imported."""
+    if scene.forces.is_kepler:
+        return "kepler"
+    from opir_core.flight.forces import chosen_forces
+
+    return chosen_forces(scene.forces)
 
 
 def _uniform(seed: int, *names: str) -> float:

@@ -8,13 +8,16 @@ imported only for scenes whose detection model looks at them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks, Window
+
+if TYPE_CHECKING:
+    from opir_core.flight.forces import ForceModel
 
 
 @frozen
@@ -239,10 +242,16 @@ class SensorContext:
 
 @frozen(kw_only=True)
 class TargetContext:
-    """What a target model is built with: the ids and scene paths of its targets, row by row with the configurations."""
+    """What a target model is built with: the ids and scene paths of its targets, row by row with the configurations.
+
+    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, whose drag has the ballistic coefficient of
+    targets that do not bring their own. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01.
+    """
 
     ids: tuple[str, ...]
     paths: tuple[str, ...]
+    forces: "ForceModel" = "kepler"
+    epoch_us: int = 0
 
 
 @frozen(kw_only=True)
@@ -256,11 +265,15 @@ class ModelContext:
 
 @frozen(kw_only=True)
 class TrackerContext:
-    """What trackers are built with: no targets, for a tracker sees detections alone."""
+    """What trackers are built with: no targets, for a tracker sees detections alone.
+
+    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`.
+    """
 
     sensors: tuple[Sensor, ...]
     epoch_us: int
     duration_s: float
+    forces: "ForceModel" = "kepler"
 
 
 @frozen(kw_only=True)

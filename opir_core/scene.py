@@ -4,6 +4,8 @@ from typing import Any
 
 from attrs import frozen
 
+from opir_core.fields import nested, number
+
 #: The target types a scene may launch, in the order of their codes.
 TARGET_TYPES = ("ICBM", "IRBM", "SRBM")
 
@@ -24,6 +26,10 @@ SOURCE_TYPE = UNKNOWN_TYPE
 
 #: The signature model of a target whose block names none.
 DEFAULT_SIGNATURE = "plume"
+
+
+#: The zonal harmonics of gravity that a scene may choose, in the order in which they are written down.
+ZONAL_FORCES = ("j2", "j3", "j4")
 
 
 @frozen
@@ -67,6 +73,53 @@ class SceneSource:
     model: Choice
 
 
+@frozen(kw_only=True)
+class ExponentialAir:
+    """Air whose density falls by e with every scale height."""
+
+    density_kg_m3: float = number(unit="kg/m³", above=0.0, maximum=100.0, help="density at the base height")
+    scale_height_m: float = number(unit="m", minimum=100.0, maximum=1e6, help="height over which it falls by e")
+    base_height_m: float = number(
+        default=0.0, unit="m", minimum=-5000.0, maximum=1e6, help="height above the WGS 84 ellipsoid"
+    )
+
+
+@frozen(kw_only=True)
+class SceneDrag:
+    """How the air, which turns with the Earth, brakes what flies freely."""
+
+    ballistic_coefficient_kg_m2: float = number(
+        default=5000.0,
+        unit="kg/m²",
+        minimum=1.0,
+        maximum=1e6,
+        help="m/(C_d A) of every target whose block does not give its own",
+    )
+    exponential: ExponentialAir | None = nested(
+        default=None,
+        source="U.S. Standard Atmosphere, 1976",
+        help="exponential air; by default that of the U.S. Standard Atmosphere, 1976, to 1000 km",
+    )
+
+
+@frozen
+class SceneForces:
+    """What acts on targets in free flight beside the point mass: zonal harmonics by name, in order, and drag."""
+
+    zonal: tuple[str, ...] = ()
+    drag: SceneDrag | None = None
+
+    @property
+    def is_kepler(self) -> bool:
+        """Whether the point mass is all there is."""
+        return not self.zonal and self.drag is None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return what acts, as a scene names it."""
+        return (*self.zonal, *(() if self.drag is None else ("drag",))) or ("kepler",)
+
+
 @frozen
 class Scene:
     """A whole scene.
@@ -90,6 +143,7 @@ class Scene:
     sources: tuple[SceneSource, ...] = ()
     outputs: tuple[Choice, ...] = ()
     light_time: bool = True
+    forces: SceneForces = SceneForces()
 
     @property
     def choices(self) -> tuple[Choice, ...]:

@@ -106,3 +106,10 @@ class BallisticConfig:
     burn_time_s: float | None = number(
         default=None, unit="s", minimum=10.0, maximum=1000.0, help="burn time; by default the profile's"
     )
+    ballistic_coefficient_kg_m2: float | None = number(
+        default=None,
+        unit="kg/m²",
+        minimum=1.0,
+        maximum=1e6,
+        help="m/(C_d A) in free flight, where the scene's forces have drag; by default the scene's",
+    )

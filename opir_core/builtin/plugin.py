@@ -88,7 +88,7 @@ def opir_target_models() -> Iterable[TargetModel]:
     """Yield `ballistic`."""
     yield TargetModel(
         name="ballistic",
-        summary="boost on a generic class profile, then a Kepler arc to the aim point",
+        summary="boost on a generic class profile, then free flight to the aim point under the scene's forces",
         config=BallisticConfig,
         build=_built_by("targets", "ballistic_targets"),
     )

@@ -1,8 +1,8 @@
-"""The target model `ballistic`: boost on a generic class profile, then a two-body arc to the aim point."""
+"""The target model `ballistic`: boost on a generic class profile, then free flight to the aim point."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import define
@@ -17,6 +17,9 @@ from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.protocols import TargetContext, Trajectories
 from opir_core.records import FloatArray, IndexArray
 from opir_core.scene import TARGET_TYPES
+
+if TYPE_CHECKING:
+    from opir_core.flight.forces import ForceModel
 
 #: How far the interpolated positions may be from the profile's, m.
 EPHEMERIS_TOLERANCE_M = 0.01
@@ -79,7 +82,7 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
     ranges_m = _ranges_m(launch, aim_point).tolist()
     profiles = tuple(_profile(config, ranges_m[row], row in unknown) for row, config in enumerate(configs))
     ignition_s = np.array([config.launch.time_s for config in configs], dtype=np.float64)
-    flight = aim(launch, aim_point, ignition_s, profiles)
+    flight = aim(launch, aim_point, ignition_s, profiles, forces=_forces(configs, context))
     problems = _problems(unknown, flight.complaints, configs, profiles, context.paths)
     if problems:
         raise SceneError(problems)
@@ -94,6 +97,16 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
         configs=tuple(configs),
         profiles=profiles,
     )
+
+
+def _forces(configs: Sequence[BallisticConfig], context: TargetContext) -> "ForceModel":
+    """Return the scene's forces, with the ballistic coefficients that targets bring."""
+    forces = context.forces
+    if isinstance(forces, str) or forces.drag is None:
+        return forces
+    usual = float(forces.drag.ballistic_coefficient_kg_m2)
+    own = (config.ballistic_coefficient_kg_m2 for config in configs)
+    return forces.with_ballistic_coefficients([usual if value is None else value for value in own])
 
 
 def _unknown_profiles(configs: Sequence[BallisticConfig]) -> dict[int, str]:

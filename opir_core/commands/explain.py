@@ -32,7 +32,7 @@ def _as_text(told: Mapping[str, Any]) -> str:
     pairs = [_pair_cells(row) for row in told["pairs"]]
     skipped = [(row["sensor_id"], row["target_id"], row["reason"]) for row in told["skipped"]]
     parts = [
-        f"{told['scene']}: {counted(told['looks'])} looks of {len(pairs)} pairs",
+        f"{told['scene']}: {counted(told['looks'])} looks of {len(pairs)} pairs; forces {', '.join(told['forces'])}",
         table(("kind", "name", "from"), components),
         table(("sensor", "target", "looks", "from s", "to s", "visible", "P_d"), pairs, numbers=(2, 3, 4, 6)),
     ]

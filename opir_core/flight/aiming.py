@@ -6,6 +6,7 @@ Mueller and White, Fundamentals of Astrodynamics, 1971, section 6.2): longer ran
 """
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -14,13 +15,15 @@ from numpy.typing import ArrayLike
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING
 from opir_core.flight.ascent import ascent
 from opir_core.flight.boost import BoostPath, boost_path, launch_site
-from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.profiles import BoostProfile
 from opir_core.flight.shooting import solved
-from opir_core.flight.shot import Impact, Shot
+from opir_core.flight.shot import Shot
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodesic_inverse, geodetic_to_ecef
 from opir_core.geometry.vectors import Floats
 from opir_core.records import BoolArray
+
+if TYPE_CHECKING:
+    from opir_core.flight.forces import ForceModel, Forces
 
 #: The mean radius of the Earth that turns ranges into angles, m (IUGG: (2 a + b)/3 of WGS 84).
 _MEAN_RADIUS_M = EARTH_EQUATORIAL_RADIUS_M * (1.0 - EARTH_FLATTENING / 3.0)
@@ -61,14 +64,13 @@ def aim(
     ignition_s: ArrayLike,
     profiles: Sequence[BoostProfile],
     *,
-    impact: Impact = kepler_impact,
+    forces: "ForceModel" = "kepler",
     tolerance_m: float = 0.01,
 ) -> Aim:
     """Return the flights of n targets, one profile each; launches, aim points and ignition times broadcast to (n,).
 
-    `impact(position_m, velocity_m_s, height_m)` gives time to impact and inertial point of impact from burnout states,
-    under the forces of the free flight: by default two-body motion. Targets whose aim point lies outside the range of
-    their profile, or is not met to within the tolerance, are reported in `complaints`.
+    `forces` act from burnout to impact; a ballistic coefficient is one number, or one each (n,). Targets whose aim
+    point lies outside the range of their profile, or is not met to within the tolerance, are reported in `complaints`.
     """
     n = len(profiles)
     launch, aim_point = (Geodetic(*(_column(v, n) for v in place)) for place in (launch, aim_point))
@@ -76,11 +78,11 @@ def aim(
         launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad
     )
     site, course = launch_site(*launch), ascent(profiles, _flight_path_angle_rad(range_m, profiles))
-    shot = Shot(site, course, geodetic_to_ecef(*aim_point), aim_point.height_m)
+    shot = Shot(site, course, geodetic_to_ecef(*aim_point), aim_point.height_m, _forces_of(forces, n))
     rows = np.flatnonzero(_is_within_limits(range_m, profiles))
     azimuth_rad, speed_m_s = np.full(n, np.nan), np.full(n, np.nan)
-    azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), impact, tolerance_m)
-    landing = shot.landing(azimuth_rad, speed_m_s, impact)
+    azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
+    landing = shot.landing(azimuth_rad, speed_m_s)
     converged = landing.miss_m <= tolerance_m
     path = boost_path(site, _column(ignition_s, n), azimuth_rad, speed_m_s, course)
     burnout_ecef = path.state(np.arange(n), path.burnout_s)
@@ -131,6 +133,15 @@ def _lambert_range_m(latitude_1: Floats, longitude_1: Floats, latitude_2: Floats
     y = (angle + np.sin(angle)) * cos_sum * sin_difference / np.where(chord > 0.0, chord, 1.0)
     distance: Floats = EARTH_EQUATORIAL_RADIUS_M * (angle - 0.5 * EARTH_FLATTENING * (x + y))
     return distance
+
+
+def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
+    """Return the forces on n targets, None for two-body motion, which imports no numerical propagation."""
+    if model == "kepler":
+        return None
+    from opir_core.flight.forces import forces_of
+
+    return forces_of(model).broadcast(n)
 
 
 def _flight_path_angle_rad(range_m: Floats, profiles: Sequence[BoostProfile]) -> Floats:

@@ -7,13 +7,11 @@ from collections.abc import Iterable
 from typing import Literal
 
 import numpy as np
-from attrs import cmp_using, field, frozen
+from attrs import cmp_using, evolve, field, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-
-#: The zonal harmonics that can be asked for.
-ZONAL_NAMES = ("j2", "j3", "j4")
+from opir_core.scene import ZONAL_FORCES, SceneDrag, SceneForces
 
 #: The one-word force model: a point mass and nothing else, propagated in closed form.
 KEPLER: Literal["kepler"] = "kepler"
@@ -104,9 +102,27 @@ class Forces:
 
     @zonal.validator
     def _are_known(self, _attribute: object, value: tuple[str, ...]) -> None:
-        unknown = sorted(set(value) - set(ZONAL_NAMES))
+        unknown = sorted(set(value) - set(ZONAL_FORCES))
         if unknown:
-            raise ValueError(f"unknown zonal harmonics {', '.join(unknown)}; known are {', '.join(ZONAL_NAMES)}")
+            raise ValueError(f"unknown zonal harmonics {', '.join(unknown)}; known are {', '.join(ZONAL_FORCES)}")
+
+    def with_ballistic_coefficients(self, value_kg_m2: ArrayLike) -> "Forces":
+        """Return the forces with other ballistic coefficients, where there is drag."""
+        if self.drag is None:
+            return self
+        return evolve(self, drag=evolve(self.drag, ballistic_coefficient_kg_m2=value_kg_m2))
+
+    def broadcast(self, count: int) -> "Forces":
+        """Return the forces on so many bodies; raise ValueError for ballistic coefficients of another number."""
+        if self.drag is None:
+            return self
+        return self.with_ballistic_coefficients(np.broadcast_to(self.drag.ballistic_coefficient_kg_m2, (count,)))
+
+    def take(self, rows: NDArray[np.intp]) -> "Forces":
+        """Return the forces on some of the bodies that they were broadcast to."""
+        if self.drag is None:
+            return self
+        return self.with_ballistic_coefficients(self.drag.ballistic_coefficient_kg_m2[rows])
 
     @property
     def is_kepler(self) -> bool:
@@ -127,3 +143,16 @@ def forces_of(model: ForceModel) -> Forces:
     if model == KEPLER:
         return Forces(zonal=())
     raise ValueError(f'forces must be a Forces or "kepler", got {model!r}')
+
+
+def chosen_forces(scene: SceneForces) -> Forces:
+    """Return the forces that a scene chose."""
+    return Forces(zonal=scene.zonal, drag=None if scene.drag is None else _chosen_drag(scene.drag))
+
+
+def _chosen_drag(scene: SceneDrag) -> Drag:
+    air = scene.exponential
+    if air is None:
+        return Drag(scene.ballistic_coefficient_kg_m2)
+    atmosphere = ExponentialAtmosphere(air.density_kg_m3, air.scale_height_m, air.base_height_m)
+    return Drag(scene.ballistic_coefficient_kg_m2, atmosphere)

@@ -7,8 +7,7 @@ from a guess good to a few percent of the range.
 import numpy as np
 
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.conic_impact import kepler_impact
-from opir_core.flight.shot import Impact, Shot
+from opir_core.flight.shot import Shot
 from opir_core.geometry import ecef_to_eci, ecef_to_eci_state
 from opir_core.geometry.vectors import Floats, components, length
 
@@ -22,25 +21,26 @@ _LARGEST_STEP = 0.2
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
-def solved(shot: Shot, impact: Impact, tolerance_m: float) -> tuple[Floats, Floats]:
+def solved(shot: Shot, tolerance_m: float) -> tuple[Floats, Floats]:
     """Return azimuths (rad) and burnout speeds (m/s) whose flights hit the aim points to within the tolerance.
 
     Where none does, what came nearest. Trials that lead nowhere are nan, and are not followed.
     """
-    azimuth_rad, speed_m_s = _corrected(shot, *_guess(shot), kepler_impact, tolerance_m)
-    if impact is kepler_impact:
+    two_body = shot.in_two_body_motion()
+    azimuth_rad, speed_m_s = _corrected(two_body, *_guess(two_body), tolerance_m)
+    if two_body is shot:
         return azimuth_rad, speed_m_s
-    return _corrected(shot, azimuth_rad, speed_m_s, impact, tolerance_m)
+    return _corrected(shot, azimuth_rad, speed_m_s, tolerance_m)
 
 
 def _guess(shot: Shot) -> tuple[Floats, Floats]:
     """Return azimuths and burnout speeds that come down near the aim points."""
     azimuth_rad, speed_m_s = _guess_at_rest(shot)
-    landing = shot.landing(azimuth_rad, speed_m_s, kepler_impact)
+    landing = shot.landing(azimuth_rad, speed_m_s)
     distance_m, duration_s = landing.distance_m(), landing.duration_s
     for _ in range(2):
         azimuth, speed = _guess_in_rotation(shot, azimuth_rad, speed_m_s, duration_s)
-        landing = shot.landing(azimuth, speed, kepler_impact)
+        landing = shot.landing(azimuth, speed)
         nearer = (landing.distance_m() < distance_m) | np.isnan(distance_m)
         azimuth_rad, speed_m_s = np.where(nearer, azimuth, azimuth_rad), np.where(nearer, speed, speed_m_s)
         distance_m = np.where(nearer, landing.distance_m(), distance_m)
@@ -87,11 +87,9 @@ def hitting_speed_m_s(start_m: Floats, end_m: Floats, gamma_rad: Floats, psi_rad
     return speed
 
 
-def _corrected(
-    shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, impact: Impact, tolerance_m: float
-) -> tuple[Floats, Floats]:
+def _corrected(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, tolerance_m: float) -> tuple[Floats, Floats]:
     """Return the unknowns after Newton's method, target by target; a step that brings none nearer is halved."""
-    start = shot.landing(azimuth_rad, speed_m_s, impact)
+    start = shot.landing(azimuth_rad, speed_m_s)
     # Rows: azimuth, speed, along, across, miss, share of Newton's step to take.
     now = np.stack([azimuth_rad, speed_m_s, start.along_m, start.across_m, start.miss_m, np.ones_like(azimuth_rad)])
     for _ in range(_ITERATIONS):
@@ -99,9 +97,9 @@ def _corrected(
         if not rows.size:
             break
         part, (azimuth, speed, along, across, _, share) = shot.take(rows), now[:, rows]
-        turn, gain = _newton_step(part, azimuth, speed, along, across)
+        turn, gain = _newton_step(part.in_two_body_motion(), azimuth, speed, along, across)
         azimuth, speed = azimuth + share * turn, speed * (1.0 + share * gain)
-        trial = part.landing(azimuth, speed, impact)
+        trial = part.landing(azimuth, speed)
         nearer = trial.distance_m() < np.hypot(along, across)
         now[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)
         better = np.stack([azimuth, speed, trial.along_m, trial.across_m, trial.miss_m])
@@ -116,7 +114,7 @@ def _newton_step(
     count = len(azimuth_rad)
     azimuths = np.concatenate([azimuth_rad, azimuth_rad + _STEP, azimuth_rad])
     speeds = np.concatenate([speed_m_s, speed_m_s, speed_m_s * (1.0 + _STEP)])
-    landings = shot.take(np.tile(np.arange(count), 3)).landing(azimuths, speeds, kepler_impact)
+    landings = shot.take(np.tile(np.arange(count), 3)).landing(azimuths, speeds)
     (along_by_turn, along_by_gain), (across_by_turn, across_by_gain) = (
         column.reshape(3, count)[1:] - column[:count] for column in (landings.along_m, landings.across_m)
     )

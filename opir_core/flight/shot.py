@@ -1,19 +1,22 @@
 """A shot: from launch azimuth and burnout speed to where the free flight comes down on the rotating Earth."""
 
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.flight.ascent import Ascent
 from opir_core.flight.boost import LaunchSite
+from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.pieces import Indices
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef
 from opir_core.geometry.vectors import Floats, components, length
 
-#: Inertial burnout positions and velocities (m, 3) and the aim points' heights (m,), to times to impact (m,), s, and
-#: points of impact (m, 3) in the same frame; nan where a flight never comes down to that height.
-Impact = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]
+if TYPE_CHECKING:
+    from opir_core.flight.forces import Forces
+
+#: The error of a numerical impact, m: a small share of the tolerances that aiming is asked for.
+_IMPACT_TOLERANCE_M = 1e-3
 
 
 @frozen(eq=False)
@@ -37,16 +40,27 @@ class Landing:
 
 @frozen(eq=False)
 class Shot:
-    """Launches (n,) and where they aim: ECEF position (n, 3) and height (n,) of the aim points."""
+    """Launches (n,) and where they aim: ECEF position (n, 3) and height (n,) of the aim points.
+
+    `forces` act in free flight; None is two-body motion.
+    """
 
     site: LaunchSite
     course: Ascent
     aim_ecef_m: Floats
     aim_height_m: Floats
+    forces: "Forces | None" = None
 
     def take(self, rows: Indices) -> "Shot":
         """Return some of the shots."""
-        return Shot(self.site.take(rows), self.course.take(rows), self.aim_ecef_m[rows], self.aim_height_m[rows])
+        forces = None if self.forces is None else self.forces.take(rows)
+        return Shot(
+            self.site.take(rows), self.course.take(rows), self.aim_ecef_m[rows], self.aim_height_m[rows], forces
+        )
+
+    def in_two_body_motion(self) -> "Shot":
+        """Return the same shots with no force but the point mass."""
+        return self if self.forces is None else evolve(self, forces=None)
 
     def burnout(self, azimuth_rad: Floats, speed_m_s: Floats) -> tuple[Floats, Floats]:
         """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
@@ -55,9 +69,9 @@ class Shot:
         swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
         return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
 
-    def landing(self, azimuth_rad: Floats, speed_m_s: Floats, impact: Impact) -> Landing:
+    def landing(self, azimuth_rad: Floats, speed_m_s: Floats) -> Landing:
         """Return where the flights come down; the inertial frame is ECEF frozen at burnout."""
-        duration_s, point_m = impact(*ecef_to_eci_state(*self.burnout(azimuth_rad, speed_m_s), 0.0), self.aim_height_m)
+        duration_s, point_m = self._impact(*ecef_to_eci_state(*self.burnout(azimuth_rad, speed_m_s), 0.0))
         impact_m = eci_to_ecef(point_m, duration_s)
         range_rad, bearing_rad = self.polar_rad(impact_m)
         aim_range_rad, aim_bearing_rad = self.polar_rad(self.aim_ecef_m)
@@ -66,6 +80,13 @@ class Shot:
         miss_m = length(*components(impact_m - self.aim_ecef_m))
         along_m, across_m = radius_m * (range_rad - aim_range_rad), radius_m * np.sin(aim_range_rad) * turn_rad
         return Landing(along_m, across_m, miss_m, duration_s, impact_m)
+
+    def _impact(self, position_m: Floats, velocity_m_s: Floats) -> tuple[Floats, Floats]:
+        if self.forces is None:
+            return kepler_impact(position_m, velocity_m_s, self.aim_height_m)
+        from opir_core.flight.impact_event import impact
+
+        return impact(position_m, velocity_m_s, self.aim_height_m, self.forces, tolerance_m=_IMPACT_TOLERANCE_M)
 
     def polar_rad(self, point_ecef_m: Floats) -> tuple[Floats, Floats]:
         """Return angle from the launch point and bearing at it, geocentric, of points (n, 3)."""

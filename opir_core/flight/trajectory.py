@@ -1,17 +1,23 @@
 """Whole flights as ephemerides: boost, and the free flight from burnout to impact, in ECEF."""
 
-from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from opir_core.flight.aiming import Aim
 from opir_core.flight.boost import BoostPath
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.pieces import Indices
+from opir_core.flight.pieces import Indices, Motion
 from opir_core.geometry import eci_to_ecef_state
 from opir_core.geometry.vectors import Floats
 
-#: Inertial positions and velocities (m, 3) and durations (m,), s, to positions and velocities after them.
-Propagator = Callable[[Floats, Floats, Floats], tuple[Floats, Floats]]
+if TYPE_CHECKING:
+    from opir_core.flight.forces import ForceModel
+
+
+#: How much longer arcs are integrated than they are flown, s.
+_BREATH_S = 1e-3
 
 
 def boost_ephemeris(path: BoostPath, tolerance_m: float = 0.01) -> Ephemeris:
@@ -19,20 +25,36 @@ def boost_ephemeris(path: BoostPath, tolerance_m: float = 0.01) -> Ephemeris:
     return Ephemeris.build(path.state, path.ignition_s, path.burnout_s, path.breakpoints_s(), tolerance_m)
 
 
-def coast_ephemeris(flight: Aim, tolerance_m: float = 0.01, propagate: Propagator = propagate_kepler) -> Ephemeris:
-    """Return the free flight of n targets, burnout to impact.
-
-    `propagate` is to follow the forces that the flight was aimed under.
-    """
+def coast_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
+    """Return the free flight of n targets, burnout to impact, under the forces that it was aimed under."""
+    inertial = _two_body(flight) if forces == "kepler" else _integrated(flight, forces, tolerance_m)
 
     def state(target: Indices, time_s: Floats) -> tuple[Floats, Floats]:
-        position, velocity = flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target]
-        return eci_to_ecef_state(*propagate(position, velocity, time_s - flight.burnout_s[target]), time_s)
+        return eci_to_ecef_state(*inertial(target, time_s), time_s)
 
     return Ephemeris.build(state, flight.burnout_s, flight.impact_s, tolerance_m=tolerance_m)
 
 
-def flight_ephemeris(flight: Aim, tolerance_m: float = 0.01, propagate: Propagator = propagate_kepler) -> Ephemeris:
+def flight_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
     """Return the flight of n targets, ignition to impact."""
-    boost, coast = boost_ephemeris(flight.path, tolerance_m), coast_ephemeris(flight, tolerance_m, propagate)
+    boost, coast = boost_ephemeris(flight.path, tolerance_m), coast_ephemeris(flight, tolerance_m, forces)
     return Ephemeris.joined([boost, coast])
+
+
+def _two_body(flight: Aim) -> Motion:
+    def state(target: Indices, time_s: Floats) -> tuple[Floats, Floats]:
+        position, velocity = flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target]
+        return propagate_kepler(position, velocity, time_s - flight.burnout_s[target])
+
+    return state
+
+
+def _integrated(flight: Aim, forces: "ForceModel", tolerance_m: float) -> Motion:
+    """Return the arcs integrated once, to a hundredth of the tolerance, so that the fit has a smooth motion to meet."""
+    from opir_core.flight.dense import dense_arcs
+
+    duration_s = flight.impact_s - flight.burnout_s
+    states = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
+    # A breath longer, so that rounding of times leaves none beyond the end.
+    arcs = dense_arcs(*states, duration_s + _BREATH_S, forces, tolerance_m=0.01 * tolerance_m)
+    return lambda target, time_s: arcs.state(target, np.maximum(time_s - flight.burnout_s[target], 0.0))

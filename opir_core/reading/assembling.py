@@ -49,6 +49,11 @@ class Assembler:
     def _parts(self, values: dict[str, Any]) -> dict[str, Any]:
         """Return the parts of the scene that its blocks come to."""
         parts: dict[str, Any] = {"targets": (), "sources": (), "outputs": ()}
+        if values.get("forces") is not None:
+            from opir_core.reading.forces import read_forces
+
+            with self.gathering.at(key_step("forces")):
+                parts["forces"] = read_forces(values["forces"])
         lists = {
             "sensors": SensorReader(self.chooser).sensors,
             "targets": TargetReader(self.chooser, values.get("duration_s")).targets,

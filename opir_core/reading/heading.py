@@ -51,6 +51,11 @@ class SceneFile:
     )
     seed: int = number(help="what all random numbers come from", default=0, minimum=0, maximum=2**63 - 1, source="")
     light_time: bool = flag(help="whether light takes time from target to sensor", default=True, source="")
+    forces: Node | None = nested(
+        help="what acts in free flight: kepler (the point mass alone), or a list out of j2, j3, j4 and drag",
+        default=None,
+        source="opir-simulator paper (2026): two-body motion",
+    )
     sensors: Node = nested(help="constellations and single sensors", source="")
     targets: Node | None = nested(help="launches", default=None, source="")
     sources: Node | None = nested(

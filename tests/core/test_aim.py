@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.aiming import aim, surface_range_m
 from opir_core.flight.conic_impact import kepler_impact
+from opir_core.flight.forces import Forces, ZonalField
 from opir_core.flight.profiles import boost_profile, boost_profiles
 from opir_core.geometry import (
     Geodetic,
@@ -224,8 +225,9 @@ def test_a_flight_that_never_comes_down_there_is_told():
 
 def test_free_flight_under_other_forces_is_aimed_for_them():
     """Gravity a percent stronger, in place of any other force: aimed for it, flights hit; aimed without, they miss."""
-    stronger = partial(kepler_impact, mu_m3_s2=1.01 * 3.986004418e14)
-    flight, there = random_flights(50, 12, impact=stronger)
+    mu_m3_s2 = 1.01 * 3.986004418e14
+    stronger = partial(kepler_impact, mu_m3_s2=mu_m3_s2)
+    flight, there = random_flights(50, 12, forces=Forces(zonal=(), gravity=ZonalField(mu_m3_s2=mu_m3_s2)))
     assert_hits(flight, there)
     plain, _ = random_flights(50, 12)
     assert (flight.burnout_speed_m_s > plain.burnout_speed_m_s).all()

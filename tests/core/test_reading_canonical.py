@@ -30,6 +30,12 @@ DATA = st.recursive(
     max_leaves=6,
 )
 PLACES = st.fixed_dictionaries({"lat_deg": st.floats(-90, 90), "lon_deg": SLOTS}, optional={"height_m": NUMBERS})
+FORCES: list[Any] = [
+    "kepler",
+    ["drag", "j2"],
+    ["j4", {"drag": None}, "j3"],
+    [{"drag": {"exponential": {"density_kg_m3": 1.2, "scale_height_m": 7200}}}],
+]
 SCANNERS = st.fixed_dictionaries(
     {"orbital_slot_deg": SLOTS | st.integers(-180, 180)},
     optional={
@@ -70,6 +76,7 @@ def mappings(draw: st.DrawFn) -> dict[str, Any]:
         "duration_s": draw(st.floats(1e-3, 1e6) | st.integers(1, 10**6)),
         "seed": draw(st.integers(0, 2**63 - 1)),
         "light_time": draw(st.booleans()),
+        "forces": draw(st.sampled_from(FORCES)),
         "sensors": draw(st.permutations([*singles, *draw(st.sampled_from([[], [fleet]]))])),
         "targets": targets,
         "confidence": draw(st.sampled_from(["weighted", {"model": "weighted", "band": band, "count": 1 - band}])),
@@ -176,4 +183,4 @@ def test_zero_is_zero(zero: str) -> None:
 def test_the_hash_stays() -> None:
     """A hash in an old manifest names the same scene for ever; this changes only with the scene format."""
     scene = scene_from_mapping(good_mapping(), host=HOST)
-    assert scene_hash(scene) == "619f105725d60ec17c2febbf9582c03376c0c59e312969a4807da3a295d6846b"
+    assert scene_hash(scene) == "9a482e397a93aea63039883b8f6cfca4cb23a53331a6abc3bfb42f8bfcbb87d4"

@@ -210,6 +210,7 @@ def good_mapping() -> dict[str, Any]:
         "duration_s": 900.0,
         "seed": 7,
         "light_time": True,
+        "forces": ["j2", {"drag": {"ballistic_coefficient_kg_m2": 2500.0, "exponential": None}}],
         "sensors": [
             {"constellation": "FLEET", "members": [{"id": "FLEET-1", "model": "SCANNER", **scanner_settings()}]},
             {"id": "S2", "model": "STARER", **scanner_settings()},
