@@ -23,15 +23,15 @@ class Rays(Columns):
     sigma_rad: FloatArray
 
     @classmethod
-    def of(cls, detections: Detections, sigma_rad: FloatArray) -> "Rays":
-        """Return the rays of detections, with the sensors' errors `sigma_rad` (sensors,)."""
+    def of(cls, detections: Detections) -> "Rays":
+        """Return the rays of detections."""
         return cls(
             detections.time_s,
             detections.sensor,
             detections.scan,
             detections.sensor_ecef_m,
             detections.line_of_sight_ecef,
-            np.take(sigma_rad, detections.sensor),
+            detections.line_of_sight_sigma_rad,
         )
 
 
@@ -58,6 +58,12 @@ class Sights(Columns):
         y = local[:, :2] / depth[:, None]
         slope = (self.axes[:, :2] - y[:, :, None] * self.axes[:, None, 2]) / depth[:, None, None]
         return _apart(self.whitener, self.seen - y), self.whitener @ slope
+
+
+def no_rays() -> Rays:
+    """Return the record of no rays."""
+    whole, none = np.empty(0, dtype=np.int64), np.empty((0, 3))
+    return Rays(np.empty(0), np.empty(0, dtype=np.int32), whole, none, none, np.empty(0))
 
 
 def emission_s(time_s: FloatArray, range_m: FloatArray, light_time: bool) -> FloatArray:

@@ -1,0 +1,212 @@
+"""New tracks from rays that belong to no track: M of N scans in one direction, or in one place seen from several.
+
+Rays of a sensor that lie within a few standard deviations of each other form a spot. Spots of different sensors whose
+mean rays meet at a height a target can have form a place. A place begins a track once its rays come from M different
+scans of the last N. Before the first update a track knows only its prior, which is stated here and in
+docs/explanation/association.md: where one sensor alone sees a spot, the prior says that launches begin near the ground.
+"""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.columns import Columns
+from opir_core.geometry import ecef_to_geodetic, local_axes
+from opir_core.geometry.intersection import intersection_with_ellipsoid
+from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.rays import Rays
+from opir_core.tracking.triangulation import meeting_points
+
+#: Half the speed across the line of sight that a spot allows for over the scans it spans, m/s.
+_SPEED_M_S = 1000.0
+
+#: A spot's bins are this many standard deviations wide.
+_WIDTH_SIGMAS = 6.0
+
+#: Two mean rays meet if the sum of their squared residuals, on one degree of freedom, is below this (99.99 %).
+_MEET = 15.1
+
+#: Heights at which rays may meet, m.
+_LOWEST_M, _HIGHEST_M = -20e3, 500e3
+
+#: Spots of two sensors are held against each other if their rays meet the ground this near to each other, m.
+_NEAR_M = 60e3
+
+#: The mean height of a target when one sensor alone first sees it, m.
+FIRST_HEIGHT_M = 3e3
+
+
+@frozen(eq=False)
+class Spots(Columns):
+    """Directions of one sensor from which several unclaimed rays come: the mean ray, its error, how many scans, rays."""
+
+    sensor: IntArray
+    time_s: FloatArray
+    origin_ecef_m: FloatArray
+    direction_ecef: FloatArray
+    sigma_rad: FloatArray
+    scans: IntArray
+
+
+@frozen(eq=False)
+class Beginnings(Columns):
+    """Places where tracks begin: position (n, 3) in ECEF, m, when, from how many sensors, and the spot of most scans."""
+
+    position_ecef_m: FloatArray
+    time_s: FloatArray
+    sensors: IntArray
+
+
+def beginnings(rays: Rays, scans_needed: int) -> Beginnings:
+    """Return the places that rays (all recent and unclaimed) show, with at least `scans_needed` scans each."""
+    spots = spots_of(rays)
+    likely = spots.take(np.flatnonzero(spots.scans >= 2))
+    group, count = _places_of(likely)
+    scans = np.bincount(group, likely.scans, count)
+    sensors = np.bincount(group, minlength=count)
+    time_s = np.bincount(group, likely.time_s * likely.scans, count) / np.maximum(scans, 1)
+    position = _positions(likely, group, count, sensors)
+    ready = np.flatnonzero((scans >= scans_needed) & np.isfinite(position).all(axis=1))
+    return Beginnings(position, time_s, sensors).take(ready)
+
+
+def spots_of(rays: Rays) -> Spots:
+    """Return the spots of rays: connected groups of occupied bins of directions, sensor by sensor."""
+    sensor, which = np.unique(rays.sensor, return_inverse=True)
+    span = np.zeros(len(sensor))
+    newest = np.full(len(sensor), -np.inf)
+    np.maximum.at(newest, which, rays.time_s)
+    np.maximum.at(span, which, newest[which] - rays.time_s)
+    widest = np.zeros(len(sensor))
+    np.maximum.at(widest, which, rays.sigma_rad)
+    width = _WIDTH_SIGMAS * widest + _SPEED_M_S * span / 3.6e7
+    spot = _connected(which, rays.direction_ecef, width)
+    return _means(rays, spot)
+
+
+def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:
+    """Return a number for each row's group of touching bins."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    bins = np.floor((direction + 1.0) / width[which][:, None]).astype(np.int64) + 1
+    cell, of_row = np.unique(np.concatenate([which[:, None], bins], axis=1), axis=0, return_inverse=True)
+    size = int(bins.max(initial=0)) + 2
+    if size >= 2**18:
+        raise ValueError("line-of-sight errors below 1 µrad leave no room for bins of directions")
+    key = ((cell[:, 0] * size + cell[:, 1]) * size + cell[:, 2]) * size + cell[:, 3]
+    first, second = [], []
+    for dx, dy, dz in _FORWARD:
+        sought = key + (dx * size + dy) * size + dz
+        place = np.minimum(np.searchsorted(key, sought), len(key) - 1)
+        here = np.flatnonzero(key[place] == sought)
+        first.append(here)
+        second.append(place[here])
+    edges = np.concatenate(first), np.concatenate(second)
+    graph = coo_array((np.ones(len(edges[0]), dtype=np.int8), edges), shape=(len(key), len(key)))
+    label: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
+    return label[of_row]
+
+
+#: Half of the 26 neighbours of a bin.
+_FORWARD = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)]
+
+
+def _means(rays: Rays, spot: IntArray) -> Spots:
+    count = int(spot.max(initial=-1)) + 1
+    total = np.maximum(np.bincount(spot, minlength=count), 1)
+    scan_of = np.unique(np.stack([spot, rays.scan], axis=1), axis=0)[:, 0]
+    sensor = np.zeros(count, dtype=np.int64)
+    sensor[spot] = rays.sensor
+    direction = _mean_vectors(spot, rays.direction_ecef, total)
+    direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
+    return Spots(
+        sensor=sensor,
+        time_s=np.bincount(spot, rays.time_s, count) / total,
+        origin_ecef_m=_mean_vectors(spot, rays.origin_ecef_m, total),
+        direction_ecef=direction,
+        sigma_rad=np.sqrt(np.bincount(spot, rays.sigma_rad**2, count)) / total,
+        scans=np.bincount(scan_of, minlength=count),
+    )
+
+
+def _mean_vectors(group: IntArray, vectors: FloatArray, total: IntArray) -> FloatArray:
+    return np.stack([np.bincount(group, vectors[:, axis], len(total)) / total for axis in range(3)], axis=1)
+
+
+def _places_of(spots: Spots) -> tuple[IntArray, int]:
+    """Return a group number for each spot, with no sensor twice in a group: the best meetings are joined first."""
+    leader = list(range(len(spots)))
+    members = {number: [number] for number in leader}
+    sensor = spots.sensor.tolist()
+    for first, second in _meetings(spots):
+        one, other = leader[first], leader[second]
+        if one == other or {sensor[k] for k in members[one]} & {sensor[k] for k in members[other]}:
+            continue
+        members[one] += members.pop(other)
+        for spot in members[one]:
+            leader[spot] = one
+    _, group = np.unique(np.array(leader, dtype=np.int64), return_inverse=True)
+    return group.astype(np.int64), len(members)
+
+
+def _meetings(spots: Spots) -> list[tuple[int, int]]:
+    """Return pairs of spots of different sensors whose mean rays meet at a height a target can have, the best first."""
+    from scipy.spatial import cKDTree
+
+    ground = intersection_with_ellipsoid(spots.origin_ecef_m, spots.direction_ecef, FIRST_HEIGHT_M)
+    known = np.flatnonzero(np.isfinite(ground[:, 0]))
+    if len(known) < 2:
+        return []
+    near = cKDTree(ground[known]).query_pairs(_NEAR_M, output_type="ndarray")
+    pairs = known[near[np.lexsort((near[:, 1], near[:, 0]))]]
+    pairs = pairs[spots.sensor[pairs[:, 0]] != spots.sensor[pairs[:, 1]]]
+    if not len(pairs):
+        return []
+    group, spot = np.repeat(np.arange(len(pairs)), 2), pairs.ravel()
+    fix = meeting_points(
+        group, len(pairs), spots.origin_ecef_m[spot], spots.direction_ecef[spot], _blurred(spots)[spot]
+    )
+    height = ecef_to_geodetic(fix.position_m).height_m
+    lawful = np.flatnonzero((fix.misfit < _MEET) & (height > _LOWEST_M) & (height < _HIGHEST_M))
+    order = lawful[np.argsort(fix.misfit[lawful], kind="stable")]
+    return [(int(first), int(second)) for first, second in pairs[order]]
+
+
+def _blurred(spots: Spots) -> FloatArray:
+    """Return the errors of mean rays with what motion during a spot may add."""
+    return np.hypot(spots.sigma_rad, 0.1 * _SPEED_M_S / 3.6e7)
+
+
+def _positions(spots: Spots, group: IntArray, count: int, sensors: IntArray) -> FloatArray:
+    """Return where places are: where the rays of several sensors meet, or near the ground on a single ray."""
+    position = np.full((count, 3), np.nan)
+    single = sensors[group] == 1
+    position[group[single]] = intersection_with_ellipsoid(
+        spots.origin_ecef_m[single], spots.direction_ecef[single], FIRST_HEIGHT_M
+    )
+    several = np.flatnonzero(~single)
+    if len(several):
+        used, place = np.unique(group[several], return_inverse=True)
+        part = spots.take(several)
+        fix = meeting_points(place, len(used), part.origin_ecef_m, part.direction_ecef, _blurred(part))
+        position[used] = fix.position_m
+    return position
+
+
+def prior_sides(begun: Beginnings) -> tuple[FloatArray, FloatArray]:
+    """Return standard deviations (n, 3) of position and (n,) of speed before the first update, in local east-north-up.
+
+    A place seen by one sensor is within 30 km along the ground and 5 km in height, and slow: 400 m/s. A place seen by
+    several may be at any height, and is the faster the higher it is: 300 m/s and half as much again as a steady 20 m/s²
+    straight up would have gathered.
+    """
+    height = np.maximum(ecef_to_geodetic(begun.position_ecef_m).height_m, 0.0)
+    alone = begun.sensors == 1
+    place = np.where(alone[:, None], [30e3, 30e3, 5e3], [20e3, 20e3, 20e3])
+    return place, np.where(alone, 400.0, 300.0 + 1.5 * np.sqrt(40.0 * height))
+
+
+def prior_axes(begun: Beginnings) -> FloatArray:
+    """Return the local axes (n, 3, 3), rows east, north and up, in ECEF."""
+    axes: FloatArray = local_axes(begun.position_ecef_m)
+    return axes

@@ -1,0 +1,64 @@
+"""What a track is taken to know before its first update, and the filter a scene's settings ask for."""
+
+import numpy as np
+
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.flight.forces import J2, Forces
+from opir_core.protocols import TrackerContext
+from opir_core.records import FloatArray
+from opir_core.tracking.initiation import Beginnings, prior_axes, prior_sides
+from opir_core.tracking.motion import BOOST, COAST, Motion
+from opir_core.tracking.rays import turned
+from opir_core.tracking.stereo_settings import StereoFilterConfig
+from opir_core.tracking.switching_filter import Bank, SwitchingFilter
+
+#: Specific force of a boost before anything is known of it: straight up, and how far from that, m/s².
+FIRST_FORCE_M_S2 = 20.0
+FIRST_FORCE_SIGMA_M_S2 = 20.0
+
+#: How fast it may change, m/s³.
+FIRST_JERK_SIGMA_M_S3 = 0.5
+
+#: The chance that a target that comes into sight is burning.
+_BURNING = 0.98
+
+
+def filter_of(config: StereoFilterConfig, context: TrackerContext) -> SwitchingFilter:
+    """Return the filter for the scene's forces and the modes its settings name."""
+    forces = getattr(context, "forces", None) or J2
+    free = Forces(zonal=forces.zonal, gravity=forces.gravity)
+    return SwitchingFilter(
+        boost=Motion(BOOST, config.jerk_noise_m_s3, free),
+        coast=Motion(COAST, config.coast_noise_m_s, free),
+        boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
+        coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
+    )
+
+
+def first_bank(begun: Beginnings, time_s: float, config: StereoFilterConfig) -> Bank:
+    """Return the estimates (n,) at a time of tracks that are about to get their first rays: priors only."""
+    count = len(begun)
+    now = np.full(count, time_s)
+    axes = prior_axes(begun)
+    inertial = np.stack([turned(axes[:, row], now) for row in range(3)], axis=1)
+    position = turned(begun.position_ecef_m, now)
+    velocity = EARTH_ROTATION_RAD_S * np.stack([-position[:, 1], position[:, 0], np.zeros(count)], axis=1)
+    force = FIRST_FORCE_M_S2 * inertial[:, 2]
+    mean = np.concatenate([position, velocity, force, np.zeros((count, 3))], axis=1)
+    place, speed = prior_sides(begun)
+    root = np.zeros((count, BOOST, BOOST))
+    root[:, :3, :3] = _upper(inertial, place)
+    for block, sigma in ((1, speed), (2, FIRST_FORCE_SIGMA_M_S2), (3, FIRST_JERK_SIGMA_M_S3)):
+        rows = np.arange(3 * block, 3 * block + 3)
+        root[:, rows, rows] = np.broadcast_to(1.0 / np.asarray(sigma, dtype=np.float64), (count,))[:, None]
+    burning = {"boost-coast": _BURNING, "boost": 1.0, "coast": 0.0}[config.motion]
+    weight = np.tile([burning, 1.0 - burning], (count, 1))
+    coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
+    return Bank(weight, mean, root, coast_mean, coast_root, np.zeros((count, 2)))
+
+
+def _upper(axes: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return upper triangular roots (n, 3, 3) of information with deviations (n, 3) along the rows of axes."""
+    from opir_core.tracking.square_root import triangular
+
+    return triangular(axes / sigma[:, :, None])

@@ -1,0 +1,94 @@
+"""Which tracks live on: the roster of tracks, and which of them are doubles, lost or came to nothing."""
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.columns import Columns
+from opir_core.records import BoolArray, FloatArray, IntArray
+
+#: Tracks nearer to each other than this are looked at as possible doubles, m.
+_NEAR_M = 20e3
+
+#: Doubles differ in position and velocity by less than this squared Mahalanobis distance (6 degrees, 99.99 %).
+_ALIKE = 27.9
+
+#: A pair of tracks that were both seen in this many scans of a slice are two targets.
+_BOTH_SEEN = 1
+
+#: How many scans have to speak before two tracks are judged to be one.
+_ENOUGH_SCANS = 4
+
+
+@frozen(eq=False)
+class Roster(Columns):
+    """What is kept of tracks beside their estimates: number, when begun and last seen, how many rays, from where.
+
+    `sensors` (n,) is a bit mask of the sensors that saw the track; `reports` (n, sensors) the type each of them last
+    reported, -1 for none.
+    """
+
+    number: IntArray
+    begun_s: FloatArray
+    seen_s: FloatArray
+    hits: IntArray
+    reports: IntArray
+
+    @classmethod
+    def empty(cls, sensors: int) -> "Roster":
+        """Return the roster of no tracks."""
+        none = np.empty(0, dtype=np.int64)
+        return cls(none, np.empty(0), np.empty(0), none, np.empty((0, sensors), dtype=np.int64))
+
+    def seen(self, owner: IntArray, time_s: FloatArray, sensor: IntArray, reported: IntArray) -> "Roster":
+        """Return the roster after rays (m,) in order of time were given to rows `owner`, -1 for none."""
+        mine = np.flatnonzero(owner >= 0)
+        row = owner[mine]
+        seen_s, reports = self.seen_s.copy(), self.reports.copy()
+        np.maximum.at(seen_s, row, time_s[mine])
+        reports[row, sensor[mine]] = reported[mine]
+        hits = self.hits + np.bincount(row, minlength=len(self))
+        return evolve(self, seen_s=seen_s, hits=hits, reports=reports)
+
+
+def doubles(
+    position: FloatArray, state: FloatArray, covariance: FloatArray, owner: IntArray, scan: IntArray, hits: IntArray
+) -> BoolArray:
+    """Return which tracks (n,) are the lesser of two that follow one target.
+
+    Two tracks are one if their states agree within their covariances and if over a slice in which at least one of them
+    was seen often, no scan saw both: two targets are seen in one scan sooner or later, one target never twice. `owner`
+    and `scan` (m,) are the row and the scan of the slice's rays.
+    """
+    lesser = np.zeros(len(position), dtype=bool)
+    if len(position) < 2:
+        return lesser
+    from scipy.spatial import cKDTree
+
+    near = cKDTree(position).query_pairs(_NEAR_M, output_type="ndarray")
+    near = near[np.lexsort((near[:, 1], near[:, 0]))]
+    apart = state[near[:, 0]] - state[near[:, 1]]
+    both = covariance[near[:, 0]] + covariance[near[:, 1]]
+    distance = np.sum(apart * np.linalg.solve(both, apart[:, :, None])[:, :, 0], axis=1)
+    for first, second in near[distance < _ALIKE].tolist():
+        one, other = set(scan[owner == first].tolist()), set(scan[owner == second].tolist())
+        if not lesser[first] and not lesser[second] and _are_one(one, other):
+            lesser[second if (hits[first], second) >= (hits[second], first) else first] = True
+    return lesser
+
+
+def _are_one(one: set[int], other: set[int]) -> bool:
+    return len(one & other) < _BOTH_SEEN and len(one | other) >= _ENOUGH_SCANS
+
+
+def came_to_nothing(roster: Roster, now_s: float, needed: int, patience_s: float) -> BoolArray:
+    """Return which tracks (n,) had too few rays and none for longer than `patience_s`."""
+    return (roster.hits < needed) & (now_s - roster.seen_s > patience_s)
+
+
+def lost(
+    roster: Roster, covariance: FloatArray, height_m: FloatArray, now_s: float, silence_s: float, sigma_m: float
+) -> BoolArray:
+    """Return which tracks (n,) are silent for too long, came down, or are no longer anywhere in particular."""
+    spread = np.sqrt(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
+    gone = (now_s - roster.seen_s > silence_s) | (height_m < -20e3)
+    return gone | (spread > sigma_m)
