@@ -68,7 +68,11 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
     context = ModelContext(sensors=sensors, target_type_code=targets.type_code)
     tracked = TrackerContext(
-        sensors=sensors, epoch_us=scene.epoch_us, duration_s=scene.duration_s, forces=_forces(scene)
+        sensors=sensors,
+        epoch_us=scene.epoch_us,
+        duration_s=scene.duration_s,
+        forces=_forces(scene),
+        light_time=scene.light_time,
     )
     return Plan(
         scene=scene,

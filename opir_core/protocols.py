@@ -267,13 +267,14 @@ class ModelContext:
 class TrackerContext:
     """What trackers are built with: no targets, for a tracker sees detections alone.
 
-    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`.
+    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. `light_time` says whether light takes its time.
     """
 
     sensors: tuple[Sensor, ...]
     epoch_us: int
     duration_s: float
     forces: "ForceModel" = "kepler"
+    light_time: bool = True
 
 
 @frozen(kw_only=True)

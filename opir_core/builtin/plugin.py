@@ -79,8 +79,16 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
-    """Yield `none`."""
+    """Yield `none` and `stereo-filter`."""
+    from opir_core.builtin.tracking import StereoFilterConfig
+
     yield TrackerModel(name="none", summary="no tracks", build=_built_by("tracking", "no_tracker"))
+    yield TrackerModel(
+        name="stereo-filter",
+        summary="any number of sensors, sequential: boost and coast side by side, no model of the target",
+        config=StereoFilterConfig,
+        build=_built_by("tracking", "stereo_filter"),
+    )
 
 
 @hookimpl

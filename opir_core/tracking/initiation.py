@@ -37,7 +37,7 @@ FIRST_HEIGHT_M = 3e3
 
 @frozen(eq=False)
 class Spots(Columns):
-    """Directions of one sensor from which several unclaimed rays come: the mean ray, its error, how many scans, rays."""
+    """Directions of one sensor from which unclaimed rays come: the mean ray, its error, and from how many scans."""
 
     sensor: IntArray
     time_s: FloatArray
@@ -49,7 +49,7 @@ class Spots(Columns):
 
 @frozen(eq=False)
 class Beginnings(Columns):
-    """Places where tracks begin: position (n, 3) in ECEF, m, when, from how many sensors, and the spot of most scans."""
+    """Places where tracks begin: position (n, 3) in ECEF, m, when, and how many sensors see it."""
 
     position_ecef_m: FloatArray
     time_s: FloatArray

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.builtin.tracking import StereoFilterConfig
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
@@ -18,7 +19,6 @@ from opir_core.tracking.association import Associated, Chances, associate_joint,
 from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo_report import estimates
-from opir_core.tracking.stereo_settings import StereoFilterConfig
 from opir_core.tracking.switching_filter import Bank, Outlook, SwitchingFilter
 from opir_core.tracking.track_priors import filter_of, first_bank
 
@@ -57,12 +57,12 @@ class StereoTracking:
             filter=filter_of(config, context),
             chances=Chances(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr),
             period_s=np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors]),
-            light_time=True,
+            light_time=context.light_time,
         )
 
     def start(self) -> Situation:
         """Return the situation before the first detection."""
-        roster = upkeep.Roster.empty(len(self.period_s))
+        roster = upkeep.Roster.of(len(self.period_s))
         return Situation(0.0, Bank.empty(), roster, no_rays(), np.empty(0, dtype=np.int64))
 
     def stepped(self, now: Situation, tick_s: float, detections: Detections) -> Situation:
@@ -85,9 +85,7 @@ class StereoTracking:
         pool = Rays.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
         told = np.concatenate([now.reported, reported[free]])
         fresh = np.flatnonzero(end_s - pool.time_s <= self.config.recent_scans * self.period_s[pool.sensor] + span)
-        then = evolve(
-            now, time_s=end_s, bank=bank, roster=roster, pool=pool.take(fresh), reported=told[fresh]
-        )
+        then = evolve(now, time_s=end_s, bank=bank, roster=roster, pool=pool.take(fresh), reported=told[fresh])
         return self._kept(self._begun(then), rays, owner)
 
     def _followed(self, bank: Bank, end_s: float, rays: Rays, span: float) -> tuple[Bank, IntArray]:
@@ -183,7 +181,8 @@ class StereoTracking:
 
     def _slowest(self, roster: upkeep.Roster) -> FloatArray:
         """Return the longest scan period of the sensors that saw each track, s."""
-        return np.max(np.where(roster.reports >= 0, self.period_s, 0.0), axis=1, initial=0.0)
+        slowest: FloatArray = np.max(np.where(roster.reports >= 0, self.period_s, 0.0), axis=1, initial=0.0)
+        return slowest
 
     def told(self, now: Situation) -> Tracks:
         """Return what is told of the tracks seen often enough."""

@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from opir_core.builtin.tracking import StereoFilterConfig
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.flight.forces import J2, Forces
+from opir_core.flight.forces import Forces, forces_of
 from opir_core.protocols import TrackerContext
 from opir_core.records import FloatArray
 from opir_core.tracking.initiation import Beginnings, prior_axes, prior_sides
 from opir_core.tracking.motion import BOOST, COAST, Motion
 from opir_core.tracking.rays import turned
-from opir_core.tracking.stereo_settings import StereoFilterConfig
 from opir_core.tracking.switching_filter import Bank, SwitchingFilter
 
 #: Specific force of a boost before anything is known of it: straight up, and how far from that, m/s².
@@ -25,7 +25,7 @@ _BURNING = 0.98
 
 def filter_of(config: StereoFilterConfig, context: TrackerContext) -> SwitchingFilter:
     """Return the filter for the scene's forces and the modes its settings name."""
-    forces = getattr(context, "forces", None) or J2
+    forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
     return SwitchingFilter(
         boost=Motion(BOOST, config.jerk_noise_m_s3, free),

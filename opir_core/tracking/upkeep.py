@@ -23,8 +23,7 @@ _ENOUGH_SCANS = 4
 class Roster(Columns):
     """What is kept of tracks beside their estimates: number, when begun and last seen, how many rays, from where.
 
-    `sensors` (n,) is a bit mask of the sensors that saw the track; `reports` (n, sensors) the type each of them last
-    reported, -1 for none.
+    `reports` (n, sensors) are the types that each sensor last reported, codes into `REPORTED_TYPES`, -1 for none.
     """
 
     number: IntArray
@@ -34,7 +33,7 @@ class Roster(Columns):
     reports: IntArray
 
     @classmethod
-    def empty(cls, sensors: int) -> "Roster":
+    def of(cls, sensors: int) -> "Roster":
         """Return the roster of no tracks."""
         none = np.empty(0, dtype=np.int64)
         return cls(none, np.empty(0), np.empty(0), none, np.empty((0, sensors), dtype=np.int64))
@@ -80,9 +79,10 @@ def _are_one(one: set[int], other: set[int]) -> bool:
     return len(one & other) < _BOTH_SEEN and len(one | other) >= _ENOUGH_SCANS
 
 
-def came_to_nothing(roster: Roster, now_s: float, needed: int, patience_s: float) -> BoolArray:
-    """Return which tracks (n,) had too few rays and none for longer than `patience_s`."""
-    return (roster.hits < needed) & (now_s - roster.seen_s > patience_s)
+def came_to_nothing(roster: Roster, now_s: float, needed: int, patience_s: FloatArray) -> BoolArray:
+    """Return which tracks (n,) had too few rays and none for longer than `patience_s` (n,)."""
+    idle: BoolArray = (roster.hits < needed) & (now_s - roster.seen_s > patience_s)
+    return idle
 
 
 def lost(
@@ -90,5 +90,6 @@ def lost(
 ) -> BoolArray:
     """Return which tracks (n,) are silent for too long, came down, or are no longer anywhere in particular."""
     spread = np.sqrt(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
-    gone = (now_s - roster.seen_s > silence_s) | (height_m < -20e3)
-    return gone | (spread > sigma_m)
+    gone: BoolArray = (now_s - roster.seen_s > silence_s) | (height_m < -20e3)
+    gone |= spread > sigma_m
+    return gone

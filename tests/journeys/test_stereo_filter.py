@@ -1,0 +1,99 @@
+"""The tracker `stereo-filter` in whole runs: it follows what there is, whatever the slicing, and says how surely."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+import opir_core as opir
+from opir_core.plan import compile_plan
+from opir_core.records import Tracks
+from opir_core.run import plan_windows
+
+SCENE: Mapping[str, Any] = {
+    "scene": "two-launches",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 40,
+    "seed": 3,
+    "sensors": [
+        {"model": "SBIRS-GEO", "id": "WEST", "orbital_slot_deg": -165.0},
+        {"model": "NEXTGEN-GEO", "id": "EAST", "orbital_slot_deg": -100.0},
+    ],
+    "targets": [
+        {
+            "id": "A",
+            "type": "ICBM",
+            "launch": {"lat_deg": 2.0, "lon_deg": -140.0, "time_s": 3.0},
+            "aim": {"lat_deg": -50.0, "lon_deg": -110.0},
+        },
+        {
+            "id": "B",
+            "type": "IRBM",
+            "launch": {"lat_deg": 2.0, "lon_deg": -139.7, "time_s": 8.0},
+            "aim": {"lat_deg": -25.0, "lon_deg": -155.0},
+        },
+    ],
+    "tracker": "stereo-filter",
+}
+
+
+def tracks_of(scene: Mapping[str, Any], window_s: float | None = None) -> tuple[Tracks, np.ndarray]:
+    """Return a scene's tracks, and the track of each detection."""
+    windows = list(plan_windows(compile_plan(opir.scene_from_mapping(dict(scene))), window_s))
+    labels = np.concatenate([window.detections.track for window in windows])
+    return Tracks.concatenate([window.tracks for window in windows]), labels
+
+
+@pytest.fixture(scope="module")
+def whole() -> tuple[Tracks, np.ndarray]:
+    return tracks_of(SCENE)
+
+
+@pytest.mark.parametrize("window_s", [0.37, 1.0, 7.0])
+def test_window_sizes_change_no_bit(whole: tuple[Tracks, np.ndarray], window_s: float) -> None:
+    tracks, labels = tracks_of(SCENE, window_s)
+    assert np.array_equal(labels, whole[1])
+    assert np.array_equal(tracks.state, whole[0].state)
+    assert np.array_equal(tracks.state_covariance, whole[0].state_covariance)
+
+
+@pytest.mark.parametrize("tracker", [{}, {"association": "joint", "slice_s": 0.2}])
+def test_each_target_has_one_track_near_the_truth(tracker: Mapping[str, Any]) -> None:
+    run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", **tracker}}))
+    assert len(np.unique(run.tracks.track)) == 2
+    labelled = run.detections.track >= 0
+    for number in np.unique(run.tracks.track):
+        assert len(np.unique(run.truth.target[labelled & (run.detections.track == number)])) == 1
+    trajectories = compile_plan(opir.scene_from_mapping(dict(SCENE))).targets
+    last = run.tracks.take(run.tracks.tick_s == 40.0)
+    truth = trajectories.position_ecef_m(np.array([0, 1], dtype=np.int32), np.full(2, 40.0))
+    apart = np.linalg.norm(last.state[:, None, :3] - truth[None], axis=2)
+    nearest = np.argmin(apart, axis=1)
+    assert sorted(nearest.tolist()) == [0, 1]
+    error = last.state[:, :3] - truth[nearest]
+    distance = np.einsum("ni,nij,nj->n", error, np.linalg.inv(last.state_covariance[:, :3, :3]), error)
+    assert np.all(distance < 21.1), "99.99 % of a chi-squared of three"
+    assert np.all(apart[[0, 1], nearest] < 1000.0)
+
+
+def test_one_sensor_alone_is_honest_about_the_depth() -> None:
+    """Along the line of sight little is known early on, and the covariance says so."""
+    scene = {**SCENE, "sensors": [SCENE["sensors"][0]], "duration_s": 25, "targets": [SCENE["targets"][0]]}
+    tracks, _ = tracks_of(scene)
+    truth = compile_plan(opir.scene_from_mapping(scene)).targets.position_ecef_m(
+        np.zeros(len(tracks), dtype=np.int32), tracks.tick_s
+    )
+    assert len(tracks) >= 15
+    error = tracks.state[:, :3] - truth
+    covariance = tracks.state_covariance[:, :3, :3]
+    assert np.linalg.eigvalsh(covariance).min() > 0.0
+    assert np.all(np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error) < 21.1)
+    assert np.sqrt(np.linalg.eigvalsh(covariance)[:, 2]).min() > 1000.0
+
+
+def test_bad_settings_are_told_with_their_place() -> None:
+    with pytest.raises(opir.SceneError, match=r"tracker.*needed_scans"):
+        opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", "needed_scans": 9}})
+    with pytest.raises(opir.SceneError, match=r"tracker\.association"):
+        opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", "association": "joined"}})
