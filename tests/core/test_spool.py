@@ -1,10 +1,7 @@
 """The spool: nothing that was taken is lost, order is kept, what cannot be kept is counted."""
 
 import json
-import multiprocessing
-import os
 import random
-import signal
 import sqlite3
 import time
 from concurrent.futures import Future
@@ -13,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from doomed import killed_at_random
 from spool_stand import (
     ENCODER,
     MIB,
@@ -20,7 +18,6 @@ from spool_stand import (
     SENSORS,
     Appending,
     Holding,
-    fill_through_a_spool,
     ids_of,
     spooled,
     unspooled,
@@ -353,18 +350,7 @@ def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path:
 
 def test_a_killed_process_loses_nothing_and_keeps_the_order(tmp_path: Path) -> None:
     """SIGKILL at 20 moments of one spool's life; each process goes on where the one before was killed."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["spool_stand"])
-    dice, first = random.Random(1), 0
-    for _ in range(20):
-        told = context.Event()
-        process = context.Process(target=fill_through_a_spool, args=(str(tmp_path), first, told))
-        process.start()
-        assert told.wait(30.0)
-        time.sleep(0.1 * dice.random())
-        os.kill(process.pid or 0, signal.SIGKILL)
-        process.join(10.0)
-        first = next_number(tmp_path / "taken", first)
+    first = killed_at_random("spool_stand", "spool_for_ever", tmp_path, 20, 0.05)
     rest = spooled(tmp_path / "spool", Appending(tmp_path / "arrived", 0.0), Policy(stall_s=5.0))
     assert rest.close().spooled == 0
     lines = whole_lines(tmp_path / "arrived")
@@ -373,11 +359,6 @@ def test_a_killed_process_loses_nothing_and_keeps_the_order(tmp_path: Path) -> N
     # The window that was being written when the process was killed may have been taken without being noted.
     assert [each for each in everything if each not in set(arrived)] == []
     assert arrived == sorted(arrived, key={each: place for place, each in enumerate(ids_of(window(first + 7)))}.get)
-
-
-def next_number(path: Path, first: int) -> int:
-    numbers = [int(line) for line in path.read_bytes().splitlines()] if path.exists() else []
-    return max([first, *(number + 7 for number in numbers)])
 
 
 def whole_lines(path: Path) -> list[bytes]:

@@ -108,11 +108,15 @@ def fill(sink: Sink, windows: int, rows: int, first: int, nap_s: float) -> None:
         time.sleep(nap_s)
 
 
-def fill_through_a_spool(folder: str, first: int, told: Any) -> None:
-    """Be a process that fills a spool for ever; `told` is set once it has begun. To be killed."""
-    sink = spooled(Path(folder) / "spool", Appending(Path(folder) / "arrived", 0.001))
+def spool_for_ever(folder: str, first: int) -> None:
+    """Be a process that fills a spool for ever, to be killed."""
+    take_for_ever(spooled(Path(folder) / "spool", Appending(Path(folder) / "arrived", 0.001)), folder, first)
+
+
+def take_for_ever(sink: Sink, folder: str, first: int) -> None:
+    """Write windows of 7 events from number `first` on, and note the first of each that is written."""
     taken = os.open(Path(folder) / "taken", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-    told.set()
     for number in range(first, first + 1_000_000, 7):
         sink.write(window(7, number))
         os.write(taken, b"%d\n" % number)
+        time.sleep(0.001)

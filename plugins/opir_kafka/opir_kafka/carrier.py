@@ -1,0 +1,187 @@
+"""The carrier: a thread with an event loop of its own, which keeps a connection up and moves batches over it."""
+
+import asyncio
+import itertools
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from functools import cache
+from typing import Any
+
+from aiokafka import AIOKafkaProducer
+from aiokafka.partitioner import DefaultPartitioner
+
+from opir_core.errors import SinkError
+from opir_core.spool.parcels import Parcel
+from opir_kafka.connection import OURS, Connector, goodbye
+from opir_kafka.failures import is_fatal, words
+from opir_kafka.lanes import Lane, Shipment
+from opir_kafka.settings import KafkaConfig
+
+_log = logging.getLogger(__name__)
+
+
+class KafkaCarrier:
+    """Carries parcels into a topic: each sensor's events in order, a parcel's future done when all replicas have it.
+
+    What may pass is tried again for ever, on a new connection where the old one is in doubt; what cannot pass fails
+    every parcel, then and later. All state but `trouble` belongs to the loop's thread.
+    """
+
+    def __init__(self, config: KafkaConfig, connect: Connector) -> None:
+        self._config = config
+        self._connect = connect
+        self.trouble: str | None = f"no connection to {config.bootstrap_servers} yet"
+        self._shipments: dict[Shipment, None] = {}
+        self._lanes: dict[int, Lane] = {}
+        self._partition_of: Callable[[bytes], int] | None = None
+        self._fatal: SinkError | None = None
+        self._pauses_s = self._pauses()
+        self._was_connected = False
+        self._loop = asyncio.new_event_loop()
+        self._loop.set_exception_handler(_to_log)
+        self._main: asyncio.Task[None] | None = None
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=OURS, daemon=True)
+        self._thread.start()
+
+    def carry(self, parcel: Parcel) -> "Future[None]":
+        """Take events on their way; the future is done when all are acknowledged, or has what stopped them for good."""
+        future: Future[None] = Future()
+        self._loop.call_soon_threadsafe(self._accept, parcel, future)
+        return future
+
+    def close(self, wait_s: float) -> None:
+        """Let go of the broker within `wait_s`; what is not acknowledged is cancelled."""
+        self._closing.set()
+        try:
+            self._loop.call_soon_threadsafe(self._stop)
+        except RuntimeError:  # the loop is over
+            return
+        self._thread.join(wait_s)
+
+    def _run(self) -> None:
+        try:
+            self._main = self._loop.create_task(self._serve(), name=OURS)
+            self._loop.run_until_complete(self._main)
+            if self._fatal is not None and not self._closing.is_set():
+                self._loop.run_forever()  # to refuse what still comes
+        except asyncio.CancelledError:
+            self._loop.run_until_complete(_rest())
+        finally:
+            for shipment in self._shipments:
+                shipment.future.cancel()
+            self._loop.close()
+
+    def _stop(self) -> None:
+        if self._main is not None and not self._main.done():
+            self._main.cancel()
+        else:
+            self._loop.stop()
+
+    def _accept(self, parcel: Parcel, future: "Future[None]") -> None:
+        if self._fatal is not None:
+            future.set_exception(self._fatal)
+            return
+        shipment = Shipment(parcel, future)
+        self._shipments[shipment] = None
+        if self._partition_of is not None:
+            self._sort(shipment)
+
+    def _sort(self, shipment: Shipment) -> None:
+        assert self._partition_of is not None
+        for partition, rows in shipment.rows_by_partition(self._partition_of).items():
+            self._lanes[partition].add(shipment, rows)
+
+    async def _serve(self) -> None:
+        """Keep a connection up, whatever happens to it, until closed or refused for good."""
+        while True:
+            try:
+                await self._one_connection()
+            except Exception as error:
+                trouble = words(error, self._config.bootstrap_servers)
+                if is_fatal(error, was_connected=self._was_connected):
+                    self._fail(SinkError(trouble))
+                    return
+                self._note(trouble)
+            await asyncio.sleep(next(self._pauses_s))
+
+    def _note(self, trouble: str) -> None:
+        if trouble != self.trouble:
+            _log.warning("%s; trying again", trouble)
+        self.trouble = trouble
+
+    def _fail(self, error: SinkError) -> None:
+        self._fatal, self.trouble = error, str(error)
+        for shipment in self._shipments:
+            shipment.future.set_exception(error)
+        self._shipments.clear()
+
+    async def _one_connection(self) -> None:
+        """Connect, send all that is not acknowledged and all that comes; raise what ends the connection."""
+        producer = await self._connect()
+        tasks: list[asyncio.Task[None]] = []
+        try:
+            self._open_lanes(await self._partitioning(producer))
+            self.trouble, self._was_connected = None, True
+            tasks = [
+                asyncio.create_task(self._send(producer, number, lane), name=f"{OURS} {number}")
+                for number, lane in self._lanes.items()
+            ]
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)
+            for task in done:
+                task.result()
+        finally:
+            self._partition_of = None
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await goodbye(producer)
+
+    async def _partitioning(self, producer: AIOKafkaProducer) -> tuple[list[int], Callable[[bytes], int]]:
+        """Return the topic's partitions, and which of them each key goes to: by Kafka's own rule."""
+        async with asyncio.timeout(self._config.connect_timeout_s):
+            found = await producer.partitions_for(self._config.topic)
+        partitions = sorted(found)
+        choose = DefaultPartitioner()
+        return partitions, cache(lambda key: int(choose(key, partitions, partitions)))
+
+    def _open_lanes(self, partitioning: tuple[list[int], Callable[[bytes], int]]) -> None:
+        partitions, self._partition_of = partitioning
+        self._lanes = {partition: Lane() for partition in partitions}
+        for shipment in self._shipments:
+            self._sort(shipment)
+
+    async def _send(self, producer: AIOKafkaProducer, partition: int, lane: Lane) -> None:
+        """Send a lane's messages, a batch at a time, each acknowledged before the next is made."""
+        timeout_s = self._config.acknowledgement_timeout_s
+        while True:
+            await lane.has_some.wait()  # the one wait without a deadline: for something to send
+            batch = producer.create_batch()
+            taken = lane.fill(batch)
+            batch.close()
+            async with asyncio.timeout(timeout_s):
+                await (await producer.send_batch(batch, self._config.topic, partition=partition))
+            self._pauses_s = self._pauses()
+            for shipment, rows in taken:
+                if shipment.acknowledge(rows):
+                    del self._shipments[shipment]
+
+    def _pauses(self) -> Iterator[float]:
+        pauses_s = self._config.pauses_s()
+        return itertools.chain(pauses_s, itertools.repeat(pauses_s[-1]))
+
+
+async def _rest() -> None:
+    """Let what is under way in the loop come to its end, a goodbye above all."""
+    rest = asyncio.all_tasks() - {asyncio.current_task()}
+    if rest:
+        _, left = await asyncio.wait(rest, timeout=1.5)
+        for task in left:
+            task.cancel()
+
+
+def _to_log(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Log what a producer leaves behind when it is let go of: its batches are sent again by the next one."""
+    _log.debug("%s", context.get("message"))

@@ -1,0 +1,134 @@
+"""Connections: a producer that is up within its deadline, and gone within its deadline.
+
+aiokafka's `start()` fails at once when no broker answers, and says only in its log why; with idempotence its `stop()`
+and every batch wait for ever for a broker that went away. So every await here has a deadline, and what a producer
+leaves behind in the loop is cancelled: the loop is this sink's alone.
+"""
+
+import asyncio
+import logging
+import os
+import ssl
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from aiokafka import AIOKafkaProducer
+from aiokafka.conn import create_conn
+from aiokafka.errors import KafkaConnectionError
+
+from opir_core.errors import SinkError
+from opir_kafka.settings import KafkaConfig, SecurityConfig
+
+Connector = Callable[[], Awaitable[AIOKafkaProducer]]
+
+#: What the names of this sink's own tasks begin with; all others in its loop are its producer's.
+OURS = "opir kafka"
+#: How long a producer may take to say goodbye, each of three steps.
+_GOODBYE_S = 0.4
+_RETRY_PAUSE_MS = 100
+
+_log = logging.getLogger(__name__)
+# aiokafka logs every failed try; without a handler Python would print them into the user's terminal.
+logging.getLogger("aiokafka").addHandler(logging.NullHandler())
+
+
+def connector(config: KafkaConfig) -> Connector:
+    """Return what makes connected producers; raises `SinkError` where certificates, secrets or codecs are missing."""
+    _require_codec(config.compression)
+    security = _security_arguments(config.security)
+
+    async def connect() -> AIOKafkaProducer:
+        producer = AIOKafkaProducer(
+            bootstrap_servers=list(config.servers),
+            client_id=config.client_id,
+            acks="all",
+            enable_idempotence=True,
+            compression_type=None if config.compression == "none" else config.compression,
+            max_batch_size=config.batch_bytes,
+            request_timeout_ms=round(config.request_timeout_s * 1000),
+            retry_backoff_ms=_RETRY_PAUSE_MS,
+            **security,
+        )
+        try:
+            async with asyncio.timeout(config.connect_timeout_s):
+                await producer.start()
+        except BaseException as error:
+            await goodbye(producer)
+            if isinstance(error, KafkaConnectionError):
+                await _raise_why(config, security)
+            raise
+        return producer
+
+    return connect
+
+
+async def goodbye(producer: AIOKafkaProducer) -> None:
+    """Close a producer, sent or not, within a deadline, even if who waits for it is cancelled."""
+    await asyncio.shield(asyncio.create_task(_let_go(producer), name=f"{OURS} goodbye"))
+
+
+async def _let_go(producer: AIOKafkaProducer) -> None:
+    await _by(_GOODBYE_S, producer.stop())
+    theirs = {task for task in asyncio.all_tasks() if not task.get_name().startswith(OURS)}
+    for task in theirs:
+        task.cancel()
+    if theirs:
+        await asyncio.wait(theirs, timeout=_GOODBYE_S)
+    await _by(_GOODBYE_S, producer.client.close())
+
+
+async def _by(timeout_s: float, going: Awaitable[Any]) -> None:
+    try:
+        async with asyncio.timeout(timeout_s):
+            await going
+    except Exception as error:  # a goodbye that fails changes nothing
+        _log.debug("goodbye: %r", error)
+
+
+async def _raise_why(config: KafkaConfig, security: dict[str, Any]) -> None:
+    """Knock once more, at the first broker, for the reason that aiokafka keeps to its log."""
+    host, _, port = config.servers[0].rpartition(":")
+    timeout_ms = round(config.request_timeout_s * 1000)
+    knock = create_conn(host.strip("[]"), int(port), request_timeout_ms=timeout_ms, **security)
+    async with asyncio.timeout(config.connect_timeout_s):
+        connection = await knock
+    connection.close()
+
+
+def _security_arguments(security: SecurityConfig) -> dict[str, Any]:
+    arguments: dict[str, Any] = {"security_protocol": security.protocol}
+    if "SSL" in security.protocol:
+        arguments["ssl_context"] = _tls(security)
+    if "SASL" in security.protocol:
+        arguments["sasl_mechanism"] = security.mechanism
+        arguments["sasl_plain_username"] = security.username
+        arguments["sasl_plain_password"] = _secret(security.password_variable, "password_variable")
+    return arguments
+
+
+def _tls(security: SecurityConfig) -> ssl.SSLContext:
+    password = security.key_password_variable and _secret(security.key_password_variable, "key_password_variable")
+    try:
+        context = ssl.create_default_context(cafile=security.ca_file)
+        if security.certificate_file is not None:
+            # Without a password OpenSSL would ask for one on the terminal.
+            context.load_cert_chain(security.certificate_file, security.key_file, password or "")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or getattr(error, "reason", None) or "they cannot be read"
+        raise SinkError(f"kafka: the certificates of security cannot be used: {str(reason).lower()}") from None
+    return context
+
+
+def _secret(variable: str | None, key: str) -> str:
+    secret = os.environ.get(variable or "")
+    if not secret:
+        raise SinkError(f"kafka: the environment variable that security.{key} names is not set; set it to the secret")
+    return secret
+
+
+def _require_codec(compression: str) -> None:
+    from aiokafka import codec
+
+    known = {"none": lambda: True, "gzip": codec.has_gzip, "snappy": codec.has_snappy, "lz4": codec.has_lz4}
+    if not known.get(compression, codec.has_zstd)():
+        raise SinkError(f"kafka: {compression} is not installed; python -m pip install 'opir-kafka[compression]'")

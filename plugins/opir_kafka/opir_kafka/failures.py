@@ -1,0 +1,110 @@
+"""What failures mean: which may pass if tried again, which never will, and how each is said.
+
+The codes are those of the protocol (https://kafka.apache.org/protocol#protocol_error_codes). The default is to try
+again: what is tried in vain is told as the trouble and costs nothing but time, what is given up wrongly costs events.
+"""
+
+import ssl
+
+from aiokafka import errors
+
+from opir_core.errors import SinkError
+
+#: Codes that no other connection, and no waiting, will change: the message, the request or the permission is wrong.
+FATAL_CODES = frozenset(
+    {
+        10,  # MESSAGE_TOO_LARGE
+        17,  # INVALID_TOPIC_EXCEPTION
+        18,  # RECORD_LIST_TOO_LARGE
+        21,  # INVALID_REQUIRED_ACKS
+        29,  # TOPIC_AUTHORIZATION_FAILED
+        31,  # CLUSTER_AUTHORIZATION_FAILED
+        32,  # INVALID_TIMESTAMP
+        33,  # UNSUPPORTED_SASL_MECHANISM
+        34,  # ILLEGAL_SASL_STATE
+        35,  # UNSUPPORTED_VERSION
+        42,  # INVALID_REQUEST
+        43,  # UNSUPPORTED_FOR_MESSAGE_FORMAT
+        44,  # POLICY_VIOLATION
+        53,  # TRANSACTIONAL_ID_AUTHORIZATION_FAILED
+        54,  # SECURITY_DISABLED
+        58,  # SASL_AUTHENTICATION_FAILED
+        76,  # UNSUPPORTED_COMPRESSION_TYPE
+        87,  # INVALID_RECORD
+    }
+)
+
+
+class UnsupportedCompressionTypeError(errors.BrokerResponseError):  # type: ignore[misc]
+    """The broker cannot read the batch's compression."""
+
+    errno = 76
+    message = "UNSUPPORTED_COMPRESSION_TYPE"
+
+
+class InvalidRecordError(errors.BrokerResponseError):  # type: ignore[misc]
+    """The broker's checks refuse a record."""
+
+    errno = 87
+    message = "INVALID_RECORD"
+
+
+# aiokafka tells a code that it has no class for as -1, which might pass; these two never will.
+for _unknown in (UnsupportedCompressionTypeError, InvalidRecordError):
+    errors.kafka_errors.setdefault(_unknown.errno, _unknown)
+
+_FATAL_TYPES = (
+    errors.AuthenticationFailedError,
+    errors.AuthenticationMethodNotSupported,
+    errors.IncompatibleBrokerVersion,
+    errors.UnrecognizedBrokerVersion,
+    errors.UnsupportedCodecError,
+    errors.KafkaConfigurationError,
+    ssl.SSLCertVerificationError,
+)
+
+#: Failures that are a mistake in the settings the first time, and the broker's affair once it has let us in.
+_AT_THE_DOOR_TYPES = (
+    errors.AuthenticationFailedError,
+    errors.SaslAuthenticationFailed,
+    ssl.SSLCertVerificationError,
+)
+
+_WAYS_OUT = {
+    10: "raise the topic's max.message.bytes, or lower batch_bytes",
+    18: "raise the broker's segment size, or lower batch_bytes",
+    29: "let this login write to the topic, or give another topic",
+    31: "let this login write idempotently (IdempotentWrite on the cluster)",
+    76: "give another compression",
+    35: "the broker is too old for idempotent producers; Kafka has them from 0.11 on",
+}
+
+
+def is_fatal(error: BaseException, *, was_connected: bool) -> bool:
+    """Return whether trying again is of no use."""
+    if was_connected and isinstance(error, _AT_THE_DOOR_TYPES):
+        return False
+    return isinstance(error, _FATAL_TYPES) or (getattr(error, "errno", None) in FATAL_CODES and _is_answer(error))
+
+
+def words(error: BaseException, servers: str) -> str:
+    """Return what a failure means, for people; no secret is in it."""
+    if isinstance(error, SinkError):
+        return str(error)
+    if isinstance(error, TimeoutError | errors.RequestTimedOutError | errors.KafkaTimeoutError):
+        return f"no answer from {servers} in time"
+    if _is_answer(error):
+        code: int = getattr(error, "errno", -1)
+        way_out = f"; {_WAYS_OUT[code]}" if code in _WAYS_OUT else ""
+        return f"{servers} answers {type(error).__name__} (code {code}){way_out}"
+    if isinstance(error, ssl.SSLError):
+        return f"no encrypted connection to {servers}: {error.reason or 'TLS fails'}; see security.ca_file"
+    if isinstance(error, errors.AuthenticationFailedError):
+        return f"{servers} refuses the login; see security.username and the variable of its password"
+    if isinstance(error, OSError | errors.KafkaConnectionError):
+        return f"no broker answers at {servers}"
+    return f"{servers}: {type(error).__name__}"
+
+
+def _is_answer(error: BaseException) -> bool:
+    return isinstance(error, errors.BrokerResponseError)

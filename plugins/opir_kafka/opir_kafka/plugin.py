@@ -1,0 +1,26 @@
+"""The sink `kafka`: aiokafka is imported when the sink is built."""
+
+from collections.abc import Iterable
+
+from opir_core.plugin import SinkModel, hookimpl
+from opir_core.protocols import SinkContext
+from opir_core.spool.carriers import Carrier
+from opir_kafka.settings import KafkaConfig
+
+
+def _kafka(config: KafkaConfig, _context: SinkContext) -> Carrier:
+    from opir_kafka.carrier import KafkaCarrier
+    from opir_kafka.connection import connector
+
+    return KafkaCarrier(config, connector(config))
+
+
+@hookimpl
+def opir_sinks() -> Iterable[SinkModel]:
+    """Yield the sink `kafka`."""
+    yield SinkModel(
+        name="kafka",
+        summary="events into a Kafka topic, keyed by sensor, acknowledged by all replicas",
+        config=KafkaConfig,
+        build=_kafka,
+    )

@@ -1,0 +1,318 @@
+"""The fault campaign of the Kafka sink: whatever befalls broker, disk or process, events in are events out.
+
+Every scenario ends with the same examination: all events are in the topic, each sensor's in order by their first
+arrival, what is there twice is there unchanged. Scenarios that have to spoil the broker need the mock one; the others
+run against any broker that KAFKA_BOOTSTRAP names.
+"""
+
+import json
+import random
+import signal
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import kafka_stand
+import pytest
+from doomed import killed_at_random
+from kafka_stand import INIT_PRODUCER_ID, METADATA, PRODUCE, dead_address, kafka_sink, messages
+from opir_kafka.failures import FATAL_CODES
+from spool_stand import ENCODER, SENSORS, fill, window
+
+from opir_core.errors import SinkError
+from opir_core.protocols import Delivery
+from opir_core.pump import Outlets
+from opir_core.spool.dispatch import Policy
+
+#: Codes that the protocol's table gives for taking messages and that may pass. 46 (DUPLICATE_SEQUENCE_NUMBER) is not
+#: among them: it says that the message is there.
+PASSING_CODES = (-1, 2, 3, 5, 6, 7, 8, 9, 13, 14, 15, 16, 19, 20, 41, 45, 47, 49, 51, 56, 59, 72, 74, 75, 89)
+#: What closing may take: the policy's stall, the goodbyes of a connection, and a slow machine.
+CLOSE_S = 8.0 + 6.0
+
+
+@pytest.fixture(scope="module")
+def one_broker() -> Iterator[Any]:
+    with kafka_stand.broker() as made:
+        yield made
+
+
+@pytest.fixture
+def broker(one_broker: Any) -> Iterator[Any]:
+    yield one_broker
+    one_broker.heal()
+
+
+@pytest.fixture
+def mock(broker: Any) -> Any:
+    if not broker.can_be_spoilt:
+        pytest.skip("only the mock broker can be spoilt")
+    return broker
+
+
+@pytest.fixture
+def spool(tmp_path: Path) -> Path:
+    return tmp_path / "spool"
+
+
+def examine(broker: Any, topic: str, events: int) -> None:
+    """Hold what is in a topic against the events 0 to `events` of `window`."""
+    expected: dict[str, list[bytes]] = defaultdict(list)
+    for line in ENCODER.encode(window(events)).splitlines():
+        expected[json.loads(line)["sensor_id"]].append(line)
+    arrived: dict[str, dict[str, bytes]] = defaultdict(dict)
+    for message in messages(broker.address, topic):
+        value = message.value()
+        event = json.loads(value)
+        assert message.key() == event["sensor_id"].encode()
+        assert arrived[event["sensor_id"]].setdefault(event["detection_id"], value) == value
+    assert {sensor: list(found.values()) for sensor, found in arrived.items()} == expected
+
+
+def closed(sink: Any) -> Delivery:
+    began = time.monotonic()
+    delivery: Delivery = sink.close()
+    assert time.monotonic() - began < CLOSE_S
+    return delivery
+
+
+def brief(stall_s: float = 0.2) -> Policy:
+    return Policy(when_full="refuse", stall_s=stall_s)
+
+
+def test_all_is_well(broker: Any, spool: Path) -> None:
+    topic = broker.topic()
+    sink = kafka_sink(broker.address, topic, spool)
+    fill(sink, 3, 700, 0, 0.0)
+    assert closed(sink) == Delivery(delivered=2100)
+    examine(broker, topic, 2100)
+    message = messages(broker.address, topic)[0]
+    assert dict(message.headers()) == {"content-type": b"application/json", "schema-version": b"1.0"}
+
+
+def test_the_broker_is_absent_from_first_to_last_and_there_at_the_next_run(broker: Any, spool: Path) -> None:
+    topic = broker.topic()
+    absent = kafka_sink(dead_address(), topic, spool, brief())
+    fill(absent, 3, 50, 0, 0.0)
+    assert "no broker answers" in (absent.standing().complaint or "")
+    assert closed(absent) == Delivery(delivered=0, spooled=150)
+    present = kafka_sink(broker.address, topic, spool)
+    fill(present, 1, 50, 150, 0.0)
+    assert closed(present) == Delivery(delivered=200, recovered=150)
+    examine(broker, topic, 200)
+
+
+@pytest.mark.parametrize("is_spooled", [True, False])
+def test_the_broker_comes_late(mock: Any, spool: Path, is_spooled: bool) -> None:
+    topic = mock.topic()
+    mock.tell("down")
+    sink = kafka_sink(mock.address, topic, spool if is_spooled else None)
+    fill(sink, 5, 50, 0, 0.02)
+    mock.tell("up")
+    fill(sink, 5, 50, 250, 0.02)
+    assert closed(sink) == Delivery(delivered=500)
+    examine(mock, topic, 500)
+
+
+@pytest.mark.parametrize("is_spooled", [True, False])
+def test_the_broker_goes_and_comes_back(mock: Any, spool: Path, is_spooled: bool) -> None:
+    topic = mock.topic()
+    sink = kafka_sink(mock.address, topic, spool if is_spooled else None)
+    fill(sink, 10, 30, 0, 0.01)
+    mock.tell("down")
+    fill(sink, 10, 30, 300, 0.01)
+    mock.tell("up")
+    fill(sink, 10, 30, 600, 0.01)
+    assert closed(sink) == Delivery(delivered=900)
+    examine(mock, topic, 900)
+
+
+def test_the_broker_goes_and_the_run_ends_without_it(mock: Any, spool: Path) -> None:
+    topic = mock.topic()
+    sink = kafka_sink(mock.address, topic, spool, brief())
+    fill(sink, 10, 30, 0, 0.02)
+    mock.tell("down")
+    fill(sink, 10, 30, 300, 0.01)
+    told = closed(sink)
+    assert told.delivered + told.spooled == 600
+    assert told.spooled >= 300
+    mock.tell("up")
+    assert closed(kafka_sink(mock.address, topic, spool)) == Delivery(delivered=told.spooled, recovered=told.spooled)
+    examine(mock, topic, 600)
+
+
+def test_the_broker_flaps(mock: Any, spool: Path) -> None:
+    topic, dice = mock.topic(), random.Random(5)
+    sink = kafka_sink(mock.address, topic, spool)
+    over = threading.Event()
+
+    def flap() -> None:
+        while not over.is_set():
+            mock.tell("down")
+            time.sleep(0.15 * dice.random())
+            mock.tell("up")
+            time.sleep(0.3 * dice.random())
+
+    flapping = threading.Thread(target=flap)
+    flapping.start()
+    fill(sink, 100, 10, 0, 0.02)
+    over.set()
+    flapping.join()
+    assert closed(sink) == Delivery(delivered=1000)
+    examine(mock, topic, 1000)
+
+
+def test_the_broker_is_slow(mock: Any, spool: Path) -> None:
+    topic = mock.topic()
+    mock.tell("slow", 150)
+    sink = kafka_sink(mock.address, topic, spool)
+    fill(sink, 10, 20, 0, 0.01)
+    assert closed(sink) == Delivery(delivered=200)
+    examine(mock, topic, 200)
+
+
+def test_the_broker_is_slower_than_every_deadline(mock: Any, spool: Path) -> None:
+    topic = mock.topic()
+    sink = kafka_sink(mock.address, topic, spool)
+    fill(sink, 5, 20, 0, 0.05)
+    mock.tell("slow", 2500)
+    fill(sink, 5, 20, 100, 0.01)
+    time.sleep(2.5)
+    assert "in time" in (sink.standing().complaint or "")
+    mock.tell("slow", 0)
+    assert closed(sink) == Delivery(delivered=200)
+    examine(mock, topic, 200)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="this system cannot stop a process")
+def test_the_broker_stops_answering_with_every_connection_open(mock: Any, spool: Path) -> None:
+    topic = mock.topic()
+    sink = kafka_sink(mock.address, topic, spool, brief(stall_s=2.5))
+    fill(sink, 5, 20, 0, 0.02)
+    mock.freeze()
+    try:
+        fill(sink, 5, 20, 100, 0.01)
+        told = closed(sink)
+    finally:
+        mock.thaw()
+    assert told.delivered + told.spooled == 200
+    assert told.spooled >= 100
+    assert closed(kafka_sink(mock.address, topic, spool)).delivered == told.spooled
+    examine(mock, topic, 200)
+
+
+def test_the_broker_answers_with_every_code_that_may_pass(mock: Any, spool: Path) -> None:
+    topic = mock.topic(1)
+    sink = kafka_sink(mock.address, topic, spool)
+    fill(sink, 1, 20, 0, 0.0)
+    mock.tell("error", PRODUCE, *PASSING_CODES)
+    fill(sink, 30, 20, 20, 0.01)
+    assert closed(sink) == Delivery(delivered=620)
+    examine(mock, topic, 620)
+
+
+@pytest.mark.parametrize("code", sorted(FATAL_CODES - {58}))  # 58, a refused login, comes at the door alone
+def test_the_broker_answers_with_a_code_that_cannot_pass(mock: Any, spool: Path, code: int) -> None:
+    topic = mock.topic(1)
+    mock.tell("error", PRODUCE, code)
+    sink = kafka_sink(mock.address, topic, spool, brief(stall_s=5.0))
+    fill(sink, 1, 40, 0, 0.0)
+    told = closed(sink)
+    assert told.spooled == 40
+    assert f"(code {code})" in (told.complaint or "")
+    with pytest.raises(SinkError, match="code"):
+        sink.write(window(1))
+    assert closed(kafka_sink(mock.address, topic, spool)) == Delivery(delivered=40, recovered=40)
+    examine(mock, topic, 40)
+
+
+@pytest.mark.parametrize("api", [METADATA, INIT_PRODUCER_ID])
+def test_the_broker_cannot_even_begin(mock: Any, spool: Path, api: int) -> None:
+    topic = mock.topic()
+    mock.tell("error", api, *(3, 5, 7, 8, 15, 41, -1)[: 3 if api == METADATA else 7])
+    sink = kafka_sink(mock.address, topic, spool)
+    fill(sink, 5, 20, 0, 0.01)
+    assert closed(sink) == Delivery(delivered=100)
+    examine(mock, topic, 100)
+
+
+def test_the_topic_is_not_there_yet(mock: Any, spool: Path) -> None:
+    topic = mock.topic()
+    mock.tell("topic-error", topic, 3)
+    sink = kafka_sink(mock.address, topic, spool)
+    fill(sink, 5, 20, 0, 0.3)
+    mock.tell("topic-error", topic, 0)
+    assert closed(sink) == Delivery(delivered=100)
+    examine(mock, topic, 100)
+
+
+def test_the_disk_is_full_and_the_broker_away(broker: Any, spool: Path) -> None:
+    """SQLite's own bound on pages stands for the disk's: both are told as SQLITE_FULL."""
+    topic = broker.topic()
+    sink = kafka_sink(dead_address(), topic, spool, brief())
+    database: Any = sink._backlog
+    pages = database._database.execute("PRAGMA page_count").fetchone()[0]
+    database._database.execute(f"PRAGMA max_page_count = {pages + 300}")
+    with pytest.raises(SinkError, match=r"is full, with \d+ events that wait: no broker answers"):
+        fill(sink, 1000, 100, 0, 0.0)
+    kept = closed(sink).spooled
+    assert kept >= 1000
+    assert closed(kafka_sink(broker.address, topic, spool)) == Delivery(delivered=kept, recovered=kept)
+    examine(broker, topic, kept)
+
+
+def test_the_clock_jumps(broker: Any, spool: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now, jumps = time.time(), random.Random(3)
+    monkeypatch.setattr(time, "time", lambda: now + jumps.uniform(-1e6, 1e6))
+    topic = broker.topic()
+    sink = kafka_sink(broker.address, topic, spool)
+    fill(sink, 10, 20, 0, 0.01)
+    told = closed(sink)
+    monkeypatch.undo()
+    assert told == Delivery(delivered=200)
+    examine(broker, topic, 200)
+
+
+def test_of_two_sinks_one_is_dead(broker: Any, tmp_path: Path) -> None:
+    topic, other = broker.topic(), broker.topic()
+    sinks = {
+        "dead": kafka_sink(dead_address(), other, tmp_path / "dead", brief()),
+        "alive": kafka_sink(broker.address, topic, tmp_path / "alive"),
+    }
+    with Outlets(sinks) as outlets:
+        fill(outlets, 20, 20, 0, 0.0)
+        give_up_at = time.monotonic() + 10.0
+        while sinks["alive"].standing().delivered < 400:
+            assert time.monotonic() < give_up_at
+            time.sleep(0.01)
+    dead, alive = outlets.report().sinks
+    assert (dead.spooled, dead.error) == (400, None)
+    assert (alive.delivered, alive.error) == (400, None)
+    assert closed(kafka_sink(broker.address, other, tmp_path / "dead")).delivered == 400
+    for each in (topic, other):
+        examine(broker, each, 400)
+
+
+def test_without_a_spool_what_is_lost_is_counted(spool: Path) -> None:
+    sink = kafka_sink(dead_address(), "nowhere", None, brief())
+    fill(sink, 5, 20, 0, 0.0)
+    told = closed(sink)
+    assert (told.delivered, told.dropped) == (0, 100)
+    assert "no broker answers" in (told.complaint or "")
+
+
+def test_the_process_is_killed_at_20_moments(broker: Any, tmp_path: Path) -> None:
+    topic = broker.topic()
+    first = killed_at_random("kafka_stand", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic)
+    rest = kafka_sink(broker.address, topic, tmp_path / "spool")
+    rest.write(window(7, first))  # the window whose writing was not noted may have been taken
+    told_last = closed(rest)
+    assert (told_last.spooled, told_last.dropped) == (0, 0)
+    examine(broker, topic, first + 7)
+
+
+def test_there_are_sensors_for_every_partition() -> None:
+    assert len(SENSORS) > kafka_stand.PARTITIONS

@@ -1,0 +1,98 @@
+"""A Kafka broker in a process of its own: librdkafka's mock cluster, from the wheel of confluent-kafka.
+
+    python mock_broker.py TOPIC:PARTITIONS ...
+
+prints host:port and obeys commands, a line each, until its input ends:
+
+    down | up                   close every connection and refuse new ones | take them again
+    slow MS                     answer each request that much later
+    error API CODE ...          answer the next requests of that API with these codes, one each
+    clear API                   forget such codes
+    topic NAME PARTITIONS       make a topic
+    topic-error NAME CODE       what metadata says of a topic
+"""
+
+import ctypes as c
+import glob
+import sys
+from pathlib import Path
+
+_FUNCTIONS = {
+    "conf_new": (c.c_void_p, []),
+    "conf_set": (c.c_int, [c.c_void_p, c.c_char_p, c.c_char_p, c.c_char_p, c.c_size_t]),
+    "new": (c.c_void_p, [c.c_int, c.c_void_p, c.c_char_p, c.c_size_t]),
+    "mock_cluster_new": (c.c_void_p, [c.c_void_p, c.c_int]),
+    "mock_cluster_bootstraps": (c.c_char_p, [c.c_void_p]),
+    "mock_topic_create": (c.c_int, [c.c_void_p, c.c_char_p, c.c_int, c.c_int]),
+    "mock_topic_set_error": (None, [c.c_void_p, c.c_char_p, c.c_int]),
+    "mock_broker_set_down": (c.c_int, [c.c_void_p, c.c_int32]),
+    "mock_broker_set_up": (c.c_int, [c.c_void_p, c.c_int32]),
+    "mock_broker_set_rtt": (c.c_int, [c.c_void_p, c.c_int32, c.c_int]),
+    "mock_push_request_errors_array": (None, [c.c_void_p, c.c_int16, c.c_size_t, c.POINTER(c.c_int)]),
+    "mock_clear_request_errors": (None, [c.c_void_p, c.c_int16]),
+}
+_PRODUCER, _EVERY_BROKER, _ONE = 0, -1, 1
+
+
+class MockCluster:
+    """One broker."""
+
+    def __init__(self) -> None:
+        import confluent_kafka
+
+        wheel = Path(confluent_kafka.__file__).parents[1] / "confluent_kafka.libs"
+        found = glob.glob(f"{wheel}/librdkafka-*.so*") or ["librdkafka.so.1"]  # noqa: PTH207 - a name to load, not a path
+        self._library = c.CDLL(found[0])
+        for name, (result, arguments) in _FUNCTIONS.items():
+            function = getattr(self._library, f"rd_kafka_{name}")
+            function.restype, function.argtypes = result, arguments
+        complaint = c.create_string_buffer(512)
+        settings = self._library.rd_kafka_conf_new()
+        self._library.rd_kafka_conf_set(settings, b"log_level", b"0", complaint, 512)
+        client = self._library.rd_kafka_new(_PRODUCER, settings, complaint, 512)
+        self._cluster = self._library.rd_kafka_mock_cluster_new(client, 1)
+
+    @property
+    def address(self) -> str:
+        told: bytes = self._library.rd_kafka_mock_cluster_bootstraps(self._cluster)
+        return told.decode()
+
+    def topic(self, name: str, partitions: str) -> None:
+        self._library.rd_kafka_mock_topic_create(self._cluster, name.encode(), int(partitions), _ONE)
+
+    def topic_error(self, name: str, code: str) -> None:
+        self._library.rd_kafka_mock_topic_set_error(self._cluster, name.encode(), int(code))
+
+    def down(self) -> None:
+        self._library.rd_kafka_mock_broker_set_down(self._cluster, _EVERY_BROKER)
+
+    def up(self) -> None:
+        self._library.rd_kafka_mock_broker_set_up(self._cluster, _EVERY_BROKER)
+
+    def slow(self, milliseconds: str) -> None:
+        self._library.rd_kafka_mock_broker_set_rtt(self._cluster, _EVERY_BROKER, int(milliseconds))
+
+    def error(self, api: str, *codes: str) -> None:
+        array = (c.c_int * len(codes))(*map(int, codes))
+        self._library.rd_kafka_mock_push_request_errors_array(self._cluster, int(api), len(codes), array)
+
+    def clear(self, api: str) -> None:
+        self._library.rd_kafka_mock_clear_request_errors(self._cluster, int(api))
+
+
+def main() -> None:
+    cluster = MockCluster()
+    for each in sys.argv[1:]:
+        name, _, partitions = each.partition(":")
+        cluster.topic(name, partitions or "1")
+    sys.stdout.write(f"{cluster.address}\n")
+    sys.stdout.flush()
+    for line in sys.stdin:
+        command, *arguments = line.split()
+        getattr(cluster, command.replace("-", "_"))(*arguments)
+        sys.stdout.write("done\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()
