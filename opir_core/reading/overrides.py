@@ -7,6 +7,7 @@ from opir_core.reading.nodes import UNREADABLE, Complaint, Node, Refused, index_
 from opir_core.reading.strict_yaml import node_of_scalar, node_of_yaml
 
 _STEP = re.compile(r"\.([^\s.\[\]=]+)|\[([0-9]{1,9})\]")
+_SECRET = re.compile(r"password|passphrase|secret|token|credential", re.IGNORECASE)
 #: What the values that are read as YAML begin with, and what these end with.
 _YAML = {"'": "'", '"': '"', "[": "]", "{": "}", "&": "", "*": "", "!": ""}
 
@@ -29,7 +30,7 @@ def overridden(root: Node, overrides: Sequence[str], defaults: Mapping[str, str 
 
 def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> None:
     path, equals, text = override.partition("=")
-    shown = f"override {shown_text(override)}"
+    shown = f"override {shown_text(override if not _is_secret(path) else f'{path}=...')}"
     if not equals:
         raise Refused([Complaint(f"{shown} has no '='; write path=value")])
     steps = _steps(path.strip(), shown)
@@ -37,6 +38,11 @@ def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> Non
     if steps[0] in defaults:
         _open_choice(root, steps, defaults, shown)
     _set(root, steps, value, shown)
+
+
+def _is_secret(path: str) -> bool:
+    """Return whether what a path sets is, or may by mistake be, a secret, which no message repeats."""
+    return bool(_SECRET.search(path.rpartition(".")[2]))
 
 
 def _steps(path: str, shown: str) -> list[str | int]:

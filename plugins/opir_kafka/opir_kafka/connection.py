@@ -30,6 +30,8 @@ _RETRY_PAUSE_MS = 100
 _log = logging.getLogger(__name__)
 # aiokafka logs every failed try; without a handler Python would print them into the user's terminal.
 logging.getLogger("aiokafka").addHandler(logging.NullHandler())
+# At level DEBUG it logs every request, that of the login with the password in it.
+logging.getLogger("aiokafka.conn").addFilter(lambda record: "SaslAuthenticate" not in record.getMessage())
 
 
 def connector(config: KafkaConfig) -> Connector:

@@ -75,6 +75,7 @@ _WAYS_OUT = {
     18: "raise the broker's segment size, or lower batch_bytes",
     29: "let this login write to the topic, or give another topic",
     31: "let this login write idempotently (IdempotentWrite on the cluster)",
+    58: "see security.username and the variable of its password",
     76: "give another compression",
     35: "the broker is too old for idempotent producers; Kafka has them from 0.11 on",
 }
@@ -101,6 +102,8 @@ def words(error: BaseException, servers: str) -> str:
         return f"no encrypted connection to {servers}: {error.reason or 'TLS fails'}; see security.ca_file"
     if isinstance(error, errors.AuthenticationFailedError):
         return f"{servers} refuses the login; see security.username and the variable of its password"
+    if isinstance(error, errors.IncompatibleBrokerVersion | errors.UnrecognizedBrokerVersion):
+        return f"{servers} does not know what the settings ask for, a login perhaps, or is too old"
     if isinstance(error, OSError | errors.KafkaConnectionError):
         return f"no broker answers at {servers}"
     return f"{servers}: {type(error).__name__}"
