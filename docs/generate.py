@@ -23,7 +23,13 @@ PLUGINS = ["dsp", "sbirs", "nextgen", "heo", "leo"]
 
 def pages() -> Mapping[Path, str]:
     """Return every generated page with its text."""
-    return {DOCS / "reference" / "scene.md": scene_page(), DOCS / "reference" / "components.md": components_page()}
+    from opir_kafka.document import asyncapi_text
+
+    return {
+        DOCS / "reference" / "scene.md": scene_page(),
+        DOCS / "reference" / "components.md": components_page(),
+        DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
+    }
 
 
 def scene_page() -> str:

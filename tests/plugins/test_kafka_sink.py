@@ -12,11 +12,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import kafka_stand
 import pytest
+import yaml
 from aiokafka import errors
 from kafka_stand import carrier, config, dead_address, kafka_sink, messages
 from opir_kafka.connection import connector
+from opir_kafka.document import asyncapi_document, asyncapi_text
 from opir_kafka.failures import FATAL_CODES, is_fatal, words
 from opir_kafka.lanes import Shipment
 from opir_kafka.settings import KafkaConfig, SecurityConfig
@@ -288,6 +291,45 @@ def test_a_missing_codec_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(codec, "has_zstd", lambda: False)
     with pytest.raises(SinkError, match="zstd is not installed"):
         connector(KafkaConfig(compression="zstd"))
+
+
+def test_a_message_is_what_the_document_of_the_topic_says(broker: Any) -> None:
+    document = asyncapi_document()
+    assert document["channels"]["detections"]["address"] == KafkaConfig().topic
+    told = document["components"]["messages"]["forge"]
+    topic = broker.topic()
+    sink = kafka_sink(broker.address, topic, None)
+    sink.write(window(10))
+    assert sink.close().delivered == 10
+    for message in messages(broker.address, topic):
+        headers = {name: value.decode() for name, value in message.headers()}
+        jsonschema.Draft202012Validator(told["headers"]).validate(headers)
+        jsonschema.Draft202012Validator(told["bindings"]["kafka"]["key"]).validate(message.key().decode())
+        jsonschema.Draft202012Validator(told["payload"]["schema"]).validate(json.loads(message.value()))
+
+
+def test_every_reference_of_the_document_leads_somewhere() -> None:
+    document = asyncapi_document()
+    payloads = {id(each["payload"]["schema"]) for each in document["components"]["messages"].values()}
+    for reference in references(document, payloads):
+        found: Any = document
+        for step in reference.removeprefix("#/").split("/"):
+            found = found[step]
+    assert yaml.safe_load(asyncapi_text()) == document
+
+
+def references(node: Any, left_out: set[int]) -> Iterator[str]:
+    """Yield the references in a document, but for those in the schemas of payloads, which are documents themselves."""
+    if id(node) in left_out:
+        return
+    if isinstance(node, dict):
+        if "$ref" in node:
+            yield node["$ref"]
+        for child in node.values():
+            yield from references(child, left_out)
+    if isinstance(node, list):
+        for child in node:
+            yield from references(child, left_out)
 
 
 def test_pauses_grow_to_the_longest() -> None:

@@ -1,0 +1,68 @@
+"""The AsyncAPI document of the topic: what a consumer's tools need to know, made from what the code does."""
+
+from typing import Any
+
+from opir_core._version import __version__
+from opir_core.events.schema import SCHEMA_VERSION, detection_schema
+from opir_kafka.settings import KafkaConfig
+
+#: The media type of a JSON Schema of that draft, as AsyncAPI's multi-format schemas name it.
+_SCHEMA_FORMAT = "application/schema+json;version=draft-2020-12"
+
+
+def asyncapi_document() -> dict[str, Any]:
+    """Return the document (AsyncAPI 3.0, https://www.asyncapi.com/docs/reference/specification/v3.0.0)."""
+    bare = KafkaConfig()
+    return {
+        "asyncapi": "3.0.0",
+        "info": {
+            "title": "opir detection events",
+            "version": __version__,
+            "description": "Simulated detections of overhead infrared sensors. Each sensor's events are in order; an"
+            " event may come twice, then with the same detection_id and the same bytes.",
+            "license": {"name": "Apache-2.0"},
+        },
+        "defaultContentType": "application/json",
+        "servers": {"kafka": {"host": bare.bootstrap_servers, "protocol": "kafka"}},
+        "channels": {
+            "detections": {
+                "address": bare.topic,
+                "servers": [{"$ref": "#/servers/kafka"}],
+                "messages": {"forge": {"$ref": "#/components/messages/forge"}},
+                "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
+            }
+        },
+        "operations": {
+            "sendDetection": {
+                "action": "send",
+                "summary": "opir sends; a fusion pipeline receives.",
+                "channel": {"$ref": "#/channels/detections"},
+                "messages": [{"$ref": "#/channels/detections/messages/forge"}],
+            }
+        },
+        "components": {"messages": {"forge": _message("forge", "Detection event", SCHEMA_VERSION, detection_schema())}},
+    }
+
+
+def asyncapi_text() -> str:
+    """Return the document as YAML."""
+    import yaml
+
+    return yaml.safe_dump(asyncapi_document(), sort_keys=False, allow_unicode=True, width=120)
+
+
+def _message(name: str, title: str, version: str, schema: dict[str, Any]) -> dict[str, Any]:
+    headers = {
+        "type": "object",
+        "properties": {"content-type": {"const": "application/json"}, "schema-version": {"const": version}},
+        "required": ["content-type", "schema-version"],
+    }
+    key = {"type": "string", "description": "The sensor's id, UTF-8: it decides the partition."}
+    return {
+        "name": name,
+        "title": title,
+        "contentType": "application/json",
+        "headers": headers,
+        "payload": {"schemaFormat": _SCHEMA_FORMAT, "schema": schema},
+        "bindings": {"kafka": {"key": key, "bindingVersion": "0.5.0"}},
+    }
