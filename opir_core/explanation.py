@@ -12,10 +12,10 @@ from opir_core.sightlines import Blocked
 from opir_core.windowing import window_edges_ns
 
 _REASONS = {
-    Blocked.NO_LOOK: "no scan falls into the burn before the scene ends",
-    Blocked.BEHIND_EARTH: "the Earth is in the way throughout the burn",
-    Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout the burn",
-    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout the burn",
+    Blocked.NO_LOOK: "no scan falls into what the sensor watches before the scene ends",
+    Blocked.BEHIND_EARTH: "the Earth is in the way throughout",
+    Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout",
+    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout",
 }
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.plan import Plan
-from opir_core.records import BoolArray, Exposures, FloatArray, IndexArray, IntArray
+from opir_core.records import BoolArray, Exposures, FloatArray, IntArray
 from opir_core.sightlines import GridPlace, Pairs, Sight, distance_m, visible_now
 from opir_core.sites import Sites
 
@@ -74,7 +74,7 @@ def exposures(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray, *, geome
     time_s = look_times_s(plan.pairs, pair, scan)
     sensor, target = plan.pairs.sensor[pair], plan.pairs.target[pair]
     place = plan.sightlines.place(pair, time_s)
-    emission_s = _emission_s(plan, place, target, time_s)
+    emission_s = _emission_s(plan, place, pair, time_s)
     if not geometry:
         return Exposures(time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS)
     sensor_m, target_m = sites.positions(sensor, time_s), plan.targets.position_ecef_m(target, emission_s)
@@ -98,9 +98,9 @@ def seen(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray) -> BoolArray:
     return result
 
 
-def _emission_s(plan: Plan, place: GridPlace, target: IndexArray, time_s: FloatArray) -> FloatArray:
-    """Return when the light of looks left their targets: within the burn, whatever rounding says."""
+def _emission_s(plan: Plan, place: GridPlace, pair: IntArray, time_s: FloatArray) -> FloatArray:
+    """Return when the light of looks left their targets: within what is watched, whatever rounding says."""
     if not plan.scene.light_time:
         return time_s
     travel_s = place.interpolated(plan.sightlines.travel_s)
-    return np.clip(time_s - travel_s, plan.targets.ignition_s[target], plan.targets.burnout_s[target])
+    return np.clip(time_s - travel_s, plan.targets.ignition_s[plan.pairs.target[pair]], plan.pairs.until_s[pair])

@@ -62,7 +62,7 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     """
     host = host or Host.discover()
     sensors = tuple(_sensor(scene, host, number) for number in range(len(scene.sensors)))
-    targets = _targets(scene, host)
+    targets = _targets(scene, host, sensors)
     end_ns = round(scene.duration_s * _NS)
     starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
@@ -130,22 +130,24 @@ def _sensor(scene: Scene, host: Host, number: int) -> Sensor:
     return sensor
 
 
-def _targets(scene: Scene, host: Host) -> Targets:
+def _targets(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> Targets:
     """Return all targets, each model's in one batch."""
     rows: dict[str, list[int]] = {}
     for place, target in enumerate(scene.targets):
         rows.setdefault(target.model.name, []).append(place)
-    trajectories = [_trajectories(scene, host, places) for places in rows.values()]
+    free_flight = any(sensor.follows_bodies for sensor in sensors)
+    trajectories = [_trajectories(scene, host, places, free_flight) for places in rows.values()]
     return join_targets([target.id for target in scene.targets], trajectories, list(rows.values()))
 
 
-def _trajectories(scene: Scene, host: Host, places: Sequence[int]) -> Trajectories:
+def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: bool) -> Trajectories:
     chosen = [scene.targets[place] for place in places]
     context = TargetContext(
         ids=tuple(target.id for target in chosen),
         paths=tuple(target.model.path for target in chosen),
         forces=_forces(scene),
         epoch_us=scene.epoch_us,
+        free_flight=free_flight,
     )
     component = _component(host, chosen[0].model)
     trajectories: Trajectories = component.build([target.model.config for target in chosen], context)

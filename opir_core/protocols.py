@@ -64,7 +64,8 @@ class Sensor:
     sensor's block came to, for `opir explain` and the manifest.
 
     `line_of_sight_sigma_rad` is the spread of single lines of sight, per axis. `line_of_sight_bias_sigma_rad` is that
-    of the one bias, per axis, that a sensor has throughout a run (`opir_core.bias`).
+    of the one bias, per axis, that a sensor has throughout a run (`opir_core.bias`). A sensor that `follows_bodies`
+    goes on looking at targets after burnout, to impact.
     """
 
     id: str
@@ -81,6 +82,7 @@ class Sensor:
     line_of_sight_bias_sigma_rad: float = 0.0
     false_alarm_susceptibility: str = "moderate"
     spectral_discrimination: str = "none"
+    follows_bodies: bool = False
     settings: Mapping[str, Any] = field(factory=dict)
 
 
@@ -100,10 +102,22 @@ class Trajectories(Protocol):
         """Scene times to which the plumes radiate, (n,) s."""
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to burnout."""
+        """Return positions (m, 3) of targets (m,) at scene times (m,).
+
+        nan before ignition, and after burnout or, of `FreeFlight`, after the flight's end.
+        """
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target, of plain values, for the truth file."""
+
+
+@runtime_checkable
+class FreeFlight(Protocol):
+    """What `Trajectories` also have whose targets can be followed after burnout."""
+
+    @property
+    def end_s(self) -> FloatArray:
+        """Scene times to which positions are known, (n,) s: at impact, or burnout where nobody follows the bodies."""
 
 
 class Dice(Protocol):
@@ -246,12 +260,14 @@ class TargetContext:
 
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, whose drag has the ballistic coefficient of
     targets that do not bring their own. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01.
+    With `free_flight` a sensor follows targets after burnout: a model that can gives them `FreeFlight` to impact.
     """
 
     ids: tuple[str, ...]
     paths: tuple[str, ...]
     forces: "ForceModel" = "kepler"
     epoch_us: int = 0
+    free_flight: bool = False
 
 
 @frozen(kw_only=True)

@@ -27,20 +27,33 @@ EPHEMERIS_TOLERANCE_M = 0.01
 
 @define(eq=False)
 class BallisticTargets:
-    """Targets on their way from ignition to burnout, and what is known of their flight to the aim point."""
+    """Targets on their way from ignition to burnout, or to the end, and what is known of their flight to the aim point.
+
+    `coast` is their free flight where a sensor follows it, else None.
+    """
 
     type_code: NDArray[np.uint8]
     ignition_s: FloatArray
     burnout_s: FloatArray
     boost: Ephemeris
+    coast: Ephemeris | None
     flight: Aim
     ids: tuple[str, ...]
     configs: tuple[BallisticConfig, ...]
     profiles: tuple[BoostProfile, ...]
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of targets (m,) at scene times (m,), to 1 cm; nan outside ignition to burnout."""
-        return self.boost.position_m(target, time_s)
+        """Return positions (m, 3) of targets (m,) at scene times (m,), to 1 cm; nan outside ignition to `end_s`."""
+        if self.coast is None:
+            return self.boost.position_m(target, time_s)
+        late = time_s > self.burnout_s[target]
+        boost = self.boost.position_m(target, np.where(late, np.nan, time_s))
+        return np.where(late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost)
+
+    @property
+    def end_s(self) -> FloatArray:
+        """Scene times to which positions are known, (n,) s."""
+        return self.burnout_s if self.coast is None else self.flight.impact_s
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target: what was asked for, burnout and impact.
@@ -82,7 +95,8 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
     ranges_m = _ranges_m(launch, aim_point).tolist()
     profiles = tuple(_profile(config, ranges_m[row], row in unknown) for row, config in enumerate(configs))
     ignition_s = np.array([config.launch.time_s for config in configs], dtype=np.float64)
-    flight = aim(launch, aim_point, ignition_s, profiles, forces=_forces(configs, context))
+    forces = _forces(configs, context)
+    flight = aim(launch, aim_point, ignition_s, profiles, forces=forces)
     problems = _problems(unknown, flight.complaints, configs, profiles, context.paths)
     if problems:
         raise SceneError(problems)
@@ -92,11 +106,18 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
         ignition_s=ignition_s,
         burnout_s=flight.burnout_s,
         boost=Ephemeris.build(path.state, ignition_s, flight.burnout_s, path.breakpoints_s(), EPHEMERIS_TOLERANCE_M),
+        coast=_coast(flight, forces) if context.free_flight else None,
         flight=flight,
         ids=context.ids,
         configs=tuple(configs),
         profiles=profiles,
     )
+
+
+def _coast(flight: Aim, forces: "ForceModel") -> Ephemeris:
+    from opir_core.flight.trajectory import coast_ephemeris
+
+    return coast_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces)
 
 
 def _forces(configs: Sequence[BallisticConfig], context: TargetContext) -> "ForceModel":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from attrs import Factory, asdict, fields_dict, frozen
 
-from opir_core.fields import nested, number, text
+from opir_core.fields import flag, nested, number, text
 from opir_core.orbits.configs import OrbitConfig
 from opir_core.plugin.confusion import confusion_complaint, is_probability
 from opir_core.scene import TARGET_TYPES
@@ -144,6 +144,12 @@ class ScanningSensorConfig:
     spectral_discrimination: str = text(
         default="none", choices=tuple(DISCRIMINATION_BANDS), help="how bands are compared to tell plumes from clutter"
     )
+    follows_bodies: bool = flag(
+        default=False,
+        source="false: the opir-simulator paper (2026) watches plumes",
+        help="whether the sensor goes on looking after burnout, at the warm body, to impact; with detection: constant"
+        " it then sees it as well as the plume",
+    )
     confusion: Mapping[str, Mapping[str, float]] = nested(
         default=Factory(dict),
         check=confusion_complaint,
@@ -231,6 +237,7 @@ def scanning_sensor(
         confusion=completed["confusion"],
         false_alarm_susceptibility=config.false_alarm_susceptibility,
         spectral_discrimination=config.spectral_discrimination,
+        follows_bodies=config.follows_bodies,
         settings={**asdict(config), **completed},
     )
 

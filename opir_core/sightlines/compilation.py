@@ -1,4 +1,4 @@
-"""All pairs of a scene: when each sensor looks at each target while it burns and is in view."""
+"""All pairs of a scene: when each sensor looks at each target while it burns, or flies, and is in view."""
 
 from collections.abc import Sequence
 
@@ -38,7 +38,8 @@ def _sensor_pairs(
     """Return one sensor's pairs with all targets, and their lines of sight."""
     everyone = np.arange(len(targets.ids), dtype=np.int32)
     start_s = look_time_s(sensor, targets, targets.ignition_s, light_time)
-    stop_s = look_time_s(sensor, targets, targets.burnout_s, light_time)
+    until_s = targets.watched_until_s(sensor)
+    stop_s = look_time_s(sensor, targets, until_s, light_time)
     grid = Grid.over(start_s, stop_s)
     travel_s, sensor_ecef_m, target_ecef_m = sampled(sensor, targets, grid, light_time)
     margins = Margins.of(sensor, sensor_ecef_m, target_ecef_m)
@@ -50,7 +51,7 @@ def _sensor_pairs(
     blocked = np.where((blocked == Blocked.NOT) & (last_scan < first_scan), Blocked.NO_LOOK, blocked)
     sensors, periods = np.full_like(everyone, number), np.full_like(phase_ns, sensor.scan.period_ns)
     is_checked = has_doubt(grid, sight, first_s, last_s)
-    pairs = Pairs(sensors, everyone, periods, phase_ns, first_scan, last_scan, is_checked, blocked)
+    pairs = Pairs(sensors, everyone, periods, phase_ns, first_scan, last_scan, is_checked, blocked, until_s)
     return pairs, Sightlines(grid.first_point, travel_s, np.sin(margins.horizon_rad), sight)
 
 

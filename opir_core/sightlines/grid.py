@@ -1,4 +1,4 @@
-"""The grid of scene time along each pair's burn, and what is sampled on it."""
+"""The grid of scene time along each pair's burn or flight, and what is sampled on it."""
 
 import numpy as np
 from attrs import frozen
@@ -18,7 +18,10 @@ _LIGHT_TIME_ITERATIONS = 3
 
 @frozen(eq=False)
 class Grid:
-    """Whole steps of scene time that enclose each pair's burn, laid end to end; one more point than cells a pair."""
+    """Whole steps of scene time that enclose what is watched of each target, laid end to end.
+
+    A pair has one more point than cells.
+    """
 
     first_step: IntArray
     points: IntArray
@@ -54,27 +57,28 @@ class Grid:
 
 @frozen(eq=False)
 class Path:
-    """Targets' ways, drawn out straight before ignition and after burnout: the grid's outer cells stay smooth."""
+    """Targets' ways, drawn out straight before and after what is watched: the grid's outer cells stay smooth."""
 
     targets: Targets
+    end_s: FloatArray
     velocity_in_m_s: FloatArray
     velocity_out_m_s: FloatArray
 
     @classmethod
-    def of(cls, targets: Targets) -> "Path":
-        """Return the ways of all targets."""
+    def of(cls, targets: Targets, end_s: FloatArray) -> "Path":
+        """Return the ways of all targets, each to its end (n,)."""
         everyone = np.arange(len(targets.ids), dtype=np.int32)
-        start_s, end_s = targets.ignition_s, targets.burnout_s
+        start_s = targets.ignition_s
         short_s = np.minimum(_END_STEP_S, end_s - start_s)
         after, before = np.minimum(start_s + short_s, end_s), np.maximum(end_s - short_s, start_s)
         moved_in = targets.position_ecef_m(everyone, after) - targets.position_ecef_m(everyone, start_s)
         moved_out = targets.position_ecef_m(everyone, end_s) - targets.position_ecef_m(everyone, before)
-        return cls(targets, moved_in / (after - start_s)[:, None], moved_out / (end_s - before)[:, None])
+        return cls(targets, end_s, moved_in / (after - start_s)[:, None], moved_out / (end_s - before)[:, None])
 
     def position_ecef_m(self, pair: IntArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of targets (n,) at any times (n,)."""
         target = pair.astype(np.int32)
-        start_s, end_s = self.targets.ignition_s[target], self.targets.burnout_s[target]
+        start_s, end_s = self.targets.ignition_s[target], self.end_s[target]
         position = self.targets.position_ecef_m(target, np.clip(time_s, start_s, end_s))
         early_s, late_s = np.minimum(time_s - start_s, 0.0), np.maximum(time_s - end_s, 0.0)
         drawn_out: FloatArray = (
@@ -87,7 +91,7 @@ def sampled(
     sensor: Sensor, targets: Targets, grid: Grid, light_time: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return light times, sensor and target positions at the grid's points."""
-    path = Path.of(targets)
+    path = Path.of(targets, targets.watched_until_s(sensor))
     sensor_ecef_m = sensor.orbit.position_ecef_m(grid.time_s)
     travel_s = np.zeros(len(grid.time_s))
     target_ecef_m = path.position_ecef_m(grid.pair, grid.time_s)
@@ -98,7 +102,7 @@ def sampled(
 
 
 def look_time_s(sensor: Sensor, targets: Targets, emission_s: FloatArray, light_time: bool) -> FloatArray:
-    """Return when the light that targets emit at a moment of their burn reaches the sensor, s."""
+    """Return when the light that targets emit at a moment of their flight reaches the sensor, s."""
     if not light_time:
         return emission_s
     everyone = np.arange(len(emission_s), dtype=np.int32)

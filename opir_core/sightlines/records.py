@@ -69,8 +69,9 @@ class Sightlines:
 class Pairs(Columns):
     """Sensor-target pairs, sorted by sensor, then target; one row a pair.
 
-    Scans `first_scan` to `last_scan` (both included, none where first > last) look at the burning target at
-    phase_ns + scan · period_ns; where `is_checked`, each look is still to be tested for visibility.
+    Scans `first_scan` to `last_scan` (both included, none where first > last) look at the target at
+    phase_ns + scan · period_ns; where `is_checked`, each look is still to be tested for visibility. Light that left the
+    target after `until_s`, its burnout or its flight's end, is not looked at.
     """
 
     sensor: IndexArray
@@ -81,6 +82,7 @@ class Pairs(Columns):
     last_scan: IntArray
     is_checked: BoolArray
     blocked: IntArray
+    until_s: FloatArray
 
     @property
     def looks(self) -> IntArray:
