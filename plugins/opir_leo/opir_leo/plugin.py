@@ -50,6 +50,7 @@ class WideConfig(ScanningSensorConfig):
     bands={"MWIR": (4.0, 5.0), "LWIR": (8.0, 12.0)},
     scan_pattern="staring",
     scan_period_ms=200.0,
+    follows_bodies=True,
     detection_probability={"ICBM": 0.9, "IRBM": 0.88, "SRBM": 0.85},
     field_of_regard_half_angle_deg=cited(67.0, LIMB_AND_SPACE),
     line_of_sight_sigma_urad=30.0,
