@@ -41,7 +41,12 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
     "radiometry": (
         "opir_core.radiometry.plugin",
-        frozenset({("opir_signature_models", "plume")}),
+        frozenset(
+            {
+                ("opir_signature_models", "plume"),
+                ("opir_atmosphere_models", "lowtran"),
+            }
+        ),
     ),
 }
 

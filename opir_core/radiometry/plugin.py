@@ -7,9 +7,10 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin.components import SignatureModel
+from opir_core.plugin.components import AtmosphereModel, SignatureModel
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.radiometry.configs import PlumeConfig
+from opir_core.radiometry.sky_configs import LowtranConfig
 
 
 def _built_by(module: str, function: str) -> Callable[..., Any]:
@@ -29,4 +30,15 @@ def opir_signature_models() -> Iterable[SignatureModel]:
         summary="notional plume by class, thrust phase, altitude and aspect, with a spectrum for any band",
         config=PlumeConfig,
         build=_built_by("plume", "plume_signatures"),
+    )
+
+
+@hookimpl
+def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
+    """Yield `lowtran`."""
+    yield AtmosphereModel(
+        name="lowtran",
+        summary="band transmittances of LOWTRAN7 for five climates, with a deck of cloud where one is set",
+        config=LowtranConfig,
+        build=_built_by("lowtran", "lowtran_atmosphere"),
     )

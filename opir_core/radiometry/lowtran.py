@@ -1,0 +1,126 @@
+"""The atmosphere `lowtran`: band transmittances of LOWTRAN7 for five climates, with clouds where a scene has them.
+
+Nothing is evaluated for targets above 100 km: there τ is 1.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.errors import ModelError
+from opir_core.protocols import Band
+from opir_core.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
+from opir_core.radiometry.lowtran_table import BEND, HEIGHTS_M, SLANTS, TOP_M, NodeTable, fine_grid, node_tables
+from opir_core.radiometry.planck import band_radiance
+from opir_core.radiometry.protocols import AtmosphereContext, Transmittance
+from opir_core.radiometry.records import Paths
+from opir_core.radiometry.sky_configs import CloudConfig, LowtranConfig
+from opir_core.records import FloatArray
+
+#: Edges of bands are the same when they agree to this, µm.
+SAME_EDGE_UM = 1e-6
+
+_HEIGHT_STEP_M = float(HEIGHTS_M[1] - HEIGHTS_M[0])
+_SLANT_STEP = float(SLANTS[1] - SLANTS[0])
+
+
+@frozen(eq=False)
+class LowtranAtmosphere:
+    """Transmittances (slants, heights) of each band on the grid of `lowtran_table`, and clouds."""
+
+    grids: tuple[FloatArray, ...]
+    deck: Deck | None
+
+    def transmittance(self, band: int, path: Paths) -> FloatArray:
+        """Return in-band transmittances (n,): between the grid's points straight in height and asinh(sine / 0.05)."""
+        result = np.ones(len(path))
+        low = np.flatnonzero(path.height_m < TOP_M)
+        if not len(low):
+            return result
+        result[low] = self._looked_up(band, path.height_m[low], path.elevation_sine[low])
+        if self.deck is not None:
+            result[low[is_hidden(self.deck, path.take(low))]] = 0.0
+        return result
+
+    def cloud_top_m(self, point_ecef_m: FloatArray) -> FloatArray:
+        """Return the heights (n,) of cloud tops over points (n, 3), m; -inf where there is no cloud."""
+        if self.deck is None:
+            return np.full(len(point_ecef_m), -np.inf)
+        return np.where(self.deck.is_cloudy(point_ecef_m), self.deck.top_m, -np.inf)
+
+    def _looked_up(self, band: int, height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
+        grid = self.grids[band]
+        heights = grid.shape[1]
+        across = np.clip((np.arcsinh(elevation_sine / BEND) - SLANTS[0]) / _SLANT_STEP, 0.0, grid.shape[0] - 1.0)
+        up = np.clip(height_m / _HEIGHT_STEP_M, 0.0, heights - 1.0)
+        row = np.minimum(across.astype(np.int64), grid.shape[0] - 2)
+        column = np.minimum(up.astype(np.int64), heights - 2)
+        across -= row
+        up -= column
+        at = row * heights + column
+        flat = grid.ravel()
+        lower = flat.take(at) * (1.0 - up) + flat.take(at + 1) * up
+        upper = flat.take(at + heights) * (1.0 - up) + flat.take(at + heights + 1) * up
+        mixed: FloatArray = lower * (1.0 - across) + upper * across
+        return mixed
+
+
+def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Transmittance:
+    """Return the atmosphere of a climate; `ModelError` names a band of the scene that the table cannot answer for."""
+    tables = node_tables(config.climate, config.aerosol, config.weighting)
+    if not tables:
+        raise ModelError(
+            f"{context.path}: there is no table of climate {config.climate} with aerosol {config.aerosol}; aerosol none"
+            " goes with us1976 alone"
+        )
+    grids = tuple(_grid(band, config, list(tables.values()), context.path) for band in context.bands)
+    return LowtranAtmosphere(grids, None if config.cloud is None else _deck(config.cloud, context.seed))
+
+
+def _deck(config: CloudConfig, seed: int) -> Deck:
+    if config.cover >= 1.0:
+        return FullDeck(config.top_km * 1e3)
+    return CloudField.drawn(config.top_km * 1e3, config.cover, config.cell_km * 1e3, seed)
+
+
+def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: str) -> FloatArray:
+    chosen = parts_of(band, config.bands, [table.band for table in nodes])
+    if not chosen:
+        known = ", ".join(f"{one.band.name} {one.band.lower_um:g}-{one.band.upper_um:g}" for one in nodes)
+        raise ModelError(
+            f"{path}: the band {band.name}, {band.lower_um:g} to {band.upper_um:g} um, is not one of LOWTRAN's table"
+            f" ({known}), nor made of them side by side; say in bands which of them stands for it,"
+            f" {{{band.name}: {nodes[0].band.name}}}"
+        )
+    weights = np.array([_weight(part, config.weighting) for part in chosen])
+    grids = np.array([fine_grid(next(table for table in nodes if table.band == part)) for part in chosen])
+    mean: FloatArray = (grids * (weights / weights.sum())[:, None, None]).sum(axis=0)
+    return mean
+
+
+def parts_of(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band]) -> list[Band]:
+    """Return the bands of a table that a band is made of.
+
+    The one that the scene says stands for it; else the one with its edges; else those that cover it side by side,
+    without gap or overlap; else none.
+    """
+    if band.name in stand_ins:
+        return [one for one in known if one.name == stand_ins[band.name]]
+    parts: list[Band] = []
+    edge = band.lower_um
+    while edge < band.upper_um - SAME_EDGE_UM:
+        starting = [one for one in known if abs(one.lower_um - edge) <= SAME_EDGE_UM]
+        fitting = [one for one in starting if one.upper_um <= band.upper_um + SAME_EDGE_UM]
+        if not fitting:
+            return []
+        parts.append(max(fitting, key=lambda one: one.upper_um))
+        edge = parts[-1].upper_um
+    return parts
+
+
+def _weight(band: Band, weighting: str) -> float:
+    """Return how much a band counts in a wider one: its width, or what a black body of 1500 K has in it."""
+    if weighting == "flat":
+        return band.upper_um - band.lower_um
+    return float(band_radiance(1500.0, band.lower_um, band.upper_um))
