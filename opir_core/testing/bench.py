@@ -1,0 +1,178 @@
+"""The test bench: one small scene of everything awkward, run with a component in it.
+
+Three sensors, one of them moving high over the pole; launches on the equator across the antimeridian, close to the
+pole, in full view, and on the far side of the Earth, where the geostationary sensors are blind.
+"""
+
+from collections.abc import Iterable, Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.dice import PairStreams, WindowNumbers
+from opir_core.looks import Looks, exposures, pair_names, seen
+from opir_core.plan import Plan, compile_plan
+from opir_core.plugin.host import Host
+from opir_core.protocols import Dice, Encoder, EncoderContext
+from opir_core.reading import scene_from_mapping
+from opir_core.records import Detections, DetectionTruth, Exposures, IntArray, Sightings
+from opir_core.run import plan_windows
+from opir_core.sites import Sites
+
+#: What a scene file holds, as plain values.
+SceneFile = Mapping[str, Any]
+
+BENCH_PLUGIN = "opir_core.testing.bench_plugin"
+
+_POLAR_ORBIT = {
+    "circular": {"altitude_km": 30000.0, "inclination_deg": 90.0, "raan_deg": 0.0, "arg_latitude_deg": 85.0}
+}
+
+SENSORS: tuple[Mapping[str, Any], ...] = (
+    {"model": "bench-scanner", "id": "BENCH-1", "orbital_slot_deg": -100.0},
+    {"model": "bench-scanner", "id": "BENCH-2", "orbital_slot_deg": 180.0, "scan_period_ms": 700.0},
+    {"model": "bench-scanner", "id": "BENCH-3", "orbit": _POLAR_ORBIT, "bands": {"MWIR": [4.2, 4.5]}},
+)
+
+NEIGHBOUR_SENSOR = {"model": "bench-scanner", "id": "NEIGHBOUR", "orbital_slot_deg": -140.0}
+
+
+def launch(name: str, kind: str, start: tuple[float, float], aim: tuple[float, float], time_s: float) -> dict[str, Any]:
+    """Return the block of a target of the model `ballistic`; places are (lat_deg, lon_deg)."""
+    return {
+        "id": name,
+        "type": kind,
+        "launch": {"lat_deg": start[0], "lon_deg": start[1], "time_s": time_s},
+        "aim": {"lat_deg": aim[0], "lon_deg": aim[1]},
+    }
+
+
+#: In full view; across the antimeridian; close to the pole; hidden from all but the polar sensor.
+TARGETS: tuple[Mapping[str, Any], ...] = (
+    launch("IN-VIEW", "ICBM", (34.7, -120.6), (9.0, 167.7), 2.0),
+    launch("ANTIMERIDIAN", "SRBM", (10.0, 179.9), (10.0, -176.0), 10.0),
+    launch("POLE", "IRBM", (89.5, 40.0), (65.0, -150.0), 5.0),
+    launch("FAR-SIDE", "IRBM", (30.0, 60.0), (10.0, 60.0), 0.0),
+)
+
+NEIGHBOUR_TARGET = launch("NEIGHBOUR", "ICBM", (35.5, -119.0), (5.0, 160.0), 4.0)
+
+
+def bench_scene(**changes: Any) -> dict[str, Any]:
+    """Return the bench's scene as plain values; `changes` replace its keys."""
+    scene: dict[str, Any] = {
+        "scene": "bench",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 90.0,
+        "seed": 20260401,
+        "sensors": list(SENSORS),
+        "targets": list(TARGETS),
+        "detection": "constant",
+        "classification": "paper",
+        "confidence": "weighted",
+        "tracker": "none",
+    }
+    return {**scene, **changes}
+
+
+def bench_host(plugins: Iterable[str]) -> Host:
+    """Return a host of everything installed, the bench's plugin, and plugins given as names of modules."""
+    host = Host.discover()
+    for name in (BENCH_PLUGIN, *plugins):
+        host.register(import_module(name))
+    return host
+
+
+@frozen(eq=False)
+class BenchRun:
+    """What a scene came to: its plan, all detections with their truth, and the events, line by line."""
+
+    plan: Plan
+    detections: Detections
+    truth: DetectionTruth
+    lines: tuple[bytes, ...]
+
+    def lines_of(self, sensors: Iterable[str], targets: Iterable[str]) -> tuple[bytes, ...]:
+        """Return the events of some sensors and targets, by their ids; each detection has one line."""
+        wanted_sensors, wanted_targets = frozenset(sensors), frozenset(targets)
+        ids = self.plan.targets.ids
+        rows = zip(self.detections.sensor.tolist(), self.truth.target.tolist(), self.lines, strict=True)
+        return tuple(
+            line
+            for sensor, target, line in rows
+            if self.plan.sensors[sensor].id in wanted_sensors and ids[target] in wanted_targets
+        )
+
+
+def planned(scene: SceneFile, host: Host) -> Plan:
+    """Return the plan of a scene of plain values."""
+    return compile_plan(scene_from_mapping(dict(scene), host=host), host)
+
+
+def bench_run(scene: SceneFile, host: Host, *, window_s: float | None = None) -> BenchRun:
+    """Return what a scene comes to; events are those of the encoder `forge`."""
+    plan = planned(scene, host)
+    encoder = encoder_of(plan)
+    windows = list(plan_windows(plan, window_s))
+    return BenchRun(
+        plan,
+        Detections.concatenate(window.detections for window in windows),
+        DetectionTruth.concatenate(window.truth for window in windows),
+        tuple(line for window in windows for line in encoder.encode(window).splitlines()),
+    )
+
+
+def encoder_of(plan: Plan, name: str = "forge") -> Encoder:
+    """Return an encoder for a plan's detections."""
+    component = plan.host.component("opir_event_encoders", name)
+    encoder: Encoder = component.build(
+        component.config(), EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)
+    )
+    return encoder
+
+
+@frozen(eq=False)
+class LookTable:
+    """All looks of a plan that see their target, as models get them, read-only; `row` and `pair` find their dice."""
+
+    exposures: Exposures
+    numbers: WindowNumbers
+    streams: PairStreams
+    row: IntArray
+    pair: IntArray
+
+    @classmethod
+    def of(cls, plan: Plan) -> "LookTable":
+        """Return the looks of a plan."""
+        streams, sites = PairStreams(plan.scene.seed, pair_names(plan)), Sites.of(plan.sensors)
+        looks = Looks.between(plan.pairs, 0, plan.end_ns)
+        row = np.flatnonzero(seen(plan, sites, looks.pair, looks.scan))
+        pair = looks.pair[row]
+        table = exposures(plan, sites, pair, looks.scan[row], geometry=True)
+        numbers = WindowNumbers(streams, looks.active, looks.first_scan, looks.scans)
+        return cls(table.freeze(), numbers, streams, row, pair)
+
+    def dice(self, rows: Any) -> Dice:
+        """Return the dice of some of the looks."""
+        return self.numbers.of(self.row[rows], self.pair[rows])
+
+
+def sightings_of(plan: Plan, looks: LookTable) -> Sightings:
+    """Return all looks of a plan as if each had detected, in each way that bands, counts and SNR can be."""
+    exposed, rows = looks.exposures, np.arange(len(looks.exposures))
+    totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)[exposed.sensor]
+    counts = rows % totals + 1
+    return Sightings(
+        time_s=exposed.time_s,
+        sensor=exposed.sensor,
+        target=exposed.target,
+        range_m=exposed.range_m,
+        elevation_sine=exposed.elevation_sine,
+        bands=((1 << counts) - 1).astype(np.uint8),
+        band_count=counts,
+        band_total=totals,
+        detection_count=(1 + rows % 1000).astype(np.int32),
+        snr=np.where(rows % 3 == 0, np.nan, 3.0 + rows % 40),
+    ).freeze()

@@ -1,0 +1,36 @@
+"""The plugin of the test bench: a sensor model of no constellation, so that contract scenes need no other plugin."""
+
+from collections.abc import Iterable
+from functools import partial
+
+from opir_core.plugin import ScanningSensorConfig, SensorModel, hookimpl, scanning_sensor, with_defaults
+
+#: What the bench reports of each type: some right, some wrong, some not told.
+CONFUSION = {
+    "ICBM": {"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.1, "UNKNOWN": 0.1},
+    "IRBM": {"ICBM": 0.2, "IRBM": 0.5, "SRBM": 0.2, "UNKNOWN": 0.1},
+    "SRBM": {"ICBM": 0.1, "IRBM": 0.2, "SRBM": 0.5, "UNKNOWN": 0.2},
+}
+
+
+@with_defaults(
+    bands={"SWIR": (2.5, 2.9), "MWIR": (4.2, 4.5)},
+    scan_period_ms=500.0,
+    scan_phase="random",
+    detection_probability={"ICBM": 0.8, "IRBM": 0.6, "SRBM": 0.4},
+    line_of_sight_sigma_urad=20.0,
+    confusion=CONFUSION,
+)
+class BenchSensorConfig(ScanningSensorConfig):
+    """What a scene may set of the bench's sensor."""
+
+
+@hookimpl
+def opir_sensor_models() -> Iterable[SensorModel]:
+    """Yield `bench-scanner`."""
+    yield SensorModel(
+        name="bench-scanner",
+        summary="a sensor for contract tests",
+        config=BenchSensorConfig,
+        build=partial(scanning_sensor, type="BENCH"),
+    )

@@ -1,0 +1,65 @@
+"""Another Python process, with another hash seed and a history of its own, that runs the bench's scenes.
+
+`python -m opir_core.testing.other_process` reads requests as lines of JSON and answers each with a line of JSON. One
+such process serves all tests of a session: what a component keeps from one run to the next shows as a difference too.
+"""
+
+import base64
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from functools import cache
+
+from opir_core.testing.bench import SceneFile, bench_host, bench_run
+
+#: The processes differ in how they hash text, whatever the parent's seed.
+_HASH_SEED = "20260401"
+_OTHER_HASH_SEED = "7"
+
+
+def lines_elsewhere(scene: SceneFile, plugins: Sequence[str]) -> tuple[bytes, ...]:
+    """Return the events of a scene as the other process makes them; raises `RuntimeError` with its words if it fails.
+
+    `plugins` are the names of modules that hold plugins which are not installed.
+    """
+    other = _process()
+    assert other.stdin is not None
+    assert other.stdout is not None
+    request = {"scene": scene, "plugins": list(plugins), "path": sys.path}
+    other.stdin.write(json.dumps(request) + "\n")
+    other.stdin.flush()
+    answer = json.loads(other.stdout.readline() or '{"error": "the process ended"}')
+    if "error" in answer:
+        raise RuntimeError(answer["error"])
+    return tuple(base64.b64decode(line) for line in answer["lines"])
+
+
+@cache
+def _process() -> "subprocess.Popen[str]":
+    seed = _OTHER_HASH_SEED if os.environ.get("PYTHONHASHSEED") == _HASH_SEED else _HASH_SEED
+    return subprocess.Popen(
+        [sys.executable, "-m", __name__],
+        env={**os.environ, "PYTHONHASHSEED": seed},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def _serve() -> None:
+    for request in sys.stdin:
+        asked = json.loads(request)
+        sys.path[:] = asked["path"]
+        try:
+            lines = bench_run(asked["scene"], bench_host(asked["plugins"])).lines
+            answer: dict[str, object] = {"lines": [base64.b64encode(line).decode() for line in lines]}
+        except Exception as error:
+            answer = {"error": f"{type(error).__name__}: {error}"}
+        sys.stdout.write(json.dumps(answer) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    _serve()
