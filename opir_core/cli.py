@@ -19,6 +19,7 @@ COMMANDS = {
     "plugins": "list the installed plugins and what they offer",
     "describe": "say what a component is and what a scene may set of it",
     "physics": "work out a radiometric quantity from its formula",
+    "check": "say whether a component keeps the promises of its kind, and what to change",
     "schema": "print the JSON Schema of an event",
 }
 

@@ -102,7 +102,7 @@ class BenchRun:
         return tuple(
             line
             for sensor, target, line in rows
-            if self.plan.sensors[sensor].id in wanted_sensors and ids[target] in wanted_targets
+            if target >= 0 and self.plan.sensors[sensor].id in wanted_sensors and ids[target] in wanted_targets
         )
 
 
@@ -146,7 +146,7 @@ class LookTable:
     @classmethod
     def of(cls, plan: Plan) -> "LookTable":
         """Return the looks of a plan."""
-        streams, sites = PairStreams(plan.scene.seed, pair_names(plan)), Sites.of(plan.sensors)
+        streams, sites = PairStreams(plan.scene.seed, pair_names(plan)), Sites.of(plan.sensors, plan.bias)
         looks = Looks.between(plan.pairs, 0, plan.end_ns)
         row = np.flatnonzero(seen(plan, sites, looks.pair, looks.scan))
         pair = looks.pair[row]
@@ -175,4 +175,7 @@ def sightings_of(plan: Plan, looks: LookTable) -> Sightings:
         band_total=totals,
         detection_count=(1 + rows % 1000).astype(np.int32),
         snr=np.where(rows % 3 == 0, np.nan, 3.0 + rows % 40),
+        band_irradiance_w_m2=np.where(
+            np.arange(totals.max()) < totals[:, None], 1e-12 * (1.0 + rows[:, None] % 5), np.nan
+        ),
     ).freeze()

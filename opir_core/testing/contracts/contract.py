@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, ClassVar
 
-from opir_core.plugin.components import Component, Constellation
+from opir_core.plugin.components import Component
 from opir_core.plugin.host import Host
-from opir_core.reading.nodes import Node
+from opir_core.reading.nodes import Node, Refused
 from opir_core.reading.plain_data import node_of_data
 from opir_core.reading.structuring import class_reader
 from opir_core.testing.bench import BenchRun, bench_host, bench_run
+from opir_core.testing.broken import Broken
 
 
 class Contract:
@@ -27,7 +28,7 @@ class Contract:
     `opir check` runs the same methods.
     """
 
-    kind: ClassVar[type[Component] | type[Constellation]]
+    kind: ClassVar[type[Component]]
     name: ClassVar[str] = ""
     settings: ClassVar[Mapping[str, Any]] = {}
     plugins: ClassVar[Sequence[str]] = ()
@@ -47,8 +48,7 @@ class Contract:
     @classmethod
     def config(cls, **settings: Any) -> Any:
         """Return the component's configuration as a scene would read it, with more settings."""
-        node: Node = node_of_data({**cls.block(), **settings})
-        return class_reader(cls.component().config)(node)
+        return read_config(cls.component(), {**cls.block(), **settings})
 
     @classmethod
     def block(cls) -> Mapping[str, Any]:
@@ -70,6 +70,21 @@ class Contract:
     def run_of(cls, scene: Mapping[str, Any], **how: Any) -> BenchRun:
         """Return the run of any scene."""
         return bench_run(scene, cls.host(), **how)
+
+
+def read_config(component: Any, settings: Mapping[str, Any]) -> Any:
+    """Return a component's configuration, read as from a scene; raises `Broken` where its own settings do not fit."""
+    try:
+        preset = component.presets.get(settings.get("preset"), {})
+        written = {key: value for key, value in settings.items() if key != "preset"}
+        node: Node = node_of_data({**preset, **written})
+        return class_reader(component.config)(node)
+    except Refused as refused:
+        told = "; ".join(f"{complaint.path.lstrip('.')}: {complaint.message}" for complaint in refused.complaints)
+        raise Broken(
+            f"{component.kind} {component.name} does not read its settings: {told}",
+            "Give the contract settings = {...} (opir check: --set key=value), or the fields defaults.",
+        ) from refused
 
 
 def test_names(contract: type[Contract]) -> list[str]:

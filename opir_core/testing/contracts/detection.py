@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve
 
-from opir_core.plugin.components import Component, Constellation, DetectionModel
+from opir_core.plugin.components import Component, DetectionModel
 from opir_core.protocols import DetectionProbability, Dice
 from opir_core.records import FloatArray
 from opir_core.testing.bench import LookTable, bench_scene, planned
@@ -44,7 +44,7 @@ class WatchedDice:
 class DetectionContract(SceneContract):
     """What a detection model promises."""
 
-    kind: ClassVar[type[Component] | type[Constellation]] = DetectionModel
+    kind: ClassVar[type[Component]] = DetectionModel
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:

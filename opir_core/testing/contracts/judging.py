@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel, Constellation
+from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.records import Sightings
 from opir_core.scene import REPORTED_TYPES
 from opir_core.testing.bench import LookTable, bench_scene, sightings_of
@@ -21,7 +21,7 @@ _ARRAYS = "Replace the loop over detections by arithmetic on whole columns."
 class ConfidenceContract(SceneContract):
     """What a confidence model promises."""
 
-    kind: ClassVar[type[Component] | type[Constellation]] = ConfidenceModel
+    kind: ClassVar[type[Component]] = ConfidenceModel
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
@@ -68,7 +68,7 @@ class ConfidenceContract(SceneContract):
 class ClassifierContract(SceneContract):
     """What a classifier promises."""
 
-    kind: ClassVar[type[Component] | type[Constellation]] = ClassifierModel
+    kind: ClassVar[type[Component]] = ClassifierModel
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:

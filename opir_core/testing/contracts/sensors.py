@@ -34,7 +34,7 @@ _LEAST_RADIUS_M = 6.4e6
 class SensorContract(SceneContract):
     """What a sensor model promises. A sensor that needs a place gets the slot of 100 degrees west."""
 
-    kind: ClassVar[type[Component] | type[Constellation]] = SensorModel
+    kind: ClassVar[type[Component]] = SensorModel
 
     @classmethod
     def block(cls) -> Mapping[str, Any]:
@@ -162,7 +162,7 @@ class SensorContract(SceneContract):
     def test_lines_of_sight_scatter_as_stated(self) -> None:
         """The errors of measured lines of sight have the stated standard deviation and are normal."""
         run = self.run_of(self.scene(sensors=self.scene()["sensors"][:1], seed=5))
-        stated = _sigma_rad(run)
+        stated = run.detections.line_of_sight_sigma_rad
         error = _errors_rad(run)[stated > 0.0]
         # Two independent normal errors: the square over 2 sigma squared is exponential.
         excess = excess_of_distribution(-np.expm1(-0.5 * (error / stated[stated > 0.0]) ** 2))
@@ -216,15 +216,42 @@ class SensorContract(SceneContract):
 
 
 class ConstellationContract(SensorContract):
-    """What a constellation promises: each satellite builds, alone and beside the others."""
+    """What a constellation promises: what its sensor model does where its satellites are, and a fleet that runs."""
 
-    kind: ClassVar[type[Component] | type[Constellation]] = Constellation
+    @classmethod
+    def constellation(cls) -> Constellation:
+        """Return the constellation."""
+        return cls.host().component(Constellation, cls.name)
+
+    @classmethod
+    def component(cls) -> Any:
+        """Return the sensor model that the satellites carry."""
+        return cls.host().component(SensorModel, cls.constellation().model)
 
     @classmethod
     def block(cls) -> Mapping[str, Any]:
         """Return the settings of the first satellite."""
-        first = {key: value for key, value in cls.component().satellites[0].items() if key != "id"}
+        first = {key: value for key, value in cls.constellation().satellites[0].items() if key != "id"}
         return {**first, **cls.settings}
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return the bench's scene with the first satellite."""
+        subject = {"model": cls.constellation().model, "id": SUBJECT, **cls.block()}
+        certain = {"detection": "always", "classification": "none"}
+        return bench_scene(**{"sensors": [subject, *SENSORS[1:]], **certain, **changes})
+
+    def test_the_whole_fleet_runs(self) -> None:
+        """A scene that names the constellation has all its satellites, by their ids, each at its own place."""
+        run = self.run_of(bench_scene(sensors=[{"constellation": self.name}], classification="none"))
+        ids = [row["id"] for row in self.constellation().satellites]
+        insist([sensor.id for sensor in run.plan.sensors] == ids, "the fleet is another in a scene", "Check the ids.")
+        places = {tuple(sensor.orbit.position_ecef_m(np.zeros(1))[0].tolist()) for sensor in run.plan.sensors}
+        insist(
+            len(places) == len(ids),
+            f"{len(ids)} satellites are at {len(places)} places at the epoch",
+            "Give each satellite a slot or an orbit of its own.",
+        )
 
 
 def _place_of(run: BenchRun) -> int:
@@ -241,20 +268,15 @@ def _places_m(here: FloatArray) -> FloatArray:
     return 6.45e6 * np.concatenate([ring, [below, -below]])
 
 
-def _sigma_rad(run: BenchRun) -> FloatArray:
-    stated = getattr(run.detections, "line_of_sight_sigma_rad", None)
-    if stated is not None:
-        sigma: FloatArray = stated
-        return sigma
-    return np.array([sensor.line_of_sight_sigma_rad for sensor in run.plan.sensors])[run.detections.sensor]
-
-
 def _errors_rad(run: BenchRun) -> FloatArray:
-    """Return the angles (n,) between measured and true lines of sight."""
-    target_m = run.plan.targets.position_ecef_m(run.truth.target, run.truth.emission_time_s)
-    offset_m = target_m - run.detections.sensor_ecef_m
+    """Return the angles (n,) between measured and true lines of sight; what a sensor's bias adds is true here."""
+    plan, seen = run.plan, run.detections
+    offset_m = plan.targets.position_ecef_m(run.truth.target, run.truth.emission_time_s) - seen.sensor_ecef_m
     true = offset_m / np.sqrt(np.sum(offset_m**2, axis=1))[:, None]
+    if plan.bias is not None:
+        x, y, z = true.T
+        true = np.stack(plan.bias.applied(x, y, z, seen.sensor, seen.sensor_ecef_m), axis=1)
     # The chord between two unit vectors; for angles this small an inverse cosine would keep no digits.
-    chord = np.sqrt(np.sum((run.detections.line_of_sight_ecef - true) ** 2, axis=1))
+    chord = np.sqrt(np.sum((seen.line_of_sight_ecef - true) ** 2, axis=1))
     angle: FloatArray = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
     return angle

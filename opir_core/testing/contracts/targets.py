@@ -1,0 +1,168 @@
+"""The contract of target models: launches to trajectories."""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from opir_core.plugin.components import Component, TargetModel
+from opir_core.protocols import TargetContext, Trajectories
+from opir_core.records import FloatArray, IndexArray
+from opir_core.scene import EMITTER_TYPES
+from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
+from opir_core.testing.broken import Broken, insist
+from opir_core.testing.contracts.alike import insist_pickles, insist_rows_stand_alone, insist_same_lines
+from opir_core.testing.contracts.contract import read_config
+from opir_core.testing.contracts.scenes import SceneContract
+from opir_core.testing.steps import steps_per_row
+
+_SPEED_LIMIT_M_S = 1.2e4
+#: What the core's lines of sight are certain for (`opir_core.sightlines`).
+_ACCELERATION_LIMIT_M_S2 = 100.0
+_LEAST_RADIUS_M = 6.35e6
+
+
+class TargetContract(SceneContract):
+    """What a target model promises.
+
+    `launches` are blocks of targets, each with an `id`; `settings` are added to each. The bench's own, with type,
+    launch and aim, do for models that take these.
+    """
+
+    kind: ClassVar[type[Component]] = TargetModel
+    launches: ClassVar[Sequence[Mapping[str, Any]]] = TARGETS
+
+    @classmethod
+    def blocks(cls) -> list[dict[str, Any]]:
+        """Return the blocks of the targets in the scene."""
+        return [{**launch, "model": cls.name, **cls.settings} for launch in cls.launches]
+
+    @classmethod
+    def block(cls) -> Mapping[str, Any]:
+        """Return the settings of the first target."""
+        return {key: value for key, value in cls.blocks()[0].items() if key not in ("id", "model")}
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return the bench's scene with targets of the model."""
+        return bench_scene(**{"targets": cls.blocks(), **changes})
+
+    @classmethod
+    def made(cls, blocks: Sequence[Mapping[str, Any]]) -> Trajectories:
+        """Return the trajectories of some blocks of targets."""
+        settings = [{key: value for key, value in block.items() if key not in ("id", "model")} for block in blocks]
+        context = TargetContext(
+            ids=tuple(block["id"] for block in blocks),
+            paths=tuple(f"targets[{number}]" for number in range(len(blocks))),
+        )
+        configs = [read_config(cls.component(), block) for block in settings]
+        trajectories: Trajectories = cls.component().build(configs, context)
+        return trajectories
+
+    @classmethod
+    @cache
+    def targets(cls) -> Trajectories:
+        """Return the trajectories of the scene's targets."""
+        return cls.made(cls.blocks())
+
+    def test_types_and_times_are_lawful(self) -> None:
+        """Each target has a type, and burns for a time."""
+        made, rows = self.targets(), len(self.launches)
+        insist(
+            made.type_code.shape == made.ignition_s.shape == made.burnout_s.shape == (rows,),
+            f"{rows} targets have {made.type_code.shape} types and {made.ignition_s.shape} ignitions",
+            "Return one row for each configuration, in their order.",
+        )
+        insist(
+            bool(np.all(made.type_code < len(EMITTER_TYPES)) and np.all(made.burnout_s > made.ignition_s)),
+            "a type is unknown, or a burn ends before it begins",
+            "type_code is an index into TARGET_TYPES; burnout_s comes after ignition_s.",
+        )
+
+    def test_positions_are_known_throughout_the_burn_and_nowhere_else(self) -> None:
+        """Positions are finite from ignition to burnout, both included, and nan before and after."""
+        made = self.targets()
+        for row in range(len(self.launches)):
+            start, end = float(made.ignition_s[row]), float(made.burnout_s[row])
+            inside = made.position_ecef_m(*_moments(row, np.linspace(start, end, 101)))
+            outside = made.position_ecef_m(*_moments(row, np.array([start - 1.0, end + 1.0])))
+            insist(
+                bool(np.isfinite(inside).all() and np.isnan(outside).all()),
+                f"target {row} has a place outside its burn, or none inside",
+                "Return (n, 3) that is finite at ignition_s <= time_s <= burnout_s and nan elsewhere.",
+            )
+
+    def test_paths_are_above_the_ground_and_smooth(self) -> None:
+        """Positions are above the ground and move as a body does: no jumps."""
+        made = self.targets()
+        for row in range(len(self.launches)):
+            time_s = np.arange(float(made.ignition_s[row]), float(made.burnout_s[row]), 0.5)
+            place_m = made.position_ecef_m(*_moments(row, time_s))
+            velocity = np.diff(place_m, axis=0) / 0.5
+            speed, turn = np.abs(velocity).max(), np.abs(np.diff(velocity, axis=0)).max() / 0.5
+            radius_m = np.sqrt(np.sum(place_m**2, axis=1))
+            insist(
+                radius_m.min() > _LEAST_RADIUS_M and speed < _SPEED_LIMIT_M_S and turn < _ACCELERATION_LIMIT_M_S2,
+                f"target {row} comes to {radius_m.min():.0f} m of the Earth's centre, flies at up to {speed:.0f} m/s"
+                f" and changes speed by up to {turn:.0f} m/s in a second",
+                "Positions are ECEF, metres, continuous, with accelerations below 100 m/s2.",
+            )
+
+    def test_each_moment_has_its_own_position(self) -> None:
+        """The position of a target at a time does not depend on what else is asked about with it."""
+        made, count = self.targets(), len(self.launches)
+        target = np.tile(np.arange(count, dtype=np.int32), 41)
+        share = np.repeat(np.linspace(0.0, 1.0, 41), count)
+        time_s = made.ignition_s[target] + share * (made.burnout_s - made.ignition_s)[target]
+        insist_rows_stand_alone(
+            "position_ecef_m", lambda rows: made.position_ecef_m(target[rows], time_s[rows]), len(target)
+        )
+
+    def test_each_target_flies_on_its_own(self) -> None:
+        """A target built alone flies as it does among others."""
+        made = self.targets()
+        for row, block in enumerate(self.blocks()):
+            alone = self.made([block])
+            time_s = np.linspace(float(made.ignition_s[row]), float(made.burnout_s[row]), 23)
+            together = made.position_ecef_m(*_moments(row, time_s))
+            same = np.array_equal(alone.position_ecef_m(*_moments(0, time_s)), together)
+            insist(same, f"target {row} flies differently alone", "Compute each target from its own configuration.")
+
+    def test_truth_is_plain_values(self) -> None:
+        """The truth has one mapping of plain values for each target."""
+        told = self.targets().truth()
+        try:
+            json.dumps([dict(row) for row in told], allow_nan=False)
+        except (TypeError, ValueError) as error:
+            raise Broken(
+                f"the truth is not plain values: {error}", "Return numbers, text and lists; no nan."
+            ) from error
+        insist(len(told) == len(self.launches), f"the truth has {len(told)} rows", "Return one mapping a target.")
+
+    def test_moments_are_not_worked_through_one_by_one(self) -> None:
+        """More moments take no more steps of Python: the work is done on arrays."""
+        made = self.targets()
+        span = (float(made.ignition_s[0]), float(made.burnout_s[0]))
+        steps = steps_per_row(lambda rows: made.position_ecef_m(*_moments(0, np.linspace(*span, rows))), 100, 1000)
+        insist(steps < 1.0, f"each moment more takes {steps:.1f} steps of Python", "Compute whole columns at once.")
+
+    def test_draws_of_others_are_left_alone(self) -> None:
+        """Targets of this model change no event of targets of another, nor those of theirs."""
+        grown = self.run_of(self.scene(targets=[NEIGHBOUR_TARGET, *self.blocks()]))
+        ids = [block["id"] for block in self.blocks()]
+        kept = grown.lines_of([sensor.id for sensor in grown.plan.sensors], ids)
+        change = "A target is built from its own block; it keeps nothing that others could see."
+        insist_same_lines(self.run().lines, kept, "with a neighbour", change)
+
+    def test_built_targets_pickle(self) -> None:
+        """The built targets can be pickled, and their copies fly the same."""
+        made = self.targets()
+        moments = _moments(0, np.linspace(float(made.ignition_s[0]), float(made.burnout_s[0]), 11))
+        same = np.array_equal(insist_pickles(made).position_ecef_m(*moments), made.position_ecef_m(*moments))
+        insist(same, "a pickled copy flies differently", "Keep all state in fields that pickle.")
+
+
+def _moments(row: int, time_s: FloatArray) -> tuple[IndexArray, FloatArray]:
+    return np.full(len(time_s), row, dtype=np.int32), time_s

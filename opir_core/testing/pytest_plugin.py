@@ -1,0 +1,47 @@
+"""The pytest plugin: contracts' expected failures, strict, and a fixture for running scenes.
+
+It is loaded wherever opir-core is installed, so it imports nothing of it before a contract is collected.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from opir_core.testing.bench import BenchRun
+
+
+#: Where the parent of all contracts is; it is not imported to find out whether a class is one.
+_CONTRACT = "opir_core.testing.contracts.contract"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests that a contract expects to fail: with their reasons, and strictly."""
+    for item in items:
+        expected: Mapping[str, str] = _expected(item)
+        if item.name in expected:
+            item.add_marker(pytest.mark.xfail(reason=expected[item.name], strict=True))
+
+
+def _expected(item: pytest.Item) -> Mapping[str, str]:
+    """Return the expected failures of an item's contract; raises where one names no test, or has no reason."""
+    contract: Any = getattr(item, "cls", None)
+    if not any(parent.__module__ == _CONTRACT for parent in getattr(contract, "__mro__", ())):
+        return {}
+    expected: Mapping[str, str] = contract.expected_failures
+    for test, reason in expected.items():
+        if not hasattr(contract, test) or not reason.strip():
+            raise pytest.UsageError(f"{contract.__name__} expects {test} to fail: no such test, or no reason")
+    return expected
+
+
+@pytest.fixture
+def opir_bench() -> "Callable[..., BenchRun]":
+    """Return a function that runs the bench's scene with changes: `opir_bench(tracker="my-tracker")`."""
+    from opir_core.testing.bench import bench_host, bench_run, bench_scene
+
+    def run(**changes: Any) -> "BenchRun":
+        return bench_run(bench_scene(**changes), bench_host(()))
+
+    return run
