@@ -4,6 +4,7 @@
 such process serves all tests of a session: what a component keeps from one run to the next shows as a difference too.
 """
 
+import atexit
 import base64
 import json
 import os
@@ -39,13 +40,19 @@ def lines_elsewhere(scene: SceneFile, plugins: Sequence[str]) -> tuple[bytes, ..
 @cache
 def _process() -> "subprocess.Popen[str]":
     seed = _OTHER_HASH_SEED if os.environ.get("PYTHONHASHSEED") == _HASH_SEED else _HASH_SEED
-    return subprocess.Popen(
+    other = subprocess.Popen(
         [sys.executable, "-m", __name__],
         env={**os.environ, "PYTHONHASHSEED": seed},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
     )
+    atexit.register(_end, other)
+    return other
+
+
+def _end(other: "subprocess.Popen[str]") -> None:
+    other.communicate()
 
 
 def _serve() -> None:

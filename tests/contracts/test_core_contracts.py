@@ -11,6 +11,7 @@ from opir_core.testing import (
     DetectionContract,
     EncoderContract,
     SensorContract,
+    SignatureContract,
     SinkContract,
     TargetContract,
     TrackerContract,
@@ -93,3 +94,7 @@ class TestMemory(SinkContract):
 
 class TestNowhere(SinkContract):
     name = "null"
+
+
+class TestPlume(SignatureContract):
+    name = "plume"

@@ -9,7 +9,7 @@ from attrs import evolve
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.protocols import DetectionProbability, Dice
 from opir_core.records import FloatArray
-from opir_core.testing.bench import LookTable, bench_scene, planned
+from opir_core.testing.bench import LookTable, bench_scene
 from opir_core.testing.broken import insist
 from opir_core.testing.chance import excess_of_count
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows, insist_rows_stand_alone
@@ -54,13 +54,13 @@ class DetectionContract(SceneContract):
     @classmethod
     def model(cls) -> DetectionProbability:
         """Return the built model."""
-        return cls.run().plan.detection
+        return cls.plan().detection
 
     @classmethod
     @cache
     def looks(cls) -> LookTable:
         """Return all looks of the scene."""
-        return LookTable.of(planned(cls.scene(), cls.host()))
+        return LookTable.of(cls.plan())
 
     def test_probabilities_lie_in_the_unit_interval(self) -> None:
         """There is one probability for each look, in [0, 1]."""
@@ -115,7 +115,7 @@ class DetectionContract(SceneContract):
         measured = self.model().measure(looks.exposures, looks.dice(rows))
         insist_rows("the bands measured", measured.bands, len(rows))
         insist_rows("the snr measured", measured.snr, len(rows))
-        counts = np.array([len(sensor.bands) for sensor in self.run().plan.sensors])[looks.exposures.sensor]
+        counts = np.array([len(sensor.bands) for sensor in self.plan().sensors])[looks.exposures.sensor]
         insist(
             measured.bands.dtype == np.uint8 and bool(np.all((measured.bands > 0) & (measured.bands >> counts == 0))),
             "a mask of bands is empty, or has bits beyond the sensor's bands",

@@ -32,13 +32,13 @@ class ConfidenceContract(SceneContract):
     @cache
     def sightings(cls) -> Sightings:
         """Return sightings of every kind."""
-        plan = cls.run().plan
+        plan = cls.plan()
         return sightings_of(plan, LookTable.of(plan))
 
     def test_confidences_lie_in_the_unit_interval(self) -> None:
         """There is one confidence for each detection, in [0, 1], whatever is unknown of it."""
         seen = self.sightings()
-        confidence = self.run().plan.confidence.confidence(seen)
+        confidence = self.plan().confidence.confidence(seen)
         insist_rows("confidence", confidence, len(seen))
         insist(
             confidence.dtype == np.float64 and bool(np.all((confidence >= 0.0) & (confidence <= 1.0))),
@@ -48,19 +48,19 @@ class ConfidenceContract(SceneContract):
 
     def test_each_detection_has_its_own_confidence(self) -> None:
         """The confidence of a detection does not depend on which detections are judged with it."""
-        model, seen = self.run().plan.confidence, self.sightings()
+        model, seen = self.plan().confidence, self.sightings()
         insist_rows_stand_alone("confidence", lambda rows: model.confidence(seen.take(rows).freeze()), len(seen))
 
     def test_detections_are_not_worked_through_one_by_one(self) -> None:
         """More detections take no more steps of Python: the work is done on arrays."""
-        model, seen = self.run().plan.confidence, self.sightings()
+        model, seen = self.plan().confidence, self.sightings()
         many = len(seen)
         steps = steps_per_row(lambda rows: model.confidence(seen.take(slice(0, rows)).freeze()), many // 4, many)
         insist(steps < LOOP_STEPS, f"each detection more takes {steps:.1f} steps of Python", _ARRAYS)
 
     def test_a_built_model_pickles(self) -> None:
         """The built model can be pickled, and its copy says the same."""
-        model, seen = self.run().plan.confidence, self.sightings()
+        model, seen = self.plan().confidence, self.sightings()
         same = np.array_equal(insist_pickles(model).confidence(seen), model.confidence(seen))
         insist(same, "a pickled copy gives other confidences", "Keep all state in fields that pickle.")
 
@@ -79,13 +79,13 @@ class ClassifierContract(SceneContract):
     @cache
     def looks(cls) -> LookTable:
         """Return all looks of the scene."""
-        return LookTable.of(cls.run().plan)
+        return LookTable.of(cls.plan())
 
     @classmethod
     @cache
     def sightings(cls) -> Sightings:
         """Return sightings of every kind."""
-        return sightings_of(cls.run().plan, cls.looks())
+        return sightings_of(cls.plan(), cls.looks())
 
     def test_codes_are_of_types_that_are_reported(self) -> None:
         """There is one code for each detection, of a type that an event may report."""
@@ -103,7 +103,7 @@ class ClassifierContract(SceneContract):
 
     def test_pairs_and_detections_agree(self) -> None:
         """Where one type holds for all detections of a pair, it is that of each detection."""
-        plan, looks = self.run().plan, self.looks()
+        plan, looks = self.plan(), self.looks()
         of_pair = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, looks.streams.of_pairs())
         if of_pair is None:
             return
@@ -114,7 +114,7 @@ class ClassifierContract(SceneContract):
     def test_the_engines_own_numbers_are_left_alone(self) -> None:
         """Classifying draws no number that the engine uses itself."""
         dice = WatchedDice(self.looks().dice(np.arange(len(self.sightings()))))
-        self.run().plan.classifier.reported_type(self.sightings(), dice)
+        self.plan().classifier.reported_type(self.sightings(), dice)
         taken = sorted(dice.purposes & RESERVED_PURPOSES)
         insist(not taken, f"it draws by the purpose {', '.join(taken)}", "Choose a purpose of your own, e.g. its name.")
 
@@ -126,11 +126,11 @@ class ClassifierContract(SceneContract):
 
     def test_a_built_classifier_pickles(self) -> None:
         """The built classifier can be pickled, and its copy says the same."""
-        model, rows = self.run().plan.classifier, np.arange(len(self.sightings()))
+        model, rows = self.plan().classifier, np.arange(len(self.sightings()))
         copy = insist_pickles(model)
         same = np.array_equal(copy.reported_type(self.sightings(), self.looks().dice(rows)), self._codes(rows))
         insist(same, "a pickled copy gives other types", "Keep all state in fields that pickle.")
 
     def _codes(self, rows: Any) -> Any:
         seen = self.sightings().take(rows).freeze()
-        return self.run().plan.classifier.reported_type(seen, self.looks().dice(rows))
+        return self.plan().classifier.reported_type(seen, self.looks().dice(rows))

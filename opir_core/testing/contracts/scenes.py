@@ -3,6 +3,7 @@
 import json
 from collections import Counter
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from attrs import fields
 
 from opir_core.events import detection_schema
 from opir_core.fields import info_of
-from opir_core.testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun
+from opir_core.plan import Plan
+from opir_core.testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun, planned
 from opir_core.testing.broken import Broken, insist
 from opir_core.testing.conforming import faults_in
 from opir_core.testing.contracts.alike import insist_same_lines
@@ -30,6 +32,12 @@ _LOOKED_AT = 200
 
 class SceneContract(Contract):
     """What holds for every kind that a simulation runs."""
+
+    @classmethod
+    @cache
+    def plan(cls) -> Plan:
+        """Return the plan of the scene: its parts built, nothing run."""
+        return planned(cls.scene(), cls.host())
 
     def test_every_setting_says_what_it_means(self) -> None:
         """Every setting has words that say what it means, and its defaults are lawful."""

@@ -91,13 +91,13 @@ class SensorContract(SceneContract):
 
     def test_look_times_increase_and_keep_the_period(self) -> None:
         """Looks at one target follow each other by exactly one period, or by a whole number where some are not seen."""
-        run = self.run()
         period_ns: Any = self.sensor().scan.period_ns
         insist(
             isinstance(period_ns, int) and period_ns > 0,
             f"period_ns is {period_ns!r}",
             "Make the period a whole, positive number of nanoseconds.",
         )
+        run = self.run()
         mine = run.detections.sensor == _place_of(run)
         for target in sorted(set(run.truth.target[mine].tolist())):
             gaps = np.diff(run.detections.time_ns[mine & (run.truth.target == target)])
