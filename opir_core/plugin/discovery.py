@@ -45,6 +45,7 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
             {
                 ("opir_signature_models", "plume"),
                 ("opir_atmosphere_models", "lowtran"),
+                ("opir_background_models", "earth"),
             }
         ),
     ),

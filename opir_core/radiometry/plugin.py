@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin.components import AtmosphereModel, SignatureModel
+from opir_core.plugin.components import AtmosphereModel, BackgroundModel, SignatureModel
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.radiometry.configs import PlumeConfig
-from opir_core.radiometry.sky_configs import LowtranConfig
+from opir_core.radiometry.sky_configs import EarthConfig, LowtranConfig
 
 
 def _built_by(module: str, function: str) -> Callable[..., Any]:
@@ -41,4 +41,15 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
         summary="band transmittances of LOWTRAN7 for five climates, with a deck of cloud where one is set",
         config=LowtranConfig,
         build=_built_by("lowtran", "lowtran_atmosphere"),
+    )
+
+
+@hookimpl
+def opir_background_models() -> Iterable[BackgroundModel]:
+    """Yield `earth`."""
+    yield BackgroundModel(
+        name="earth",
+        summary="radiance of the Earth by sun, sky, cloud and look angle from LOWTRAN7, and the clutter it leaves",
+        config=EarthConfig,
+        build=_built_by("earth", "earth_background"),
     )

@@ -56,3 +56,40 @@ class LowtranConfig:
         source="no default: bands are found by their edges",
     )
     cloud: CloudConfig | None = nested(default=None, help="a deck of cloud", source="none: a clear sky")
+
+
+@frozen(kw_only=True)
+class EarthConfig:
+    """What a scene may set of the background `earth`."""
+
+    climate: str = text(
+        default="us1976",
+        choices=("us1976", "tropical", "midlat_summer", "subarctic_winter"),
+        help="model atmosphere",
+        source=LOWTRAN,
+    )
+    sky: str = text(
+        default="clear",
+        choices=("clear", "std_cirrus", "cumulus_top2.7km", "altostratus_top3.0km"),
+        help="sky where the atmosphere has no opaque deck; the ground's albedo is 0.1",
+        source=LOWTRAN,
+    )
+    cloud_albedo: float = number(
+        default=0.3,
+        minimum=0.0,
+        maximum=1.0,
+        help="albedo of the atmosphere's opaque cloud",
+        source="the upper of the two in LOWTRAN's table here",
+    )
+    clutter_residual: float = number(
+        default=1e-3,
+        minimum=0.0,
+        maximum=1.0,
+        help="standard deviation of what is left of the background after its subtraction, as a share of its radiance",
+    )
+    bands: Mapping[str, str] = nested(
+        default=Factory(dict),
+        check=_stand_ins_complaint,
+        help="by the name of a sensor's band the table's band that stands for it; radiance counts by width",
+        source="no default: bands are found by their edges",
+    )
