@@ -58,7 +58,7 @@ class StereoFilterConfig:
         help="modes a target may be in: boost with a nearly constant jerk, free flight, or either",
     )
     jerk_noise_m_s3: float = number(
-        default=1.0, unit="m/s³/√s", minimum=0.0, maximum=1000.0, help="how fast the jerk of a boost wanders"
+        default=0.3, unit="m/s³/√s", minimum=0.0, maximum=1000.0, help="how fast the jerk of a boost wanders"
     )
     coast_noise_m_s: float = number(
         default=0.01, unit="m/s/√s", minimum=0.0, maximum=100.0, help="how fast the velocity of a free flight wanders"

@@ -48,6 +48,14 @@ def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
     return rank[component].astype(np.int64), len(first)
 
 
+def lone(row: IntArray, column: IntArray) -> BoolArray:
+    """Return which pairs (n,) share neither their row nor their column with another."""
+    if not len(row):
+        return np.zeros(0, dtype=bool)
+    single: BoolArray = (np.bincount(row)[row] == 1) & (np.bincount(column)[column] == 1)
+    return single
+
+
 def places(component: IntArray, node: IntArray) -> tuple[IntArray, IntArray]:
     """Return the place of each pair's node within its component, by node, and the number of nodes of each component."""
     order = np.lexsort((node, component))
@@ -84,6 +92,9 @@ def nearest(row: IntArray, column: IntArray, cost: FloatArray) -> BoolArray:
     """
     chosen = np.zeros(len(row), dtype=bool)
     useful = np.flatnonzero(cost < 0.0)
+    alone = lone(row[useful], column[useful])
+    chosen[useful[alone]] = True
+    useful = useful[~alone]
     if not len(useful):
         return chosen
     group, count = components(row[useful], column[useful])

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.assignment import nearest
+from opir_core.records import FloatArray, IndexArray, IntArray
+from opir_core.tracking.assignment import lone, nearest
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.joint_association import marginals
 from opir_core.tracking.rays import Rays, Sights
@@ -42,10 +42,22 @@ class Chances:
 
 def scan_groups(pairs: Pairs, rays: Rays) -> IntArray:
     """Return a number (n,) for each pair's track, sensor and scan: at most one ray of a group is the track's own."""
-    scans = np.stack([rays.sensor.astype(np.int64), rays.scan], axis=1)
-    _, scan = np.unique(scans, axis=0, return_inverse=True)
+    scan = scan_numbers(rays.sensor, rays.scan)
     _, group = np.unique(pairs.track * (len(rays) + 1) + scan[pairs.ray], return_inverse=True)
     number: IntArray = group.astype(np.int64)
+    return number
+
+
+def crowded(pairs: Pairs, rays: Rays) -> IntArray:
+    """Return the tracks, in order, that share a ray with another or have several rays of one scan to choose from."""
+    rivals = ~lone(scan_groups(pairs, rays), pairs.ray)
+    return np.unique(pairs.track[rivals])
+
+
+def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
+    """Return a number (n,) for each sensor's scan, from 0."""
+    key = (sensor.astype(np.int64) << 44) + scan
+    number: IntArray = np.unique(key, return_inverse=True)[1].astype(np.int64)
     return number
 
 

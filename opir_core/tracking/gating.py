@@ -9,12 +9,21 @@ from attrs import frozen
 
 from opir_core.columns import Columns
 from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.rays import Rays, Sights, axes_across, emission_s, turned
+from opir_core.tracking.rays import Rays, Sights, along, axes_across, emission_s, turned
 from opir_core.tracking.switching_filter import Outlook
 
 #: Bits of each of three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
 _BITS = 18
 _FINEST = 2.0 ** -(_BITS - 2)
+
+#: Light takes no longer than this from a target to a sensor, s.
+_LATE_S = 0.3
+
+#: Looks are held against where a track is in the middle of parts of the span no longer than this, s.
+_PART_S = 0.25
+
+#: What is allowed for in time of emission over that middle, s.
+_LEEWAY_S = 0.01
 
 #: Distance at which light time is first guessed, m.
 _FIRST_RANGE_M = 3.6e7
@@ -46,15 +55,21 @@ class Pairs(Columns):
 
 def candidates(outlook: Outlook, rays: Rays, span_s: float, gate: float, light_time: bool) -> tuple[IntArray, IntArray]:
     """Return tracks and rays of pairs that may pass the gate (and some that do not): the bins of the two touch."""
+    if not len(rays) or not len(outlook.side):
+        return _NONE, _NONE
     sensor, which = np.unique(rays.sensor, return_inverse=True)
-    count = len(outlook.side)
-    track, place = np.repeat(np.arange(count), len(sensor)), np.tile(np.arange(len(sensor)), count)
-    middle = np.full(len(track), outlook.time_s - 0.5 * span_s)
+    parts = max(1, int(np.ceil(span_s / _PART_S)))
+    part_s = float(span_s) / parts
+    part = np.clip(((rays.time_s - outlook.time_s + span_s) / part_s).astype(np.int64), 0, parts - 1)
+    count, places = len(outlook.side), len(sensor) * parts
+    track, place = np.repeat(np.arange(count), places), np.tile(np.arange(places), count)
+    middle: FloatArray = outlook.time_s - span_s + (place % parts + 0.5).astype(np.float64) * part_s
     origin, sigma = _middles(rays, which, len(sensor))
-    apart, range_m = _directions(outlook, track, origin[place], middle, light_time)
-    reach = _reach(outlook, track, range_m, span_s, gate) + gate * sigma[place]
-    reach += _parallax(rays, which, origin)[place] / range_m
-    return _touching(track, place, apart, reach, which, rays.direction_ecef)
+    at = place // parts
+    apart, range_m = _directions(outlook, track, origin[at], middle, light_time)
+    reach = _reach(outlook, track, range_m, span_s, part_s, gate) + gate * sigma[at]
+    reach += _parallax(rays, which, origin)[at] / range_m
+    return _touching(track, place, apart, reach, which * parts + part, rays.direction_ecef)
 
 
 def _middles(rays: Rays, which: IntArray, sensors: int) -> tuple[FloatArray, FloatArray]:
@@ -77,22 +92,20 @@ def _directions(
     outlook: Outlook, track: IntArray, origin: FloatArray, time_s: FloatArray, light_time: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return ECEF unit vectors (n, 3) to tracks as seen at looks (n,), and the distances (n,)."""
-    guess = emission_s(time_s, np.full(len(time_s), _FIRST_RANGE_M), light_time)
-    position = turned(outlook.positions(track, guess), -guess)
-    apart = position - origin
-    range_m = np.sqrt(np.sum(apart * apart, axis=1))
+    range_m = np.full(len(time_s), _FIRST_RANGE_M)
+    for _ in range(2):
+        left = emission_s(time_s, range_m, light_time)
+        apart = turned(outlook.positions(track, left), -left) - origin
+        range_m = np.sqrt(np.sum(apart * apart, axis=1))
     return apart / range_m[:, None], range_m
 
 
-def _reach(outlook: Outlook, track: IntArray, range_m: FloatArray, span_s: float, gate: float) -> FloatArray:
-    """Return how far from its middle direction a track may be seen within the span, rad."""
-    everyone = np.arange(len(outlook.side))
-    variance = np.zeros(len(everyone))
-    for end in (outlook.time_s - span_s - 0.2, outlook.time_s):
-        side = outlook.position_sides(everyone, np.full(len(everyone), end))
-        variance = np.maximum(variance, np.sum(side * side, axis=(1, 2)))
+def _reach(
+    outlook: Outlook, track: IntArray, range_m: FloatArray, span_s: float, part_s: float, gate: float
+) -> FloatArray:
+    """Return how far from its middle direction a track may be seen within a part of the span, rad."""
     speed = np.sqrt(np.sum(outlook.derivative[:, 1] ** 2, axis=1))
-    wide: FloatArray = (gate * np.sqrt(variance) + speed * (0.5 * span_s + 0.2))[track] / range_m
+    wide: FloatArray = (gate * outlook.reach_m(span_s + _LATE_S) + speed * (0.5 * part_s + _LEEWAY_S))[track] / range_m
     return wide
 
 
@@ -147,8 +160,14 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
     apart = position - origin
     range_m = np.sqrt(np.sum(apart * apart, axis=1))
     axes = axes_across(apart / range_m[:, None])
-    local = np.sum(axes * direction[:, None, :], axis=2)
+    local = along(axes, direction)
     seen = local[:, :2] / local[:, 2:]
+    # Most candidates are farther off than any covariance could excuse, and need none.
+    span = outlook.time_s - float(time_s.min(initial=outlook.time_s))
+    widest = np.square(outlook.reach_m(span)[track] / range_m) + np.square(rays.sigma_rad[ray])
+    likely = np.flatnonzero((np.sum(seen * seen, axis=1) <= gate * gate * widest) & (local[:, 2] > 0.0))
+    track, ray, time_s, origin = track[likely], ray[likely], time_s[likely], origin[likely]
+    axes, seen, range_m = axes[likely], seen[likely], range_m[likely]
     side = (axes[:, :2] @ outlook.position_sides(track, time_s)) / range_m[:, None, None]
     sigma = rays.sigma_rad[ray]
     spread = side @ side.transpose(0, 2, 1)
@@ -159,7 +178,7 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
         - 2.0 * spread[:, 0, 1] * seen[:, 0] * seen[:, 1]
         + spread[:, 0, 0] * seen[:, 1] ** 2
     ) / determinant
-    inside = np.flatnonzero((distance <= gate * gate) & (local[:, 2] > 0.0))
+    inside = np.flatnonzero(distance <= gate * gate)
     whole = Pairs(track, ray, time_s, origin, axes, seen, spread, distance, np.log(determinant), sigma)
     return whole.take(inside)
 

@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.assignment import blocks, components
+from opir_core.tracking.assignment import blocks, components, lone
 
 #: A cluster is summed exactly as long as no more than this many columns are open at once: at most 2**12 states a row.
 EXACT_WIDTH = 12
@@ -35,14 +35,16 @@ def marginals(row: IntArray, column: IntArray, ratio: FloatArray, exact_width: i
     belongs together over that of both being alone, finite and not negative. What a row's pairs leave to 1 is the
     probability that it has none.
     """
-    beta = np.zeros(len(row))
-    if not len(row):
+    beta = ratio / (1.0 + ratio)
+    crowd = np.flatnonzero(~lone(row, column))
+    if not len(crowd):
         return beta
-    group, count = components(row, column)
-    for block in blocks(row, column, group, count):
+    group, count = components(row[crowd], column[crowd])
+    for block in blocks(row[crowd], column[crowd], group, count):
         here = block.pair >= 0
-        weights = np.where(here, ratio[block.pair], 0.0)
-        beta[block.pair[here]] = _block_marginals(weights, exact_width)[here]
+        pair = crowd[block.pair]
+        weights = np.where(here, ratio[pair], 0.0)
+        beta[pair[here]] = _block_marginals(weights, exact_width)[here]
     return beta
 
 

@@ -53,17 +53,23 @@ class Sights(Columns):
 
     def residuals(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return whitened residuals (n, 2) at positions (n, 3), and what y gains a metre there, whitened, (n, 2, 3)."""
-        local = np.sum(self.axes * (position_m - self.origin_m)[:, None, :], axis=2)
+        local = along(self.axes, position_m - self.origin_m)
         depth = local[:, 2]
         y = local[:, :2] / depth[:, None]
         slope = (self.axes[:, :2] - y[:, :, None] * self.axes[:, None, 2]) / depth[:, None, None]
-        return _apart(self.whitener, self.seen - y), self.whitener @ slope
+        return along(self.whitener, self.seen - y), self.whitener @ slope
 
 
 def no_rays() -> Rays:
     """Return the record of no rays."""
     whole, none = np.empty(0, dtype=np.int64), np.empty((0, 3))
     return Rays(np.empty(0), np.empty(0, dtype=np.int32), whole, none, none, np.empty(0))
+
+
+def no_sights() -> Sights:
+    """Return the record of no sights."""
+    none, square = np.empty((0, 3)), np.empty((0, 2, 2))
+    return Sights(np.empty(0, dtype=np.int64), np.empty(0), none, np.empty((0, 3, 3)), np.empty((0, 2)), square)
 
 
 def emission_s(time_s: FloatArray, range_m: FloatArray, light_time: bool) -> FloatArray:
@@ -97,6 +103,9 @@ def axes_across(direction: FloatArray) -> FloatArray:
     return axes
 
 
-def _apart(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    product: FloatArray = np.sum(matrix * vectors[:, None, :], axis=2)
+def along(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return the products (n, r) of matrices (n, r, c) and vectors (n, c), added up in order of the columns."""
+    product: FloatArray = matrix[:, :, 0] * vectors[:, :1]
+    for column in range(1, vectors.shape[1]):
+        product += matrix[:, :, column] * vectors[:, column, None]
     return product

@@ -15,9 +15,16 @@ from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking import initiation, upkeep
-from opir_core.tracking.association import Associated, Chances, associate_joint, associate_nearest
+from opir_core.tracking.association import (
+    Associated,
+    Chances,
+    associate_joint,
+    associate_nearest,
+    crowded,
+    scan_numbers,
+)
 from opir_core.tracking.gating import Pairs, candidates, gated
-from opir_core.tracking.rays import Rays, no_rays
+from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_report import estimates
 from opir_core.tracking.switching_filter import Bank, Outlook, SwitchingFilter
 from opir_core.tracking.track_priors import filter_of, first_bank
@@ -78,8 +85,10 @@ class StereoTracking:
         span = end_s - now.time_s
         bank = self.filter.moved(now.bank, span)
         owner = np.full(len(rays), -1, dtype=np.int64)
-        if len(bank):
+        if len(bank) and len(rays):
             bank, owner = self._followed(bank, end_s, rays, span)
+        elif len(bank):
+            bank = self.filter.updated(bank, end_s, no_sights(), span)
         roster = now.roster.seen(owner, rays.time_s, rays.sensor.astype(np.int64), reported)
         free = np.flatnonzero(owner < 0)
         pool = Rays.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
@@ -94,25 +103,42 @@ class StereoTracking:
         The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
         near targets a whole slice tells more than one scan does.
         """
-        if not len(rays):
-            none = np.empty(0, dtype=np.int64)
-            nothing = self._associated(self._gated(self.filter.outlook(bank, end_s), rays, none, none), rays)
-            return self.filter.updated(bank, end_s, nothing.sights, span), none
         outlook = self.filter.outlook(bank, end_s)
         track, ray = candidates(outlook, rays, span, self.config.gate_sigma, self.light_time)
         pairs = self._gated(outlook, rays, track, ray)
         found = self._associated(pairs, rays)
         after = self.filter.updated(bank, end_s, found.sights, span)
+        busy = crowded(pairs, rays)
+        if not self.config.settling or not len(busy):
+            return after, found.owner
+        return self._settled(bank, after, end_s, rays, span, pairs, busy, found.owner)
+
+    def _settled(
+        self,
+        bank: Bank,
+        after: Bank,
+        end_s: float,
+        rays: Rays,
+        span: float,
+        pairs: Pairs,
+        busy: IntArray,
+        owner: IntArray,
+    ) -> tuple[Bank, IntArray]:
+        """Return bank and owners with the rays of the tracks `busy`, which have rivals, assigned anew."""
+        place = np.full(len(bank), -1, dtype=np.int64)
+        place[busy] = np.arange(len(busy))
+        rows = np.flatnonzero(place[pairs.track] >= 0)
+        track, ray, before, then = place[pairs.track[rows]], pairs.ray[rows], bank.take(busy), after.take(busy)
+        mine = place[owner]
         for _ in range(self.config.settling):
-            closer = gated(
-                self.filter.outlook(after, end_s), rays, pairs.track, pairs.ray, _SETTLING_GATE, self.light_time
-            )
-            again = self._associated(closer, rays)
-            if np.array_equal(again.owner, found.owner):
+            outlook = self.filter.outlook(then, end_s)
+            found = self._associated(gated(outlook, rays, track, ray, _SETTLING_GATE, self.light_time), rays)
+            if np.array_equal(found.owner, mine):
                 break
-            found = again
-            after = self.filter.updated(bank, end_s, found.sights, span)
-        return after, found.owner
+            mine = found.owner
+            then = self.filter.updated(before, end_s, found.sights, span)
+        others = np.where((owner >= 0) & (place[owner] < 0), owner, -1)
+        return after.put(busy, then), np.where(mine >= 0, busy[mine], others)
 
     def _gated(self, outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray) -> Pairs:
         return gated(outlook, rays, track, ray, self.config.gate_sigma, self.light_time)
@@ -167,8 +193,8 @@ class StereoTracking:
             return now
         state, covariance = self.filter.moments(now.bank)
         known = now.roster.hits >= 0
-        scan = np.unique(np.stack([rays.sensor.astype(np.int64), rays.scan], axis=1), axis=0, return_inverse=True)[1]
-        drop = upkeep.doubles(state[:, :3], state, covariance, owner, scan.astype(np.int64), now.roster.hits)
+        scan = scan_numbers(rays.sensor, rays.scan)
+        drop = upkeep.doubles(state[:, :3], state, covariance, owner, scan, now.roster.hits)
         patience = self.config.recent_scans * self._slowest(now.roster)
         drop |= upkeep.came_to_nothing(now.roster, now.time_s, 3 * self.config.needed_scans, patience)
         height = ecef_to_geodetic(state[:, :3]).height_m
@@ -191,7 +217,11 @@ class StereoTracking:
         return estimates(self.filter, bank, roster, now.time_s)
 
     def nearest(self, now: Situation, rays: Rays) -> IntArray:
-        """Return the number of the track (n,) that each ray is likeliest to belong to, ray by ray; -1 for none."""
+        """Return the number of the track (n,) that each ray is likeliest to belong to; -1 for none.
+
+        Rays of one sensor and one instant are weighed against each other, and no others: whatever part of the scene is
+        asked for at once, these are in it together.
+        """
         number = np.full(len(rays), -1, dtype=np.int64)
         if not len(now.bank) or not len(rays):
             return number
@@ -199,10 +229,13 @@ class StereoTracking:
         outlook = self.filter.outlook(self.filter.moved(now.bank, self.config.cadence_s), ahead)
         track, ray = candidates(outlook, rays, self.config.cadence_s, self.config.gate_sigma, self.light_time)
         pairs = self._gated(outlook, rays, track, ray)
-        order = np.lexsort((pairs.track, pairs.distance + pairs.log_volume))[::-1]
         sure = now.roster.hits >= 2 * self.config.needed_scans
-        order = order[sure[pairs.track[order]]]
-        number[pairs.ray[order]] = now.roster.number[pairs.track[order]]
+        pairs = pairs.take(np.flatnonzero(sure[pairs.track]))
+        owner = associate_nearest(
+            pairs, evolve(rays, scan=np.round(rays.time_s * 1e9).astype(np.int64)), self.chances
+        ).owner
+        known = owner >= 0
+        number[known] = now.roster.number[owner[known]]
         return number
 
 

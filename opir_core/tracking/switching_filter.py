@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.columns import Columns
+from opir_core.columns import Columns, names_of
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking import square_root
-from opir_core.tracking.motion import BOOST, COAST, Motion, weights_at
-from opir_core.tracking.rays import Sights
+from opir_core.tracking.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.tracking.rays import Sights, along
 
 #: Mode weights stay above this, so that no mode is ever lost.
 _LEAST_WEIGHT = 1e-6
@@ -23,8 +23,8 @@ _LEAST_WEIGHT = 1e-6
 #: A mode takes part in a mixture from this share on.
 _LEAST_SHARE = 1e-4
 
-#: Rounds of relinearisation stop once no step is longer than this many standard deviations.
-_SETTLED_SIGMAS = 1e-3
+#: Rounds of relinearisation stop once no look would move by more than this many standard deviations in another.
+_SETTLED_SIGMAS = 1e-2
 
 
 @frozen(eq=False)
@@ -49,6 +49,15 @@ class Bank(Columns):
         roots = np.empty((0, BOOST, BOOST)), np.empty((0, COAST, COAST))
         return cls(np.empty((0, 2)), boost, roots[0], coast, roots[1], np.empty((0, 2)))
 
+    def put(self, rows: IntArray, part: "Bank") -> "Bank":
+        """Return the bank with its rows (m,) replaced by those of another."""
+        columns = []
+        for name in names_of(Bank):
+            column = getattr(self, name).copy()
+            column[rows] = getattr(part, name)
+            columns.append(column)
+        return Bank(*columns)
+
 
 class Outlook(NamedTuple):
     """Tracks about a time: derivatives (n, 5, 3) of the position and the spread S (n, 12, 12) of the state."""
@@ -59,16 +68,25 @@ class Outlook(NamedTuple):
 
     def positions(self, track: IntArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of tracks (m,) at times (m,)."""
-        weight = weights_at(time_s - self.time_s)
-        total: FloatArray = np.sum(self.derivative[track] * weight[:, :, None], axis=1)
-        return total
+        return followed(self.derivative[track], weights_at(time_s - self.time_s))
 
     def position_sides(self, track: IntArray, time_s: FloatArray) -> FloatArray:
         """Return A (m, 3, 12) with A Aᵀ the covariance of the position of tracks (m,) at times (m,)."""
-        weight = weights_at(time_s - self.time_s)[:, :4]
-        blocks = self.side.reshape(len(self.side), 4, 3, BOOST)[track]
-        total: FloatArray = np.sum(blocks * weight[:, :, None, None], axis=1)
+        weight = weights_at(time_s - self.time_s)[:, :, None, None]
+        blocks = self.side.reshape(len(self.side), 4, 3, BOOST)
+        total: FloatArray = blocks[track, 0]
+        for order in range(1, 4):
+            total += blocks[track, order] * weight[:, order]
         return total
+
+    def reach_m(self, span_s: float) -> FloatArray:
+        """Return bounds (n,) on the standard deviation of each track's position, all axes together, over a span.
+
+        The span ends at the outlook's time. The spread of each derivative is bounded on its own.
+        """
+        spread = np.sqrt(np.sum(self.side.reshape(len(self.side), 4, -1) ** 2, axis=2))
+        bound: FloatArray = np.sum(spread * weights_at(np.array([span_s]))[:, :4], axis=1)
+        return bound
 
 
 @frozen(eq=False)
@@ -90,9 +108,12 @@ class SwitchingFilter:
         if not len(bank):
             return bank
         mixed = self._mixed(bank, step_s)
-        boost = self._carried(self.boost, mixed.boost_mean, mixed.boost_root, step_s)
-        coast = self._carried(self.coast, mixed.coast_mean, mixed.coast_root, step_s)
-        return evolve(mixed, boost_mean=boost[0], boost_root=boost[1], coast_mean=coast[0], coast_root=coast[1])
+        boost, coast = (mixed.boost_mean, mixed.boost_root), (mixed.coast_mean, mixed.coast_root)
+        if _in_use(bank, 0):
+            boost = self._carried(self.boost, *boost, step_s)
+        if _in_use(bank, 1):
+            coast = self._carried(self.coast, *coast, step_s)
+        return Bank(mixed.weight, *boost, *coast, mixed.pace)
 
     def _carried(
         self, motion: Motion, mean: FloatArray, root: FloatArray, step_s: float
@@ -136,7 +157,7 @@ class SwitchingFilter:
         if len(seen):
             modes = ((self.boost, boost, boost_root), (self.coast, coast, coast_root))
             for number, (motion, mean, root) in enumerate(modes):
-                if np.any(bank.weight[:, number] > 0.0):
+                if _in_use(bank, number):
                     told = self.taken_in(motion, mean[seen], root[seen], time_s, mine)
                     mean[seen], root[seen], change[seen, number] = told
         missed, pace = self._misses(bank, hits, step_s)
@@ -164,24 +185,26 @@ class SwitchingFilter:
         point, after, left = mean, root, np.zeros(len(mean))
         for turn in range(self.rounds):
             path = motion.taylor(point)
-            position = np.sum(path[sights.track] * weight[:, :, None], axis=1)
+            position = followed(path[sights.track], weight)
             rows = _rows(sights, position, weight[:, : motion.size // 3], place, depth, len(mean))
-            owed = np.sum(root * (mean - point)[:, None, :], axis=2)
+            owed = along(root, mean - point)
             after, step, left = square_root.updated(root, owed, rows)
             point = point + step
-            if turn + 1 < self.rounds and _longest(after, step) < _SETTLED_SIGMAS:
+            if turn + 1 < self.rounds and _bend(sights, position, step, weight) < _SETTLED_SIGMAS:
                 break
         gained = square_root.log_determinant(root) - square_root.log_determinant(after) - 0.5 * left
         return point, after, gained
 
     def outlook(self, bank: Bank, time_s: float) -> Outlook:
         """Return where tracks are about the bank's time, by the likelier mode of each."""
-        derivative = self.boost.taylor(bank.boost_mean)
-        side = square_root.spread(bank.boost_root)
-        coasting = np.flatnonzero(bank.weight[:, 1] > bank.weight[:, 0])
+        derivative, side = np.zeros((len(bank), 5, 3)), np.zeros((len(bank), BOOST, BOOST))
+        coasts = bank.weight[:, 1] > bank.weight[:, 0]
+        coasting, burning = np.flatnonzero(coasts), np.flatnonzero(~coasts)
+        if len(burning):
+            derivative[burning] = self.boost.taylor(bank.boost_mean[burning])
+            side[burning] = square_root.spread(bank.boost_root[burning])
         if len(coasting):
             derivative[coasting] = self.coast.taylor(bank.coast_mean[coasting])
-            side[coasting] = 0.0
             side[coasting, :COAST, :COAST] = square_root.spread(bank.coast_root[coasting])
         return Outlook(time_s, derivative, side)
 
@@ -198,6 +221,10 @@ class SwitchingFilter:
                 side @ side.transpose(0, 2, 1) + shift @ shift.transpose(0, 2, 1)
             )
         return center, 0.5 * (total + total.transpose(0, 2, 1))
+
+
+def _in_use(bank: Bank, mode: int) -> bool:
+    return bool(np.any(bank.weight[:, mode] > 0.0))
 
 
 def _leading(root: FloatArray) -> FloatArray:
@@ -226,9 +253,21 @@ def _reweighed(weight: FloatArray, change: FloatArray) -> FloatArray:
     return total
 
 
-def _longest(root: FloatArray, step: FloatArray) -> float:
-    """Return the longest step, in standard deviations of the estimates."""
-    return float(np.sqrt(np.max(np.sum(np.sum(root * step[:, None, :], axis=2) ** 2, axis=1))))
+def _bend(sights: Sights, position: FloatArray, step: FloatArray, weight: FloatArray) -> float:
+    """Return how far, in standard deviations, a look is off the straight line of its linearisation after steps (n, d).
+
+    A point moved by a small angle across and along the ray is off by the square of the angle.
+    """
+    blocks = step.shape[1] // 3
+    shift = along(step.reshape(len(step), blocks, 3).transpose(0, 2, 1)[sights.track], weight[:, :blocks])
+    apart = position - sights.origin_m
+    angle_square = _square(shift) / _square(apart)
+    return float(np.max(angle_square * np.sqrt(np.sum(sights.whitener**2, axis=(1, 2))), initial=0.0))
+
+
+def _square(vectors: FloatArray) -> FloatArray:
+    length: FloatArray = vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2
+    return length
 
 
 def _queued(track: IntArray, count: int) -> tuple[IntArray, int]:
