@@ -19,6 +19,7 @@ COMMANDS = {
     "plugins": "list the installed plugins and what they offer",
     "describe": "say what a component is and what a scene may set of it",
     "physics": "work out a radiometric quantity from its formula",
+    "new-plugin": "write a package with a component of your own, that installs and passes at once",
     "check": "say whether a component keeps the promises of its kind, and what to change",
     "schema": "print the JSON Schema of an event",
 }
@@ -67,7 +68,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _fill(command: argparse.ArgumentParser, name: str) -> None:
-    module = import_module(f"opir_core.commands.{name}")
+    module = import_module(f"opir_core.commands.{name.replace('-', '_')}")
     module.add_arguments(command)
     command.set_defaults(run=module.run)
 

@@ -39,6 +39,7 @@ HOOK_OF_KIND: Mapping[str, str] = {
 #: asks of it, what it offers.
 CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
+    "scanner": ("opir_core.builtin.scanner", frozenset({("opir_sensor_models", "generic-scanner")})),
     "radiometry": (
         "opir_core.radiometry.plugin",
         frozenset(

@@ -24,19 +24,17 @@ from opir_core.sites import Sites
 #: What a scene file holds, as plain values.
 SceneFile = Mapping[str, Any]
 
-BENCH_PLUGIN = "opir_core.testing.bench_plugin"
-
 _POLAR_ORBIT = {
     "circular": {"altitude_km": 30000.0, "inclination_deg": 90.0, "raan_deg": 0.0, "arg_latitude_deg": 85.0}
 }
 
 SENSORS: tuple[Mapping[str, Any], ...] = (
-    {"model": "bench-scanner", "id": "BENCH-1", "orbital_slot_deg": -100.0},
-    {"model": "bench-scanner", "id": "BENCH-2", "orbital_slot_deg": 180.0, "scan_period_ms": 700.0},
-    {"model": "bench-scanner", "id": "BENCH-3", "orbit": _POLAR_ORBIT, "bands": {"MWIR": [4.2, 4.5]}},
+    {"model": "generic-scanner", "id": "BENCH-1", "orbital_slot_deg": -100.0},
+    {"model": "generic-scanner", "id": "BENCH-2", "orbital_slot_deg": 180.0, "scan_period_ms": 700.0},
+    {"model": "generic-scanner", "id": "BENCH-3", "orbit": _POLAR_ORBIT, "bands": {"MWIR": [4.2, 4.5]}},
 )
 
-NEIGHBOUR_SENSOR = {"model": "bench-scanner", "id": "NEIGHBOUR", "orbital_slot_deg": -140.0}
+NEIGHBOUR_SENSOR = {"model": "generic-scanner", "id": "NEIGHBOUR", "orbital_slot_deg": -140.0}
 
 
 def launch(name: str, kind: str, start: tuple[float, float], aim: tuple[float, float], time_s: float) -> dict[str, Any]:
@@ -78,9 +76,9 @@ def bench_scene(**changes: Any) -> dict[str, Any]:
 
 
 def bench_host(plugins: Iterable[str]) -> Host:
-    """Return a host of everything installed, the bench's plugin, and plugins given as names of modules."""
+    """Return a host of everything installed, and of plugins given as names of modules."""
     host = Host.discover()
-    for name in (BENCH_PLUGIN, *plugins):
+    for name in plugins:
         host.register(import_module(name))
     return host
 

@@ -18,8 +18,8 @@ from opir_core.testing import (
 )
 
 
-class TestBenchSensor(SensorContract):
-    name = "bench-scanner"
+class TestGenericScanner(SensorContract):
+    name = "generic-scanner"
     settings: ClassVar[Mapping[str, Any]] = {"scan_pattern": "step-stare", "scan_phase": "swept"}
 
 

@@ -16,6 +16,7 @@ from opir_core.builtin.classification import ConfusionClassifier, confusion_clas
 from opir_core.builtin.confidence import weighted_confidence
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, WeightedConfig
 from opir_core.builtin.detection import ConstantDetection, always_detection
+from opir_core.builtin.scanner import ScannerConfig
 from opir_core.builtin.targets import ballistic_targets
 from opir_core.events.forge import ForgeEncoder
 from opir_core.plugin import (
@@ -32,7 +33,6 @@ from opir_core.plugin import (
 )
 from opir_core.protocols import Band, Delivery, Dice, Measured
 from opir_core.records import Detections, Exposures, FloatArray, Sightings, Tracks, Window
-from opir_core.testing.bench_plugin import BenchSensorConfig
 
 #: The contract test that is to find each mutant: (kind, name) to the test's name.
 CAUGHT_BY: dict[tuple[str, str], str] = {}
@@ -54,7 +54,7 @@ def mutant(kind: type[Any], name: str, caught_by: str, config: type | None = Non
 # Sensors.
 
 
-def sensor_mutant(name: str, caught_by: str, config: type = BenchSensorConfig) -> Callable[[Any], Any]:
+def sensor_mutant(name: str, caught_by: str, config: type = ScannerConfig) -> Callable[[Any], Any]:
     """Offer a sensor made of the bench's by a change to it."""
 
     def offered(change: Callable[[Any], Any]) -> Any:
@@ -170,7 +170,7 @@ def _sensor_of_lambdas(sensor: Any) -> Any:
 
 
 @frozen(kw_only=True)
-class MuteConfig(BenchSensorConfig):
+class MuteConfig(ScannerConfig):
     """A configuration with a field that says nothing of itself."""
 
     gain: float = 1.0

@@ -1,11 +1,11 @@
-"""The plugin of the test bench: a sensor model of no constellation, so that contract scenes need no other plugin."""
+"""Core's plugin of one sensor model that is no constellation's: for first scenes and tests; imported when named."""
 
 from collections.abc import Iterable
 from functools import partial
 
 from opir_core.plugin import ScanningSensorConfig, SensorModel, hookimpl, scanning_sensor, with_defaults
 
-#: What the bench reports of each type: some right, some wrong, some not told.
+#: Notional: some right, some wrong, some not told.
 CONFUSION = {
     "ICBM": {"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.1, "UNKNOWN": 0.1},
     "IRBM": {"ICBM": 0.2, "IRBM": 0.5, "SRBM": 0.2, "UNKNOWN": 0.1},
@@ -21,16 +21,16 @@ CONFUSION = {
     line_of_sight_sigma_urad=20.0,
     confusion=CONFUSION,
 )
-class BenchSensorConfig(ScanningSensorConfig):
-    """What a scene may set of the bench's sensor."""
+class ScannerConfig(ScanningSensorConfig):
+    """What a scene may set of the sensor model `generic-scanner`."""
 
 
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
-    """Yield `bench-scanner`."""
+    """Yield `generic-scanner`."""
     yield SensorModel(
-        name="bench-scanner",
-        summary="a sensor for contract tests",
-        config=BenchSensorConfig,
-        build=partial(scanning_sensor, type="BENCH"),
+        name="generic-scanner",
+        summary="a plain two-band scanner of no constellation, for first scenes and tests",
+        config=ScannerConfig,
+        build=partial(scanning_sensor, type="GENERIC"),
     )

@@ -1,0 +1,62 @@
+"""Somebody else's environment: opir-core from its wheel, packages of their own, and nothing of this checkout."""
+
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+from attrs import frozen
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@frozen
+class Outsider:
+    """An environment with opir-core installed from its wheel; third-party packages are those of this environment."""
+
+    folder: Path
+    environment: Path
+
+    def python(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+        """Run that environment's Python."""
+        return self.run(str(self.environment / "bin" / "python"), *words, cwd=cwd)
+
+    def opir(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+        """Run that environment's `opir`."""
+        return self.run(str(self.environment / "bin" / "opir"), *words, cwd=cwd)
+
+    def install(self, *what: str, cwd: Path | None = None) -> None:
+        """Install wheels and folders, without asking an index."""
+        python = str(self.environment / "bin" / "python")
+        offline = ("--quiet", "--no-deps", "--no-index", "--no-build-isolation", "--disable-pip-version-check")
+        done = self.run(sys.executable, "-m", "pip", "--python", python, "install", *offline, *what, cwd=cwd)
+        assert done.returncode == 0, done.stderr
+
+    def run(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+        """Run a command with that environment first on the path."""
+        clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "OPIR_PLUGINS")}
+        clean["PATH"] = f"{self.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"
+        return subprocess.run(words, cwd=cwd or self.folder, env=clean, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="session")
+def outsider(tmp_path_factory: pytest.TempPathFactory) -> Outsider:
+    """An environment of somebody else's, made once."""
+    folder = tmp_path_factory.mktemp("outsider")
+    made = Outsider(folder, folder / "environment")
+    build = ("-m", "hatchling", "build", "--target", "wheel", "--directory", str(folder / "wheels"))
+    done = subprocess.run([sys.executable, *build], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    venv.create(made.environment, symlinks=True)
+    (site,) = (made.environment / "lib").glob("python3.*/site-packages")
+    # Third-party packages are looked for here, after the environment's own; .pth files of these folders, by which
+    # editable installs are found, are not read.
+    shared = [entry for entry in sys.path if entry.endswith("site-packages")]
+    (site / "third_party.pth").write_text("\n".join(shared))
+    (wheel,) = (folder / "wheels").glob("opir_core-*.whl")
+    made.install(str(wheel))
+    where = made.python("-c", "import opir_core; print(opir_core.__file__)").stdout
+    assert Path(where.strip()).is_relative_to(made.environment)
+    return made

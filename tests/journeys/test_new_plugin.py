@@ -1,0 +1,143 @@
+"""`opir new-plugin`: what it writes installs beside a wheel, passes its contract and runs its scene, at once."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from opir_core.cli import main
+from opir_core.plugin.writing import KINDS
+
+NAMES = {kind: f"brand-new-{kind}" for kind in KINDS}
+
+Opir = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def opir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Opir:
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: str) -> tuple[int, str, str]:
+        code = main(words)
+        return (code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_package_has_what_a_package_needs_and_no_placeholder_left(opir: Opir, tmp_path: Path, kind: str) -> None:
+    code, out, _ = opir("new-plugin", kind, "my-part")
+    assert code == 0
+    written = sorted(path.name for path in (tmp_path / "my-part").iterdir())
+    assert written == ["README.md", "my_part.py", "pyproject.toml", "scene.yaml", "test_my_part.py"]
+    assert out.splitlines()[:5] == [f"my-part/{name}" for name in out_order(written)]
+    for name in written:
+        text = (tmp_path / "my-part" / name).read_text(encoding="utf-8")
+        assert "$" not in text.replace("$ ", ""), name
+
+
+def out_order(names: list[str]) -> list[str]:
+    return sorted(names, key=["pyproject.toml", "README.md", "my_part.py", "scene.yaml", "test_my_part.py"].index)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("sensor", "My-Sensor"), "small letters, digits and single hyphens"),
+        (("sensor", "9lives"), "begin with a letter, like my-sensor"),
+        (("sensor", "../up"), "small letters"),
+        (("sensor", "a" * 41), "at most 40"),
+        (("sensor", "my--sensor"), "single hyphens"),
+        (("sink", "json"), "json is a word of Python's own"),
+        (("sink", "class"), "class is a word of Python's own"),
+        (("sink", "numpy"), "a module numpy is installed"),
+        (("tracker", "none"), "opir-core 0.1.0 (plugin builtin) offers one of that name"),
+        (("tracker", "dsp"), "a plugin of that name is installed"),
+    ],
+)
+def test_a_name_that_cannot_be_is_told_why(opir: Opir, tmp_path: Path, words: tuple[str, str], reason: str) -> None:
+    code, _, told = opir("new-plugin", *words)
+    assert code == 3
+    assert f"cannot be named {words[1]!r}" in told
+    assert reason in told
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_is_overwritten(opir: Opir, tmp_path: Path) -> None:
+    (tmp_path / "my-part").mkdir()
+    (tmp_path / "my-part" / "mine").touch()
+    code, _, told = opir("new-plugin", "sink", "my-part")
+    assert code == 3
+    assert "my-part is there already, and nothing is overwritten" in told
+    assert [path.name for path in (tmp_path / "my-part").iterdir()] == ["mine"]
+
+
+def test_a_place_that_cannot_be_written_is_told(opir: Opir, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    code, _, told = opir("new-plugin", "sink", "my-part", "--into", "file/below")
+    assert code == 3
+    assert "cannot be written: Not a directory" in told
+
+
+@pytest.fixture(scope="module")
+def packages(outsider: Any) -> Path:
+    """A package of each kind, written by the wheel's `opir` and installed beside it."""
+    folder: Path = outsider.folder / "packages"
+    folder.mkdir()
+    for kind, name in NAMES.items():
+        done = outsider.opir("new-plugin", kind, name, cwd=folder)
+        assert done.returncode == 0, done.stderr
+    outsider.install(*(f"./{name}" for name in NAMES.values()), cwd=folder)
+    return folder
+
+
+@pytest.mark.slow
+def test_each_kind_installs_and_passes_its_contract(outsider: Any, packages: Path) -> None:
+    done = outsider.python("-m", "pytest", "-q", "-p", "no:cacheprovider", *NAMES.values(), cwd=packages)
+    assert done.returncode == 0, done.stdout
+    assert "passed" in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_runs_its_scene(outsider: Any, packages: Path, kind: str, tmp_path: Path) -> None:
+    done = outsider.opir("run", str(packages / NAMES[kind] / "scene.yaml"), "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["counts"]["detections"] > 100
+    if kind == "sink":
+        lines = (tmp_path / f"{NAMES[kind]}.csv").read_text(encoding="utf-8").splitlines()
+        assert len(lines) == 1 + told["counts"]["detections"]
+    else:
+        manifest = json.loads((tmp_path / "events.manifest.json").read_text(encoding="utf-8"))
+        assert NAMES[kind] in {row["distribution"] for row in manifest["components"]}
+
+
+@pytest.mark.slow
+def test_installed_plugins_are_listed_with_the_api_they_declare(outsider: Any, packages: Path) -> None:
+    rows = {row["plugin"]: row for row in json.loads(outsider.opir("plugins", "--json", cwd=packages).stdout)}
+    for name in NAMES.values():
+        assert (rows[name]["distribution"], rows[name]["api"], rows[name]["state"]) == (name, "1.0", "ready")
+        assert [component["name"] for component in rows[name]["components"]] == [name]
+
+
+MINIMAL = Path(__file__).resolve().parents[2] / "examples" / "minimal_plugin"
+
+
+def test_the_minimal_plugin_is_minimal() -> None:
+    assert sum(len(path.read_text(encoding="utf-8").splitlines()) for path in MINIMAL.iterdir() if path.is_file()) <= 60
+
+
+@pytest.mark.slow
+def test_the_minimal_plugin_installs_beside_the_wheel_and_runs(outsider: Any, tmp_path: Path) -> None:
+    copied = tmp_path / "minimal_plugin"
+    copied.mkdir()
+    for path in MINIMAL.glob("*.*"):
+        (copied / path.name).write_bytes(path.read_bytes())
+    outsider.install("./minimal_plugin", cwd=tmp_path)
+    done = outsider.opir("run", "minimal_plugin/scene.yaml", "--quiet", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text(encoding="utf-8").splitlines()]
+    assert [round(event["confidence"], 6) for event in events[4::5]][:2] == [0.5, 0.75]
