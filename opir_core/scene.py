@@ -21,9 +21,6 @@ REPORTED_TYPES = (*TARGET_TYPES, "UNKNOWN")
 #: The code of "no answer" among `REPORTED_TYPES`.
 UNKNOWN_TYPE = REPORTED_TYPES.index("UNKNOWN")
 
-#: The type code of a source that is no target: a perfect classifier reports it as UNKNOWN.
-SOURCE_TYPE = UNKNOWN_TYPE
-
 #: The signature model of a target whose block names none.
 DEFAULT_SIGNATURE = "plume"
 

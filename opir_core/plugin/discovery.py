@@ -47,6 +47,7 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
                 ("opir_signature_models", "plume"),
                 ("opir_atmosphere_models", "lowtran"),
                 ("opir_background_models", "earth"),
+                *(("opir_source_models", name) for name in ("fires", "flares", "glints", "bolides")),
             }
         ),
     ),

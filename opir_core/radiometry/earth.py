@@ -6,8 +6,7 @@ lowest. Where the scene's atmosphere has cloud it is the table's opaque cloud, w
 there is cold space. Sources: LOWTRAN7's table; the rules between its points are opir's.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from attrs import frozen
@@ -29,14 +28,14 @@ class EarthBackground:
     skies: tuple[tuple[tuple[float, SkyTable], ...], ...]
     clouds: tuple[tuple[tuple[float, CloudTable], ...], ...]
     residual: float
-    make_atmosphere: Callable[[], Transmittance]
+    atmosphere: Transmittance
 
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return in-band radiances (n,), W m⁻² sr⁻¹; 0 beyond the limb."""
         radiance = np.zeros(len(view))
         ground = np.flatnonzero(view.height_m <= 0.0)
         seen = view.take(ground)
-        top_m = self.make_atmosphere().cloud_top_m(seen.point_ecef_m)
+        top_m = self.atmosphere.cloud_top_m(seen.point_ecef_m)
         clear, cloudy = np.flatnonzero(~np.isfinite(top_m)), np.flatnonzero(np.isfinite(top_m))
         radiance[ground[clear]] = _sky_radiance(self.skies[band], seen.take(clear))
         radiance[ground[cloudy]] = _cloud_radiance(self.clouds[band], seen.take(cloudy), top_m[cloudy])
@@ -55,7 +54,7 @@ def earth_background(config: EarthConfig, context: BackgroundContext) -> Backgro
         skies=tuple(tuple((factor, skies[number]) for factor, number in own) for own in parts),
         clouds=tuple(tuple((factor, _of_band(clouds, skies[number].band)) for factor, number in own) for own in parts),
         residual=config.clutter_residual,
-        make_atmosphere=cache(context.make_atmosphere),
+        atmosphere=context.make_atmosphere(),
     )
 
 

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.plugin.components import AtmosphereModel, BackgroundModel, SignatureModel
+from opir_core.plugin.components import AtmosphereModel, BackgroundModel, SignatureModel, SourceModel
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.sky_configs import EarthConfig, LowtranConfig
+from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
 
 
 def _built_by(module: str, function: str) -> Callable[..., Any]:
@@ -52,4 +53,33 @@ def opir_background_models() -> Iterable[BackgroundModel]:
         summary="radiance of the Earth by sun, sky, cloud and look angle from LOWTRAN7, and the clutter it leaves",
         config=EarthConfig,
         build=_built_by("earth", "earth_background"),
+    )
+
+
+@hookimpl
+def opir_source_models() -> Iterable[SourceModel]:
+    """Yield `fires`, `flares`, `glints` and `bolides`."""
+    yield SourceModel(
+        name="fires",
+        summary="flat grey bodies on the ground",
+        config=FireConfig,
+        build=_built_by("sources", "fire_sources"),
+    )
+    yield SourceModel(
+        name="flares",
+        summary="gas flares: grey bodies that shine alike to all sides",
+        config=FlareConfig,
+        build=_built_by("sources", "flare_sources"),
+    )
+    yield SourceModel(
+        name="glints",
+        summary="water that mirrors the Sun, by the slopes that wind gives it",
+        config=GlintConfig,
+        build=_built_by("sources", "glint_sources"),
+    )
+    yield SourceModel(
+        name="bolides",
+        summary="meteors that flash on a straight way down",
+        config=BolideConfig,
+        build=_built_by("sources", "bolide_sources"),
     )

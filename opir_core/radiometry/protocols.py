@@ -42,8 +42,9 @@ class Signatures(Protocol):
 class Sources(Protocol):
     """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
 
-    The engine adds them to the targets as further rows; `trajectories.type_code` is `opir_core.scene.SOURCE_TYPE` for
-    all, `trajectories.ignition_s` and `burnout_s` say when they shine, which may begin before the scene does.
+    The engine adds them to the targets as further rows; `trajectories.type_code` are codes into
+    `opir_core.scene.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine, which may begin
+    before the scene does.
     """
 
     @property
@@ -101,7 +102,11 @@ class SignatureContext:
 
 @frozen(kw_only=True)
 class SourceContext:
-    """What a source model is built with: the block's id and scene path, and the scene's bands, epoch, length, seed."""
+    """What a source model is built with: the block's id and scene path, and the scene's bands, epoch, length, seed.
+
+    `make_atmosphere` returns the scene's atmosphere, through which sunlight comes down to what mirrors it; without it
+    that light is whole.
+    """
 
     bands: tuple[Band, ...]
     id: str
@@ -109,6 +114,7 @@ class SourceContext:
     epoch_us: int
     duration_s: float
     seed: int
+    make_atmosphere: Callable[[], "Transmittance"] | None = None
 
 
 @frozen(kw_only=True)

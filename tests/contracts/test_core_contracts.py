@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from opir_core.protocols import Band
 from opir_core.testing import (
     AtmosphereContract,
     BackgroundContract,
@@ -13,6 +14,7 @@ from opir_core.testing import (
     SensorContract,
     SignatureContract,
     SinkContract,
+    SourceContract,
     TargetContract,
     TrackerContract,
 )
@@ -98,3 +100,40 @@ class TestNowhere(SinkContract):
 
 class TestPlume(SignatureContract):
     name = "plume"
+
+
+TABLE_BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0))
+REGION = {"south_deg": -10.0, "north_deg": 10.0, "west_deg": -20.0, "east_deg": 20.0}
+
+
+class TestLowtran(AtmosphereContract):
+    name = "lowtran"
+    bands = TABLE_BANDS
+    settings: ClassVar[Mapping[str, Any]] = {"cloud": {"cover": 0.5, "top_km": 9.0}}
+
+
+class TestEarth(BackgroundContract):
+    name = "earth"
+    bands = TABLE_BANDS
+
+
+class TestFires(SourceContract):
+    name = "fires"
+    settings: ClassVar[Mapping[str, Any]] = {"field": {"region": REGION, "per_million_km2": 3.0}}
+
+
+class TestFlares(SourceContract):
+    name = "flares"
+    settings: ClassVar[Mapping[str, Any]] = {"at": [{"lat_deg": 1.0, "lon_deg": 2.0}]}
+
+
+class TestGlints(SourceContract):
+    name = "glints"
+    settings: ClassVar[Mapping[str, Any]] = {
+        "at": [{"lat_deg": 1.0, "lon_deg": 2.0}, {"lat_deg": -1.0, "lon_deg": 2.0}]
+    }
+
+
+class TestBolides(SourceContract):
+    name = "bolides"
+    settings: ClassVar[Mapping[str, Any]] = {"field": {"region": REGION, "per_million_km2": 3.0}}

@@ -10,7 +10,7 @@ from opir_core.plugin.components import Component, SignatureModel, SourceModel
 from opir_core.protocols import Band
 from opir_core.radiometry.protocols import SignatureContext, Signatures, SourceContext, Sources
 from opir_core.records import FloatArray
-from opir_core.scene import SOURCE_TYPE, TARGET_TYPES
+from opir_core.scene import EMITTER_TYPES, TARGET_TYPES
 from opir_core.testing.broken import insist
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows, insist_rows_stand_alone
 from opir_core.testing.contracts.contract import Contract
@@ -151,9 +151,10 @@ class SourceContract(EmitterContract):
         made = self.sources().trajectories
         rows = len(self.sources().ids)
         insist(
-            made.type_code.shape == (rows,) and bool(np.all(made.type_code == SOURCE_TYPE)),
+            made.type_code.shape == (rows,)
+            and bool(np.all((made.type_code >= len(TARGET_TYPES)) & (made.type_code < len(EMITTER_TYPES)))),
             "an emitter has the type of a target",
-            "Set type_code to SOURCE_TYPE for all.",
+            "Set type_code to EMITTER_TYPES.index of a source's type.",
         )
         insist(bool(np.all(made.burnout_s > made.ignition_s)), "an emitter stops before it begins", "Check its times.")
         middle = 0.5 * (made.ignition_s + made.burnout_s)

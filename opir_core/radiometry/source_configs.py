@@ -1,0 +1,167 @@
+"""What a scene may set of sources that are no targets. Nothing heavy is imported here."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from attrs import fields_dict, frozen
+
+from opir_core.fields import info_of, nested, number, text
+from opir_core.plugin.defaults import cited, with_defaults
+
+#: What each emitter may have of its own, in `at` or in a CSV; what it does not have is the block's.
+OWN_FIELDS = ("height_m", "start_s", "end_s", "temperature_k", "emissivity", "area_m2")
+
+
+def emitter_complaint(emitter: Mapping[str, Any], kind: type) -> str | None:
+    """Return what is wrong with one emitter's own values, by the fields of its block's configuration class."""
+    missing = [name for name in ("lat_deg", "lon_deg") if name not in emitter]
+    if missing:
+        return f"{missing[0]} is missing"
+    infos = {name: info_of(fields_dict(kind)[name]) for name in own_fields(kind)}
+    infos |= {
+        "lat_deg": info_of(fields_dict(RegionConfig)["south_deg"]),
+        "lon_deg": info_of(fields_dict(RegionConfig)["west_deg"]),
+    }
+    for name, value in emitter.items():
+        if name not in infos:
+            return f"{name} is not one of {', '.join(infos)}"
+        if not infos[name].accepts(value):
+            return f"{name}: {value!r} is outside {infos[name].interval} {infos[name].unit}".rstrip()
+    return None
+
+
+def own_fields(kind: type) -> tuple[str, ...]:
+    """Return what an emitter of a block of this configuration class may have of its own, besides its place."""
+    return tuple(name for name in (*OWN_FIELDS, *getattr(kind, "more_own_fields", ())) if name in fields_dict(kind))
+
+
+@frozen(kw_only=True)
+class RegionConfig:
+    """Part of the Earth between two parallels and two meridians; it may cross the date line."""
+
+    south_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the southern edge")
+    north_deg: float = number(unit="deg", minimum=-90.0, maximum=90.0, help="geodetic latitude of the northern edge")
+    west_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the western edge")
+    east_deg: float = number(unit="deg", minimum=-180.0, maximum=180.0, help="east longitude of the eastern edge")
+
+    def __attrs_post_init__(self) -> None:
+        if self.south_deg >= self.north_deg:
+            raise ValueError(f"south_deg {self.south_deg:g} is not below north_deg {self.north_deg:g}")
+        if self.west_deg == self.east_deg:
+            raise ValueError("west_deg and east_deg are equal: the region has no width")
+
+
+@frozen(kw_only=True)
+class FieldConfig:
+    """A random field: emitters at independent places, their number by the law of Poisson."""
+
+    region: RegionConfig = nested(help="where")
+    per_million_km2: float = number(
+        minimum=0.0, help="expected number in a million km², and for what is brief in each hour", source="no default"
+    )
+    area_log_sigma: float = number(
+        default=1.0,
+        minimum=0.0,
+        maximum=5.0,
+        help="standard deviation of the natural logarithm of the areas, about the block's area",
+    )
+
+
+@frozen(kw_only=True)
+class SourceConfig:
+    """What a scene may set of every kind of source: where, in one of three ways, when, and how bright."""
+
+    at: tuple[Mapping[str, float], ...] | None = nested(
+        default=None,
+        help="emitters, each with lat_deg, lon_deg and what it has of its own",
+        source="no default: at, csv or field",
+    )
+    csv: str | None = text(
+        default=None,
+        help="a file of emitters, relative to the working directory: a header with lat_deg, lon_deg and own fields, an"
+        " emitter a line, empty cells for the block's values",
+        source="no default: at, csv or field",
+    )
+    field: FieldConfig | None = nested(default=None, help="a random field", source="no default: at, csv or field")
+    height_m: float = number(default=0.0, unit="m", minimum=-500.0, maximum=150e3, help="height above the ellipsoid")
+    start_s: float = number(
+        default=-10.0,
+        unit="s",
+        minimum=-86_400.0,
+        help="scene time from which it shines",
+        source="before the scene begins",
+    )
+    end_s: float | None = number(
+        default=None, unit="s", help="scene time to which it shines", source="none: beyond the scene's end"
+    )
+    temperature_k: float = number(
+        default=1000.0, unit="K", above=0.0, maximum=20_000.0, help="temperature of a grey body"
+    )
+    emissivity: float = number(default=1.0, above=0.0, maximum=1.0, help="emissivity")
+    area_m2: float = number(default=1000.0, unit="m2", above=0.0, maximum=1e12, help="area that shines")
+
+    def __attrs_post_init__(self) -> None:
+        given = [name for name in ("at", "csv", "field") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(f"{' and '.join(given) or 'none'} is given; exactly one of at, csv and field is needed")
+        for number_, emitter in enumerate(self.at or ()):
+            complaint = emitter_complaint(emitter, type(self))
+            if complaint:
+                raise ValueError(f"at[{number_}]: {complaint}")
+
+
+@with_defaults(
+    temperature_k=cited(
+        1000.0, "flaming vegetation, 800 to 1200 K: Dozier, Remote Sensing of Environment 11 (1981), 221-229"
+    ),
+    emissivity=0.9,
+    area_m2=2000.0,
+)
+class FireConfig(SourceConfig):
+    """What a scene may set of `fires`: flat grey bodies, as bright as their area is wide to the sensor."""
+
+
+@with_defaults(
+    temperature_k=cited(1800.0, "gas flares, 1600 to 2000 K: Elvidge et al., Energies 9 (2016), 14"),
+    emissivity=0.3,
+    area_m2=30.0,
+    height_m=50.0,
+)
+class FlareConfig(SourceConfig):
+    """What a scene may set of `flares`: grey bodies that shine alike to all sides; the area is that seen."""
+
+
+@with_defaults(temperature_k=cited(5772.0, "the Sun's effective temperature, IAU 2015 resolution B3"), area_m2=1e6)
+class GlintConfig(SourceConfig):
+    """What a scene may set of `glints`: water that mirrors the Sun; `area_m2` is its surface, temperature the Sun's."""
+
+    wind_m_s: float = number(
+        default=5.0, unit="m/s", minimum=0.0, maximum=30.0, help="wind over the water, which roughens it"
+    )
+    refractive_index: float = number(
+        default=1.33, above=1.0, maximum=5.0, help="of the surface, real", source="water in visible light"
+    )
+
+
+@with_defaults(temperature_k=4500.0, emissivity=1.0, area_m2=100.0, height_m=80e3)
+class BolideConfig(SourceConfig):
+    """What a scene may set of `bolides`: meteors that flash along a straight way down; they shine to all sides."""
+
+    more_own_fields = ("speed_m_s", "descent_deg", "heading_deg", "flash_s")
+
+    speed_m_s: float = number(
+        default=20_000.0, unit="m/s", minimum=0.0, maximum=72_000.0, help="speed relative to the Earth"
+    )
+    descent_deg: float = number(
+        default=45.0, unit="deg", minimum=0.0, maximum=90.0, help="angle of the way below the horizontal"
+    )
+    heading_deg: float = number(
+        default=0.0, unit="deg", minimum=0.0, maximum=360.0, help="direction, from north over east"
+    )
+    flash_s: float = number(
+        default=2.0,
+        unit="s",
+        above=0.0,
+        maximum=60.0,
+        help="how long it shines, from start_s on; brightest in the middle",
+    )
