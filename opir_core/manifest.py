@@ -17,7 +17,7 @@ MANIFEST_VERSION = "2"
 
 
 def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a run's manifest: the whole scene as read, its hash, versions, plugins used, random numbers, counts."""
+    """Return a manifest: the scene as read, its hash, versions, files and plugins used, random numbers, counts."""
     return {
         "manifest_version": MANIFEST_VERSION,
         "scene_hash": scene_hash(plan.scene),
@@ -25,6 +25,7 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
         "random_numbers": SCHEME,
         "versions": {"opir-core": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "components": components_used(plan),
+        "files": [file for part in plan.targets.trajectories for file in getattr(part, "files", ())],
         "sensors": [] if plan.bias is None else plan.bias.told(plan.sensors),
         "counts": dict(counts),
         "scene": scene_mapping(plan.scene),

@@ -87,7 +87,10 @@ class Sensor:
 
 
 class Trajectories(Protocol):
-    """All targets of one model: when they burn and where they are."""
+    """All targets of one model: when they burn and where they are.
+
+    One that was made of files has them in `files`, mappings of `path` and `sha256`, for the manifest.
+    """
 
     @property
     def type_code(self) -> NDArray[np.uint8]:

@@ -113,3 +113,28 @@ class BallisticConfig:
         maximum=1e6,
         help="m/(C_d A) in free flight, where the scene's forces have drag; by default the scene's",
     )
+
+
+@frozen(kw_only=True)
+class TableConfig:
+    """What a scene may set of a target of the model `table`."""
+
+    type: str = text(choices=TARGET_TYPES, help="target type")
+    file: str = text(
+        help="path of a table of states: CSV with the columns time_s, x_ecef_m, y_ecef_m, z_ecef_m (and vx_ecef_m_s,"
+        " vy_ecef_m_s, vz_ecef_m_s, is_burning), or a CCSDS OEM (KVN) in UTC and ITRF, TDR, GRC, TEME or EME2000"
+    )
+    start_s: float | None = number(
+        default=None,
+        unit="s",
+        minimum=0.0,
+        maximum=31_557_600.0,
+        help="scene time of a CSV file's time 0; 0 by default",
+    )
+    object: str | None = text(default=None, help="OBJECT_NAME or OBJECT_ID in an OEM of several objects")
+    ignition_s: float | None = number(
+        default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; by default what the file says"
+    )
+    burnout_s: float | None = number(
+        default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; by default what the file says"
+    )

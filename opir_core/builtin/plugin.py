@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
+from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, TableConfig, WeightedConfig
 from opir_core.plugin.components import (
     AtmosphereModel,
     BackgroundModel,
@@ -93,12 +93,18 @@ def opir_trackers() -> Iterable[TrackerModel]:
 
 @hookimpl
 def opir_target_models() -> Iterable[TargetModel]:
-    """Yield `ballistic`."""
+    """Yield `ballistic` and `table`."""
     yield TargetModel(
         name="ballistic",
         summary="boost on a generic class profile, then free flight to the aim point under the scene's forces",
         config=BallisticConfig,
         build=_built_by("targets", "ballistic_targets"),
+    )
+    yield TargetModel(
+        name="table",
+        summary="a trajectory that the scene brings itself: a table of states, CSV or CCSDS OEM",
+        config=TableConfig,
+        build=_built_by("table_targets", "table_targets"),
     )
 
 

@@ -1,0 +1,139 @@
+"""The target model `table`: trajectories that a scene brings itself, as tables of states in files."""
+
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from attrs import define
+from numpy.typing import NDArray
+
+from opir_core.builtin.configs import TableConfig
+from opir_core.errors import Problem, SceneError
+from opir_core.flight.ephemeris import Ephemeris
+from opir_core.protocols import TargetContext, Trajectories
+from opir_core.records import FloatArray, IndexArray
+from opir_core.scene import TARGET_TYPES
+from opir_core.tables.csv_table import csv_table
+from opir_core.tables.interpolation import interpolant, largest_doubt_m
+from opir_core.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
+from opir_core.tables.records import BadTableError, Table
+
+#: How far the polynomials may be from those through the states, m.
+EPHEMERIS_TOLERANCE_M = 0.01
+
+_LARGEST_FILE_BYTES = 64_000_000
+
+
+@define(eq=False)
+class TableTargets:
+    """Targets on the trajectories of their files, while they burn."""
+
+    type_code: NDArray[np.uint8]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    burn: Ephemeris
+    told: tuple[Mapping[str, Any], ...]
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to burnout."""
+        return self.burn.position_m(target, time_s)
+
+    @property
+    def files(self) -> Sequence[Mapping[str, str]]:
+        """Return the files that were read, with their SHA-256, for the manifest: a scene's hash does not know them."""
+        return [{"path": told["file"], "sha256": told["sha256"]} for told in self.told]
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return one mapping a target: its file with its hash, and how far the interpolation may be wrong."""
+        return self.told
+
+
+def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Trajectories:
+    """Return the trajectories of all targets of the model.
+
+    Raises `SceneError` with a problem for each target whose file cannot be taken.
+    """
+    problems, tables, hashes = list[Problem](), list[Table](), list[str]()
+    for config, path in zip(configs, context.paths, strict=True):
+        try:
+            content = _content(config.file)
+            hashes.append(sha256(content).hexdigest())
+            tables.append(_with_burn(_table(content, config, context.epoch_us), config))
+        except BadTableError as error:
+            problems.append(Problem(f"{path}.file", f"{config.file}: {error.args[0]}"))
+    if problems:
+        raise SceneError(problems)
+    burn = np.array([table.burn_s for table in tables])
+    curves = interpolant(tables)
+    return TableTargets(
+        type_code=np.array([TARGET_TYPES.index(config.type) for config in configs], dtype=np.uint8),
+        ignition_s=burn[:, 0],
+        burnout_s=burn[:, 1],
+        burn=Ephemeris.build(curves.state, burn[:, 0], burn[:, 1], _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M),
+        told=tuple(_told(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)),
+    )
+
+
+def _content(file: str) -> bytes:
+    try:
+        with Path(file).open("rb") as opened:
+            content = opened.read(_LARGEST_FILE_BYTES + 1)
+    except OSError as error:
+        raise BadTableError(f"cannot be read: {error.strerror or error}") from error
+    if len(content) > _LARGEST_FILE_BYTES:
+        raise BadTableError(f"is larger than {_LARGEST_FILE_BYTES} bytes; leave out what does not burn")
+    return content
+
+
+def _table(content: bytes, config: TableConfig, epoch_us: int) -> Table:
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise BadTableError(f"line {line}: is not UTF-8 text") from error
+    if next(keywords(text), "").startswith(FIRST_KEYWORD):
+        if config.start_s is not None:
+            raise BadTableError("an OEM has its own times; leave start_s out")
+        return oem_table(text, epoch_us, config.object)
+    if config.object is not None:
+        raise BadTableError(
+            f"is a CSV file, which has no object; leave object out (an OEM begins with {FIRST_KEYWORD})"
+        )
+    return csv_table(text, config.start_s or 0.0)
+
+
+def _with_burn(table: Table, config: TableConfig) -> Table:
+    """Return a table with the burn that its block asks for; raises `BadTableError` where the states do not cover it."""
+    ignition, burnout = (
+        told if asked is None else asked
+        for told, asked in zip(table.burn_s, (config.ignition_s, config.burnout_s), strict=True)
+    )
+    first, last = float(table.time_s[0]), float(table.time_s[-1])
+    if not max(first, 0.0) <= ignition < burnout <= last:
+        raise BadTableError(
+            f"a burn from {ignition:.12g} to {burnout:.12g} s does not fit: states go from {first:.12g} to"
+            f" {last:.12g} s of the scene, whose times start at 0; set ignition_s and burnout_s"
+        )
+    return Table(table.time_s, table.position_m, table.velocity_m_s, table.run, (ignition, burnout))
+
+
+def _breakpoints_s(tables: Sequence[Table]) -> FloatArray:
+    """Return the times of the states (n, k), where one polynomial gives way to the next; short rows are filled up."""
+    longest = max(len(table.time_s) for table in tables)
+    return np.stack([np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables])
+
+
+def _told(own_id: str, config: TableConfig, table: Table, digest: str) -> Mapping[str, Any]:
+    return {
+        "id": own_id,
+        "type": config.type,
+        "file": config.file,
+        "sha256": digest,
+        "states": len(table.time_s),
+        "ignition_s": table.burn_s[0],
+        "burnout_s": table.burn_s[1],
+        "interpolation_error_m": largest_doubt_m(table),
+        "tolerance_m": EPHEMERIS_TOLERANCE_M,
+    }
