@@ -36,15 +36,17 @@ def _tilted(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return unit vectors moved by small angles along two directions across them.
 
-    The two directions are Duff et al.'s branchless orthonormal basis ("Building an orthonormal basis, revisited",
-    JCGT 6, 2017): (1 + s x² a, s b, -s x) and (b, s + y² a, -y), s = sign z, a = -1 / (s + z), b = x y a.
+    The two directions are those of growing longitude and latitude of the vector about the Earth's axis: a scene that is
+    turned as a whole about that axis is measured alike. Along the axis, where there is no longitude, it counts as 0.
     """
-    sign = np.copysign(1.0, z)
-    signed = first_rad * sign
-    shared = (signed * x + second_rad * y) * (-1.0 / (sign + z))
-    moved_x = x + first_rad + x * shared
-    moved_y = y + second_rad * sign + y * shared
-    moved_z = z - signed * x - second_rad * y
+    level = np.sqrt(x * x + y * y)
+    on_axis = level == 0.0
+    per_level = 1.0 / (level + on_axis)
+    cosine, sine = x * per_level + on_axis, y * per_level
+    outward = z * second_rad
+    moved_x = x - sine * first_rad - cosine * outward
+    moved_y = y + cosine * first_rad - sine * outward
+    moved_z = z + level * second_rad
     per_length = 1.0 / np.sqrt(moved_x * moved_x + moved_y * moved_y + moved_z * moved_z)
     return moved_x * per_length, moved_y * per_length, moved_z * per_length
 
