@@ -100,7 +100,5 @@ def seen(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray) -> BoolArray:
 
 def _emission_s(plan: Plan, place: GridPlace, pair: IntArray, time_s: FloatArray) -> FloatArray:
     """Return when the light of looks left their targets: within what is watched, whatever rounding says."""
-    if not plan.scene.light_time:
-        return time_s
-    travel_s = place.interpolated(plan.sightlines.travel_s)
-    return np.clip(time_s - travel_s, plan.targets.ignition_s[plan.pairs.target[pair]], plan.pairs.until_s[pair])
+    left_s = time_s - place.interpolated(plan.sightlines.travel_s) if plan.scene.light_time else time_s
+    return np.clip(left_s, plan.targets.ignition_s[plan.pairs.target[pair]], plan.pairs.until_s[pair])
