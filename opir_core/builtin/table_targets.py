@@ -28,17 +28,18 @@ _LARGEST_FILE_BYTES = 64_000_000
 
 @define(eq=False)
 class TableTargets:
-    """Targets on the trajectories of their files, while they burn."""
+    """Targets on the trajectories of their files: while they burn, or to the last state where a sensor follows them."""
 
     type_code: NDArray[np.uint8]
     ignition_s: FloatArray
     burnout_s: FloatArray
-    burn: Ephemeris
+    end_s: FloatArray
+    flight: Ephemeris
     told: tuple[Mapping[str, Any], ...]
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to burnout."""
-        return self.burn.position_m(target, time_s)
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to `end_s`."""
+        return self.flight.position_m(target, time_s)
 
     @property
     def files(self) -> Sequence[Mapping[str, str]]:
@@ -66,12 +67,15 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
     if problems:
         raise SceneError(problems)
     burn = np.array([table.burn_s for table in tables])
-    curves = interpolant(tables)
+    end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burn[:, 1]
     return TableTargets(
         type_code=np.array([TARGET_TYPES.index(config.type) for config in configs], dtype=np.uint8),
         ignition_s=burn[:, 0],
         burnout_s=burn[:, 1],
-        burn=Ephemeris.build(curves.state, burn[:, 0], burn[:, 1], _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M),
+        end_s=end_s,
+        flight=Ephemeris.build(
+            interpolant(tables).state, burn[:, 0], end_s, _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M
+        ),
         told=tuple(_told(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)),
     )
 

@@ -23,8 +23,8 @@ MODELS = {
     "opir_detection_models": {"constant", "always", "never"},
     "opir_classifiers": {"paper", "none", "always", "never"},
     "opir_confidence_models": {"weighted", "always", "never"},
-    "opir_trackers": {"none"},
-    "opir_target_models": {"ballistic"},
+    "opir_trackers": {"none", "stereo-filter"},
+    "opir_target_models": {"ballistic", "table"},
 }
 
 

@@ -6,10 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from opir_core.builtin.configs import TableConfig
+from opir_core.builtin.table_targets import table_targets
 from opir_core.errors import SceneError
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef_state
 from opir_core.plan import compile_plan
+from opir_core.protocols import FreeFlight, TargetContext
 from opir_core.reading import load_scene, scene_from_mapping
 from opir_core.run import simulate
 
@@ -134,6 +137,21 @@ def test_the_burn_is_the_files_or_the_blocks(tmp_path, burning, settings, burn):
     asked = np.array([burn[0] - 1e-6, burn[0], 0.5 * sum(burn), burn[1], burn[1] + 1e-6])
     found = targets.position_ecef_m(np.zeros(5, np.int32), asked)
     assert np.isfinite(found).all(axis=1).tolist() == [False, True, True, True, False]
+
+
+@pytest.mark.parametrize(("free_flight", "end_s"), [(False, 60.0), (True, 100.0)])
+def test_who_follows_bodies_follows_them_to_the_last_state(tmp_path, free_flight, end_s):
+    path = tmp_path / "table.csv"
+    path.write_text(csv_text(np.linspace(0.0, 100.0, 11)), encoding="utf-8")
+    context = TargetContext(ids=("T",), paths=("targets[0]",), free_flight=free_flight)
+    targets = table_targets([TableConfig(type="SRBM", file=str(path), burnout_s=60.0)], context)
+    assert isinstance(targets, FreeFlight)
+    assert (targets.burnout_s[0], targets.end_s[0]) == (60.0, end_s)
+    asked = np.array([60.0, np.nextafter(60.0, 99.0), 100.0])
+    found = targets.position_ecef_m(np.zeros(3, np.int32), asked)
+    known = asked <= end_s
+    assert np.isfinite(found).all(axis=1).tolist() == known.tolist()
+    assert np.linalg.norm(found - arc(asked)[0], axis=1)[known].max() <= 0.02
 
 
 HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n"
