@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from opir_core.flight.aiming import aim
+from opir_core.flight.forces import Drag, Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.flight.profiles import boost_profiles
+from opir_core.flight.propagation import propagate
 from opir_core.flight.trajectory import boost_ephemeris, coast_ephemeris, flight_ephemeris
 from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 
@@ -81,3 +83,25 @@ def test_velocities_come_close_where_the_motion_is_smooth(flight):
     inside = (times > burnout_s + 0.5) & (times < flight.impact_s[target] - 0.5)
     gap = (ephemeris.state(target, times)[1] - step)[inside]
     assert np.linalg.norm(gap, axis=1).max() < 1e-3
+
+
+@pytest.mark.parametrize("forces", [Forces(), Forces(zonal=("j2", "j3"), drag=Drag(1500.0))], ids=["j2", "drag"])
+def test_free_flight_under_forces_is_within_the_tolerance(forces):
+    """Against propagation from burnout to each time, a thousand times as tight; to the aim point, through the air."""
+    rng = np.random.default_rng(17)
+    profiles = [profile for profile in boost_profiles().values() for _ in range(4)]
+    latitude, longitude = np.arcsin(rng.uniform(-1, 1, len(profiles))), rng.uniform(-np.pi, np.pi, len(profiles))
+    range_m = np.array([rng.uniform(1.01 * p.minimum_range_m, 0.99 * p.maximum_range_m) for p in profiles])
+    there = geodesic_direct(latitude, longitude, rng.uniform(0, 2 * np.pi, len(profiles)), range_m)
+    flight = aim(Geodetic(latitude, longitude, 0.0), Geodetic(*there, 0.0), 0.0, profiles, forces=forces)
+    assert flight.converged.all()
+    coast = coast_ephemeris(flight, 0.01, forces)
+    target = np.repeat(np.arange(len(profiles)), 40)
+    share = np.concatenate([[0.0, 1.0], rng.random(38)])[np.arange(len(target)) % 40]
+    elapsed_s = share * (flight.impact_s - flight.burnout_s)[target]
+    starts = flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target]
+    exact, _ = propagate(*starts, elapsed_s, forces, tolerance_m=1e-5)
+    time_s = np.clip(flight.burnout_s[target] + elapsed_s, coast.start_s[target], coast.end_s[target])
+    error = np.linalg.norm(coast.position_m(target, time_s) - eci_to_ecef(exact, time_s), axis=1)
+    assert error.max() <= 0.01
+    assert error.max() > 1e-4
