@@ -13,9 +13,11 @@ from opir_core._version import __version__
 
 #: The core's commands and what they do; each is a module of `opir_core.commands` with `add_arguments` and `run`.
 COMMANDS = {
-    "run": "simulate a scene and write its events, truth and manifest",
+    "run": "simulate a scene and write its events, truth, tracks and manifest",
     "validate": "read a scene and say what is wrong with it",
     "explain": "say what a scene will compute, and what it skips and why",
+    "score": "judge the tracks of a run against the truth",
+    "compare": "run a scene with several trackers, many times, and judge them",
     "plugins": "list the installed plugins and what they offer",
     "describe": "say what a component is and what a scene may set of it",
     "physics": "work out a radiometric quantity from its formula",

@@ -43,17 +43,23 @@ def _kept(sink: SinkReport) -> str:
 
 
 def deliver(
-    plan: Plan, *, truth_path: Path | None = None, on_window: Callable[[Window], None] | None = None
+    plan: Plan,
+    *,
+    truth_path: Path | None = None,
+    tracks_path: Path | None = None,
+    on_window: Callable[[Window], None] | None = None,
 ) -> Outcome:
     """Run a plan into the sinks of its scene and return what came of it; memory use does not grow with duration.
 
     `on_window` is called with each window once it is delivered. A failing sink does not stop the others.
-    Raises `SinkError` where the truth cannot be written; `Outcome.raise_for_failures` does for the sinks.
+    Raises `SinkError` where the truth or the tracks cannot be written; `Outcome.raise_for_failures` does for the sinks.
     """
     tally = Tally(plan)
     windows = tally.over(plan_windows(plan))
     if truth_path is not None:
         windows = _with_truth(plan, truth_path, windows)
+    if tracks_path is not None:
+        windows = _with_tracks(tracks_path, windows)
     report = pump(windows, _sinks(plan), on_window=on_window)
     return Outcome(tally.summary(), run_manifest(plan, tally.counts()), report)
 
@@ -64,6 +70,15 @@ def _with_truth(plan: Plan, path: Path, windows: Iterable[Window]) -> Iterator[W
     with TruthFile(path, plan) as truth:
         for window in windows:
             truth.write(window)
+            yield window
+
+
+def _with_tracks(path: Path, windows: Iterable[Window]) -> Iterator[Window]:
+    from opir_core.scoring.tracks_file import TracksFile
+
+    with TracksFile(path) as tracks:
+        for window in windows:
+            tracks.write(window.tracks)
             yield window
 
 

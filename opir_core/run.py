@@ -20,7 +20,11 @@ def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None =
     `window_s` sets the length of the windows worked through, which changes no result. For scenes too large for memory,
     use `opir_core.windows`.
     """
-    plan = compile_plan(scene, host)
+    return run_of_plan(compile_plan(scene, host), window_s)
+
+
+def run_of_plan(plan: Plan, window_s: float | None = None) -> Run:
+    """Return the run of a plan, which may be run once: its tracker remembers."""
     tally = Tally(plan)
     return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s))))
 

@@ -1,4 +1,4 @@
-"""`opir run`: simulate a scene; write events, truth and manifest; print what came of it."""
+"""`opir run`: simulate a scene; write events, truth, tracks and manifest; print what came of it."""
 
 import argparse
 import json
@@ -24,6 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--out", metavar="PATH", help="write events here as JSON lines (- for standard output)")
     where.add_argument("--sink", metavar="NAME", help="send events to this sink alone, instead of the scene's outputs")
     parser.add_argument("--truth", metavar="PATH", help="write the truth here (default: beside the events)")
+    parser.add_argument("--tracks", metavar="PATH", help="write the tracks here (default: beside the events)")
     parser.add_argument("--manifest", metavar="PATH", help="write the run manifest here (default: beside the events)")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -39,12 +40,13 @@ def run(arguments: argparse.Namespace) -> int:
     scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_jsonl(_DEFAULT_OUT)}]",))
     plan = plan_of(arguments, scene, host)
     truth = _beside(scene, arguments.truth, "truth.jsonl")
+    tracks = None if plan.tracker.cadence_s is None else _beside(scene, arguments.tracks, "tracks.jsonl")
     manifest = _beside(scene, arguments.manifest, "manifest.json")
     with progress(scene, is_shown=not arguments.quiet and sys.stderr.isatty()) as on_window:
-        outcome = deliver(plan, truth_path=truth, on_window=on_window)
+        outcome = deliver(plan, truth_path=truth, tracks_path=tracks, on_window=on_window)
     if manifest is not None:
         _write_manifest(manifest, outcome.manifest)
-    files = {"truth": truth, "manifest": manifest}
+    files = {"truth": truth, "tracks": tracks, "manifest": manifest}
     _tell(arguments, scene, outcome, {what: path for what, path in files.items() if path is not None})
     outcome.raise_for_failures()
     return 0

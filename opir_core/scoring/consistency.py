@@ -1,0 +1,93 @@
+"""Whether errors are what the covariances say: NEES, its bands and its distribution, and containment."""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.records import FloatArray
+
+#: Containments that are looked at.
+CONTAINMENTS = (0.5, 0.9, 0.95)
+
+
+@frozen
+class Consistency:
+    """The average NEES of samples, its χ² band, and the p-value that the samples are χ² distributed."""
+
+    samples: int
+    freedom: int
+    mean: float
+    lower: float
+    upper: float
+    p_value: float
+
+    @property
+    def is_inside(self) -> bool:
+        """Return whether the average lies in its band."""
+        return self.lower <= self.mean <= self.upper
+
+
+def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return normalised estimation errors squared (n,) of errors (n, d) with covariances (n, d, d).
+
+    nan where an error or a covariance is unknown, inf where the covariance is not positive definite.
+    """
+    known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
+    value = np.full(len(error), np.nan)
+    rows = np.flatnonzero(known)
+    # Scaled to unit variances, so that metres and metres per second do not spoil the factorisation.
+    scale = np.sqrt(np.abs(np.diagonal(covariance[rows], axis1=1, axis2=2)))
+    correlation = covariance[rows] / (scale[:, :, None] * scale[:, None, :])
+    definite = np.linalg.eigvalsh(correlation).min(axis=1, initial=np.inf) > 0.0
+    value[rows[~definite]] = np.inf
+    whitened = (error[rows] / scale)[definite]
+    solved = np.linalg.solve(correlation[definite], whitened[:, :, None])[:, :, 0]
+    value[rows[definite]] = np.sum(whitened * solved, axis=1)
+    return value
+
+
+def consistency(values: FloatArray, freedom: int, probability: float = 0.99) -> Consistency:
+    """Return the average of independent NEES values (n,), its band, and a test of their distribution.
+
+    The average of n values of `freedom` degrees is χ² of n · freedom degrees, over n (Bar-Shalom, Li and Kirubarajan,
+    Estimation with Applications to Tracking and Navigation, section 5.4.2). The distribution test is that of
+    Kolmogorov and Smirnov: a mean can be right while single values are not.
+    """
+    from scipy.stats import chi2, kstest
+
+    values = values[~np.isnan(values)]
+    if not len(values):
+        return Consistency(0, freedom, np.nan, np.nan, np.nan, np.nan)
+    degrees = len(values) * freedom
+    lower, upper = (float(chi2.ppf(p, degrees)) / len(values) for p in ((1 - probability) / 2, (1 + probability) / 2))
+    p_value = float(kstest(values, chi2(freedom).cdf).pvalue)
+    return Consistency(len(values), freedom, float(values.mean()), lower, upper, p_value)
+
+
+def containment(values: FloatArray, freedom: int, nominal: float) -> tuple[float, float, float]:
+    """Return the share of NEES values within the ellipse of a nominal containment, and its 95 % interval (Wilson)."""
+    from scipy.stats import chi2
+
+    values = values[~np.isnan(values)]
+    return proportion(int(np.count_nonzero(values <= chi2.ppf(nominal, freedom))), len(values))
+
+
+def proportion(successes: int, trials: int) -> tuple[float, float, float]:
+    """Return a share and its 95 % interval (Wilson, J. Am. Stat. Assoc. 22 (1927), 209); nan of nothing."""
+    if not trials:
+        return np.nan, np.nan, np.nan
+    z = 1.959963984540054
+    share = successes / trials
+    middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
+    half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    return share, float(middle - half), float(middle + half)
+
+
+def root_mean_square(error_m: FloatArray) -> tuple[float, float, float]:
+    """Return the root mean square of errors (n,), and a 95 % interval: 1000 bootstrap samples of a fixed stream."""
+    error_m = error_m[np.isfinite(error_m)]
+    if not len(error_m):
+        return np.nan, np.nan, np.nan
+    square = error_m * error_m
+    drawn = np.random.Generator(np.random.Philox(key=1)).integers(0, len(square), (1000, len(square)))
+    lower, upper = np.quantile(np.sqrt(square[drawn].mean(axis=1)), (0.025, 0.975))
+    return float(np.sqrt(square.mean())), float(lower), float(upper)

@@ -1,0 +1,154 @@
+"""Errors of tracks, row by row: what was estimated against what was true, at every tick and for every target."""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.columns import Columns
+from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
+from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
+from opir_core.scoring.bound import position_and_velocity, state_bound
+from opir_core.scoring.consistency import nees
+from opir_core.scoring.evidence import Evidence, true_states
+from opir_core.scoring.ownership import Ownership
+
+
+@frozen(eq=False)
+class StateErrors(Columns):
+    """One row a tick of a target's best track, while the truth is known.
+
+    `since_s` counts from the target's ignition, `seen_s` from its first detection; errors and bounds are in m and m/s;
+    `nees` has six degrees of freedom.
+    """
+
+    target: IntArray
+    since_s: FloatArray
+    seen_s: FloatArray
+    is_stereo: BoolArray
+    position_m: FloatArray
+    velocity_m_s: FloatArray
+    nees: FloatArray
+    position_bound_m: FloatArray
+    velocity_bound_m_s: FloatArray
+
+    @classmethod
+    def empty(cls) -> "StateErrors":
+        """Return the record of no rows."""
+        integer, real = np.empty(0, dtype=np.int64), np.empty(0)
+        return cls(integer, real, real, np.empty(0, dtype=np.bool_), real, real, real, real, real)
+
+
+@frozen(eq=False)
+class PointErrors(Columns):
+    """One row a target with a track: its last launch and impact estimates against the truth, by two degrees of freedom.
+
+    Distances are along the ground, m; times are s, estimated minus true; nan where nothing was estimated.
+    """
+
+    target: IntArray
+    is_stereo: BoolArray
+    launch_m: FloatArray
+    launch_nees: FloatArray
+    launch_time_s: FloatArray
+    impact_m: FloatArray
+    impact_nees: FloatArray
+    impact_time_s: FloatArray
+
+    @classmethod
+    def empty(cls) -> "PointErrors":
+        """Return the record of no rows."""
+        real = np.empty(0)
+        return cls(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.bool_), *(real for _ in range(6)))
+
+
+def state_errors(evidence: Evidence, owners: Ownership) -> StateErrors:
+    """Return the errors of all targets' best tracks."""
+    parts = [
+        _errors_of(evidence, row, owners) for row in np.flatnonzero(owners.is_best & (owners.target >= 0)).tolist()
+    ]
+    return StateErrors.concatenate(parts)
+
+
+def _errors_of(evidence: Evidence, row: int, owners: Ownership) -> StateErrors:
+    target, tracks = int(owners.target[row]), evidence.tracks
+    told = tracks.take(np.flatnonzero(tracks.track == owners.track[row]))
+    everyone = np.full(len(told), target, dtype=np.int32)
+    true = true_states(evidence.plan, everyone, told.tick_s)
+    known = np.isfinite(true).all(axis=1) & np.isfinite(told.state).all(axis=1)
+    told, true = told.take(known), true[known]
+    error = told.state - true
+    looks = np.flatnonzero(evidence.target == target)
+    position_bound, velocity_bound = _bound(evidence, target, looks, told.tick_s)
+    return StateErrors(
+        target=np.full(len(told), target, dtype=np.int64),
+        since_s=told.tick_s - evidence.plan.targets.ignition_s[target],
+        seen_s=told.tick_s - (evidence.time_s[looks[0]] if len(looks) else np.nan),
+        is_stereo=np.full(len(told), owners.is_stereo[row]),
+        position_m=np.linalg.norm(error[:, :3], axis=1),
+        velocity_m_s=np.linalg.norm(error[:, 3:], axis=1),
+        nees=nees(error, told.state_covariance),
+        position_bound_m=position_bound,
+        velocity_bound_m_s=velocity_bound,
+    )
+
+
+def _bound(evidence: Evidence, target: int, looks: IntArray, tick_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the bounds (n,) of position and velocity at ticks (n,)."""
+    plan, time_s = evidence.plan, evidence.time_s[looks]
+    sensor = np.empty((len(looks), 3))
+    for number in np.unique(evidence.sensor[looks]).tolist():
+        rows = np.flatnonzero(evidence.sensor[looks] == number)
+        sensor[rows] = plan.sensors[number].orbit.position_ecef_m(time_s[rows])
+    held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
+    position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
+    return position_and_velocity(state_bound(tick_s, time_s, position, sensor, evidence.sigma_rad[looks]))
+
+
+def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:
+    """Return the errors of the last launch and impact estimates of all targets' best tracks."""
+    rows = np.flatnonzero(owners.is_best & (owners.target >= 0))
+    last = _last_rows(evidence.tracks, owners.track[rows])
+    told, target = evidence.tracks.take(last), owners.target[rows]
+    truth = evidence.plan.targets.truth()
+    launch, impact = ([_place(truth[number].get(name)) for number in target.tolist()] for name in ("launch", "impact"))
+    ignition_s = evidence.plan.targets.ignition_s[target]
+    impact_s = np.array([_time(truth[number].get("impact")) for number in target.tolist()])
+    launch_error, impact_error = (
+        _ground_error(point, np.array(place, dtype=np.float64).reshape(-1, 3))
+        for point, place in ((told.launch, launch), (told.impact, impact))
+    )
+    return PointErrors(
+        target=target,
+        is_stereo=owners.is_stereo[rows],
+        launch_m=np.linalg.norm(launch_error, axis=1),
+        launch_nees=nees(launch_error, told.launch_covariance[:, :2, :2]),
+        launch_time_s=told.launch[:, 2] - ignition_s,
+        impact_m=np.linalg.norm(impact_error, axis=1),
+        impact_nees=nees(impact_error, told.impact_covariance[:, :2, :2]),
+        impact_time_s=told.impact[:, 2] - impact_s,
+    )
+
+
+def _last_rows(tracks: Tracks, number: IntArray) -> IntArray:
+    """Return the last row of each track; rows come sorted by tick."""
+    return np.array([np.flatnonzero(tracks.track == each)[-1] for each in number.tolist()], dtype=np.int64)
+
+
+def _place(point: object) -> tuple[float, float, float]:
+    """Return latitude, longitude, rad, and height, m, of a place that the truth tells; nan where it tells none."""
+    if not isinstance(point, dict):
+        return np.nan, np.nan, np.nan
+    return np.radians(point["lat_deg"]), np.radians(point["lon_deg"]), point.get("height_m", 0.0)
+
+
+def _time(point: object) -> float:
+    return float(point["time_s"]) if isinstance(point, dict) and "time_s" in point else np.nan
+
+
+def _ground_error(point: FloatArray, place: FloatArray) -> FloatArray:
+    """Return estimated minus true places (n, 2), east and north in the plane that touches the Earth at the estimate."""
+    latitude, longitude = point[:, 0], point[:, 1]
+    here = geodetic_to_ecef(latitude, longitude, np.zeros(len(point)))
+    there = geodetic_to_ecef(place[:, 0], place[:, 1], np.zeros(len(place)))
+    axes = east_north_up_axes(latitude, longitude)
+    error: FloatArray = np.einsum("nij,nj->ni", axes[:, :2], here - there)
+    return error

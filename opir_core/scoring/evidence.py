@@ -1,0 +1,63 @@
+"""What a score is made of: a run's tracks, whose detections they hold, and where the targets really were."""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.plan import Plan
+from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray, Run, Tracks
+
+#: Positions this long apart give the true velocity, s: the truth is interpolated to a centimetre, and its jerk is below
+#: 2 m/s³, so the difference is within 0.1 m/s.
+_VELOCITY_STEP_S = 0.25
+
+
+@frozen(eq=False)
+class Evidence:
+    """One run: its tracks by tick, and columns over its detections.
+
+    These are times, sensors, standard deviations of direction per axis, tracks (-1: none) and targets (-1: noise).
+    """
+
+    plan: Plan
+    tracks: Tracks
+    time_s: FloatArray
+    sensor: IndexArray
+    sigma_rad: FloatArray
+    track: IntArray
+    target: IndexArray
+    #: Time that tracking took, s, or nan where it was not measured.
+    tracking_s: float = np.nan
+
+    @property
+    def is_launch(self) -> BoolArray:
+        """Return which of the plan's targets are launches, not other hot sources."""
+        return np.arange(len(self.plan.targets.ids)) < len(self.plan.scene.targets)
+
+
+def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> Evidence:
+    """Return the evidence of a run in memory; `plan` is that of its scene."""
+    found = run.detections
+    owner, sigma_rad = final_tracks(run.tracks, found.track), found.line_of_sight_sigma_rad
+    return Evidence(plan, run.tracks, found.time_s, found.sensor, sigma_rad, owner, run.truth.target, tracking_s)
+
+
+def final_tracks(tracks: Tracks, track: IntArray) -> IntArray:
+    """Return the tracks of detections, -1 where the number never appears among the tracks told."""
+    known = np.unique(tracks.track)
+    return np.where(np.isin(track, known), track, -1)
+
+
+def true_states(plan: Plan, target: IndexArray, time_s: FloatArray) -> FloatArray:
+    """Return true ECEF states (n, 6) of targets (n,) at times (n,), m and m/s relative to the turning Earth.
+
+    nan where the truth is not known: before ignition, and after burnout unless a sensor follows the free flight.
+    """
+    start, end = plan.targets.ignition_s[target], plan.targets.end_s[target]
+    inside = (time_s >= start) & (time_s <= end)
+    held = np.clip(time_s, start, end)
+    early = np.maximum(held - _VELOCITY_STEP_S, start)
+    late = np.minimum(held + _VELOCITY_STEP_S, end)
+    position = plan.targets.position_ecef_m(target, held)
+    moved = plan.targets.position_ecef_m(target, late) - plan.targets.position_ecef_m(target, early)
+    states = np.concatenate([position, moved / (late - early)[:, None]], axis=1)
+    return np.where(inside[:, None], states, np.nan)

@@ -1,0 +1,94 @@
+"""The evidence of a run from its files: events, truth, tracks and manifest."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from opir_core.errors import Problem, SceneError
+from opir_core.plan import Plan, compile_plan
+from opir_core.reading import scene_from_mapping
+from opir_core.scoring.evidence import Evidence
+from opir_core.scoring.tracks_file import read_tracks
+
+
+class _Event(msgspec.Struct):
+    detection_id: str
+    timestamp: str
+    sensor_id: str
+    line_of_sight_sigma_urad: float
+    track_id: int | None = None
+
+
+def evidence_of_files(events: Path, *, truth: Path | None = None) -> Evidence:
+    """Return the evidence of a run from its events (forge), the truth, and the tracks and manifest beside the events.
+
+    Raises `SceneError` that names the file, and line, that is missing or is not what it should be.
+    """
+    plan = _plan(_existing(events.with_suffix(".manifest.json"), "the manifest"))
+    tracks = read_tracks(_existing(events.with_suffix(".tracks.jsonl"), "the tracks (is the scene's tracker none?)"))
+    targets = _targets(_existing(truth or events.with_suffix(".truth.jsonl"), "the truth"), plan)
+    rows = list(_events(_existing(events, "the events")))
+    unknown = next((row.detection_id for row in rows if row.detection_id not in targets), None)
+    if unknown is not None:
+        raise _refused(events, "", f"detection {unknown} is not in the truth: the files are of different runs")
+    number = {sensor.id: place for place, sensor in enumerate(plan.sensors)}
+    known = set(tracks.track.tolist())
+    track = np.array([row.track_id if row.track_id in known else -1 for row in rows], dtype=np.int64)
+    return Evidence(
+        plan=plan,
+        tracks=tracks,
+        time_s=_times_s(rows, plan),
+        sensor=np.array([number[row.sensor_id] for row in rows], dtype=np.int32),
+        sigma_rad=np.array([row.line_of_sight_sigma_urad for row in rows]) * 1e-6,
+        track=track,
+        target=np.array([targets[row.detection_id] for row in rows], dtype=np.int32),
+    )
+
+
+def _plan(path: Path) -> Plan:
+    try:
+        manifest = json.loads(path.read_bytes())
+        scene = manifest["scene"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise _refused(path, "", f"not a manifest: {error}") from error
+    return compile_plan(scene_from_mapping(scene, source=f"the scene in {path}"))
+
+
+def _targets(path: Path, plan: Plan) -> Mapping[str, int]:
+    """Return the target of each detection, -1 for noise."""
+    number = {id_: place for place, id_ in enumerate(plan.targets.ids)}
+    rows = (row for row in _lines(path, dict[str, Any]) if row.get("record") == "detection")
+    return {row["detection_id"]: number.get(row["target_id"], -1) for row in rows}
+
+
+def _events(path: Path) -> Iterator[_Event]:
+    yield from _lines(path, _Event)
+
+
+def _lines(path: Path, kind: Any) -> Iterator[Any]:
+    decoder = msgspec.json.Decoder(kind)
+    with path.open("rb") as lines:
+        for number, line in enumerate(lines, start=1):
+            try:
+                yield decoder.decode(line)
+            except (msgspec.DecodeError, UnicodeDecodeError) as error:
+                raise _refused(path, f"line {number}", f"not what opir writes: {error}") from error
+
+
+def _times_s(rows: list[_Event], plan: Plan) -> np.ndarray[Any, np.dtype[np.float64]]:
+    stamps = np.array([row.timestamp.removesuffix("Z") for row in rows], dtype="datetime64[us]")
+    return (stamps.astype(np.int64) - plan.scene.epoch_us).astype(np.float64) * 1e-6
+
+
+def _existing(path: Path, what: str) -> Path:
+    if path.is_file():
+        return path
+    raise _refused(path, "", f"{what} is not there; `opir run` writes events, truth, tracks and manifest side by side")
+
+
+def _refused(path: Path, where: str, message: str) -> SceneError:
+    return SceneError([Problem(where, message)], source=str(path))

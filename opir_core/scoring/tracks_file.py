@@ -1,0 +1,72 @@
+"""The tracks file: what a tracker told at every tick, for scores and plots. JSON lines, one a track and tick.
+
+Unknown numbers are null. States are ECEF, m and m/s relative to the turning Earth; points are latitude and longitude
+in rad and the scene time in s; covariances are row by row.
+"""
+
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+import msgspec
+import numpy as np
+from attrs import fields
+
+from opir_core.errors import Problem, SceneError, SinkError
+from opir_core.records import Tracks
+
+_NAMES = tuple(attribute.name for attribute in fields(Tracks))
+
+
+class TracksFile:
+    """Writes tracks to a file, tick by tick; use it as a context."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._encoder = msgspec.json.Encoder()
+        try:
+            self._file: BinaryIO = path.open("wb")
+        except OSError as error:
+            raise SinkError(f"the tracks file {path} cannot be written: {error.strerror}") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
+        self._file.close()
+
+    def write(self, tracks: Tracks) -> None:
+        """Write a window's rows."""
+        columns = [getattr(tracks, name).tolist() for name in _NAMES]
+        rows = [dict(zip(_NAMES, row, strict=True)) for row in zip(*columns, strict=True)]
+        try:
+            # msgspec writes nan as null.
+            self._file.write(self._encoder.encode_lines(rows))
+        except OSError as error:
+            raise SinkError(f"the tracks file {self._path} cannot be written: {error.strerror}") from error
+
+
+def read_tracks(path: Path) -> Tracks:
+    """Return the tracks of a file; `SceneError` with file and line where it is none."""
+    rows = [_row(line, number, path) for number, line in enumerate(path.read_bytes().splitlines(), start=1)]
+    if not rows:
+        return Tracks.empty()
+    empty = Tracks.empty()
+    return Tracks(*(_column(rows, name, getattr(empty, name)) for name in _NAMES))
+
+
+def _row(line: bytes, number: int, path: Path) -> dict[str, Any]:
+    try:
+        row = msgspec.json.decode(line, type=dict[str, Any])
+        missing = [name for name in _NAMES if name not in row]
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise SceneError([Problem(f"line {number}", f"not a track: {error}")], source=str(path)) from error
+    if missing:
+        raise SceneError([Problem(f"line {number}", f"a track without {', '.join(missing)}")], source=str(path))
+    return row
+
+
+def _column(rows: list[dict[str, Any]], name: str, like: Any) -> Any:
+    values = np.array([row[name] for row in rows], dtype=object if like.dtype.kind == "f" else like.dtype)
+    # null becomes nan; numbers stay as they are.
+    return values.astype(like.dtype) if like.dtype.kind == "f" else values
