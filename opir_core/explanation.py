@@ -12,10 +12,10 @@ from opir_core.sightlines import Blocked
 from opir_core.windowing import window_edges_ns
 
 _REASONS = {
-    Blocked.NO_LOOK: "no scan falls into what the sensor watches before the scene ends",
-    Blocked.BEHIND_EARTH: "the Earth is in the way throughout",
-    Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout",
-    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout",
+    Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
+    Blocked.BEHIND_EARTH: "the Earth is in the way throughout the {part}",
+    Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout the {part}",
+    Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout the {part}",
 }
 
 
@@ -49,7 +49,8 @@ def _pair(plan: Plan, row: int) -> Mapping[str, Any]:
 
 
 def _skipped(plan: Plan, row: int) -> Mapping[str, Any]:
-    return {**_names(plan, row), "reason": _REASONS[Blocked(int(plan.pairs.blocked[row]))]}
+    part = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
+    return {**_names(plan, row), "reason": _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=part)}
 
 
 def _names(plan: Plan, row: int) -> Mapping[str, str]:
