@@ -14,6 +14,24 @@ def _forge(_config: Any, context: "EncoderContext") -> "Encoder":
     return ForgeEncoder(context)
 
 
+def _forge_c2(_config: Any, context: "EncoderContext") -> "Encoder":
+    from opir_core.events.forge_c2 import ForgeC2Encoder
+
+    return ForgeC2Encoder(context)
+
+
+def _udl(_config: Any, context: "EncoderContext") -> "Encoder":
+    from opir_core.events.udl import UdlEncoder
+
+    return UdlEncoder(context)
+
+
 ENCODERS = (
     EventEncoder(name="forge", summary="one flat JSON object an event, for the FORGE fusion pipeline", build=_forge),
+    EventEncoder(
+        name="forge-c2",
+        summary="a flat record with a place, or none, for command-and-control consumers",
+        build=_forge_c2,
+    ),
+    EventEncoder(name="udl", summary="a MissileTrack of the Unified Data Library, simulated", build=_udl),
 )

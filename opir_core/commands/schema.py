@@ -1,4 +1,4 @@
-"""`opir schema detection`: the JSON Schema of an event."""
+"""`opir schema NAME`: the JSON Schema of an event, by the encoder that makes it (`detection` is the default one's)."""
 
 import argparse
 import sys
@@ -6,12 +6,12 @@ import sys
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the name of the schema."""
-    parser.add_argument("name", choices=["detection"], help="which schema")
+    parser.add_argument("name", choices=["detection", "forge-c2", "udl"], help="which schema")
 
 
-def run(_arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Print the schema."""
-    from opir_core.events import detection_schema_text
+    from opir_core.events.schema import schema_text
 
-    sys.stdout.write(detection_schema_text())
+    sys.stdout.write(schema_text(arguments.name))
     return 0

@@ -5,15 +5,11 @@ made once and looked up, and what differs from event to event is made a column a
 the ways that were measured against it.
 """
 
-from collections.abc import Iterable, Sequence
-from typing import Any
-
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.events.identifiers import uuid_characters
 from opir_core.events.lawful import refuse_unlawful
+from opir_core.events.lines import Piece, carried_positions, joined_lines, openings, piece_table, taken
 from opir_core.events.number_text import (
     DEGREE_DECIMALS,
     METRE_DECIMALS,
@@ -27,19 +23,13 @@ from opir_core.events.number_text import (
     vector_texts,
 )
 from opir_core.events.schema import SCHEMA_VERSION
-from opir_core.events.timestamps import timestamp_characters, unix_microseconds
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import EncoderContext, Sensor
-from opir_core.records import Detections, FloatArray, IntArray, Window
+from opir_core.records import Detections, IntArray, Window
 from opir_core.scene import REPORTED_TYPES
 from opir_core.sites import Viewpoints
 
-#: A piece of the line: one for all events, or one for each.
-Piece = bytes | list[bytes]
-
-_OPENING = b'{"detection_id":"' + b"-" * 36 + b'","timestamp":"' + b"-" * 27 + b'",'
-_ID = slice(17, 17 + 36)
-_TIMESTAMP = slice(_OPENING.rindex(b'"-') + 1, _OPENING.rindex(b'-"') + 1)
+_OPENING = b'{"detection_id":"', b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
 _POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
 _TRACK = b',"schema_version":"%b","track_id":%b,"azimuth_deg":'
@@ -61,9 +51,9 @@ class ForgeEncoder:
     def __init__(self, context: EncoderContext) -> None:
         self._sensors = context.sensors
         self._epoch_us = context.epoch_us
-        self._sensor_pieces = _table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
-        self._band_pieces = _table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
-        self._look_pieces = _table(piece for sensor in context.sensors for piece in _look_pieces(sensor))
+        self._sensor_pieces = piece_table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
+        self._band_pieces = piece_table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
+        self._look_pieces = piece_table(piece for sensor in context.sensors for piece in _look_pieces(sensor))
         self._sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors], dtype=np.float64)
         looks = [1 << len(sensor.bands) for sensor in context.sensors]
         self._first_look = np.cumsum([0, *looks[:-1]], dtype=np.int64)
@@ -77,11 +67,11 @@ class ForgeEncoder:
         sensor = detections.sensor.astype(np.int64)
         viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
         angles = viewpoints.angles(detections.line_of_sight_ecef)
-        return _lines(
+        return joined_lines(
             len(detections),
             [
-                _openings(detections, self._epoch_us),
-                _taken(self._sensor_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
+                openings(detections, self._epoch_us, *_OPENING),
+                taken(self._sensor_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
                 _points(window, self._epoch_us),
                 number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
                 _tracks(detections.track),
@@ -100,17 +90,9 @@ class ForgeEncoder:
         place = self._first_look[sensor] + detections.bands
         sigma_rad = detections.line_of_sight_sigma_rad
         if np.array_equal(sigma_rad, self._sigma_rad.take(sensor)):
-            return [_taken(self._look_pieces, place)]
+            return [taken(self._look_pieces, place)]
         sigma_urad = rounded(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS)
-        return [_SIGMA, number_texts(sigma_urad), _taken(self._band_pieces, place)]
-
-
-def _lines(count: int, pieces: Sequence[Piece]) -> bytes:
-    """Return `count` lines of the pieces, one after the other."""
-    line: list[bytes] = [b""] * (count * len(pieces))
-    for place, piece in enumerate(pieces):
-        line[place :: len(pieces)] = [piece] * count if isinstance(piece, bytes) else piece
-    return b"".join(line)
+        return [_SIGMA, number_texts(sigma_urad), taken(self._band_pieces, place)]
 
 
 def _sensor_pieces(sensor: Sensor) -> list[bytes]:
@@ -133,25 +115,6 @@ def _band_pieces(sensor: Sensor) -> list[bytes]:
     return [_BANDS % _json([name for bit, name in enumerate(names) if mask >> bit & 1]) for mask in masks]
 
 
-def _table(pieces: Iterable[bytes]) -> NDArray[Any]:
-    """Return pieces as an array to take from: an index array takes faster than a loop."""
-    return np.array(list(pieces), dtype=object)
-
-
-def _taken(table: NDArray[Any], rows: NDArray[Any]) -> list[bytes]:
-    taken: list[bytes] = table.take(rows).tolist()
-    return taken
-
-
-def _openings(detections: Detections, epoch_us: int) -> list[bytes]:
-    text = np.empty((len(detections), len(_OPENING)), dtype=np.uint8)
-    text[:] = np.frombuffer(_OPENING, dtype=np.uint8)
-    text[:, _ID] = uuid_characters(detections.detection_id)
-    text[:, _TIMESTAMP] = timestamp_characters(unix_microseconds(detections.time_ns, epoch_us))
-    openings: list[bytes] = text.view(f"S{len(_OPENING)}").ravel().tolist()
-    return openings
-
-
 def _points(window: Window, epoch_us: int) -> Piece:
     """Return the launch and impact points of the estimates that the detections point to."""
     estimate, estimates = window.detections.estimate, window.estimates
@@ -165,19 +128,19 @@ def _points(window: Window, epoch_us: int) -> Piece:
     impacts = point_texts(estimates.impact[used], estimates.impact_covariance[used], epoch_us)
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
     known = [_POINTS % both for both in zip(launches, impacts, strict=True)]
-    return _taken(_table([*unknown, *known]), of_detection)
+    return taken(piece_table([*unknown, *known]), of_detection)
 
 
 def _tracks(track: IntArray) -> Piece:
     numbers, of_detection = np.unique(track, return_inverse=True)
     version = SCHEMA_VERSION.encode()
     pieces = (_TRACK % (version, b"null" if number < 0 else b"%d" % number) for number in numbers.tolist())
-    return _taken(_table(pieces), of_detection)
+    return taken(piece_table(pieces), of_detection)
 
 
 def _sensor_positions(viewpoints: Viewpoints) -> Piece:
     places = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
-    return _taken(_table(_POSITION % place for place in places), viewpoints.of_row)
+    return taken(piece_table(_POSITION % place for place in places), viewpoints.of_row)
 
 
 def _whereabouts(window: Window) -> list[Piece]:
@@ -185,20 +148,10 @@ def _whereabouts(window: Window) -> list[Piece]:
     tracked = np.flatnonzero(window.detections.estimate >= 0)
     if not len(tracked):
         return [_NOWHERE]
-    place = ecef_to_geodetic(_carried_positions(window, tracked))
+    place = ecef_to_geodetic(carried_positions(window, tracked))
     columns = np.full((3, len(window.detections)), np.nan)
     columns[0, tracked] = rounded_degrees(place.latitude_rad)
     columns[1, tracked] = rounded_longitude_deg(place.longitude_rad)
     columns[2, tracked] = rounded(place.height_m, METRE_DECIMALS)
     latitude, longitude, altitude = (number_texts(column) for column in columns)
     return [b'"latitude_deg":', latitude, b',"longitude_deg":', longitude, b',"altitude_m":', altitude, b"}\n"]
-
-
-@np.errstate(invalid="ignore", over="ignore")
-def _carried_positions(window: Window, rows: IntArray) -> FloatArray:
-    """Return ECEF positions of the estimates of some detections, carried from their tick at constant velocity."""
-    estimate = window.detections.estimate[rows]
-    state = window.estimates.state[estimate]
-    since_tick_s = window.detections.time_s[rows] - window.estimates.tick_s[estimate]
-    carried: FloatArray = state[:, :3] + since_tick_s[:, np.newaxis] * state[:, 3:]
-    return carried

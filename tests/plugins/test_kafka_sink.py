@@ -26,7 +26,9 @@ from opir_kafka.settings import KafkaConfig, SecurityConfig
 from spool_stand import ENCODER, SENSORS, window
 
 from opir_core.cli import main
+from opir_core.delivery import deliver
 from opir_core.errors import SceneError, SinkError
+from opir_core.plan import compile_plan
 from opir_core.reading import load_scene
 from opir_core.spool.carriers import Carrier
 from opir_core.spool.dispatch import Policy
@@ -293,19 +295,21 @@ def test_a_missing_codec_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         connector(KafkaConfig(compression="zstd"))
 
 
-def test_a_message_is_what_the_document_of_the_topic_says(broker: Any) -> None:
+@pytest.mark.parametrize("encoder", ["forge", "forge-c2", "udl"])
+def test_a_message_is_what_the_document_of_the_topic_says(broker: Any, encoder: str) -> None:
     document = asyncapi_document()
     assert document["channels"]["detections"]["address"] == KafkaConfig().topic
-    told = document["components"]["messages"]["forge"]
+    told = document["components"]["messages"][encoder]
     topic = broker.topic()
-    sink = kafka_sink(broker.address, topic, None)
-    sink.write(window(10))
-    assert sink.close().delivered == 10
-    for message in messages(broker.address, topic):
+    settings = f"bootstrap_servers: '{broker.address}', topic: {topic}, encoder: {encoder}"
+    outcome = deliver(compile_plan(scene_with(f"{{{settings}}}")))
+    found = messages(broker.address, topic)
+    assert outcome.report.sinks[0].delivered == len(found) == 750
+    for message in found:
         headers = {name: value.decode() for name, value in message.headers()}
         jsonschema.Draft202012Validator(told["headers"]).validate(headers)
         jsonschema.Draft202012Validator(told["bindings"]["kafka"]["key"]).validate(message.key().decode())
-        jsonschema.Draft202012Validator(told["payload"]["schema"]).validate(json.loads(message.value()))
+    jsonschema.Draft202012Validator(told["payload"]["schema"]).validate(json.loads(found[0].value()))
 
 
 def test_every_reference_of_the_document_leads_somewhere() -> None:

@@ -3,7 +3,7 @@
 from typing import Any
 
 from opir_core._version import __version__
-from opir_core.events.schema import SCHEMA_VERSION, detection_schema
+from opir_core.events.schema import SCHEMAS, schema
 from opir_kafka.settings import KafkaConfig
 
 #: The media type of a JSON Schema of that draft, as AsyncAPI's multi-format schemas name it.
@@ -13,6 +13,7 @@ _SCHEMA_FORMAT = "application/schema+json;version=draft-2020-12"
 def asyncapi_document() -> dict[str, Any]:
     """Return the document (AsyncAPI 3.0, https://www.asyncapi.com/docs/reference/specification/v3.0.0)."""
     bare = KafkaConfig()
+    names = list(SCHEMAS.values())
     return {
         "asyncapi": "3.0.0",
         "info": {
@@ -28,7 +29,8 @@ def asyncapi_document() -> dict[str, Any]:
             "detections": {
                 "address": bare.topic,
                 "servers": [{"$ref": "#/servers/kafka"}],
-                "messages": {"forge": {"$ref": "#/components/messages/forge"}},
+                "description": f"One of these, as the output's encoder says; by default {bare.encoder}.",
+                "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in names},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }
         },
@@ -37,10 +39,10 @@ def asyncapi_document() -> dict[str, Any]:
                 "action": "send",
                 "summary": "opir sends; a fusion pipeline receives.",
                 "channel": {"$ref": "#/channels/detections"},
-                "messages": [{"$ref": "#/channels/detections/messages/forge"}],
+                "messages": [{"$ref": f"#/channels/detections/messages/{name}"} for name in names],
             }
         },
-        "components": {"messages": {"forge": _message("forge", "Detection event", SCHEMA_VERSION, detection_schema())}},
+        "components": {"messages": {encoder: _message(encoder, schema(name)) for name, encoder in SCHEMAS.items()}},
     }
 
 
@@ -51,7 +53,8 @@ def asyncapi_text() -> str:
     return yaml.safe_dump(asyncapi_document(), sort_keys=False, allow_unicode=True, width=120)
 
 
-def _message(name: str, title: str, version: str, schema: dict[str, Any]) -> dict[str, Any]:
+def _message(name: str, payload: dict[str, Any]) -> dict[str, Any]:
+    version = payload["$id"].rpartition(":")[2]
     headers = {
         "type": "object",
         "properties": {"content-type": {"const": "application/json"}, "schema-version": {"const": version}},
@@ -60,9 +63,9 @@ def _message(name: str, title: str, version: str, schema: dict[str, Any]) -> dic
     key = {"type": "string", "description": "The sensor's id, UTF-8: it decides the partition."}
     return {
         "name": name,
-        "title": title,
+        "title": payload["title"],
         "contentType": "application/json",
         "headers": headers,
-        "payload": {"schemaFormat": _SCHEMA_FORMAT, "schema": schema},
+        "payload": {"schemaFormat": _SCHEMA_FORMAT, "schema": payload},
         "bindings": {"kafka": {"key": key, "bindingVersion": "0.5.0"}},
     }
