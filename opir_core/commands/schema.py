@@ -11,7 +11,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the schema."""
-    from opir_core.events.schema import schema_text
+    from opir_core.events import schema_text
 
     sys.stdout.write(schema_text(arguments.name))
     return 0

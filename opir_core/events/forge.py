@@ -8,6 +8,7 @@ the ways that were measured against it.
 import msgspec
 import numpy as np
 
+from opir_core.events import SCHEMA_VERSION
 from opir_core.events.lawful import refuse_unlawful
 from opir_core.events.lines import Piece, carried_positions, joined_lines, openings, piece_table, taken
 from opir_core.events.number_text import (
@@ -22,7 +23,6 @@ from opir_core.events.number_text import (
     rounded_number,
     vector_texts,
 )
-from opir_core.events.schema import SCHEMA_VERSION
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import EncoderContext, Sensor
 from opir_core.records import Detections, IntArray, Window

@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.events import FORGE_C2_VERSION
 from opir_core.events.blocks import only_encodable
 from opir_core.events.lawful import refuse_unlawful
 from opir_core.events.lines import carried_positions, joined_lines, openings, piece_table, taken
@@ -26,9 +27,6 @@ from opir_core.protocols import EncoderContext, Sensor
 from opir_core.records import BoolArray, Detections, FloatArray, Window
 from opir_core.sites import Viewpoints
 
-#: The version of the record's shape, which the messages' headers carry.
-SCHEMA_VERSION = "1.0"
-
 _OPENING = b'{"event_id":"', b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":"OPIR","latitude":'
 _M_PER_UM = 1e-6
@@ -43,7 +41,7 @@ class ForgeC2Encoder:
     """Detections to lines of JSON, one flat object each, none without a place."""
 
     content_type = "application/json"
-    schema_version = SCHEMA_VERSION
+    schema_version = FORGE_C2_VERSION
 
     def __init__(self, context: EncoderContext) -> None:
         self._sensors = context.sensors

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from opir_core.events import UDL_VERSION
 from opir_core.events.ellipse import CONTAINMENT, containment_ellipse
 from opir_core.events.forge_c2 import estimated_places_ecef_m, places_ecef_m
 from opir_core.events.lawful import refuse_unlawful
@@ -30,9 +31,6 @@ from opir_core.records import FloatArray, IntArray, Window
 from opir_core.scene import REPORTED_TYPES, UNKNOWN_TYPE
 from opir_core.sites import Viewpoints
 
-#: The version of the record's shape, which the messages' headers carry.
-SCHEMA_VERSION = "1.0"
-
 _OPENING = (
     b'{"classificationMarking":"U","dataMode":"SIMULATED","source":"opir","msgType":"OPIR","id":"',
     b'","ts":"',
@@ -51,7 +49,7 @@ class UdlEncoder:
     """Detections to lines of JSON, a MissileTrack each."""
 
     content_type = "application/json"
-    schema_version = SCHEMA_VERSION
+    schema_version = UDL_VERSION
 
     def __init__(self, context: EncoderContext) -> None:
         self._sensors = context.sensors

@@ -14,10 +14,10 @@ from hypothesis.extra.numpy import arrays
 
 from opir_core.cli import main
 from opir_core.errors import ModelError
+from opir_core.events import SCHEMAS, schema
 from opir_core.events.blocks import window_blocks
 from opir_core.events.forge_c2 import ForgeC2Encoder
 from opir_core.events.identifiers import uuid_text
-from opir_core.events.schema import SCHEMAS, schema
 from opir_core.events.udl import UdlEncoder
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, grazing_height_m
 from opir_core.protocols import Band, EncoderContext

@@ -3,7 +3,7 @@
 from typing import Any
 
 from opir_core._version import __version__
-from opir_core.events.schema import SCHEMAS, schema
+from opir_core.events import SCHEMAS, schema
 from opir_kafka.settings import KafkaConfig
 
 #: The media type of a JSON Schema of that draft, as AsyncAPI's multi-format schemas name it.
@@ -13,7 +13,7 @@ _SCHEMA_FORMAT = "application/schema+json;version=draft-2020-12"
 def asyncapi_document() -> dict[str, Any]:
     """Return the document (AsyncAPI 3.0, https://www.asyncapi.com/docs/reference/specification/v3.0.0)."""
     bare = KafkaConfig()
-    names = list(SCHEMAS.values())
+    names = [encoder for encoder, _ in SCHEMAS.values()]
     return {
         "asyncapi": "3.0.0",
         "info": {
@@ -42,7 +42,7 @@ def asyncapi_document() -> dict[str, Any]:
                 "messages": [{"$ref": f"#/channels/detections/messages/{name}"} for name in names],
             }
         },
-        "components": {"messages": {encoder: _message(encoder, schema(name)) for name, encoder in SCHEMAS.items()}},
+        "components": {"messages": _messages()},
     }
 
 
@@ -53,8 +53,11 @@ def asyncapi_text() -> str:
     return yaml.safe_dump(asyncapi_document(), sort_keys=False, allow_unicode=True, width=120)
 
 
-def _message(name: str, payload: dict[str, Any]) -> dict[str, Any]:
-    version = payload["$id"].rpartition(":")[2]
+def _messages() -> dict[str, Any]:
+    return {encoder: _message(encoder, version, schema(name)) for name, (encoder, version) in SCHEMAS.items()}
+
+
+def _message(name: str, version: str, payload: dict[str, Any]) -> dict[str, Any]:
     headers = {
         "type": "object",
         "properties": {"content-type": {"const": "application/json"}, "schema-version": {"const": version}},
