@@ -87,6 +87,21 @@ class PlumeConfig:
     tail_on: float = number(
         default=0.3, minimum=0.0, maximum=1.0, help="intensity seen from straight behind over that seen broadside"
     )
+    body_temperature_k: float = number(
+        default=300.0,
+        unit="K",
+        minimum=100.0,
+        maximum=6000.0,
+        help="temperature of the body after burnout, for sensors that follow bodies",
+    )
+    body_area_m2: float = number(
+        default=4.0,
+        unit="m2",
+        minimum=0.0,
+        maximum=1e4,
+        help="area that the body shows after burnout, projected, the mean over aspects",
+    )
+    body_emissivity: float = number(default=0.9, minimum=0.0, maximum=1.0, help="emissivity of the body after burnout")
     continuum_temperature_k: float = number(
         default=1500.0, unit="K", minimum=300.0, maximum=6000.0, help="temperature of the grey continuum, of particles"
     )

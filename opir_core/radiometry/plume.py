@@ -2,7 +2,8 @@
 
 Source: `opir_core/data/plumes.json`, which says what in it is notional. Intensity is a product of the band's peak, the
 stage, the rise at ignition, altitude and aspect. The aspect's factor is that of the area which a long body shows: at an
-angle a from the direction of flight √(sin² a + e² cos² a), with e what it shows end-on.
+angle a from the direction of flight √(sin² a + e² cos² a), with e what it shows end-on. After burnout the body alone
+radiates, grey and at one temperature; sunlight and earthlight that it reflects are left out.
 """
 
 import json
@@ -32,9 +33,13 @@ GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (
 
 @frozen(eq=False)
 class PlumeSignatures:
-    """Plumes of n targets: `peak_w_sr` (bands, n); the other columns (n,), stage scales (n, 8), shapes by number."""
+    """Plumes of n targets, and their bodies: `peak_w_sr` and `body_w_sr` (bands, n).
+
+    The other columns are (n,), stage scales (n, 8), shapes by number.
+    """
 
     peak_w_sr: FloatArray
+    body_w_sr: FloatArray
     burn_time_s: FloatArray
     stages: IntArray
     stage_scale: FloatArray
@@ -52,10 +57,12 @@ class PlumeSignatures:
         altitude_m: FloatArray,
         aspect_rad: FloatArray,
     ) -> FloatArray:
-        """Return radiant intensities (n,) at the source, W/sr; 0 before ignition and after burnout."""
+        """Return radiant intensities (n,) at the source, W/sr: 0 before ignition, the body's after burnout."""
         peak: FloatArray = self.peak_w_sr[band][target]
         thrust = self._thrust(target, time_since_ignition_s)
-        return peak * thrust * self._altitude(target, altitude_m) * self._aspect(target, aspect_rad)
+        plume = peak * thrust * self._altitude(target, altitude_m) * self._aspect(target, aspect_rad)
+        burnt_out = time_since_ignition_s > self.burn_time_s[target]
+        return np.where(burnt_out, self.body_w_sr[band][target], plume)
 
     def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
         """Return None: aspect is measured from the direction of flight."""
@@ -94,6 +101,7 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
     ]
     return PlumeSignatures(
         peak_w_sr=np.array(peaks, dtype=np.float64).reshape(-1, len(context.bands)).T.copy(),
+        body_w_sr=_bodies(configs, context),
         burn_time_s=np.asarray(context.burn_time_s, dtype=np.float64),
         stages=np.array(
             [config.stages or plume_table()["stages"][name] for config, name in zip(configs, classes, strict=True)]
@@ -144,6 +152,15 @@ def _peaks(config: PlumeConfig, name: str, context: SignatureContext, row: int) 
         return [config.scale * plume_intensity_w_sr(peaks, band, *temperatures) for band in context.bands]
     except ValueError as error:
         raise ModelError(f"{context.paths[row]}: {error}") from error
+
+
+def _bodies(configs: Sequence[PlumeConfig], context: SignatureContext) -> FloatArray:
+    """Return the intensities (bands, n) of grey bodies: emissivity · projected area · in-band radiance."""
+    shown_m2 = _column(configs, "body_emissivity") * _column(configs, "body_area_m2")
+    temperature_k = _column(configs, "body_temperature_k")
+    radiance = [band_radiance(temperature_k, band.lower_um, band.upper_um) for band in context.bands]
+    bodies: FloatArray = shown_m2 * np.array(radiance, dtype=np.float64).reshape(len(context.bands), -1)
+    return bodies
 
 
 def _class_name(config: PlumeConfig, context: SignatureContext, row: int) -> str:

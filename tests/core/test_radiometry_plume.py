@@ -71,7 +71,7 @@ def test_a_band_has_what_its_parts_have(name):
 
 
 def test_intensity_follows_the_stages():
-    signatures = plume(rise_time_s=0.0)
+    signatures = plume(rise_time_s=0.0, body_area_m2=0.0)
     first, second, third = (float(intensity(signatures, time_s=at)[0]) for at in (20.0, 60.0, 100.0))
     assert (second / first, third / first) == (pytest.approx(0.3), pytest.approx(0.1))
     assert intensity(signatures, time_s=[-1e-9, 120.0 + 1e-9, -50.0, 1e9]).tolist() == [0.0] * 4
@@ -142,3 +142,21 @@ def test_defaults_of_the_configuration_are_the_tables():
 def test_the_host_offers_it_without_an_entry_point():
     component = Host.of().component("opir_signature_models", "plume")
     assert component.build([component.config()], context()).burn_time_s.tolist() == [120.0]
+
+
+def test_after_burnout_the_warm_body_alone_is_seen():
+    bands = (Band("MWIR", 4.0, 5.0), Band("LWIR", 8.0, 12.0))
+    config = PlumeConfig(body_temperature_k=320.0, body_area_m2=3.0, body_emissivity=0.8)
+    context = SignatureContext(
+        bands=bands, ids=("T",), paths=("t",), types=("ICBM",), profiles=("",), burn_time_s=np.array([180.0])
+    )
+    plume = plume_signatures([config], context)
+    everyone = np.zeros(2, dtype=np.int32)
+    time_s, altitude_m, aspect_rad = np.array([181.0, 1500.0]), np.array([2e5, 9e5]), np.array([0.1, 1.5])
+    for number, band in enumerate(bands):
+        told = plume.intensity_w_sr(number, everyone, time_s, altitude_m, aspect_rad)
+        wavelength_um = np.linspace(band.lower_um, band.upper_um, 20001)
+        # Planck's law in W m⁻² sr⁻¹ µm⁻¹, summed by the trapezoidal rule.
+        c1, c2 = 1.191042972e8, 1.438776877e4
+        radiance = c1 / wavelength_um**5 / np.expm1(c2 / (wavelength_um * 320.0))
+        assert told == pytest.approx(0.8 * 3.0 * np.trapezoid(radiance, wavelength_um), rel=1e-7)
