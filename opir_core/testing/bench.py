@@ -31,7 +31,7 @@ _POLAR_ORBIT = {
 SENSORS: tuple[Mapping[str, Any], ...] = (
     {"model": "generic-scanner", "id": "BENCH-1", "orbital_slot_deg": -100.0},
     {"model": "generic-scanner", "id": "BENCH-2", "orbital_slot_deg": 180.0, "scan_period_ms": 700.0},
-    {"model": "generic-scanner", "id": "BENCH-3", "orbit": _POLAR_ORBIT, "bands": {"MWIR": [4.2, 4.5]}},
+    {"model": "generic-scanner", "id": "BENCH-3", "orbit": _POLAR_ORBIT, "bands": {"MWIR": [4.2, 4.45]}},
 )
 
 NEIGHBOUR_SENSOR = {"model": "generic-scanner", "id": "NEIGHBOUR", "orbital_slot_deg": -140.0}

@@ -24,3 +24,19 @@ class TestSbirsGeo(ConstellationContract):
 
 class TestNextgenGeo(ConstellationContract):
     name = "NEXTGEN-GEO"
+
+
+class TestHeoMolniya(ConstellationContract):
+    name = "HEO-MOLNIYA"
+
+
+class TestHeoTundra(ConstellationContract):
+    name = "HEO-TUNDRA"
+
+
+class TestLeoWide(ConstellationContract):
+    name = "LEO-WIDE"
+
+
+class TestLeoMedium(ConstellationContract):
+    name = "LEO-MEDIUM"

@@ -137,3 +137,13 @@ class TestGlints(SourceContract):
 class TestBolides(SourceContract):
     name = "bolides"
     settings: ClassVar[Mapping[str, Any]] = {"field": {"region": REGION, "per_million_km2": 3.0}}
+
+
+class TestStereoFilter(TrackerContract):
+    name = "stereo-filter"
+    settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return half of the bench's scene, in which tracks begin on every kind of target."""
+        return super().scene(**{"duration_s": 45.0, **changes})

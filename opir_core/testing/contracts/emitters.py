@@ -27,7 +27,7 @@ _ROWS = 300
 class EmitterContract(Contract):
     """What signature and source models both promise; `bands` are those that they are built with."""
 
-    bands: ClassVar[Sequence[Band]] = (Band("SWIR", 2.5, 2.9), Band("MWIR", 4.2, 4.5))
+    bands: ClassVar[Sequence[Band]] = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.2, 4.45))
 
     @classmethod
     def signatures(cls) -> Signatures:

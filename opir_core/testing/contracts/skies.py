@@ -29,7 +29,7 @@ _ALONE = "Compute whole columns at once."
 class SkyContract(Contract):
     """What atmosphere and background models both promise; `bands` are those that they are built with."""
 
-    bands: ClassVar[Sequence[Band]] = (Band("SWIR", 2.5, 2.9), Band("MWIR", 4.2, 4.5))
+    bands: ClassVar[Sequence[Band]] = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.2, 4.45))
 
     @classmethod
     def model(cls) -> Any:
@@ -122,13 +122,10 @@ class BackgroundContract(SkyContract):
         """Return the built model, before the atmosphere `clear`."""
         bands = tuple(cls.bands)
         clear = cls.host().component(AtmosphereModel, "clear")
+        sky = clear.build(clear.config(), AtmosphereContext(bands=bands, path="atmosphere", seed=_SEED))
+        # A partial pickles, where a lambda would not: models may keep what makes the atmosphere.
         context = BackgroundContext(
-            bands=bands,
-            path="background",
-            epoch_us=_EPOCH_US,
-            make_atmosphere=lambda: clear.build(
-                clear.config(), AtmosphereContext(bands=bands, path="atmosphere", seed=_SEED)
-            ),
+            bands=bands, path="background", epoch_us=_EPOCH_US, make_atmosphere=partial(_itself, sky)
         )
         made: Background = cls.component().build(cls.config(), context)
         return made
@@ -156,6 +153,10 @@ class BackgroundContract(SkyContract):
         """Lines of sight that lead away from the Earth see nothing."""
         told = self.answers(0, np.flatnonzero(np.isinf(_views().height_m)))
         insist(bool(np.all(told == 0.0)), f"cold space shines with {np.max(told)} W/(m2 sr)", "Return 0 there.")
+
+
+def _itself(sky: Transmittance) -> Transmittance:
+    return sky
 
 
 def _heights_m() -> FloatArray:
