@@ -7,7 +7,14 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, TableConfig, WeightedConfig
+from opir_core.builtin.configs import (
+    BallisticConfig,
+    ConfusionConfig,
+    ConstantConfig,
+    StereoFilterConfig,
+    TableConfig,
+    WeightedConfig,
+)
 from opir_core.plugin.components import (
     AtmosphereModel,
     BackgroundModel,
@@ -80,8 +87,6 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `none` and `stereo-filter`."""
-    from opir_core.builtin.tracking import StereoFilterConfig
-
     yield TrackerModel(name="none", summary="no tracks", build=_built_by("tracking", "no_tracker"))
     yield TrackerModel(
         name="stereo-filter",

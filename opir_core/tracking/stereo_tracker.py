@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.builtin.tracking import StereoFilterConfig
+from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks

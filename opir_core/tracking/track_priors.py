@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from opir_core.builtin.tracking import StereoFilterConfig
+from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces, forces_of
 from opir_core.protocols import TrackerContext

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from opir_core.builtin.tracking import StereoFilterConfig
+from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.protocols import TrackerContext
