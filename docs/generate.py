@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from attrs import fields
+from modelled import modelled_page
 
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
 from opir_core.plugin.description import field_rows, shown
@@ -28,6 +29,7 @@ def pages() -> Mapping[Path, str]:
     return {
         DOCS / "reference" / "scene.md": scene_page(),
         DOCS / "reference" / "components.md": components_page(),
+        DOCS / "explanation" / "what-is-modelled.md": modelled_page(Host.discover(PLUGINS)),
         DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
     }
 

@@ -11,7 +11,15 @@ from attrs import frozen
 from opir_core.errors import ModelError
 from opir_core.protocols import Band
 from opir_core.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
-from opir_core.radiometry.lowtran_table import BEND, HEIGHTS_M, SLANTS, TOP_M, NodeTable, fine_grid, node_tables
+from opir_core.radiometry.lowtran_table import (
+    BEND,
+    HIGHEST_SLANT,
+    LOWEST_SLANT,
+    TOP_M,
+    NodeTable,
+    fine_grid,
+    node_tables,
+)
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import AtmosphereContext, Transmittance
 from opir_core.radiometry.records import Paths
@@ -20,9 +28,6 @@ from opir_core.records import FloatArray
 
 #: Edges of bands are the same when they agree to this, µm.
 SAME_EDGE_UM = 1e-6
-
-_HEIGHT_STEP_M = float(HEIGHTS_M[1] - HEIGHTS_M[0])
-_SLANT_STEP = float(SLANTS[1] - SLANTS[0])
 
 
 @frozen(eq=False)
@@ -51,10 +56,11 @@ class LowtranAtmosphere:
 
     def _looked_up(self, band: int, height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
         grid = self.grids[band]
-        heights = grid.shape[1]
-        across = np.clip((np.arcsinh(elevation_sine / BEND) - SLANTS[0]) / _SLANT_STEP, 0.0, grid.shape[0] - 1.0)
-        up = np.clip(height_m / _HEIGHT_STEP_M, 0.0, heights - 1.0)
-        row = np.minimum(across.astype(np.int64), grid.shape[0] - 2)
+        slants, heights = grid.shape
+        scale = (slants - 1) / (HIGHEST_SLANT - LOWEST_SLANT)
+        across = np.clip((np.arcsinh(elevation_sine / BEND) - LOWEST_SLANT) * scale, 0.0, slants - 1.0)
+        up = np.clip(height_m * ((heights - 1) / TOP_M), 0.0, heights - 1.0)
+        row = np.minimum(across.astype(np.int64), slants - 2)
         column = np.minimum(up.astype(np.int64), heights - 2)
         across -= row
         up -= column

@@ -25,11 +25,11 @@ TOP_M = 100e3
 #: Radius of the sphere on which long paths are reckoned, m, and scale height of the air, m.
 RADIUS_M, SCALE_HEIGHT_M = 6_371_000.0, 8_000.0
 
-#: The grid: heights every 250 m, and sines of elevation that lie evenly in asinh(sine / 0.05).
-HEIGHTS_M = np.arange(0.0, TOP_M + 1.0, 250.0)
+#: The grid: so many sines of elevation, even in asinh(sine / 0.05) from the lowest, whose slant this is, to 1, and so
+#: many heights from 0 to the top.
+GRID_SHAPE = (192, 401)
 BEND = 0.05
-_LOWEST_SINE = -0.18
-SLANTS = np.linspace(math.asinh(_LOWEST_SINE / BEND), math.asinh(1.0 / BEND), 192)
+LOWEST_SLANT, HIGHEST_SLANT = math.asinh(-0.18 / BEND), math.asinh(1.0 / BEND)
 
 #: Optical depths are kept between these: τ from 1e-26 to all but 1.
 _LEAST, _MOST = 1e-12, 60.0
@@ -65,15 +65,14 @@ def _nodes(band: Band, rows: list[list[str]], column: int) -> NodeTable:
 
 
 @np.errstate(under="ignore")
-def fine_grid(nodes: NodeTable) -> FloatArray:
-    """Return transmittances (slants, heights) of a band over `SLANTS` and `HEIGHTS_M`, nowhere falling along either."""
-    by_height = akima(nodes.height_m, _roots(nodes.transmittance), HEIGHTS_M)
-    sines = np.sinh(SLANTS) * BEND
+def fine_grid(nodes: NodeTable, shape: tuple[int, int] = GRID_SHAPE) -> FloatArray:
+    """Return transmittances (slants, heights) of a band over the grid, nowhere falling along either."""
+    heights_m = np.linspace(0.0, TOP_M, shape[1])
+    sines = np.sinh(np.linspace(LOWEST_SLANT, HIGHEST_SLANT, shape[0])) * BEND
+    column = _Column(nodes.zenith_rad, heights_m, akima(nodes.height_m, _roots(nodes.transmittance), heights_m))
     rising = sines >= 0.0
-    depth = np.vstack(
-        [_downward(nodes.zenith_rad, by_height, sines[~rising]), _upward(nodes.zenith_rad, by_height, sines[rising])]
-    )
-    transmittance = np.where(HEIGHTS_M >= TOP_M, 1.0, np.exp(-depth))
+    depth = np.vstack([column.downward(sines[~rising]), column.upward(sines[rising])])
+    transmittance = np.where(heights_m >= TOP_M, 1.0, np.exp(-depth))
     risen = np.maximum.accumulate(np.maximum.accumulate(transmittance, axis=1), axis=0)
     return np.clip(risen, 0.0, 1.0)
 
@@ -94,24 +93,30 @@ def air_mass(sine: FloatArray | float, height_m: FloatArray | float) -> FloatArr
     return mass
 
 
-def _upward(zenith_rad: FloatArray, roots: FloatArray, sines: FloatArray) -> FloatArray:
-    """Return optical depths (sines, heights) towards sensors above the horizon, of roots (heights, zenith angles)."""
-    last = math.cos(float(zenith_rad[-1]))
-    within = akima(-np.log(np.cos(zenith_rad)), roots.T, -np.log(np.maximum(sines, last))) ** 4
-    depth, before = np.maximum(roots[:, -1] ** 4, _LEAST), np.maximum(roots[:, -2] ** 4, _LEAST)
-    steeper, edge = (air_mass(one, HEIGHTS_M) for one in (math.cos(float(zenith_rad[-2])), last))
-    power = np.clip(np.log(depth / before) / np.log(edge / steeper), 0.0, 1.0)
-    beyond = depth * (air_mass(sines[:, None], HEIGHTS_M) / edge) ** power
-    return np.where(sines[:, None] >= last, within, beyond)
+@frozen(eq=False)
+class _Column:
+    """One band over a column of heights: fourth roots of optical depth (heights, zenith angles)."""
 
+    zenith_rad: FloatArray
+    height_m: FloatArray
+    roots: FloatArray
 
-def _downward(zenith_rad: FloatArray, roots: FloatArray, sines: FloatArray) -> FloatArray:
-    """Return optical depths (sines, heights) towards sensors below the horizon; inf where the Earth is in the way."""
-    level = _upward(zenith_rad, roots, np.zeros(1))[0]
-    away = _upward(zenith_rad, roots, -sines)
-    lowest_m = (RADIUS_M + HEIGHTS_M) * np.sqrt(1.0 - sines[:, None] ** 2) - RADIUS_M
-    both = 2.0 * np.interp(lowest_m, HEIGHTS_M, level) - away
-    return np.where(lowest_m < 0.0, np.inf, np.maximum(both, level))
+    def upward(self, sines: FloatArray) -> FloatArray:
+        """Return optical depths (sines, heights) towards sensors above the horizon."""
+        last = math.cos(float(self.zenith_rad[-1]))
+        within = akima(-np.log(np.cos(self.zenith_rad)), self.roots.T, -np.log(np.maximum(sines, last))) ** 4
+        depth, before = (np.maximum(self.roots[:, place] ** 4, _LEAST) for place in (-1, -2))
+        steeper, edge = (air_mass(one, self.height_m) for one in (math.cos(float(self.zenith_rad[-2])), last))
+        power = np.clip(np.log(depth / before) / np.log(edge / steeper), 0.0, 1.0)
+        beyond = depth * (air_mass(sines[:, None], self.height_m) / edge) ** power
+        return np.where(sines[:, None] >= last, within, beyond)
+
+    def downward(self, sines: FloatArray) -> FloatArray:
+        """Return optical depths (sines, heights) towards sensors below the horizon, inf through the Earth."""
+        level = self.upward(np.zeros(1))[0]
+        lowest_m = (RADIUS_M + self.height_m) * np.sqrt(1.0 - sines[:, None] ** 2) - RADIUS_M
+        both = 2.0 * np.interp(lowest_m, self.height_m, level) - self.upward(-sines)
+        return np.where(lowest_m < 0.0, np.inf, np.maximum(both, level))
 
 
 def _roots(transmittance: FloatArray) -> FloatArray:

@@ -61,10 +61,34 @@ class SceneFile:
     sources: Node | None = nested(
         help="emitters that are no targets: fires, flares, glints, bolides", default=None, source=""
     )
-    detection: Node | None = nested(help="detection model: its name, or a block of model and settings", default=None)
-    classification: Node | None = nested(help="classifier: its name, or a block of model and settings", default=None)
-    confidence: Node | None = nested(help="confidence model: its name, or a block of model and settings", default=None)
-    tracker: Node | None = nested(help="tracker: its name, or a block of model and settings", default=None)
-    atmosphere: Node | None = nested(help="atmosphere model: its name, or a block of model and settings", default=None)
-    background: Node | None = nested(help="background model: its name, or a block of model and settings", default=None)
-    outputs: Node | None = nested(help="sinks: a list of names, or of names with their settings", default=None)
+    detection: Node | None = nested(
+        help="detection model: its name, or a block of model and settings",
+        default=None,
+        source="`constant` where none is named",
+    )
+    classification: Node | None = nested(
+        help="classifier: its name, or a block of model and settings",
+        default=None,
+        source="`paper` where none is named",
+    )
+    confidence: Node | None = nested(
+        help="confidence model: its name, or a block of model and settings",
+        default=None,
+        source="`weighted` where none is named",
+    )
+    tracker: Node | None = nested(
+        help="tracker: its name, or a block of model and settings", default=None, source="`none` where none is named"
+    )
+    atmosphere: Node | None = nested(
+        help="atmosphere model: its name, or a block of model and settings",
+        default=None,
+        source="`clear` where none is named",
+    )
+    background: Node | None = nested(
+        help="background model: its name, or a block of model and settings",
+        default=None,
+        source="`none` where none is named",
+    )
+    outputs: Node | None = nested(
+        help="sinks: a list of names, or of names with their settings", default=None, source=""
+    )

@@ -1,0 +1,261 @@
+"""Atmospheric transmittance: what each way of interpolating LOWTRAN's table costs, and how far it is from LOWTRAN.
+
+    python benchmarks/work_precision/atmosphere.py [--looks 1000000] [--repeat 7] [--write docs/benchmarks]
+
+All climates, bands and spectra of the shipped table. Errors are differences of transmittance: at the table's own
+points, and at each inner height and zenith angle left out in turn. A height left out makes its gap two to three times
+as wide as any interpolated over; the error of smooth curves grows at least with the square of the gap, so the column
+"at the table's gaps" has what was found over the square of how much wider the gap was. Times are processor time of one
+core, medians. `--write` puts the table, and, where matplotlib is installed, a plot into a folder.
+"""
+
+import argparse
+import statistics
+import time
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve
+
+from opir_core.radiometry.lowtran import LowtranAtmosphere
+from opir_core.radiometry.lowtran_table import NodeTable, fine_grid, node_tables
+from opir_core.radiometry.records import Paths
+from opir_core.radiometry.sky_configs import CLIMATES
+
+#: Returns transmittances by height, m, and sine of elevation.
+Model = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+SHAPES = ((12, 26), (24, 51), (48, 101), (96, 201), (192, 401), (384, 801))
+
+PAGE = """# Atmosphere: work and precision
+
+Made by `python benchmarks/work_precision/atmosphere.py --write docs/benchmarks`: the {tables} tables of LOWTRAN7 that
+opir ships; errors are the largest differences of transmittance; {looks} looks at once, processor time of one core,
+medians. To scale by: in the same run a multiplication of two numpy arrays took {multiply_ns:.2f} ns an element (0.2 ns
+where nothing else runs).
+
+{table}
+
+"A height left out" is LOWTRAN's value at an inner height of the table against what is interpolated without that
+height, over a gap two to three times as wide as the table's; "at the table's gaps" is that over the square of how much
+wider the gap was, which estimates the error of a smooth curve between the table's heights. "From the curves" is what
+the grid adds: the difference from a grid four times as fine either way, at random places. The `lowtran` atmosphere has
+the grid of 192 x 401.
+
+![Error against time](atmosphere.svg)
+"""
+
+
+class Row(NamedTuple):
+    """One line of the table."""
+
+    way: str
+    at_points: float
+    angle_out: float
+    height_out: float
+    at_gaps: float
+    from_curves: float
+    nanoseconds: float
+    build_ms: float
+    kilobytes: float
+
+
+def secant_law(nodes: NodeTable) -> Model:
+    """Return exp(-(optical depth straight up) / sine), with optical depths straight in height."""
+    depth = -np.log(np.maximum(nodes.transmittance[:, 0], 1e-26))
+    return lambda height, sine: np.exp(-np.interp(height, nodes.height_m, depth) / sine)
+
+
+def bilinear(nodes: NodeTable) -> Model:
+    """Return what is straight in ln τ over height and secant of the zenith angle."""
+    depth, secants = -np.log(np.maximum(nodes.transmittance, 1e-26)), 1.0 / np.cos(nodes.zenith_rad)
+
+    def model(height: np.ndarray, sine: np.ndarray) -> np.ndarray:
+        (row, up), (column, across) = placed(nodes.height_m, height), placed(secants, 1.0 / sine)
+        lower = depth[row, column] * (1.0 - across) + depth[row, column + 1] * across
+        upper = depth[row + 1, column] * (1.0 - across) + depth[row + 1, column + 1] * across
+        return np.exp(-(lower * (1.0 - up) + upper * up))
+
+    return model
+
+
+def gridded(shape: tuple[int, int]) -> Callable[[NodeTable], Model]:
+    """Return opir's own way with a grid of so many slants and heights."""
+
+    def made(nodes: NodeTable) -> Model:
+        atmosphere = LowtranAtmosphere((fine_grid(nodes, shape),), None)
+        return lambda height, sine: atmosphere._looked_up(0, height, sine)
+
+    return made
+
+
+WAYS: dict[str, tuple[Callable[[NodeTable], Model], float]] = {
+    "exp(-τ(nadir) sec z)": (secant_law, 17 * 8 / 1024),
+    "straight in ln τ over h and sec z": (bilinear, 17 * 8 * 8 / 1024),
+    **{f"grid {a} x {b}": (gridded((a, b)), a * b * 8 / 1024) for a, b in SHAPES},
+}
+
+
+def placed(points: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the gaps that places lie in, and how far across."""
+    row = np.clip(np.searchsorted(points, at, side="right") - 1, 0, len(points) - 2)
+    return row, (at - points[row]) / (points[row + 1] - points[row])
+
+
+@cache
+def tables() -> list[NodeTable]:
+    """Return all tables."""
+    skies = [(climate, "rural23km") for climate in CLIMATES] + [("us1976", "none")]
+    return [
+        nodes
+        for sky in skies
+        for spectrum in ("flat", "blackbody-1500K")
+        for nodes in node_tables(*sky, spectrum).values()
+    ]
+
+
+def error_at(model: Model, nodes: NodeTable, rows: slice, columns: slice) -> float:
+    """Return the largest error at some of a table's points."""
+    height, zenith = np.meshgrid(nodes.height_m[rows], nodes.zenith_rad[columns], indexing="ij")
+    found = model(height.ravel(), np.cos(zenith).ravel())
+    return float(np.abs(found - nodes.transmittance[rows, columns].ravel()).max())
+
+
+def without(nodes: NodeTable, axis: int, place: int) -> NodeTable:
+    """Return a table with one height (axis 0) or zenith angle (axis 1) left out."""
+    name = ("height_m", "zenith_rad")[axis]
+    changes = {name: np.delete(getattr(nodes, name), place)}
+    return evolve(nodes, transmittance=np.delete(nodes.transmittance, place, axis=axis), **changes)
+
+
+def left_out(way: Callable[[NodeTable], Model], axis: int) -> Iterator[tuple[float, float]]:
+    """Yield, for each inner height or angle of each table, the error there without it and how much wider the gap is."""
+    for nodes in tables():
+        points = nodes.height_m if axis == 0 else np.log(1.0 / np.cos(nodes.zenith_rad))
+        for place in range(1, len(points) - 1):
+            one, every = slice(place, place + 1), slice(None)
+            model = way(without(nodes, axis, place))
+            gaps = np.diff(points)[place - 1 : place + 1]
+            error = error_at(model, nodes, *((one, every) if axis == 0 else (every, one)))
+            yield error, float(gaps.sum() / gaps.max())
+
+
+def looks(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return random heights up to 100 km and sines of elevation above 5 degrees."""
+    rng = np.random.default_rng(1)
+    return rng.uniform(0.0, 99_999.0, count), rng.uniform(np.sin(np.radians(5.0)), 1.0, count)
+
+
+def from_curves(name: str, count: int) -> float:
+    """Return how far a grid is from one four times as fine."""
+    if not name.startswith("grid"):
+        return float("nan")
+    shape = tuple(int(part) for part in name.removeprefix("grid ").split(" x "))
+    fine = (4 * (shape[0] - 1) + 1, 4 * (shape[1] - 1) + 1)
+    where = looks(count)
+    hardest = [nodes for nodes in tables() if nodes.band.name in {"SWIR", "MWIR_N", "LWIR"}][:6]
+    return max(float(np.abs(gridded(shape)(nodes)(*where) - gridded(fine)(nodes)(*where)).max()) for nodes in hardest)
+
+
+def measured(name: str, count: int, repeat: int) -> Row:
+    """Return the table's line of one way."""
+    way, kilobytes = WAYS[name]
+    by_height = list(left_out(way, 0))
+    by_angle = [error for error, _ in left_out(way, 1)] if way is not secant_law else [float("nan")]
+    nodes, every = tables()[0], slice(None)
+    model, where = way(nodes), looks(count)
+    return Row(
+        way=name,
+        at_points=max(error_at(way(table), table, every, every) for table in tables()),
+        angle_out=max(by_angle),
+        height_out=max(error for error, _ in by_height),
+        at_gaps=max(error / wider**2 for error, wider in by_height),
+        from_curves=from_curves(name, 20_000),
+        nanoseconds=1e9 * median_s(lambda: model(*where), repeat) / count,
+        build_ms=1e3 * median_s(lambda: way(nodes), repeat),
+        kilobytes=kilobytes,
+    )
+
+
+def above_the_air(count: int, repeat: int) -> float:
+    """Return the time of a look at a target above 100 km, ns."""
+    atmosphere = LowtranAtmosphere((fine_grid(tables()[0]),), None)
+    nowhere = np.zeros((count, 3))
+    paths = Paths(np.full(count, 2e5), np.full(count, 0.5), nowhere, nowhere, np.zeros(count))
+    return 1e9 * median_s(lambda: atmosphere.transmittance(0, paths), repeat) / count
+
+
+def median_s(action: Callable[[], object], repeat: int) -> float:
+    """Return the median processor time of an action, after one call that is not counted."""
+    times = []
+    for _ in range(repeat + 1):
+        start = time.process_time()
+        action()
+        times.append(time.process_time() - start)
+    return statistics.median(times[1:])
+
+
+def multiply_ns() -> float:
+    """Return the time a plain numpy multiplication takes an element, as a measure of how busy the machine is."""
+    a = np.ones(32768)
+    return 1e9 * median_s(lambda: [np.multiply(a, a, out=a) for _ in range(1000)], 7) / (1000 * len(a))
+
+
+def table(rows: list[Row], space_ns: float) -> str:
+    """Return the rows as a Markdown table."""
+    head = (
+        "| way | at the table's points | an angle left out | a height left out | at the table's gaps | from the curves"
+        " | ns a look | build, ms a band | kB a band |\n|---|---|---|---|---|---|---|---|---|"
+    )
+    lines = [
+        f"| {r.way} | {r.at_points:.2g} | {shown(r.angle_out)} | {r.height_out:.3f} | {r.at_gaps:.3f}"
+        f" | {shown(r.from_curves)} | {r.nanoseconds:.0f} | {r.build_ms:.1f} | {r.kilobytes:.0f} |"
+        for r in rows
+    ]
+    return "\n".join([head, *lines, f"| above 100 km, nothing is looked up | 0 | 0 | 0 | 0 | 0 | {space_ns:.1f} | | |"])
+
+
+def shown(error: float) -> str:
+    """Return an error, or nothing where there is none to speak of."""
+    return "" if np.isnan(error) else f"{error:.2g}"
+
+
+def write_plot(rows: list[Row], path: Path) -> None:
+    """Write error against time."""
+    import matplotlib as mpl
+
+    mpl.use("svg")
+    mpl.rcParams.update({"svg.hashsalt": "opir", "svg.fonttype": "none"})
+    from matplotlib import pyplot as plt
+
+    figure, axis = plt.subplots(figsize=(7, 4), constrained_layout=True)
+    for column, label in (("at_points", "at the table's points"), ("at_gaps", "at the table's gaps")):
+        axis.plot([r.nanoseconds for r in rows], [getattr(r, column) for r in rows], "o", label=label)
+    for row in rows:
+        axis.annotate(row.way, (row.nanoseconds, row.at_points), fontsize=6)
+    axis.set(yscale="log", xlabel="ns a look", ylabel="largest error of transmittance", xlim=(0, None))
+    axis.legend()
+    figure.savefig(path, metadata={"Date": None})
+
+
+def main() -> None:
+    """Measure and print; write where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--looks", type=int, default=1_000_000)
+    parser.add_argument("--repeat", type=int, default=7)
+    parser.add_argument("--write", type=Path)
+    options = parser.parse_args()
+    rows = [measured(name, options.looks, options.repeat) for name in WAYS]
+    text = table(rows, above_the_air(options.looks, options.repeat))
+    print(text)
+    if options.write:
+        page = PAGE.format(table=text, tables=len(tables()), looks=options.looks, multiply_ns=multiply_ns())
+        (options.write / "atmosphere.md").write_text(page, encoding="utf-8")
+        write_plot(rows, options.write / "atmosphere.svg")
+
+
+if __name__ == "__main__":
+    main()
