@@ -48,6 +48,12 @@ PARTS = (
         "chemistry, plume structure, staging gaps, obscuration by the body",
     ),
     Part(
+        "Bodies after burnout",
+        "notional",
+        "grey bodies of one temperature, for sensors that follow them",
+        "heating on entry, sunlight and earthlight that they reflect, spin",
+    ),
+    Part(
         "Transmittance of the atmosphere",
         "tabulated",
         "LOWTRAN7 band means for five climates, 0 to 85° from the zenith, interpolated with an error of 1.6e-4 at its"

@@ -86,7 +86,7 @@ def glint_signatures(
     """Return the signatures of patches of water at positions (n, 3)."""
     light = [sunlight_w_m2(emitters["temperature_k"], band) * emitters["emissivity"] for band in context.bands]
     return GlintSignatures(
-        sunlight_w_m2=np.array(light, dtype=np.float64).reshape(len(context.bands), len(emitters)),
+        sunlight_w_m2=np.maximum(np.array(light, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0),
         area_m2=emitters["area_m2"],
         ignition_s=emitters["start_s"],
         height_m=emitters["height_m"],

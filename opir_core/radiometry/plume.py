@@ -141,7 +141,8 @@ def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: fl
         total += (
             rest * _radiance(gas_k, _overlap(gas, band)) / _radiance(gas_k, _overlap(gas, Band(name, *edges[name])))
         )
-    return total
+    # A band whose edges are swapped holds nothing.
+    return max(total, 0.0)
 
 
 def _peaks(config: PlumeConfig, name: str, context: SignatureContext, row: int) -> list[float]:
@@ -159,7 +160,8 @@ def _bodies(configs: Sequence[PlumeConfig], context: SignatureContext) -> FloatA
     shown_m2 = _column(configs, "body_emissivity") * _column(configs, "body_area_m2")
     temperature_k = _column(configs, "body_temperature_k")
     radiance = [band_radiance(temperature_k, band.lower_um, band.upper_um) for band in context.bands]
-    bodies: FloatArray = shown_m2 * np.array(radiance, dtype=np.float64).reshape(len(context.bands), -1)
+    whole = np.maximum(np.array(radiance, dtype=np.float64), 0.0).reshape(len(context.bands), -1)
+    bodies: FloatArray = shown_m2 * whole
     return bodies
 
 

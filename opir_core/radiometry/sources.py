@@ -169,4 +169,5 @@ def _grey_w_sr(emitters: Emitters, context: SourceContext) -> FloatArray:
     """Return intensities (bands, n) of the whole area."""
     bodies = (emitters["temperature_k"], emitters["area_m2"], emitters["emissivity"])
     found = [grey_body_intensity_w_sr(*bodies, band.lower_um, band.upper_um) for band in context.bands]
-    return np.array(found, dtype=np.float64).reshape(len(context.bands), len(emitters))
+    # A band whose edges are swapped holds nothing.
+    return np.maximum(np.array(found, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0)
