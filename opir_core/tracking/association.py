@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import FloatArray, IndexArray, IntArray
+from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.assignment import lone, nearest
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.joint_association import marginals
@@ -13,6 +13,9 @@ from opir_core.tracking.rays import Rays, Sights
 
 #: A pair that a joint association believes in less than this is left out of the track's sight.
 _LEAST_BELIEF = 1e-6
+
+#: Pairs this much less likely than a miss and a false alarm (log) are left out of a joint association: 1.8 % at most.
+_LEAST_LOG_RATIO = -4.0
 
 #: A sight tells at least this share of what an undoubted one would, or it is left out.
 _LEAST_TOLD = 1e-3
@@ -63,7 +66,16 @@ def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
 
 def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
     """Return each track's ray of each scan by global nearest neighbour."""
-    chosen = nearest(scan_groups(pairs, rays), pairs.ray, -chances.log_ratio(pairs, rays))
+    return as_owned(pairs, rays, chosen_nearest(pairs, rays, chances))
+
+
+def chosen_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> BoolArray:
+    """Return which pairs (n,) global nearest neighbour uses."""
+    return nearest(scan_groups(pairs, rays), pairs.ray, -chances.log_ratio(pairs, rays))
+
+
+def as_owned(pairs: Pairs, rays: Rays, chosen: BoolArray) -> Associated:
+    """Return undoubted sights of the pairs chosen."""
     used = pairs.take(np.flatnonzero(chosen))
     owner = np.full(len(rays), -1, dtype=np.int64)
     owner[used.ray] = used.track
@@ -79,6 +91,7 @@ def associate_joint(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
     and that is the sight: so any filter can take it in. Where the rays disagree so much that M is not positive, the
     sight tells nothing in that direction and is left out.
     """
+    pairs = pairs.take(np.flatnonzero(chances.log_ratio(pairs, rays) > _LEAST_LOG_RATIO))
     group, ratio = scan_groups(pairs, rays), chances.log_ratio(pairs, rays)
     owner = np.full(len(rays), -1, dtype=np.int64)
     chosen = pairs.take(np.flatnonzero(nearest(group, pairs.ray, -ratio)))

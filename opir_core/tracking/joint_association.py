@@ -12,6 +12,7 @@ propagation", IEEE Trans. AES 50(4), 2014), whose error docs/design/joint_associ
 
 from functools import lru_cache
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -154,8 +155,9 @@ def _read_backwards(weight: FloatArray, opened: list[list[int]], before: list[Fl
 
 def _ends(state: FloatArray, axis: int) -> tuple[FloatArray, FloatArray]:
     """Return views of the states in which a column is free, and in which it is used."""
-    moved = np.moveaxis(state, axis, 0)
-    return moved[0, ...], moved[1, ...]
+    free: Any = (*(slice(None),) * axis, 0, Ellipsis)
+    used: Any = (*(slice(None),) * axis, 1, Ellipsis)
+    return state[free], state[used]
 
 
 def _with_columns(state: FloatArray, axes: list[int], fresh: list[int]) -> tuple[FloatArray, list[int]]:

@@ -1,7 +1,7 @@
 """Rays: the lines of sight of detections, and what each says about the track it is held against."""
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
@@ -50,6 +50,10 @@ class Sights(Columns):
     axes: FloatArray
     seen: FloatArray
     whitener: FloatArray
+
+    def placed(self, track: IntArray) -> "Sights":
+        """Return the sights as those of other rows of a bank."""
+        return evolve(self, track=track)
 
     def residuals(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return whitened residuals (n, 2) at positions (n, 3), and what y gains a metre there, whitened, (n, 2, 3)."""

@@ -18,12 +18,14 @@ from opir_core.tracking import initiation, upkeep
 from opir_core.tracking.association import (
     Associated,
     Chances,
+    as_owned,
     associate_joint,
     associate_nearest,
     crowded,
     scan_numbers,
 )
 from opir_core.tracking.gating import Pairs, candidates, gated
+from opir_core.tracking.ghosts import without_ghosts
 from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_report import estimates
 from opir_core.tracking.switching_filter import Bank, Outlook, SwitchingFilter
@@ -86,7 +88,7 @@ class StereoTracking:
         bank = self.filter.moved(now.bank, span)
         owner = np.full(len(rays), -1, dtype=np.int64)
         if len(bank) and len(rays):
-            bank, owner = self._followed(bank, end_s, rays, span)
+            bank, owner = self.followed(bank, end_s, rays, span)
         elif len(bank):
             bank = self.filter.updated(bank, end_s, no_sights(), span)
         roster = now.roster.seen(owner, rays.time_s, rays.sensor.astype(np.int64), reported)
@@ -97,7 +99,7 @@ class StereoTracking:
         then = evolve(now, time_s=end_s, bank=bank, roster=roster, pool=pool.take(fresh), reported=told[fresh])
         return self._kept(self._begun(then), rays, owner)
 
-    def _followed(self, bank: Bank, end_s: float, rays: Rays, span: float) -> tuple[Bank, IntArray]:
+    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float) -> tuple[Bank, IntArray]:
         """Return the bank with a slice's rays taken in, and the row that each ray was given to.
 
         The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
@@ -130,15 +132,24 @@ class StereoTracking:
         rows = np.flatnonzero(place[pairs.track] >= 0)
         track, ray, before, then = place[pairs.track[rows]], pairs.ray[rows], bank.take(busy), after.take(busy)
         mine = place[owner]
-        for _ in range(self.config.settling):
+        for turn in range(self.config.settling):
             outlook = self.filter.outlook(then, end_s)
-            found = self._associated(gated(outlook, rays, track, ray, _SETTLING_GATE, self.light_time), rays)
+            closer = gated(outlook, rays, track, ray, _SETTLING_GATE, self.light_time)
+            found = self._associated(closer, rays)
+            if turn == 0:
+                found = self._unghosted(before, end_s, closer, rays, found)
             if np.array_equal(found.owner, mine):
                 break
             mine = found.owner
             then = self.filter.updated(before, end_s, found.sights, span)
         others = np.where((owner >= 0) & (place[owner] < 0), owner, -1)
         return after.put(busy, then), np.where(mine >= 0, busy[mine], others)
+
+    def _unghosted(self, bank: Bank, end_s: float, pairs: Pairs, rays: Rays, found: Associated) -> Associated:
+        """Return the association with the rays of one sensor exchanged where that explains the slice better."""
+        used = found.owner[pairs.ray] == pairs.track
+        better = without_ghosts(self.filter, bank, end_s, pairs, used, rays, self.chances)
+        return found if np.array_equal(better, used) else as_owned(pairs, rays, better)
 
     def _gated(self, outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray) -> Pairs:
         return gated(outlook, rays, track, ray, self.config.gate_sigma, self.light_time)

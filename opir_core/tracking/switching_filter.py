@@ -247,7 +247,8 @@ def _extended_root(bank: Bank) -> FloatArray:
 
 def _reweighed(weight: FloatArray, change: FloatArray) -> FloatArray:
     """Return weights times exp(change), normalised, none of a mode in use below the least."""
-    scaled = weight * np.exp(change - change.max(axis=1, keepdims=True))
+    used = np.where(weight > 0.0, change, -np.inf)
+    scaled = weight * np.exp(used - used.max(axis=1, keepdims=True))
     scaled = np.where(weight > 0.0, np.maximum(scaled, _LEAST_WEIGHT * scaled.sum(axis=1, keepdims=True)), 0.0)
     total: FloatArray = scaled / scaled.sum(axis=1, keepdims=True)
     return total
