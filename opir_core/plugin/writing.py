@@ -13,6 +13,7 @@ from attrs import frozen
 
 from opir_core.errors import PluginError
 from opir_core.plugin.api import API_VERSION, version_text
+from opir_core.plugin.discovery import core_sources, installed_sources
 from opir_core.plugin.host import Host
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
@@ -81,7 +82,7 @@ def _complaint(kind: str, name: str, host: Host) -> str:
         return f"{package} is a word of Python's own"
     if name in host.names(f"opir_{KINDS[kind].hook}"):
         return f"{host.provenance(f'opir_{KINDS[kind].hook}', name)} offers one of that name"
-    if name in {row.plugin for row in host.catalogue()}:
+    if name in {source.provenance.plugin for source in [*core_sources(), *installed_sources()]}:
         return "a plugin of that name is installed"
     return f"a module {package} is installed" if find_spec(package) is not None else ""
 

@@ -41,6 +41,17 @@ class Outsider:
         return subprocess.run(words, cwd=cwd or self.folder, env=clean, capture_output=True, text=True, check=False)
 
 
+def third_party(folder: Path) -> Path:
+    """Make a folder of links to all installed packages but those of this project, and return it."""
+    folder.mkdir()
+    for place in (Path(entry) for entry in sys.path if entry.endswith("site-packages")):
+        for found in place.iterdir():
+            link = folder / found.name
+            if "opir" not in found.name and found.suffix != ".pth" and not link.exists():
+                link.symlink_to(found)
+    return folder
+
+
 @pytest.fixture(scope="session")
 def outsider(tmp_path_factory: pytest.TempPathFactory) -> Outsider:
     """An environment of somebody else's, made once."""
@@ -51,10 +62,7 @@ def outsider(tmp_path_factory: pytest.TempPathFactory) -> Outsider:
     assert done.returncode == 0, done.stderr
     venv.create(made.environment, symlinks=True)
     (site,) = (made.environment / "lib").glob("python3.*/site-packages")
-    # Third-party packages are looked for here, after the environment's own; .pth files of these folders, by which
-    # editable installs are found, are not read.
-    shared = [entry for entry in sys.path if entry.endswith("site-packages")]
-    (site / "third_party.pth").write_text("\n".join(shared))
+    (site / "third_party.pth").write_text(str(third_party(folder / "third_party")))
     (wheel,) = (folder / "wheels").glob("opir_core-*.whl")
     made.install(str(wheel))
     where = made.python("-c", "import opir_core; print(opir_core.__file__)").stdout

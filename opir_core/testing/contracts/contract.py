@@ -80,10 +80,12 @@ def read_config(component: Any, settings: Mapping[str, Any]) -> Any:
         node: Node = node_of_data({**preset, **written})
         return class_reader(component.config)(node)
     except Refused as refused:
-        told = "; ".join(f"{complaint.path.lstrip('.')}: {complaint.message}" for complaint in refused.complaints)
+        told = "; ".join(
+            f"{complaint.path.lstrip('.')}: {complaint.message}".removeprefix(": ") for complaint in refused.complaints
+        )
         raise Broken(
             f"{component.kind} {component.name} does not read its settings: {told}",
-            "Give the contract settings = {...} (opir check: --set key=value), or the fields defaults.",
+            "Give the contract settings = {...} (opir check: --set key=value), or the fields lawful defaults.",
         ) from refused
 
 

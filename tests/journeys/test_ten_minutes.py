@@ -1,0 +1,44 @@
+"""The tutorial's transcript, line by line, as somebody else would type it."""
+
+import os
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "ten-minutes.md"
+BLOCK = re.compile(r"^```shell-session\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
+
+#: What pip is told so that it asks no index: an outsider's own would.
+OFFLINE = {"PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "PIP_NO_BUILD_ISOLATION": "0", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+
+
+def told(outsider: Any, command: str, folder: Path) -> str:
+    """Return what a command prints in somebody else's environment, both streams, without what never repeats."""
+    clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "OPIR_PLUGINS")}
+    path = f"{outsider.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        command,
+        shell=True,
+        cwd=folder,
+        env={**clean, **OFFLINE, "PATH": path, "COLUMNS": "80"},
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        check=False,
+    )
+    return re.sub(r" in \d+\.\d+s\b", " in 0.00s", "\n".join(map(str.rstrip, done.stdout.strip().splitlines())))
+
+
+@pytest.mark.slow
+def test_every_line_of_the_ten_minutes_is_real(outsider: Any, tmp_path: Path) -> None:
+    commands = 0
+    for block in BLOCK.findall(PAGE.read_text(encoding="utf-8")):
+        parts = COMMAND.split(block)
+        for command, shown in zip(parts[1::2], parts[2::2], strict=True):
+            assert told(outsider, command, tmp_path) == shown.strip(), command
+            commands += 1
+    assert commands >= 10
