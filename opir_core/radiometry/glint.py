@@ -11,7 +11,7 @@ and light that is mirrored twice are left out.
 import numpy as np
 from attrs import frozen
 
-from opir_core.geometry import local_axes, sun_position_ecef_m
+from opir_core.geometry import local_axes
 from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
 from opir_core.geometry.vectors import components, length
 from opir_core.protocols import Band
@@ -20,6 +20,7 @@ from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import SourceContext, Transmittance
 from opir_core.radiometry.records import Paths
 from opir_core.radiometry.source_configs import GlintConfig
+from opir_core.radiometry.viewing import sun_ecef_m
 from opir_core.records import FloatArray, IndexArray
 
 _SUN_SOLID_ANGLE_SR = np.pi * (SUN_RADIUS_M / ASTRONOMICAL_UNIT_M) ** 2
@@ -37,7 +38,7 @@ class GlintSignatures:
     up_ecef: FloatArray
     slope_variance: float
     refractive_index: float
-    epoch: np.datetime64
+    epoch_us: int
     sky: Transmittance | None
 
     def intensity_w_sr(
@@ -64,7 +65,7 @@ class GlintSignatures:
         return np.arccos(np.clip(cosine, -1.0, 1.0))
 
     def _to_sun(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        offset = sun_position_ecef_m(self.epoch, time_s) - self.position_ecef_m[target]
+        offset = sun_ecef_m(time_s, self.epoch_us) - self.position_ecef_m[target]
         unit: FloatArray = offset / length(*components(offset))[:, None]
         return unit
 
@@ -75,7 +76,7 @@ class GlintSignatures:
         """Return what the air lets through on the way down; 1 where the scene's atmosphere is not known."""
         if self.sky is None:
             return np.ones(len(target))
-        sun = sun_position_ecef_m(self.epoch, time_s)
+        sun = sun_ecef_m(time_s, self.epoch_us)
         path = Paths(self.height_m[target], sine, self.position_ecef_m[target], sun, time_s)
         return self.sky.transmittance(band, path)
 
@@ -94,7 +95,7 @@ def glint_signatures(
         up_ecef=local_axes(position_ecef_m)[:, 2],
         slope_variance=0.003 + 0.00512 * config.wind_m_s,
         refractive_index=config.refractive_index,
-        epoch=np.datetime64(context.epoch_us, "us"),
+        epoch_us=context.epoch_us,
         sky=context.make_atmosphere() if context.make_atmosphere is not None else None,
     )
 

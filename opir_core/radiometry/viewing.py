@@ -2,10 +2,14 @@
 
 import numpy as np
 
-from opir_core.geometry import ecef_to_geodetic, intersection_with_ellipsoid, local_axes, sun_position_ecef_m
-from opir_core.geometry.vectors import components, length
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
+from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, intersection_with_ellipsoid, sun_position_eci_m
+from opir_core.geometry.vectors import components, length, vector
 from opir_core.radiometry.records import Views
-from opir_core.records import FloatArray
+from opir_core.records import BoolArray, FloatArray
+
+#: The Sun's place among the stars is worked out this often, s, and is straight between: 1e-7 rad off at most.
+_SUN_STEP_S = 3600.0
 
 
 @np.errstate(invalid="ignore")
@@ -18,25 +22,50 @@ def views(sensor_ecef_m: FloatArray, direction_ecef: FloatArray, time_s: FloatAr
     """
     ground = intersection_with_ellipsoid(sensor_ecef_m, direction_ecef)
     hits = np.isfinite(ground[:, 0])
-    along = direction_ecef / length(*components(direction_ecef))[:, None]
+    along = _unit(direction_ecef)
     ahead = -_dot(sensor_ecef_m, along)
-    limb = sensor_ecef_m + np.maximum(ahead, 0.0)[:, None] * along
-    point = np.where(hits[:, None], ground, limb)
-    tangent_m = np.maximum(ecef_to_geodetic(limb).height_m, np.finfo(np.float64).tiny)
-    beyond = np.where(ahead > 0.0, tangent_m, np.inf)
-    up = local_axes(point)[:, 2]
-    epoch = np.datetime64(epoch_us, "us")
+    point = np.where(hits[:, None], ground, sensor_ecef_m + np.maximum(ahead, 0.0)[:, None] * along)
+    up = _up(point)
+    sun = sun_ecef_m(time_s, epoch_us)
     return Views(
-        height_m=np.where(hits, 0.0, beyond),
+        height_m=_heights_m(point, hits, ahead > 0.0),
         elevation_sine=np.where(hits, np.clip(-_dot(up, along), 0.0, 1.0), 0.0),
-        sun_elevation_sine=_sine_above(up, sun_position_ecef_m(epoch, time_s) - point),
+        sun_elevation_sine=np.clip(_dot(up, _unit(sun - point)), -1.0, 1.0),
         point_ecef_m=point,
         time_s=time_s,
     )
 
 
-def _sine_above(up: FloatArray, offset: FloatArray) -> FloatArray:
-    return np.clip(_dot(up, offset) / length(*components(offset)), -1.0, 1.0)
+def sun_ecef_m(time_s: FloatArray, epoch_us: int) -> FloatArray:
+    """Return the Sun's positions (n, 3) in ECEF at scene times (n,), m: `sun_position_ecef_m` within 1e-7 rad."""
+    if not len(time_s):
+        return np.empty((0, 3))
+    hour = np.floor(time_s / _SUN_STEP_S)
+    first = float(hour.min())
+    knots_s = np.arange(first, float(hour.max()) + 2.0) * _SUN_STEP_S
+    knots = sun_position_eci_m(np.datetime64(epoch_us, "us"), knots_s)
+    row = (hour - first).astype(np.int64)
+    share = (time_s / _SUN_STEP_S - hour)[:, None]
+    return eci_to_ecef(knots[row] + share * (knots[row + 1] - knots[row]), time_s)
+
+
+def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> FloatArray:
+    """Return 0 on the Earth, the height beyond the limb, inf where a line only leads away."""
+    height = np.where(hits, 0.0, np.inf)
+    beyond = np.flatnonzero(~hits & is_ahead)
+    height[beyond] = np.maximum(ecef_to_geodetic(point[beyond]).height_m, np.finfo(np.float64).tiny)
+    return height
+
+
+def _up(point: FloatArray) -> FloatArray:
+    """Return the normals (n, 3) of ellipsoids like the Earth's through points: the vertical on the Earth itself."""
+    x, y, z = components(point)
+    return _unit(vector(x, y, z * (EARTH_EQUATORIAL_RADIUS_M / EARTH_POLAR_RADIUS_M) ** 2))
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    unit: FloatArray = vectors / length(*components(vectors))[:, None]
+    return unit
 
 
 def _dot(one: FloatArray, other: FloatArray) -> FloatArray:

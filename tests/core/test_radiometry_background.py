@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from opir_core.errors import ModelError
-from opir_core.geometry import geodetic_to_ecef
+from opir_core.geometry import geodetic_to_ecef, sun_position_ecef_m
 from opir_core.geometry.occlusion import grazing_height_m
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.host import Host
@@ -17,7 +17,7 @@ from opir_core.radiometry.lowtran import lowtran_atmosphere
 from opir_core.radiometry.protocols import AtmosphereContext, BackgroundContext
 from opir_core.radiometry.records import Views
 from opir_core.radiometry.sky_configs import CloudConfig, EarthConfig, LowtranConfig
-from opir_core.radiometry.viewing import views
+from opir_core.radiometry.viewing import sun_ecef_m, views
 
 BANDS = tuple(table.band for table in sky_tables("us1976", "clear"))
 NAMES = [band.name for band in BANDS]
@@ -170,3 +170,25 @@ def test_no_background_is_dark():
     dark = Host.of().component("opir_background_models", "none").build(NoConfig(), context)
     view = looks([0.1, 0.9], 0.5)
     assert dark.radiance_w_m2_sr(0, view).tolist() == dark.clutter_w_m2_sr(0, view).tolist() == [0.0, 0.0]
+
+
+def test_the_sun_is_where_geometry_has_it():
+    time_s = np.random.default_rng(2).uniform(-1e4, 2e6, 2000)
+    ours = sun_ecef_m(time_s, EPOCH_US)
+    theirs = sun_position_ecef_m(np.datetime64(EPOCH_US, "us"), time_s)
+    assert (np.linalg.norm(ours - theirs, axis=1) / np.linalg.norm(theirs, axis=1)).max() < 1e-7
+    assert sun_ecef_m(time_s[7:8], EPOCH_US).tolist() == ours[7:8].tolist()
+    assert sun_ecef_m(np.empty(0), EPOCH_US).shape == (0, 3)
+
+
+def test_views_do_not_depend_on_their_company():
+    rng = np.random.default_rng(5)
+    target = geodetic_to_ecef(rng.uniform(-1.5, 1.5, 200), rng.uniform(-2.0, 2.0, 200), rng.uniform(0.0, 1e6, 200))
+    sensor = np.broadcast_to(SENSOR_M, target.shape)
+    time_s = rng.uniform(0.0, 9e3, 200)
+    together = views(sensor, target - sensor, time_s, EPOCH_US)
+    for row in range(0, 200, 13):
+        one = slice(row, row + 1)
+        alone = views(sensor[one], (target - sensor)[one], time_s[one], EPOCH_US)
+        for name in ("height_m", "elevation_sine", "sun_elevation_sine", "point_ecef_m"):
+            assert getattr(alone, name).tolist() == getattr(together, name)[one].tolist()
