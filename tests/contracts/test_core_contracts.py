@@ -86,6 +86,14 @@ class TestForgeEncoder(EncoderContract):
     name = "forge"
 
 
+class TestForgeC2Encoder(EncoderContract):
+    name = "forge-c2"
+
+
+class TestUdlEncoder(EncoderContract):
+    name = "udl"
+
+
 class TestJsonLines(SinkContract):
     name = "jsonl"
 

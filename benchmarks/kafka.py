@@ -1,0 +1,178 @@
+"""What the Kafka sink makes of a broker: events a second, against a bare aiokafka producer with the same bytes.
+
+    python benchmarks/kafka.py [--events 40000] [--partitions 6] [--repeats 7] [--write docs/benchmarks]
+
+The broker is librdkafka's mock cluster, in a process of its own, or the one that KAFKA_BOOTSTRAP names. Each way sends
+the same events into a topic of its own, connected beforehand, and is timed until the last is acknowledged:
+
+- `aiokafka, send()`: the messages are ready; `send()` each, then wait for all. Settings as the sink has them;
+- `aiokafka, batches`: the messages are ready; `create_batch()` and `send_batch()`, a task for each partition;
+- `kafka`: the sink, from columns: encoding, queue and acknowledgement included;
+- `kafka, spooled`: the same with a spool on disk, written before and struck off after.
+
+The ways take turns; figures are medians, ratios medians of the ratios within each turn.
+"""
+
+import argparse
+import asyncio
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from aiokafka import AIOKafkaProducer
+from aiokafka.partitioner import DefaultPartitioner
+from opir_kafka.carrier import KafkaCarrier
+from opir_kafka.connection import connector
+from opir_kafka.settings import KafkaConfig
+
+from opir_core.spool.backlog import MemoryBacklog
+from opir_core.spool.dispatch import Dispatch, Policy
+from opir_core.spool.journal import Journal
+from opir_core.spool.parcels import Packer
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+import kafka_stand
+from spool_stand import ENCODER, SENSORS, window
+
+WINDOW_EVENTS = 2000
+HEADERS = [("content-type", b"application/json"), ("schema-version", b"1.0")]
+#: Sensors enough that no partition is left out, whatever their hashes.
+KEYS = [sensor.id.encode() for sensor in SENSORS]
+
+Messages = list[tuple[bytes, bytes]]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--events", type=int, default=40_000)
+    parser.add_argument("--partitions", type=int, default=6)
+    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the table to FOLDER/kafka.md")
+    options = parser.parse_args()
+    with kafka_stand.broker() as broker:
+        took = {compression: turns(broker, options, compression) for compression in ("none", "zstd")}
+    page = table(took, options)
+    print(page)
+    if options.write:
+        (options.write / "kafka.md").write_text(page, encoding="utf-8")
+
+
+def turns(broker: Any, options: argparse.Namespace, compression: str) -> dict[str, list[float]]:
+    """Return each way's times, s, turn by turn; the first turn is left out."""
+    windows = [window(WINDOW_EVENTS, first) for first in range(0, options.events, WINDOW_EVENTS)]
+    lines = [line for each in windows for line in ENCODER.encode(each).splitlines()]
+    messages = [(KEYS[number % len(KEYS)], line) for number, line in enumerate(lines)]
+    ways: Mapping[str, Callable[[KafkaConfig], float]] = {
+        "aiokafka, send()": lambda given: asyncio.run(one_by_one(given, messages)),
+        "aiokafka, batches": lambda given: asyncio.run(in_batches(given, messages)),
+        "kafka": lambda given: through_the_sink(given, windows, None),
+        "kafka, spooled": lambda given: through_the_sink(given, windows, tempfile.mkdtemp()),
+    }
+    took: dict[str, list[float]] = {name: [] for name in ways}
+    for _ in range(options.repeats + 1):
+        for name, way in ways.items():
+            place = {"bootstrap_servers": broker.address, "topic": broker.topic(options.partitions)}
+            took[name].append(way(KafkaConfig(**place, compression=compression)))
+    return {name: times[1:] for name, times in took.items()}
+
+
+def producer_like_the_sink_s(config: KafkaConfig) -> AIOKafkaProducer:
+    return AIOKafkaProducer(
+        bootstrap_servers=list(config.servers),
+        acks="all",
+        enable_idempotence=True,
+        compression_type=None if config.compression == "none" else config.compression,
+        max_batch_size=config.batch_bytes,
+        request_timeout_ms=round(config.request_timeout_s * 1000),
+    )
+
+
+async def one_by_one(config: KafkaConfig, messages: Messages) -> float:
+    producer = producer_like_the_sink_s(config)
+    await producer.start()
+    await producer.partitions_for(config.topic)
+    began = time.perf_counter()
+    sent = [await producer.send(config.topic, value, key, headers=HEADERS) for key, value in messages]
+    await asyncio.gather(*sent)
+    took = time.perf_counter() - began
+    await producer.stop()
+    return took
+
+
+async def in_batches(config: KafkaConfig, messages: Messages) -> float:
+    producer = producer_like_the_sink_s(config)
+    await producer.start()
+    partitions = sorted(await producer.partitions_for(config.topic))
+    choose = DefaultPartitioner()
+    of_key = {key: choose(key, partitions, partitions) for key in KEYS}
+    began = time.perf_counter()
+    queues: dict[int, Messages] = {partition: [] for partition in partitions}
+    for key, value in messages:
+        queues[of_key[key]].append((key, value))
+
+    async def send(partition: int) -> None:
+        queue, at = queues[partition], 0
+        while at < len(queue):
+            batch = producer.create_batch()
+            while at < len(queue):
+                key, value = queue[at]
+                if batch.append(timestamp=None, key=key, value=value, headers=HEADERS) is None:
+                    break
+                at += 1
+            await (await producer.send_batch(batch, config.topic, partition=partition))
+
+    await asyncio.gather(*(send(partition) for partition in partitions))
+    took = time.perf_counter() - began
+    await producer.stop()
+    return took
+
+
+def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None) -> float:
+    backlog = MemoryBacklog(1 << 30) if folder is None else Journal(f"{folder}/spool", 1 << 30)
+    carrier = KafkaCarrier(config, connector(config))
+    while carrier.trouble is not None:
+        time.sleep(0.001)
+    sink = Dispatch("kafka", carrier, backlog, Packer(ENCODER, SENSORS), Policy())
+    events = sum(len(each.detections) for each in windows)
+    began = time.perf_counter()
+    for each in windows:
+        sink.write(each)
+    while sink.standing().delivered < events:
+        time.sleep(0.001)
+    took = time.perf_counter() - began
+    sink.close()
+    return took
+
+
+def table(took: Mapping[str, Mapping[str, list[float]]], options: argparse.Namespace) -> str:
+    """Return the page."""
+    broker = kafka_stand.BOOTSTRAP or "librdkafka's mock cluster in a process of its own"
+    size = len(ENCODER.encode(window(WINDOW_EVENTS))) // WINDOW_EVENTS
+    lines = [
+        "# The Kafka sink",
+        "",
+        f"{options.events} events of {size} bytes into {options.partitions} partitions; the broker is",
+        f"{broker}; two shared cores. `acks=all`, idempotent, batches",
+        "of 128 KiB. Times until the last acknowledgement; the sink's include encoding from columns, the bare",
+        f"producers' messages are ready beforehand. Medians of {options.repeats} turns.",
+        "Made by `python benchmarks/kafka.py --write docs/benchmarks`.",
+        "",
+        "| compression | way | events/s | ratio to `send()` | least and most |",
+        "|---|---|---|---|---|",
+    ]
+    for compression, ways in took.items():
+        bare = ways["aiokafka, send()"]
+        for name, times in ways.items():
+            ratios = [one / other for one, other in zip(bare, times, strict=True)]
+            rate = f"{options.events / statistics.median(times):,.0f}".replace(",", " ")
+            spread = f"{min(ratios):.2f} to {max(ratios):.2f}"
+            lines.append(f"| {compression} | {name} | {rate} | {statistics.median(ratios):.2f} | {spread} |")
+    return "\n".join([*lines, ""])
+
+
+if __name__ == "__main__":
+    main()
