@@ -239,7 +239,8 @@ class Sink(Protocol):
 
     A sink's `build` may return an `opir_core.spool.carriers.Carrier` instead, of which the core makes a sink.
     A sink that can be asked how it stands while it is open has `standing() -> Delivery` too, callable from any thread:
-    there `spooled` are all that are taken and not yet delivered, wherever they wait.
+    there `spooled` are all that are taken and not yet delivered, wherever they wait. One that may be long in closing
+    has `hurry(end_at_s)`, which gives it until then by the steady clock.
     """
 
     def write(self, window: Window) -> None:

@@ -72,6 +72,9 @@ class Outlet:
 
     def close(self, deadline_s: float) -> None:
         """Close the sink once it has what was queued; give up waiting at `deadline_s` of the steady clock."""
+        hurry = getattr(self._sink, "hurry", None)
+        if callable(hurry):
+            hurry(deadline_s)
         try:
             self._queue.put(None, timeout=max(0.0, deadline_s - time.monotonic()))
         except queue.Full:

@@ -33,13 +33,12 @@ _CARRIER_S = 2.0
 class Policy:
     """What gives way when the backlog is full, and how long `wait` waits.
 
-    Closing waits for acknowledgements until none has come for `stall_s`, and no longer than `close_s` in all.
+    Closing waits for acknowledgements until none has come for `stall_s`.
     """
 
     when_full: str = WAIT
     wait_s: float = 30.0
     stall_s: float = 10.0
-    close_s: float = math.inf
 
 
 @frozen(eq=False)
@@ -71,6 +70,7 @@ class Dispatch:
         self._delivered = self._dropped = self._withheld = 0
         self._error: Exception | None = None
         self._closing_since: float | None = None
+        self._end_at = math.inf
         self._arrived_at = time.monotonic()
         self._thread = threading.Thread(target=self._feed, name=f"opir {name}", daemon=True)
         self._thread.start()
@@ -92,13 +92,18 @@ class Dispatch:
         with self._room:
             return self._standing(self._failure() or self._carrier.trouble)
 
+    def hurry(self, end_at_s: float) -> None:
+        """Be closed by `end_at_s` of the steady clock, whatever has not arrived; callable from any thread."""
+        self._end_at = end_at_s - _CARRIER_S
+        self._wake.set()
+
     def close(self) -> Delivery:
         """Wait for acknowledgements, as long as the policy says, and say what became of the events."""
         self._closing_since = time.monotonic()
         self._wake.set()
         self._thread.join()
         trouble = self._carrier.trouble
-        self._carrier.close(_CARRIER_S)
+        self._carrier.close(min(_CARRIER_S, max(0.1, self._end_at + _CARRIER_S - time.monotonic())))
         try:
             self._settle()
         except SinkError as error:
@@ -133,7 +138,7 @@ class Dispatch:
             if self._policy.when_full in (DROP_OLDEST, DROP_NEWEST):
                 self._dropped += len(parcel)
                 return
-            left_s = give_up_at - time.monotonic()
+            left_s = min(give_up_at, self._end_at) - time.monotonic()
             if self._policy.when_full != WAIT or left_s <= 0.0:
                 self._dropped += len(parcel)
                 raise SinkError(self._full())
@@ -193,8 +198,7 @@ class Dispatch:
 
     def _is_out_of_time(self) -> bool:
         since = self._closing_since or 0.0
-        give_up_at = min(since + self._policy.close_s, max(since, self._arrived_at) + self._policy.stall_s)
-        return time.monotonic() >= give_up_at
+        return time.monotonic() >= min(self._end_at, max(since, self._arrived_at) + self._policy.stall_s)
 
     def _next(self) -> tuple[int, Parcel] | None:
         with self._room:

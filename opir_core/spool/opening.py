@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from attrs import evolve
-
 from opir_core.protocols import Encoder, Sensor, Sink
 from opir_core.scene import Choice
 from opir_core.spool.backlog import Backlog, MemoryBacklog
@@ -31,11 +29,6 @@ def dispatched(
         carrier.close(0.0)
         raise
     return Dispatch(choice.name, carrier, backlog, packing, policy)
-
-
-def live_policy(policy: Policy, close_s: float) -> Policy:
-    """Return a policy for a run paced by the clock, which must not wait: closing takes at most `close_s`."""
-    return evolve(policy, wait_s=0.0, close_s=close_s)
 
 
 def _ends(

@@ -3,6 +3,7 @@
 import json
 import random
 import sqlite3
+import threading
 import time
 from concurrent.futures import Future
 from functools import cache
@@ -294,6 +295,29 @@ def test_damage_anywhere_in_the_file_is_told_or_harmless_and_never_sent(tmp_path
         told = sink.close()
         assert set(carrier.ids) <= whole
         assert told.complaint is not None or told.delivered == 800
+
+
+def test_a_sink_in_a_hurry_is_closed_in_time(tmp_path: Path) -> None:
+    patient = Policy(when_full="wait", wait_s=60.0, stall_s=60.0)
+    sink = spooled(tmp_path / "spool", Holding("hold"), patient, 10 * MIB)
+    refused: list[SinkError] = []
+
+    def fill_it() -> None:
+        try:
+            overfill(sink)
+        except SinkError as error:
+            refused.append(error)
+
+    filling = threading.Thread(target=fill_it)
+    filling.start()
+    until(lambda: sink.standing().spooled > 10_000)
+    began = time.monotonic()
+    sink.hurry(began + 2.5)
+    filling.join()
+    told = sink.close()
+    assert time.monotonic() - began < 2.5
+    assert told.spooled > 10_000
+    assert "is full" in str(refused[0])
 
 
 def test_the_wall_clock_has_no_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

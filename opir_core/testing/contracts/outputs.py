@@ -79,7 +79,7 @@ class EncoderContract(Contract):
         insist(kept, "content_type or schema_version says nothing", "Give a media type, type/subtype, and a version.")
 
     def test_each_detection_is_one_line(self) -> None:
-        """Each detection that it has a message for is one, ended by a newline and containing none; none are no bytes."""
+        """Each detection with a message is one, ended by a newline and containing none; no detections are no bytes."""
         encoder = self.encoder()
         for name, window in {**awkward_windows(), "empty": stub_window(0)}.items():
             text: Any = encoder.encode(window)

@@ -1,0 +1,55 @@
+"""The live engine with the Kafka sink: stopping is quick whatever the broker does, and nothing is lost."""
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import kafka_stand
+from kafka_stand import dead_address, messages
+
+from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.plugin.host import Host
+from opir_core.reading import load_scene
+
+SCENE = str(Path(__file__).resolve().parents[2] / "examples" / "first_light.yaml")
+STOP_S = 5.0
+
+
+def run_of(address: str, topic: str, spool: Path, host: Host) -> LiveRun:
+    kafka = {"bootstrap_servers": address, "topic": topic, **kafka_stand.BRISK, "spool": {"path": str(spool)}}
+    scene = load_scene(SCENE, overrides=[f"outputs=[{{kafka: {json.dumps(kafka)}}}]"], host=host)
+    return LiveRun(scene, host, LiveSettings(speed=None))
+
+
+def stopped(run: LiveRun) -> Any:
+    began = time.monotonic()
+    status = run.stop(within_s=4.0)
+    assert time.monotonic() - began < STOP_S
+    return status.sinks[0]
+
+
+def until(is_so: Any) -> None:
+    give_up_at = time.monotonic() + 30.0
+    while not is_so():
+        assert time.monotonic() < give_up_at
+        time.sleep(0.02)
+
+
+def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_delivers_all(tmp_path: Path) -> None:
+    host = Host.discover()
+    with kafka_stand.broker() as broker:
+        topic = broker.topic()
+        first = run_of(dead_address(), topic, tmp_path / "spool", host)
+        first.start()
+        until(lambda: first.status().sinks[0].given == 750)
+        told = stopped(first)
+        assert (told.delivered, told.spooled, told.dropped) == (0, 750, 0)
+        second = run_of(broker.address, topic, tmp_path / "spool", host)
+        second.start()
+        until(lambda: second.status().sinks[0].delivered == 1500)
+        told = stopped(second)
+        assert (told.delivered, told.spooled, told.dropped, told.error) == (1500, 0, 0, None)
+        ids = [json.loads(message.value())["detection_id"] for message in messages(broker.address, topic)]
+    assert len(ids) == 1500
+    assert ids[:750] == ids[750:]
