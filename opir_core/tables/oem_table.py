@@ -31,6 +31,31 @@ class Segment:
     meta: dict[str, str] = Factory(dict)
     lines: list[int] = Factory(list)
     states: list[list[float]] = Factory(list)
+    width: int = 0
+    has_covariance: bool = False
+
+    def take_keyword(self, line: str, number: int) -> None:
+        """Take in a line of metadata."""
+        key, equals, value = (part.strip() for part in line.partition("="))
+        if not equals:
+            raise BadTableError(f"line {number}: {line.strip()!r} is not of the form KEYWORD = value")
+        if key in self.meta:
+            raise BadTableError(f"line {number}: {key} stands twice in these metadata; leave one out")
+        self.meta[key] = value
+
+    def take_state(self, words: list[str], number: int) -> None:
+        """Take in a line of a state."""
+        if self.has_covariance:
+            raise BadTableError(f"line {number}: comes after the segment's covariance, where no state can be")
+        state = _state(words, number)
+        self.width = self.width or len(words)
+        if len(words) != self.width:
+            raise BadTableError(
+                f"line {number}: has {len(words)} values, the segment's first state {self.width}; all states of a"
+                " segment have accelerations, or none has"
+            )
+        self.lines.append(number)
+        self.states.append(state)
 
 
 def oem_table(text: str, epoch_us: int, wanted: str | None) -> Table:
@@ -64,23 +89,16 @@ def _segments(text: str) -> list[Segment]:
         elif words[0] in ("META_STOP", "COVARIANCE_STOP"):
             block = ""
             _require_meta(segments, number)
+            segments[-1].has_covariance = words[0] == "COVARIANCE_STOP"
         elif block == "META_START":
-            _take_keyword(segments[-1], line, number)
+            segments[-1].take_keyword(line, number)
         elif block == "" and segments:
-            segments[-1].lines.append(number)
-            segments[-1].states.append(_state(words, number))
+            segments[-1].take_state(words, number)
     if block:
         raise BadTableError(f"ends within a block that began with {block}")
     if not segments:
         raise BadTableError("has no META_START, so no states")
     return segments
-
-
-def _take_keyword(segment: Segment, line: str, number: int) -> None:
-    key, equals, value = line.partition("=")
-    if not equals:
-        raise BadTableError(f"line {number}: {line.strip()!r} is not of the form KEYWORD = value")
-    segment.meta[key.strip()] = value.strip()
 
 
 def _require_meta(segments: list[Segment], number: int) -> None:
