@@ -25,6 +25,8 @@ MODELS = {
     "opir_confidence_models": {"weighted", "always", "never"},
     "opir_trackers": {"none", "stereo-filter"},
     "opir_target_models": {"ballistic", "table"},
+    "opir_atmosphere_models": {"clear"},
+    "opir_background_models": {"none"},
 }
 
 

@@ -92,9 +92,12 @@ def test_afterburning_trough_and_recovery():
     assert (low, beyond) == (ground, high)
 
 
+PLUME = plume()
+
+
 @given(st.floats(0.0, np.pi))
 def test_broadside_is_brightest_and_end_on_dimmest(aspect):
-    signatures = plume()
+    signatures = PLUME
     side, nose, tail, found = intensity(signatures, aspect_rad=[np.pi / 2, 0.0, np.pi, aspect])
     assert nose / side == pytest.approx(0.1)
     assert tail / side == pytest.approx(0.3)

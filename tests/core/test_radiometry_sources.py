@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import opir_dsp.plugin
 import pytest
 from scipy import integrate, stats
 
@@ -24,10 +25,11 @@ from opir_core.radiometry.source_configs import (
     RegionConfig,
 )
 from opir_core.radiometry.sources import bolide_sources, fire_sources, flare_sources, glint_sources
-from opir_core.reading import scene_from_mapping
+from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.scene import EMITTER_TYPES
 
 SWIR, MWIR = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0)
+HOST = Host.of(opir_dsp.plugin)
 HERE = ({"lat_deg": 10.0, "lon_deg": 20.0},)
 NOON_US = 1_775_044_800_000_000  # 2026-04-01T12:00:00Z
 
@@ -164,8 +166,12 @@ class TestGlint:
     @pytest.mark.parametrize("variance", [0.003, 0.03])
     def test_the_slopes_are_a_distribution(self, variance):
         """Facets of all tilts have the surface's own area between them: the density is one over the plane of slopes."""
-        density = lambda t: float(slope_density(np.arctan(t), variance)) * np.cos(np.arctan(t)) ** 4  # noqa: E731
-        whole, _ = integrate.quad(lambda t: 2.0 * np.pi * t * density(t), 0.0, 3.0)
+
+        def ring(slope):
+            tilt = np.arctan(slope)
+            return 2.0 * np.pi * slope * float(slope_density(tilt, variance)) * np.cos(tilt) ** 4
+
+        whole, _ = integrate.quad(ring, 0.0, 3.0)
         assert whole == pytest.approx(1.0, rel=1e-8)
 
     def test_mirrors_reflect_as_fresnel_says(self):
@@ -291,6 +297,8 @@ def test_scenes_name_sources():
             "scene": "hot",
             "epoch": "2026-04-01T12:00:00Z",
             "duration_s": 60.0,
+            "atmosphere": {"model": "lowtran", "cloud": {"cover": 0.3}, "bands": {"VIS": "SWIR"}},
+            "background": "earth",
             "sensors": [{"model": "DSP", "id": "S", "orbital_slot_deg": 0.0}],
             "sources": [
                 {"id": "a", "model": "fires", "at": [{"lat_deg": 1.0, "lon_deg": 2}]},
@@ -304,15 +312,10 @@ def test_scenes_name_sources():
                 },
             ],
         },
-        host=Host.of(*_bench()),
+        host=HOST,
     )
     assert [source.model.config.temperature_k for source in scene.sources] == [1000.0, 4500.0]
-
-
-def _bench():
-    from opir_dsp import plugin
-
-    return (plugin,)
+    assert scene_from_mapping(scene_mapping(scene), host=HOST) == scene
 
 
 def test_a_geostationary_sensor_sees_a_fire_below_it():
