@@ -10,6 +10,7 @@ from opir_core.builtin.configs import ConfusionConfig
 from opir_core.errors import ModelError
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.confusion import Confusion, confusion_complaint
+from opir_core.plugin.fitness import nearest
 from opir_core.protocols import Classifier, Dice, ModelContext, Sensor
 from opir_core.records import FloatArray, IndexArray, Sightings
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
@@ -76,8 +77,9 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
     """Return the classifier `paper`.
 
     Raises `ModelError` where neither the configuration nor the sensor says how a type that the scene launches is
-    reported.
+    reported, and where the configuration has a matrix for a sensor type that the scene has not.
     """
+    _refuse_strangers(config, context)
     thresholds = np.ones((len(context.sensors), _ROWS, len(REPORTED_TYPES) - 1))
     thresholds[:, -1] = 0.0
     launched = np.flatnonzero(np.bincount(context.target_type_code)[: len(TARGET_TYPES)]).tolist()
@@ -97,6 +99,15 @@ def true_type(_config: NoConfig, context: ModelContext) -> Classifier:
 def no_answer(_config: NoConfig, _context: ModelContext) -> Classifier:
     """Return the classifier `none`."""
     return NoAnswer()
+
+
+def _refuse_strangers(config: ConfusionConfig, context: ModelContext) -> None:
+    types = {sensor.type for sensor in context.sensors}
+    for stranger in sorted(config.matrices.keys() - types):
+        raise ModelError(
+            f"classification: matrices.{stranger} is for sensors of type {stranger}, of which the scene has none"
+            f"{nearest(stranger, types)}; the scene's sensors are of type {', '.join(sorted(types))}"
+        )
 
 
 def _row(matrix: Confusion, sensor: Sensor, target_type: str) -> Mapping[str, float]:

@@ -1,6 +1,7 @@
 """The core's own components keep the contracts of their kinds."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar
 
 from opir_core.protocols import Band
@@ -155,3 +156,14 @@ class TestStereoFilter(TrackerContract):
     def scene(cls, **changes: Any) -> dict[str, Any]:
         """Return half of the bench's scene, in which tracks begin on every kind of target."""
         return super().scene(**{"duration_s": 45.0, **changes})
+
+
+FLIGHTS = Path(__file__).resolve().parents[1] / "data" / "flights"
+
+
+class TestTables(TargetContract):
+    name = "table"
+    launches: ClassVar[Sequence[Mapping[str, Any]]] = (
+        {"id": "IN-VIEW", "type": "ICBM", "file": str(FLIGHTS / "in_view.csv")},
+        {"id": "ANTIMERIDIAN", "type": "SRBM", "file": str(FLIGHTS / "antimeridian.csv")},
+    )

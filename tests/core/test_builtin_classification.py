@@ -131,6 +131,17 @@ def test_a_row_that_a_plugin_got_wrong_is_refused():
         confusion_classifier(ConfusionConfig(), context_of([sensor], ["ICBM"]))
 
 
+def test_a_matrix_for_a_sensor_type_that_the_scene_has_not_is_refused():
+    config = ConfusionConfig(matrices={"DPS": {"ICBM": {"IRBM": 1.0}}})
+    sensors = [a_sensor(name="S-1", type_name="DSP"), a_sensor(name="S-2", type_name="LEO")]
+    with pytest.raises(ModelError) as error:
+        confusion_classifier(config, context_of(sensors, ["ICBM"]))
+    assert str(error.value) == (
+        "classification: matrices.DPS is for sensors of type DPS, of which the scene has none; the nearest is 'DSP';"
+        " the scene's sensors are of type DSP, LEO"
+    )
+
+
 def test_matrices_are_checked_when_they_are_read():
     with pytest.raises(ValueError, match=r"DSP: ICBM: the row sums to 0\.6"):
         ConfusionConfig(matrices={"DSP": {"ICBM": {"ICBM": 0.6}}})
