@@ -1,7 +1,9 @@
 """The Kafka sink: settings, secrets, what failures are called, the command line."""
 
+import ast
 import json
 import logging
+import shutil
 import socket
 import ssl
 import struct
@@ -14,6 +16,7 @@ from typing import Any
 
 import jsonschema
 import kafka_stand
+import opir_kafka
 import pytest
 import yaml
 from aiokafka import errors
@@ -222,6 +225,8 @@ def test_what_is_no_answer_of_the_broker_may_pass(error: Exception) -> None:
 @pytest.fixture(scope="module")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a self-signed certificate for localhost and its key, with the password `SECRET`."""
+    if shutil.which("openssl") is None:
+        pytest.skip("there is no openssl to make a certificate with")
     folder = tmp_path_factory.mktemp("tls")
     subject = ["-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"]
     command = [
@@ -373,6 +378,42 @@ def test_the_bare_configuration_is_the_paper_s_topic_on_this_machine() -> None:
     assert (bare.topic, bare.servers) == ("forge.sensors.raw", ("localhost:9092",))
     assert config("a:1, [::1]:2", "t").servers == ("a:1", "[::1]:2")
     assert Policy().when_full == "wait"
+
+
+def test_every_await_has_a_deadline() -> None:
+    """Each is inside `asyncio.timeout`, is given one, waits for a step that has one, or for something to do."""
+    own = Path(opir_kafka.__file__).parent
+    found = [
+        f"{path.name}: {waited}"
+        for path in sorted(own.glob("*.py"))
+        for waited in awaits_without_a_deadline(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    assert not [each for each in found if each.split(": ", 1)[1] not in AWAITS_THAT_END_THEMSELVES]
+
+
+AWAITS_THAT_END_THEMSELVES = {
+    "self._one_connection()",  # steps with deadlines, and then the wait for a lane to fail
+    "self._connect()",
+    "self._partitioning(producer)",
+    "asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)",  # lanes, each of whose sends has a deadline
+    "lane.has_some.wait()",  # for something to send
+    "asyncio.sleep(next(self._pauses_s))",
+    "asyncio.gather(*tasks, return_exceptions=True)",  # cancelled tasks
+    "goodbye(producer)",
+    "asyncio.shield(asyncio.create_task(_let_go(producer), name=f'{OURS} goodbye'))",  # three steps with deadlines
+    "_by(_GOODBYE_S, producer.stop())",
+    "_by(_GOODBYE_S, producer.client.close())",
+    "_raise_why(config, security)",
+}
+
+
+def awaits_without_a_deadline(node: ast.AST, is_timed: bool = False) -> Iterator[str]:
+    if isinstance(node, ast.AsyncWith):
+        is_timed = is_timed or any("asyncio.timeout" in ast.unparse(item) for item in node.items)
+    if isinstance(node, ast.Await) and not is_timed and "timeout=" not in ast.unparse(node):
+        yield ast.unparse(node.value)
+    for child in ast.iter_child_nodes(node):
+        yield from awaits_without_a_deadline(child, is_timed)
 
 
 @contextmanager

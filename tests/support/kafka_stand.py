@@ -90,9 +90,16 @@ class NamedBroker:
         self.address = address
 
     def topic(self, partitions: int = PARTITIONS) -> str:
+        """Return a topic that the broker makes because it is asked for, or else because it is told to."""
         from confluent_kafka.admin import AdminClient, NewTopic
 
         name = next(_names)
+        client = confluent_kafka.Producer({"bootstrap.servers": self.address, "allow.auto.create.topics": True})
+        give_up_at = time.monotonic() + 3.0
+        while time.monotonic() < give_up_at:
+            if client.list_topics(name, timeout=10.0).topics[name].partitions:
+                return name
+            time.sleep(0.05)
         admin = AdminClient({"bootstrap.servers": self.address})
         admin.create_topics([NewTopic(name, partitions, 1)])[name].result(30.0)
         return name
