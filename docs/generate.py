@@ -24,12 +24,14 @@ PLUGINS = ["dsp", "sbirs", "nextgen", "heo", "leo"]
 
 def pages() -> Mapping[Path, str]:
     """Return every generated page with its text."""
+    from opir_http.reference import reference_page
     from opir_kafka.document import asyncapi_text
 
     return {
         DOCS / "reference" / "scene.md": scene_page(),
         DOCS / "reference" / "components.md": components_page(),
         DOCS / "explanation" / "what-is-modelled.md": modelled_page(Host.discover(PLUGINS)),
+        DOCS / "reference" / "http.md": reference_page(),
         DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
     }
 

@@ -22,6 +22,7 @@ _FIXED = {
     "duration_s": _RESTART,
     "seed": _RESTART,
     "light_time": _RESTART,
+    "forces": _RESTART,
     "tracker": f"{_RESTART}: tracks would be lost",
     "sources": _RESTART,
 }

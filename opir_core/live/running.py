@@ -72,7 +72,8 @@ class LiveRun:
         on_window: Callable[[LiveWindow], None] = lambda _window: None,
     ) -> None:
         self.scene, self.host, self.settings = scene, host, settings
-        self._on_window = on_window
+        #: Called with each window, by the thread of the run; must not wait.
+        self.on_window = on_window
         self._engine = Engine(compile_plan(scene, host))
         self._laps = Laps(scene, host, self._engine.plan.end_ns) if settings.loop else None
         self._pace = Pace(settings.speed, settings.cycle_ns)
@@ -255,7 +256,7 @@ class LiveRun:
         self._counts.take(window)
         for outlet in self._outlets if len(window.detections) else ():
             outlet.write(window, self._stopping)
-        self._on_window(LiveWindow(window, self._counts.cycle, self._lap, engine.plan))
+        self.on_window(LiveWindow(window, self._counts.cycle, self._lap, engine.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in engine.plan.sensors) / _NS
         self._counts.ended(self._pace.late_ns(due_ns) / _NS, allowed_s)
         return True

@@ -1,0 +1,1 @@
+"""A live opir simulation behind HTTP."""

@@ -1,0 +1,59 @@
+"""The arguments of `opir serve`."""
+
+import argparse
+import math
+
+from opir_core.commands.scene_arguments import add_scene_arguments
+
+_FASTEST = 1000.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene, its pace, and how the service is reached."""
+    add_scene_arguments(parser)
+    parser.add_argument("--speed", type=_speed, default=1.0, metavar="N|max", help="scene time per real time (1)")
+    parser.add_argument("--loop", action="store_true", help="start the scene again when it ends")
+    parser.add_argument("--epoch-now", action="store_true", help="let the scene's epoch be the moment it starts")
+    parser.add_argument("--cycle-ms", type=_cycle_ms, default=50.0, metavar="MS", help="real time of a cycle (50)")
+    parser.add_argument("--host", default="127.0.0.1", help="address to bind (127.0.0.1); others need a token")
+    parser.add_argument("--port", type=_port, default=8000, help="port to bind (8000); 0 for any that is free")
+    parser.add_argument(
+        "--token-file", metavar="PATH", help="file with the bearer token that requests need (or OPIR_HTTP_TOKEN)"
+    )
+    parser.add_argument("--no-config-writes", action="store_true", help="refuse PUT /config")
+    parser.add_argument("--max-targets", type=_targets, default=1000, metavar="N", help="targets at a time (1000)")
+
+
+def _speed(word: str) -> float | None:
+    """Return the speed, None for `max`."""
+    if word == "max":
+        return None
+    try:
+        speed = float(word)
+    except ValueError:
+        speed = 0.0
+    if not 0.01 <= speed <= _FASTEST:
+        raise argparse.ArgumentTypeError(f"{word!r} is not a speed: 0.01 to {_FASTEST:g}, or max")
+    return speed
+
+
+def _cycle_ms(word: str) -> float:
+    return _within(word, 5.0, 1000.0, "a time of 5 to 1000 ms")
+
+
+def _targets(word: str) -> int:
+    return int(_within(word, 1, 50_000, "a number of targets, 1 to 50000"))
+
+
+def _port(word: str) -> int:
+    return int(_within(word, 0, 65_535, "a port, 0 to 65535"))
+
+
+def _within(word: str, least: float, most: float, what: str) -> float:
+    try:
+        number = float(word)
+    except ValueError:
+        number = math.nan
+    if not least <= number <= most:
+        raise argparse.ArgumentTypeError(f"{word!r} is not {what}")
+    return number

@@ -1,0 +1,169 @@
+"""Windows of the run to history, tracks and viewers: encoded once, in a thread of its own."""
+
+import asyncio
+import threading
+import time
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from typing import Any
+
+import msgspec
+
+from opir_core.events.forge import ForgeEncoder
+from opir_core.events.timestamps import unix_microseconds
+from opir_core.live.broadcast import Viewer
+from opir_core.live.telling import LiveWindow
+from opir_core.protocols import EncoderContext, Sensor
+from opir_core.records import Window
+from opir_http.history import History
+from opir_http.tracks import TrackBook
+
+#: Windows that may wait to be encoded for viewers, and frames that may wait for one viewer.
+QUEUED_WINDOWS = 256
+QUEUED_FRAMES = 64
+
+#: Detections in a frame of the brief stream.
+BRIEF = 40
+
+_STATUS_S = 1.0
+_HEARTBEAT_S = 10.0
+_json = msgspec.json.Encoder().encode
+
+
+class Client:
+    """One viewer of the stream, on the event loop: a bounded queue of frames whose oldest give way, counted."""
+
+    def __init__(self, *, brief: bool) -> None:
+        self.brief = brief
+        self.dropped = 0
+        self._frames: deque[bytes] = deque()
+        self._ready = asyncio.Event()
+        self.is_closed = False
+
+    def put(self, frame: bytes) -> None:
+        """Take a frame; never waits."""
+        if len(self._frames) >= QUEUED_FRAMES:
+            self._frames.popleft()
+            self.dropped += 1
+        self._frames.append(frame)
+        self._ready.set()
+
+    def close(self) -> None:
+        """Say that no frame follows those in the queue."""
+        self.is_closed = True
+        self._ready.set()
+
+    async def frames(self) -> AsyncIterator[bytes]:
+        """Yield frames as they come, what was lost before them, and a comment where there is nothing to send."""
+        told = 0
+        yield b": opir\n\n"
+        while True:
+            while self._frames:
+                if self.dropped > told:
+                    yield frame("dropped", _json({"frames": self.dropped - told}))
+                    told = self.dropped
+                yield self._frames.popleft()
+            if self.is_closed:
+                yield frame("end", b"{}")
+                return
+            self._ready.clear()
+            try:
+                await asyncio.wait_for(self._ready.wait(), _HEARTBEAT_S)
+            except TimeoutError:
+                yield b": still here\n\n"
+
+
+class Feed:
+    """Takes a run's windows, never holding it up; `status` gives the document that viewers are sent each second."""
+
+    def __init__(self, sensors: tuple[Sensor, ...], epoch_us: int, history: int, status: Callable[[], Any]) -> None:
+        self.history = History(history)
+        self.tracks = TrackBook(epoch_us)
+        self.sensors, self.epoch_us = sensors, epoch_us
+        self._status = status
+        self._encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=epoch_us))
+        self._windows: Viewer[LiveWindow] = Viewer(QUEUED_WINDOWS)
+        self._clients: set[Client] = set()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread = threading.Thread(target=self._work, name="opir-feed", daemon=True)
+        self._gone_dropped = 0
+        self._status_due_s = 0.0
+        self.put = self._windows.put
+
+    @property
+    def viewers(self) -> int:
+        """How many clients there are."""
+        return len(self._clients)
+
+    @property
+    def dropped_frames(self) -> int:
+        """How many frames slow clients have lost."""
+        return self._gone_dropped + sum(client.dropped for client in tuple(self._clients))
+
+    @property
+    def dropped_windows(self) -> int:
+        """How many windows were lost to viewers because encoding was behind."""
+        return self._windows.dropped
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin; frames are handed to clients on the loop."""
+        self._loop = loop
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Tell clients that it is over."""
+        self._windows.close()
+        for client in tuple(self._clients):
+            client.close()
+
+    def join(self, client: Client) -> None:
+        """Let a client have what comes from here on."""
+        self._clients.add(client)
+
+    def leave(self, client: Client) -> None:
+        """Let a client go."""
+        if client in self._clients:
+            self._clients.remove(client)
+            self._gone_dropped += client.dropped
+
+    def _work(self) -> None:
+        while not self._windows.is_over:
+            live = self._windows.take(_STATUS_S)
+            frames = self._frames(live) if live is not None else []
+            if frames and self._clients and self._loop is not None and not self._loop.is_closed():
+                self._loop.call_soon_threadsafe(self._fan_out, frames)
+
+    def _frames(self, live: LiveWindow) -> list[tuple[bytes, bytes]]:
+        """Return what a window comes to: frames in full and in brief."""
+        window, frames = live.window, []
+        if len(window.detections):
+            frames.append(self._detections(window, live.cycle))
+        if len(window.tracks):
+            told = frame("tracks", _json(self.tracks.take(window.tracks)))
+            frames.append((told, told))
+        if time.monotonic() >= self._status_due_s:
+            self._status_due_s = time.monotonic() + _STATUS_S
+            told = frame("status", _json(self._status()))
+            frames.append((told, told))
+        return frames
+
+    def _detections(self, window: Window, cycle: int) -> tuple[bytes, bytes]:
+        lines = self._encoder.encode(window).splitlines()
+        found = window.detections
+        self.history.add(found, unix_microseconds(found.time_ns, self.epoch_us), lines)
+        head = b'{"cycle":%d,"time_s":%.6f,"count":%d,"detections":[' % (cycle, window.end_s, len(lines))
+        step = -(-len(lines) // BRIEF)
+        both = (head + b",".join(part) + b"]}" for part in (lines, lines[::step]))
+        full, brief = (frame("detections", body, self.history.total) for body in both)
+        return full, brief
+
+    def _fan_out(self, frames: list[tuple[bytes, bytes]]) -> None:
+        for client in self._clients:
+            for both in frames:
+                client.put(both[client.brief])
+
+
+def frame(event: str, data: bytes, number: int | None = None) -> bytes:
+    """Return a server-sent event (WHATWG HTML, section 9.2); `data` has no line break."""
+    mark = b"id: %d\n" % number if number is not None else b""
+    return mark + b"event: " + event.encode() + b"\ndata: " + data + b"\n\n"

@@ -1,0 +1,176 @@
+"""What every request passes before it is looked at: who asks, how often, and how much."""
+
+import asyncio
+import hmac
+import time
+from collections import OrderedDict
+from collections.abc import Awaitable, Callable, Mapping, MutableMapping
+from typing import Any
+
+from opir_http.problems import PROBLEM_TYPE, ProblemError, problem_body
+from opir_http.settings import BODY_S, MAXIMUM_BODY_BYTES, HttpSettings
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+#: What is served without a token: the page, which has no data, and what a supervisor asks.
+OPEN_PATHS = frozenset({"/", "/health/live", "/health/ready", "/openapi.json"})
+OPEN_PREFIX = "/page/"
+
+LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
+
+_WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+_CLIENTS = 1024
+
+_HEADERS = [
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"permissions-policy", b"camera=(), geolocation=(), microphone=()"),
+    (
+        b"content-security-policy",
+        (
+            b"default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self';"
+            b" base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        ),
+    ),
+]
+
+
+class Rates:
+    """A bucket of tokens for each client, of a bounded number of clients."""
+
+    def __init__(self) -> None:
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def wait_s(self, client: str, per_s: float) -> float:
+        """Take a token; return 0, or how long to wait for one. A bucket holds two seconds' worth, at least one."""
+        now, most = time.monotonic(), max(1.0, 2.0 * per_s)
+        tokens, since = self._buckets.pop(client, (most, now))
+        tokens = min(most, tokens + (now - since) * per_s)
+        wait = 0.0 if tokens >= 1.0 else (1.0 - tokens) / per_s
+        self._buckets[client] = (tokens - (wait == 0.0), now)
+        while len(self._buckets) > _CLIENTS:
+            self._buckets.popitem(last=False)
+        return wait
+
+
+class Gate:
+    """The application behind its checks: host, token, rate, size and content type of the body, headers of answers."""
+
+    def __init__(self, app: App, settings: Callable[[], HttpSettings], token: str | None) -> None:
+        self._app = app
+        self._settings = settings
+        self._token = token.encode() if token else None
+        self._rates = Rates()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request, or let the application."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        guarded = _with_headers(send, is_open=_is_open(scope["path"]))
+        try:
+            body = await self._admitted(scope, receive)
+        except ProblemError as problem:
+            await _answer(problem, guarded)
+            return
+        await self._app(scope, _replayed(body, receive), guarded)
+
+    async def _admitted(self, scope: Scope, receive: Receive) -> bytes:
+        """Return the body of a request that may go on; raises `ProblemError`."""
+        headers = dict(scope["headers"])
+        self._check_host(headers.get(b"host", b""))
+        if not _is_open(scope["path"]):
+            self._check_token(headers.get(b"authorization", b""))
+        if scope["method"] in _WRITES:
+            wait_s = self._rates.wait_s((scope.get("client") or ("",))[0], self._settings().writes_per_s)
+            if wait_s:
+                raise ProblemError(429, "too many requests", headers={"Retry-After": str(int(wait_s) + 1)})
+        if scope["method"] in ("POST", "PUT") and not _is_json(headers.get(b"content-type", b"")):
+            raise ProblemError(415, "send application/json, in UTF-8")
+        return await _body(headers, receive)
+
+    def _check_host(self, host: bytes) -> None:
+        """Refuse a name that does not belong to a service without a token: it may be another site's."""
+        if self._token is not None:
+            return
+        name = host.decode("latin-1").lower()
+        name = name.rpartition("]")[0].lstrip("[") if name.startswith("[") else name.partition(":")[0]
+        if name not in LOOPBACK:
+            raise ProblemError(421, "without a token the service answers to localhost alone")
+
+    def _check_token(self, authorization: bytes) -> None:
+        if self._token is None:
+            return
+        scheme, _, given = authorization.partition(b" ")
+        is_right = hmac.compare_digest(given.strip(), self._token)
+        if scheme.lower() != b"bearer" or not is_right:
+            raise ProblemError(401, "send Authorization: Bearer TOKEN", headers={"WWW-Authenticate": "Bearer"})
+
+
+def _is_open(path: str) -> bool:
+    return path in OPEN_PATHS or path.startswith(OPEN_PREFIX)
+
+
+def _is_json(content_type: bytes) -> bool:
+    kind, _, rest = content_type.decode("latin-1").lower().partition(";")
+    return kind.strip() == "application/json" and rest.strip().replace('"', "") in ("", "charset=utf-8")
+
+
+async def _body(headers: Mapping[bytes, bytes], receive: Receive) -> bytes:
+    if int(headers.get(b"content-length", b"0")) > MAXIMUM_BODY_BYTES:
+        raise ProblemError(413, f"a body has at most {MAXIMUM_BODY_BYTES} bytes")
+    body = b""
+    try:
+        async with asyncio.timeout(BODY_S):
+            while True:
+                message = await receive()
+                if message["type"] == "http.disconnect":
+                    raise ProblemError(400, "the client left")
+                body += bytes(message.get("body", b""))
+                if len(body) > MAXIMUM_BODY_BYTES:
+                    raise ProblemError(413, f"a body has at most {MAXIMUM_BODY_BYTES} bytes")
+                if not message.get("more_body", False):
+                    return body
+    except TimeoutError:
+        raise ProblemError(408, f"a body arrives within {BODY_S:g} s", headers={"Connection": "close"}) from None
+
+
+def _replayed(body: bytes, receive: Receive) -> Receive:
+    """Return what hands the application the body, and then what the client does."""
+    first = True
+
+    async def again() -> Message:
+        nonlocal first
+        if first:
+            first = False
+            return {"type": "http.request", "body": body, "more_body": False}
+        return await receive()
+
+    return again
+
+
+def _with_headers(send: Send, *, is_open: bool) -> Send:
+    async def sending(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            given = list(message.get("headers", []))
+            if not any(name.lower() == b"cache-control" for name, _ in given):
+                given.append((b"cache-control", b"no-cache" if is_open else b"no-store"))
+            message["headers"] = [*given, *_HEADERS]
+        await send(message)
+
+    return sending
+
+
+async def _answer(problem: ProblemError, send: Send) -> None:
+    body = problem_body(problem)
+    headers = [(b"content-type", PROBLEM_TYPE.encode()), (b"content-length", str(len(body)).encode())]
+    headers += [(key.lower().encode(), value.encode()) for key, value in problem.headers.items()]
+    await send({"type": "http.response.start", "status": problem.status, "headers": headers})
+    await send({"type": "http.response.body", "body": body})

@@ -1,0 +1,24 @@
+"""The command `opir serve`. The web is imported when it runs."""
+
+import argparse
+from typing import Any
+
+from opir_core.plugin import hookimpl
+
+_SUMMARY = "run a scene live, paced by the clock, behind HTTP and a page to look at"
+
+
+@hookimpl
+def opir_add_commands(commands: Any) -> None:
+    """Add `opir serve`."""
+    from opir_http.arguments import add_arguments
+
+    parser = commands.add_parser("serve", help=_SUMMARY, description=_SUMMARY)
+    add_arguments(parser)
+    parser.set_defaults(run=_serve)
+
+
+def _serve(arguments: argparse.Namespace) -> int:
+    from opir_http.serving import serve
+
+    return serve(arguments)

@@ -1,0 +1,97 @@
+"""What a request is told when it cannot be answered: problem details (RFC 9457), without paths and tracebacks."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+from litestar import Response
+from litestar.exceptions import HTTPException
+
+from opir_core.errors import OpirError, SceneError
+from opir_core.live.drafting import RestartError
+from opir_core.live.running import BusyError, RefusedError
+
+PROBLEM_TYPE = "application/problem+json"
+
+#: Titles by status.
+TITLES = {
+    400: "The request cannot be read",
+    401: "A bearer token is needed",
+    403: "This is switched off",
+    404: "There is nothing here",
+    405: "This cannot be done here",
+    408: "The request took too long to arrive",
+    409: "The simulation cannot take this",
+    412: "The configuration has changed",
+    413: "The request is too large",
+    415: "The content type is not taken",
+    421: "This host is not served here",
+    422: "What is asked for is not valid",
+    428: "If-Match is needed",
+    429: "Too much is asked for",
+    500: "The service failed",
+    503: "The service is not available",
+}
+
+
+class ProblemError(Exception):
+    """A request that cannot be answered as asked; `errors` are pairs of path and message."""
+
+    def __init__(
+        self,
+        status: int,
+        detail: str,
+        errors: tuple[tuple[str, str], ...] = (),
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
+        self.status, self.detail, self.errors = status, detail, errors
+        self.headers = dict(headers or {})
+        super().__init__(detail)
+
+
+def problem_body(error: ProblemError) -> bytes:
+    """Return the body of a problem."""
+    told: dict[str, Any] = {
+        "type": "about:blank",
+        "title": TITLES.get(error.status, "The request failed"),
+        "status": error.status,
+        "detail": error.detail,
+    }
+    if error.errors:
+        told["errors"] = [{"path": path, "message": message} for path, message in error.errors]
+    return msgspec.json.encode(told)
+
+
+def problem_of(error: OpirError) -> ProblemError:
+    """Return the problem that one of opir's own errors is to a client."""
+    if isinstance(error, BusyError):
+        return ProblemError(429, str(error), headers={"Retry-After": "1"})
+    if isinstance(error, RefusedError):
+        return ProblemError(409, str(error))
+    if isinstance(error, RestartError):
+        return ProblemError(409, "some settings need a restart", _pairs(error.problems))
+    if isinstance(error, SceneError):
+        return ProblemError(422, f"{len(error.problems)} found", _pairs(error.problems))
+    return ProblemError(422, str(error))
+
+
+def _pairs(problems: Any) -> tuple[tuple[str, str], ...]:
+    return tuple((problem.path.removeprefix("targets[0]").lstrip("."), problem.message) for problem in problems)
+
+
+def answer_problem(_request: Any, error: ProblemError) -> Response[bytes]:
+    """Return the response to a problem."""
+    return Response(problem_body(error), status_code=error.status, media_type=PROBLEM_TYPE, headers=error.headers)
+
+
+def answer_http(request: Any, error: HTTPException) -> Response[bytes]:
+    """Return the response to what the framework refuses."""
+    status = error.status_code
+    headers = {key: value for key, value in (error.headers or {}).items() if key.lower() == "allow"}
+    detail = TITLES.get(status, "The request failed").lower()
+    return answer_problem(request, ProblemError(status, detail, headers=headers))
+
+
+def answer_defect(request: Any, _error: Exception) -> Response[bytes]:
+    """Return the response to a defect, of which the client hears nothing more."""
+    return answer_problem(request, ProblemError(500, "the failure is in the service's own log"))

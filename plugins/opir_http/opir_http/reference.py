@@ -1,0 +1,54 @@
+"""The page of the HTTP interface, made from its OpenAPI document."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from attrs import fields
+
+from opir_core.fields import info_of
+from opir_http.openapi import document
+from opir_http.settings import LIVE, HttpSettings
+
+_HEAD = """# The HTTP interface
+
+What `opir serve` answers. [Serve a scene](../how-to/serve.md) shows it at work; the service itself gives this as an
+OpenAPI 3.1 document at `/openapi.json`, from which this page is generated. Errors are problem details (RFC 9457),
+`application/problem+json`. Where there is a bearer token, all but `/`, `/health/…` and `/openapi.json` need it."""
+
+
+def reference_page() -> str:
+    """Return the page, in Markdown."""
+    whole = document()
+    routes = [line for path, item in whole["paths"].items() for line in _route(path, item)]
+    return "\n".join([_HEAD, *routes, *_settings()]) + "\n"
+
+
+def _route(path: str, item: dict[str, Any]) -> Iterator[str]:
+    for method, operation in item.items():
+        yield from ("", f"## {method.upper()} {path}", "", f"{operation['summary']}.")
+        if "description" in operation:
+            yield from ("", operation["description"])
+        parameters = operation.get("parameters", [])
+        if parameters:
+            yield from ("", "| parameter | in | what it is |", "|---|---|---|")
+        for parameter in parameters:
+            yield f"| `{parameter['name']}` | {parameter['in']} | {_words(parameter)} |"
+        yield from ("", "| status | meaning |", "|---|---|")
+        for status, response in operation["responses"].items():
+            yield f"| {status} | {response['description']} |"
+
+
+def _words(parameter: dict[str, Any]) -> str:
+    schema = parameter["schema"]
+    told = [schema["type"] if "enum" not in schema else " or ".join(f"`{word}`" for word in schema["enum"])]
+    bounds = [f"{name} {schema[name]}" for name in ("minimum", "maximum", "maxLength", "default") if name in schema]
+    meaning = [parameter["description"]] if "description" in parameter else []
+    return "; ".join([*told, *bounds, *meaning])
+
+
+def _settings() -> Iterator[str]:
+    yield from ("", "## Settings of the service", "", "The block `http` of the configuration.", "")
+    yield from ("| key | default | what it is | while it runs |", "|---|---|---|---|")
+    for attribute in fields(HttpSettings):
+        when = "changes at once" if attribute.name in LIVE else "needs a restart"
+        yield f"| `{attribute.name}` | `{attribute.default}` | {info_of(attribute).help} | {when} |"

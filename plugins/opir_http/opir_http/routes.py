@@ -1,0 +1,228 @@
+"""The routes of the service."""
+
+import asyncio
+from collections.abc import AsyncIterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from litestar import Litestar, Request, Response, get, post, put
+from litestar.exceptions import HTTPException
+from litestar.response import Stream
+
+from opir_core.scene import REPORTED_TYPES
+from opir_http.feed import Client
+from opir_http.history import Wanted
+from opir_http.metrics import CONTENT_TYPE, metrics_text
+from opir_http.openapi import document
+from opir_http.problems import ProblemError, answer_defect, answer_http, answer_problem
+from opir_http.reading import instant_us, json_object, query, unit_number, whole_number
+from opir_http.service import Service
+from opir_http.settings import MAXIMUM_PAGE
+
+_PAGE = Path(__file__).parent / "page"
+_KINDS = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+}
+_JSON = "application/json"
+_KEY_LENGTH = 200
+_FILTERS = ("after", "limit", "min_confidence", "sensor_id", "sensor_type", "since", "target_type", "track_id", "until")
+
+AnyRequest = Request[Any, Any, Any]
+
+
+def application(service: Service) -> Litestar:
+    """Return the application of a service."""
+    return Litestar(
+        route_handlers=[
+            *_page_routes(),
+            *_health_routes(service),
+            *_reading_routes(service),
+            *_writing_routes(service),
+            _stream_route(service),
+        ],
+        exception_handlers={ProblemError: answer_problem, HTTPException: answer_http, Exception: answer_defect},
+        openapi_config=None,
+        logging_config=None,
+    )
+
+
+def _page_routes() -> list[Any]:
+    files = {path.name: path.read_bytes() for path in _PAGE.iterdir() if path.suffix in _KINDS}
+    openapi = msgspec.json.encode(document())
+
+    @get("/", media_type=_KINDS[".html"])
+    async def page() -> bytes:
+        return files["index.html"]
+
+    @get("/page/{name:str}")
+    async def part(request: AnyRequest) -> Response[bytes]:
+        name = str(request.path_params["name"])
+        if name not in files:
+            raise ProblemError(404, "there is no such file")
+        return Response(files[name], media_type=_KINDS[Path(name).suffix])
+
+    @get("/openapi.json", media_type=_JSON)
+    async def described() -> bytes:
+        return openapi
+
+    return [page, part, described]
+
+
+def _health_routes(service: Service) -> list[Any]:
+    @get("/health/live")
+    async def live(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        state = service.run.status().state
+        return _json({"state": state}, 503 if state == "failed" else 200)
+
+    @get("/health/ready")
+    async def ready(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        is_ready, reasons = service.is_ready()
+        return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503)
+
+    @get("/metrics")
+    async def metrics(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        return Response(metrics_text(service).encode(), media_type=CONTENT_TYPE)
+
+    return [live, ready, metrics]
+
+
+def _reading_routes(service: Service) -> list[Any]:
+    @get("/status")
+    async def status(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        return _json(service.status())
+
+    @get("/config")
+    async def config(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        tag = service.etag()
+        if request.headers.get("if-none-match") == tag:
+            return Response(b"", status_code=304, headers={"ETag": tag})
+        return _json(service.config(), headers={"ETag": tag})
+
+    @get("/detections")
+    async def detections(request: AnyRequest) -> Response[bytes]:
+        given = query(request.scope["query_string"], _FILTERS)
+        limit = whole_number(given, "limit", 100, MAXIMUM_PAGE)
+        before = int(given["after"], 36) if _is_cursor(given) else None
+        lines, following = service.feed.history.page(_wanted(given, service), before, limit)
+        cursor = b"null" if following is None else b'"%s"' % _base36(following).encode()
+        body = b'{"detections":[' + b",".join(lines) + b'],"next":' + cursor + b"}"
+        return Response(body, media_type=_JSON)
+
+    @get("/tracks")
+    async def tracks(request: AnyRequest) -> Response[bytes]:
+        given = query(request.scope["query_string"], ("limit",))
+        return _json({"tracks": service.feed.tracks.latest(whole_number(given, "limit", 100, MAXIMUM_PAGE))})
+
+    return [status, config, detections, tracks]
+
+
+def _writing_routes(service: Service) -> list[Any]:
+    @post("/trigger", status_code=202)
+    async def trigger(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        body = await request.body()
+        key = _idempotency_key(request.headers)
+        known = service.answers.begin(key, body) if key else None
+        if known is not None:
+            return _json(known, 202, headers={"Idempotent-Replayed": "true", "Location": "/status"})
+        answer = None
+        try:
+            answer = await asyncio.to_thread(service.launch, json_object(body))
+        finally:
+            if key:
+                service.answers.end(key, answer)
+        return _json(answer, 202, headers={"Location": "/status"})
+
+    @put("/config")
+    async def configure(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        if not service.settings.config_writes:
+            raise ProblemError(403, "the service was started with --no-config-writes")
+        wanted = json_object(await request.body())
+        if_match = request.headers.get("if-match")
+        if if_match is None:
+            raise ProblemError(428, "send the ETag of GET /config as If-Match")
+        cycle = await asyncio.to_thread(service.configure, wanted, if_match)
+        return _json({"cycle": cycle}, headers={"ETag": service.etag()})
+
+    return [trigger, configure]
+
+
+def _stream_route(service: Service) -> Any:
+    @get("/stream")
+    async def stream(request: AnyRequest) -> Stream:
+        given = query(request.scope["query_string"], ("view",))
+        if given.get("view", "full") not in ("full", "brief"):
+            raise ProblemError(400, "view is full or brief")
+        if service.feed.viewers >= service.settings.maximum_viewers:
+            raise ProblemError(503, "there are as many viewers as there may be", headers={"Retry-After": "5"})
+        client = Client(brief=given.get("view") == "brief")
+        service.feed.join(client)
+        return Stream(_frames(service, client), media_type="text/event-stream")
+
+    return stream
+
+
+async def _frames(service: Service, client: Client) -> AsyncIterator[bytes]:
+    try:
+        async for frame in client.frames():
+            yield frame
+    finally:
+        service.feed.leave(client)
+
+
+def _wanted(given: Mapping[str, str], service: Service) -> Wanted:
+    sensors = None
+    if "sensor_id" in given or "sensor_type" in given:
+        sensors = tuple(
+            row
+            for row, sensor in enumerate(service.feed.sensors)
+            if given.get("sensor_id", sensor.id) == sensor.id and given.get("sensor_type", sensor.type) == sensor.type
+        )
+    kind = given.get("target_type")
+    if kind is not None and kind not in REPORTED_TYPES:
+        raise ProblemError(400, f"target_type is one of {', '.join(REPORTED_TYPES)}")
+    return Wanted(
+        sensors=sensors,
+        types=None if kind is None else (REPORTED_TYPES.index(kind),),
+        track=None if "track_id" not in given else whole_number(given, "track_id", 0, 10**9 - 1, least=0),
+        since_us=instant_us(given, "since"),
+        until_us=instant_us(given, "until"),
+        confidence=unit_number(given, "min_confidence"),
+    )
+
+
+def _is_cursor(given: Mapping[str, str]) -> bool:
+    word = given.get("after")
+    if word is not None and not (0 < len(word) <= 12 and word.isascii() and word.isalnum() and word == word.lower()):
+        raise ProblemError(400, "after is what a page gave as next")
+    return word is not None
+
+
+def _base36(number: int) -> str:
+    digits = ""
+    while number or not digits:
+        number, digit = divmod(number, 36)
+        digits = "0123456789abcdefghijklmnopqrstuvwxyz"[digit] + digits
+    return digits
+
+
+def _idempotency_key(headers: Mapping[str, str]) -> str | None:
+    key = headers.get("idempotency-key")
+    if key is not None and not (0 < len(key) <= _KEY_LENGTH and key.isascii() and key.isprintable()):
+        raise ProblemError(400, f"Idempotency-Key has 1 to {_KEY_LENGTH} printable ASCII characters")
+    return key
+
+
+def _json(value: Any, status: int = 200, headers: Mapping[str, str] | None = None) -> Response[bytes]:
+    return Response(msgspec.json.encode(value), status_code=status, media_type=_JSON, headers=dict(headers or {}))

@@ -1,0 +1,184 @@
+"""JSON Schemas of what the service takes and gives."""
+
+import json
+from typing import Any
+
+from attrs import fields
+
+from opir_core.builtin.configs import BallisticConfig
+from opir_core.events.schema import detection_schema
+from opir_core.fields import FieldInfo, info_of
+from opir_core.reading.identifying import ID_RULE
+from opir_core.scene import REPORTED_TYPES
+from opir_http.settings import HttpSettings
+
+Schema = dict[str, Any]
+
+TEXT: Schema = {"type": "string"}
+COUNT: Schema = {"type": "integer", "minimum": 0}
+NUMBER: Schema = {"type": "number"}
+TIME: Schema = {"type": "string", "format": "date-time"}
+
+_KINDS = {float: "number", int: "integer", str: "string", bool: "boolean"}
+_BOUNDS = {"minimum": "minimum", "maximum": "maximum", "above": "exclusiveMinimum", "below": "exclusiveMaximum"}
+
+
+def closed(properties: Schema, optional: tuple[str, ...] = ()) -> Schema:
+    """Return the schema of an object that has these properties and no others."""
+    required = [name for name in properties if name not in optional]
+    return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+
+
+def listed(items: Schema) -> Schema:
+    """Return the schema of an array."""
+    return {"type": "array", "items": items}
+
+
+def or_null(schema: Schema) -> Schema:
+    """Return the schema of what may be null."""
+    return {"anyOf": [schema, {"type": "null"}]}
+
+
+def schema_of_class(config: type) -> Schema:
+    """Return the schema of a configuration class, from what its fields say."""
+    attributes = fields(config)
+    optional = tuple(attribute.name for attribute in attributes if attribute.default is not _REQUIRED)
+    return closed({attribute.name: _schema_of_field(attribute) for attribute in attributes}, optional)
+
+
+def trigger() -> Schema:
+    """Return the schema of a launch: a target of the model `ballistic`, whose id and time may be left out."""
+    schema = schema_of_class(BallisticConfig)
+    launch = schema["properties"]["launch"]
+    launch["properties"]["time_s"] = or_null(launch["properties"]["time_s"]) | {
+        "description": "ignition, s after the scene's epoch, not before its clock; by default as soon as can be"
+    }
+    schema["properties"] |= {
+        "id": {"type": "string", "pattern": r"^[A-Za-z0-9._:\-]{1,64}$", "description": ID_RULE},
+        "model": {
+            "type": "string",
+            "enum": ["ballistic"],
+            "description": "the target model; any installed one is taken",
+        },
+    }
+    return schema
+
+
+def config() -> Schema:
+    """Return the schema of the configuration: a scene's settings, whose components say what theirs are."""
+    block = {"anyOf": [{"type": "object"}, {"type": "string"}]}
+    choices = ("detection", "classification", "confidence", "tracker", "atmosphere", "background")
+    parts = {
+        "scene": TEXT,
+        "epoch": TIME,
+        "duration_s": {"type": "number", "exclusiveMinimum": 0},
+        "seed": COUNT,
+        "light_time": {"type": "boolean"},
+        "forces": {"description": "the forces on bodies in free flight"},
+        "sensors": listed({"type": "object"}) | {"minItems": 1},
+        **{name: block | {"description": f"the {name} model: its name, or a block"} for name in choices},
+        "outputs": listed(block),
+        "http": schema_of_class(HttpSettings) | {"required": [attribute.name for attribute in fields(HttpSettings)]},
+    }
+    return closed(parts, ("light_time", "forces", "seed", *choices, "outputs"))
+
+
+def detection() -> Schema:
+    """Return the schemas of a detection, as they ship with the core, and of the parts that it refers to."""
+    text = json.dumps(detection_schema()).replace("#/$defs/", "#/components/schemas/detection-")
+    whole: Schema = json.loads(text)
+    parts = {f"detection-{name}": part for name, part in whole["$defs"].items()}
+    return {"Detection": {key: value for key, value in whole.items() if not key.startswith("$")}, **parts}
+
+
+def problem() -> Schema:
+    """Return the schema of problem details."""
+    errors = listed(closed({"path": TEXT, "message": TEXT}))
+    return closed({"type": TEXT, "title": TEXT, "status": COUNT, "detail": TEXT, "errors": errors}, ("errors",))
+
+
+def status() -> Schema:
+    """Return the schema of the status document."""
+    clock = {
+        "timestamp": TIME,
+        "epoch": TIME,
+        "time_s": NUMBER,
+        "duration_s": NUMBER,
+        "speed": or_null(NUMBER),
+        "lap": COUNT,
+        "cycle": COUNT,
+        "late_s": NUMBER,
+        "latest_s": NUMBER,
+        "late_cycles": COUNT,
+    }
+    counts = ("looks", "detections", "targets", "targets_launched", "tracks")
+    viewers = ("connected", "dropped_frames", "dropped_windows")
+    return closed(
+        {
+            "scene": TEXT,
+            "state": {"type": "string", "enum": ["starting", "running", "ended", "stopped", "failed"]},
+            "error": or_null(TEXT),
+            "clock": closed(clock),
+            "counts": closed(dict.fromkeys(counts, COUNT)),
+            "sensors": listed(_sensor()),
+            "sinks": listed(_sink()),
+            "viewers": closed(dict.fromkeys(viewers, COUNT)),
+        }
+    )
+
+
+def track() -> Schema:
+    """Return the schema of a track."""
+    ellipse = closed(dict.fromkeys(("semi_major_m", "semi_minor_m", "bearing_deg", "containment"), NUMBER))
+    point = or_null(closed({"lat_deg": NUMBER, "lon_deg": NUMBER, "time": or_null(TIME), "ellipse": or_null(ellipse)}))
+    return closed(
+        {
+            "track_id": COUNT,
+            "timestamp": TIME,
+            "latitude_deg": or_null(NUMBER),
+            "longitude_deg": or_null(NUMBER),
+            "altitude_m": or_null(NUMBER),
+            "launch_point": point,
+            "impact_point": point,
+            "type_probability": closed(dict.fromkeys(REPORTED_TYPES, or_null(NUMBER))),
+        }
+    )
+
+
+def _sensor() -> Schema:
+    return closed(
+        {
+            "sensor_id": TEXT,
+            "sensor_type": TEXT,
+            "state": {"type": "string", "enum": ["detecting", "searching"]},
+            "scan_period_ms": NUMBER,
+            "position_ecef_m": listed(NUMBER),
+            "field_of_regard_half_angle_deg": NUMBER,
+            "detections": COUNT,
+            "last_detection": or_null(TIME),
+        }
+    )
+
+
+def _sink() -> Schema:
+    counts = ("given", "delivered", "spooled", "dropped", "queued_windows", "waits", "lag")
+    state = {"type": "string", "enum": ["open", "failed", "closed"]}
+    return closed({"path": TEXT, "name": TEXT, "state": state, **dict.fromkeys(counts, COUNT), "error": or_null(TEXT)})
+
+
+def _schema_of_field(attribute: Any) -> Schema:
+    info, kind = info_of(attribute), attribute.type
+    words = f"{info.help}{f', {info.unit}' if info.unit else ''}"
+    if hasattr(kind, "__attrs_attrs__"):
+        return schema_of_class(kind) | {"description": words}
+    plain = next(known for known in _KINDS if kind == known or kind == known | None)
+    schema = {"type": _KINDS[plain], **_limits(info)}
+    return (schema if kind == plain else or_null(schema)) | {"description": words}
+
+
+def _limits(info: FieldInfo) -> Schema:
+    found = {word: getattr(info, name) for name, word in _BOUNDS.items() if getattr(info, name) is not None}
+    return found | ({"enum": list(info.choices)} if info.choices else {})
+
+
+_REQUIRED = fields(BallisticConfig).type.default

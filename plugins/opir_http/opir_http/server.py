@@ -1,0 +1,102 @@
+"""The server: uvicorn with a deadline for headers and a bound on connections, stopping as it should."""
+
+import asyncio
+import socket
+from collections.abc import Callable
+from types import FrameType
+from typing import Any
+
+import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from opir_http.settings import HEADERS_S, MAXIMUM_CONNECTIONS
+
+_CHECK_S = 2.0
+_LONGEST_HEADERS = 16 * 1024
+_BACKLOG = 512
+
+
+class Connection(H11Protocol):
+    """A connection that is closed when no whole request has come for `HEADERS_S`."""
+
+    _waiting_s: float | None = None
+    _check: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: Any) -> None:
+        """Begin, unless there are too many."""
+        super().connection_made(transport)
+        if len(self.connections) > MAXIMUM_CONNECTIONS:
+            transport.close()
+            return
+        self._look()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End."""
+        if self._check is not None:
+            self._check.cancel()
+        super().connection_lost(exc)
+
+    def on_response_complete(self) -> None:
+        """Give the next request its own time."""
+        self._waiting_s = None
+        super().on_response_complete()
+
+    def _look(self) -> None:
+        if self.transport.is_closing():
+            return
+        cycle: Any = self.cycle
+        is_waiting = cycle is None or cycle.response_complete
+        now_s = self.loop.time()
+        if not is_waiting:
+            self._waiting_s = None
+        elif self._waiting_s is None:
+            self._waiting_s = now_s
+        elif now_s - self._waiting_s > HEADERS_S:
+            self.transport.close()
+            return
+        self._check = self.loop.call_later(_CHECK_S, self._look)
+
+
+class Server(uvicorn.Server):
+    """A server that tells `on_stop` when it is asked to stop, and leaves the process to end by itself."""
+
+    def __init__(self, app: Any, on_stop: Callable[[], None]) -> None:
+        super().__init__(
+            uvicorn.Config(
+                app,
+                http=Connection,
+                ws="none",
+                lifespan="off",
+                log_config=None,
+                access_log=False,
+                server_header=False,
+                h11_max_incomplete_event_size=_LONGEST_HEADERS,
+                timeout_keep_alive=15,
+                timeout_graceful_shutdown=1,
+                backlog=_BACKLOG,
+            )
+        )
+        self._on_stop = on_stop
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Stop; the process is not ended by the signal afterwards."""
+        self.should_exit = True
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Tell who listens, then stop."""
+        self._on_stop()
+        await super().shutdown(sockets)
+
+
+def bound(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at an address; raises `OSError`."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen(_BACKLOG)
+    except BaseException:
+        listening.close()
+        raise
+    return listening

@@ -1,0 +1,130 @@
+"""`opir serve`: a scene live behind HTTP until it is told to stop."""
+
+import argparse
+import asyncio
+import os
+import socket
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from opir_core.commands.scene_arguments import scene_of
+from opir_core.errors import ModelError, OpirError, SceneError
+from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live.telling import LiveStatus
+from opir_core.plugin.host import Host
+from opir_http.gate import LOOPBACK, Gate
+from opir_http.routes import application
+from opir_http.server import Server, bound
+from opir_http.service import Service
+from opir_http.settings import HttpSettings
+
+#: Where the bearer token is looked for, where no file is named.
+TOKEN_VARIABLE = "OPIR_HTTP_TOKEN"
+
+_SHORTEST_TOKEN = 16
+
+
+class ServeError(OpirError):
+    """A service that cannot be started as asked."""
+
+    exit_code = 2
+
+
+def serve(arguments: argparse.Namespace) -> int:
+    """Run the service; return the exit code when it has been told to stop."""
+    token = token_of(arguments)
+    service = service_of(arguments)
+    with _bound(arguments) as listening:
+        service.run.start()
+        try:
+            asyncio.run(_served(service, token, listening, arguments.host))
+        finally:
+            service.feed.stop()
+            status = service.run.stop()
+    sys.stdout.write(told(status))
+    if service.run.status().error:
+        raise ModelError(f"the run failed: {service.run.status().error}")
+    return 0
+
+
+def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Service:
+    """Return the service that the arguments describe, not yet started."""
+    plugins = host or Host.discover()
+    now = datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    scene = scene_of(arguments, plugins, first=(f"epoch={now}",) if arguments.epoch_now else ())
+    settings = HttpSettings(
+        host=arguments.host,
+        port=arguments.port,
+        config_writes=not arguments.no_config_writes,
+        maximum_targets=arguments.max_targets,
+    )
+    live = LiveSettings(
+        speed=arguments.speed,
+        cycle_ns=round(arguments.cycle_ms * 1e6),
+        loop=arguments.loop,
+        maximum_targets=arguments.max_targets,
+    )
+    try:
+        run = LiveRun(scene, plugins, live)
+    except SceneError as error:
+        raise SceneError(error.problems, source=arguments.scene) from error
+    service = Service(run, settings)
+    run.on_window = service.feed.put
+    return service
+
+
+def token_of(arguments: argparse.Namespace) -> str | None:
+    """Return the bearer token, from the file named or from the environment; required where others may connect."""
+    token = os.environ.get(TOKEN_VARIABLE)
+    if arguments.token_file is not None:
+        try:
+            token = Path(arguments.token_file).read_text(encoding="ascii").strip()
+        except (OSError, ValueError):
+            raise ServeError("--token-file: the file cannot be read as text") from None
+    if token is not None and (len(token) < _SHORTEST_TOKEN or not token.isascii() or not token.isprintable()):
+        raise ServeError(f"the bearer token needs at least {_SHORTEST_TOKEN} printable ASCII characters")
+    if token is None and arguments.host not in LOOPBACK:
+        raise ServeError(
+            f"--host {arguments.host}: others could connect; give a bearer token in {TOKEN_VARIABLE} or by --token-file"
+        )
+    return token
+
+
+def told(status: LiveStatus) -> str:
+    """Return what is printed at the end: how far it came, and what became of the events."""
+    head = (
+        f"opir: stopped at {status.time_ns * 1e-9:.3f} s of scene time, after {status.cycle} cycles:"
+        f" {status.detections} detections of {status.targets_launched} targets\n"
+    )
+    sinks = (
+        f"opir: {sink.path} ({sink.name}): {sink.delivered} delivered, {sink.spooled} spooled, {sink.dropped} dropped"
+        + (f"; {sink.error}" if sink.error else "")
+        + "\n"
+        for sink in status.sinks
+    )
+    return "".join([head, *sinks])
+
+
+def _bound(arguments: argparse.Namespace) -> socket.socket:
+    try:
+        return bound(arguments.host, arguments.port)
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ServeError(f"--host {arguments.host} --port {arguments.port} cannot be bound: {reason}") from None
+
+
+async def _served(service: Service, token: str | None, listening: socket.socket, host: str) -> None:
+    server = server_of(service, token)
+    name = f"[{host}]" if ":" in host else host
+    sys.stdout.write(f"opir: http://{name}:{listening.getsockname()[1]}\n")
+    sys.stdout.flush()
+    await server.serve(sockets=[listening])
+
+
+def server_of(service: Service, token: str | None) -> Server:
+    """Return the server of a service, to be run on the event loop at hand."""
+    service.feed.start(asyncio.get_running_loop())
+    app: Any = application(service)
+    return Server(Gate(app, lambda: service.settings, token), service.feed.stop)

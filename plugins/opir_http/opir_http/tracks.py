@@ -1,0 +1,76 @@
+"""The latest estimate of each track, as clients see it."""
+
+import math
+from collections import OrderedDict
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from opir_core.events.points import point_texts
+from opir_core.events.timestamps import timestamp_text, writable_unix_microseconds
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.records import FloatArray, Tracks
+from opir_core.scene import REPORTED_TYPES
+
+#: Tracks that are kept; those not updated for longest give way.
+KEPT = 1000
+
+Document = dict[str, Any]
+
+
+class TrackBook:
+    """Keeps the latest estimate of each track, of a bounded number of tracks."""
+
+    def __init__(self, epoch_us: int) -> None:
+        self._epoch_us = epoch_us
+        self._known: OrderedDict[int, Document] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def take(self, tracks: Tracks) -> Document:
+        """Take estimates, sorted by tick; return the document of those that are each track's last."""
+        last = {number: row for row, number in enumerate(tracks.track.tolist())}
+        told = self._documents(tracks.take(list(last.values())))
+        for document in told:
+            self._known[document["track_id"]] = document
+            self._known.move_to_end(document["track_id"])
+        while len(self._known) > KEPT:
+            self._known.popitem(last=False)
+        return {"tracks": told}
+
+    def latest(self, limit: int) -> list[Document]:
+        """Return the tracks updated last, newest first."""
+        return list(reversed(tuple(self._known.values())))[:limit]
+
+    def _documents(self, tracks: Tracks) -> list[Document]:
+        place = ecef_to_geodetic(tracks.state[:, :3])
+        unix_us, _ = writable_unix_microseconds(tracks.tick_s, self._epoch_us)
+        columns = (
+            tracks.track.tolist(),
+            timestamp_text(unix_us),
+            _rounded(np.degrees(place.latitude_rad), 6),
+            _rounded(np.degrees(place.longitude_rad), 6),
+            _rounded(place.height_m, 1),
+            map(msgspec.Raw, point_texts(tracks.launch, tracks.launch_covariance, self._epoch_us)),
+            map(msgspec.Raw, point_texts(tracks.impact, tracks.impact_covariance, self._epoch_us)),
+            [dict(zip(REPORTED_TYPES, _rounded(row, 4), strict=True)) for row in tracks.type_probability],
+        )
+        return [dict(zip(_NAMES, values, strict=True)) for values in zip(*columns, strict=True)]
+
+
+_NAMES = (
+    "track_id",
+    "timestamp",
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_m",
+    "launch_point",
+    "impact_point",
+    "type_probability",
+)
+
+
+def _rounded(column: FloatArray, decimals: int) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in np.round(column, decimals).tolist()]

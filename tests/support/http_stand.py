@@ -1,0 +1,117 @@
+"""A service in this process, on a free port of the loopback, and requests to it."""
+
+import argparse
+import asyncio
+import http.client
+import json
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from attrs import define
+from opir_http.arguments import add_arguments
+from opir_http.server import Server, bound
+from opir_http.service import Service
+from opir_http.serving import server_of, service_of
+
+from opir_core.plugin.host import Host
+
+JSON = {"Content-Type": "application/json"}
+
+LAUNCH = {
+    "type": "ICBM",
+    "launch": {"lat_deg": 34.73, "lon_deg": -120.57},
+    "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+}
+
+SCENE = """
+scene: stand
+epoch: "2026-04-01T12:00:00Z"
+duration_s: 600
+seed: 5
+sensors:
+  - constellation: DSP
+  - constellation: SBIRS-GEO
+targets:
+  - id: T1
+    type: ICBM
+    launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 1.0}
+    aim: {lat_deg: 9.0, lon_deg: 167.7}
+outputs: ["null"]
+"""
+
+
+@define
+class Answer:
+    """What came back."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.body)
+
+
+@define
+class Stand:
+    """A running service."""
+
+    port: int
+    service: Service
+    server: Server
+
+    def ask(
+        self,
+        method: str,
+        path: str,
+        body: Any = None,
+        headers: Mapping[str, str] | None = None,
+        *,
+        timeout_s: float = 20,
+    ) -> Answer:
+        """Make one request; a body that is not bytes is sent as JSON."""
+        raw = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
+        given = {**(JSON if raw is not None else {}), **(headers or {})}
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)
+        try:
+            connection.request(method, path, raw, given)
+            response = connection.getresponse()
+            told = {key.lower(): value for key, value in response.getheaders()}
+            return Answer(response.status, told, response.read())
+        finally:
+            connection.close()
+
+
+@contextmanager
+def serving(
+    folder: Path, *words: str, scene: str = SCENE, token: str | None = None, host: Host | None = None
+) -> Iterator[Stand]:
+    """Serve a scene with further arguments of `opir serve`."""
+    path = folder / "scene.yaml"
+    path.write_text(scene, encoding="utf-8")
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    service = service_of(parser.parse_args([str(path), *words]), host)
+    begun, servers = threading.Event(), []
+
+    async def run() -> None:
+        servers.append(server_of(service, token))
+        begun.set()
+        await servers[0].serve(sockets=[listening])
+
+    with bound("127.0.0.1", 0) as listening:
+        service.run.start()
+        thread = threading.Thread(target=lambda: asyncio.run(run()))
+        thread.start()
+        try:
+            begun.wait(10.0)
+            yield Stand(listening.getsockname()[1], service, servers[0])
+        finally:
+            servers[0].should_exit = True
+            thread.join(10.0)
+            service.feed.stop()
+            service.run.stop()
