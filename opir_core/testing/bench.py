@@ -93,14 +93,14 @@ class BenchRun:
     lines: tuple[bytes, ...]
 
     def lines_of(self, sensors: Iterable[str], targets: Iterable[str]) -> tuple[bytes, ...]:
-        """Return the events of some sensors and targets, by their ids; each detection has one line."""
+        """Return the events of some sensors and targets, by ids, and the sensors' noise; each detection has a line."""
         wanted_sensors, wanted_targets = frozenset(sensors), frozenset(targets)
         ids = self.plan.targets.ids
         rows = zip(self.detections.sensor.tolist(), self.truth.target.tolist(), self.lines, strict=True)
         return tuple(
             line
             for sensor, target, line in rows
-            if target >= 0 and self.plan.sensors[sensor].id in wanted_sensors and ids[target] in wanted_targets
+            if self.plan.sensors[sensor].id in wanted_sensors and (target < 0 or ids[target] in wanted_targets)
         )
 
 

@@ -20,6 +20,11 @@ def excess_of_count(seen: float, chances: FloatArray) -> float:
     return max(abs(seen - float(np.sum(chances))) - 0.5, 0.0) / max(Z_999 * spread, 1e-9)
 
 
+def excess_of_rate(seen: float, due: float) -> float:
+    """Return how far a count lies from the Poisson distribution's mean, in units of its 99.9 % half width (normal)."""
+    return max(abs(seen - due) - 0.5, 0.0) / max(Z_999 * math.sqrt(due), 1e-9)
+
+
 def excess_of_distribution(values: FloatArray) -> float:
     """Return the Kolmogorov-Smirnov distance of values (n,) from uniform on [0, 1], in units of its 99.9 % point.
 

@@ -327,6 +327,15 @@ class Tired(Changed):
         return np.full(len(exposures), 0.5 if Tired.rested else 0.25)
 
 
+@detection_mutant("promises-noise", "test_noise_crosses_as_often_as_stated")
+class PromisesNoise(Changed):
+    """States a rate of noise that nobody sees."""
+
+    @property
+    def rate_per_scan(self) -> FloatArray:
+        return np.full(len(self.band_count), 0.1)
+
+
 @detection_mutant("look-by-look", "test_looks_are_not_worked_through_one_by_one")
 class LookByLook(Changed):
     """A loop over looks."""

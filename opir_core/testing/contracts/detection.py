@@ -11,7 +11,7 @@ from opir_core.protocols import DetectionProbability, Dice
 from opir_core.records import FloatArray
 from opir_core.testing.bench import LookTable, bench_scene
 from opir_core.testing.broken import insist
-from opir_core.testing.chance import excess_of_count
+from opir_core.testing.chance import excess_of_count, excess_of_rate
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows, insist_rows_stand_alone
 from opir_core.testing.contracts.scenes import SceneContract
 from opir_core.testing.steps import steps_per_row
@@ -143,13 +143,26 @@ class DetectionContract(SceneContract):
 
     def test_detections_come_at_the_stated_rate(self) -> None:
         """Looks detect as often as the probabilities say, within 99.9 %."""
-        looks, seen = self.looks(), self.run()
+        looks, found = self.looks(), int(np.sum(self.run().truth.target >= 0))
         chances = self.model().probability(looks.exposures)
-        excess = excess_of_count(len(seen.lines), chances)
         insist(
-            excess <= 1.0,
-            f"{len(seen.lines)} looks detect, where the probabilities add up to {chances.sum():.1f}",
+            excess_of_count(found, chances) <= 1.0,
+            f"{found} looks detect, where the probabilities add up to {chances.sum():.1f}",
             "probability(...) must say the same of a look whenever it is asked.",
+        )
+
+    def test_noise_crosses_as_often_as_stated(self) -> None:
+        """Where the model says how often noise alone crosses a threshold (`rate_per_scan`), it does, within 99.9 %."""
+        per_scan = getattr(self.model(), "rate_per_scan", None)
+        if per_scan is None:
+            return
+        run = self.run_of(self.scene(targets=[]))
+        scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]
+        due, found = float(np.sum(per_scan * np.array(scans))), int(np.sum(run.truth.target < 0))
+        insist(
+            excess_of_rate(found, due) <= 1.0,
+            f"noise crosses {found} times, where the stated rates add up to {due:.1f}",
+            "rate_per_scan is the mean number of exceedances in one scan of a sensor's whole field of regard.",
         )
 
     def test_looks_are_not_worked_through_one_by_one(self) -> None:
