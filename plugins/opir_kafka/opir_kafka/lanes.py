@@ -11,47 +11,43 @@ from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
-from attrs import define, field
 
 from opir_core.spool.parcels import Parcel
 
 Rows = list[int]
 
 
-@define(eq=False)
 class Shipment:
-    """A parcel on its way: its messages, which of them are acknowledged, and the future that waits for all."""
+    """A parcel on its way: its messages, which of them are acknowledged, and the future that waits for all.
 
-    parcel: Parcel
-    future: "Future[None]"
-    keys: tuple[bytes, ...] = field(init=False)
-    messages: list[bytes] = field(init=False)
-    headers: list[tuple[str, bytes]] = field(init=False)
-    open_rows: set[int] = field(init=False)
+    Once all are acknowledged it holds none of them: a connection that was let go of is a cycle of references, which
+    holds its last shipments until the garbage collector comes by.
+    """
 
-    def __attrs_post_init__(self) -> None:
-        parcel = self.parcel
-        self.keys = tuple(key.encode() for key in parcel.keys)
-        self.messages = parcel.messages()
-        self.headers = [
+    def __init__(self, parcel: Parcel, future: "Future[None]") -> None:
+        self.future = future
+        self._keys = tuple(key.encode() for key in parcel.keys)
+        self._key_of = parcel.key_of
+        self._messages = parcel.messages()
+        self._headers = [
             ("content-type", parcel.content_type.encode()),
             ("schema-version", parcel.schema_version.encode()),
         ]
-        self.open_rows = set(range(len(self.messages)))
+        self._open_rows = set(range(len(parcel)))
 
     def rows_by_partition(self, partition_of: Callable[[bytes], int]) -> dict[int, Rows]:
         """Return the rows that are not acknowledged, in order, by partition."""
-        of_key = np.array([partition_of(key) for key in self.keys])
-        of_row = of_key[self.parcel.key_of]
+        of_key = np.array([partition_of(key) for key in self._keys])
+        of_row = of_key[self._key_of]
         rows = {int(each): np.flatnonzero(of_row == each).tolist() for each in np.unique(of_key)}
-        if len(self.open_rows) == len(self.messages):
+        if len(self._open_rows) == len(self._messages):
             return rows
-        left = {each: [row for row in found if row in self.open_rows] for each, found in rows.items()}
+        left = {each: [row for row in found if row in self._open_rows] for each, found in rows.items()}
         return {each: found for each, found in left.items() if found}
 
     def put(self, batch: Any, rows: Rows) -> int:
         """Append rows to aiokafka's batch and return how many it took."""
-        keys, key_of, messages, headers = self.keys, self.parcel.key_of, self.messages, self.headers
+        keys, key_of, messages, headers = self._keys, self._key_of, self._messages, self._headers
         append = batch.append
         for place, row in enumerate(rows):
             if append(timestamp=None, key=keys[key_of[row]], value=messages[row], headers=headers) is None:
@@ -60,9 +56,10 @@ class Shipment:
 
     def acknowledge(self, rows: Rows) -> bool:
         """Note that rows have arrived; return whether all have."""
-        self.open_rows.difference_update(rows)
-        if self.open_rows:
+        self._open_rows.difference_update(rows)
+        if self._open_rows:
             return False
+        self._messages = []
         if not self.future.done():
             self.future.set_result(None)
         return True
