@@ -8,6 +8,9 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
+#: A loop over rows that computes anything takes more steps than this for each; array work in blocks of rows, fewer.
+LOOP_STEPS = 8.0
+
 
 def python_steps(act: Callable[[], object]) -> int:
     """Return how many bytecode instructions a function runs, those of all it calls included.

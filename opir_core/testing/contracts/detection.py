@@ -14,13 +14,10 @@ from opir_core.testing.broken import insist
 from opir_core.testing.chance import excess_of_count, excess_of_rate
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows, insist_rows_stand_alone
 from opir_core.testing.contracts.scenes import SceneContract
-from opir_core.testing.steps import steps_per_row
+from opir_core.testing.steps import LOOP_STEPS, steps_per_row
 
 #: Purposes whose numbers the engine draws itself.
 RESERVED_PURPOSES = frozenset({"detection", "line-of-sight", "scan-phase"})
-
-#: A loop over looks takes at least this many steps of Python for each.
-LOOP_STEPS = 1.0
 
 
 class WatchedDice:

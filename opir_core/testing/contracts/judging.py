@@ -11,9 +11,9 @@ from opir_core.scene import REPORTED_TYPES
 from opir_core.testing.bench import LookTable, bench_scene, sightings_of
 from opir_core.testing.broken import insist
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows, insist_rows_stand_alone
-from opir_core.testing.contracts.detection import LOOP_STEPS, RESERVED_PURPOSES, WatchedDice
+from opir_core.testing.contracts.detection import RESERVED_PURPOSES, WatchedDice
 from opir_core.testing.contracts.scenes import SceneContract
-from opir_core.testing.steps import steps_per_row
+from opir_core.testing.steps import LOOP_STEPS, steps_per_row
 
 _ARRAYS = "Replace the loop over detections by arithmetic on whole columns."
 
