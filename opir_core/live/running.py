@@ -138,7 +138,7 @@ class LiveRun:
         return LiveStatus(
             state=self._state,
             error=self._error,
-            time_ns=self.time_ns,
+            time_ns=counts.time_ns,
             cycle=counts.cycle,
             lap=self._lap,
             speed=self.settings.speed,
@@ -258,7 +258,7 @@ class LiveRun:
             outlet.write(window, self._stopping)
         self.on_window(LiveWindow(window, self._counts.cycle, self._lap, engine.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in engine.plan.sensors) / _NS
-        self._counts.ended(self._pace.late_ns(due_ns) / _NS, allowed_s)
+        self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
         return True
 
     def _next_lap(self, laps: Laps) -> Engine:

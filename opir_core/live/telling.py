@@ -60,6 +60,7 @@ class Counts:
 
     detections_by_sensor: IntArray
     last_ns: IntArray
+    time_ns: int = 0
     cycle: int = 0
     looks: int = 0
     detections: int = 0
@@ -82,8 +83,9 @@ class Counts:
         self.detections_by_sensor += np.bincount(found.sensor, minlength=len(self.last_ns))
         self.last_ns[found.sensor] = found.time_ns
 
-    def ended(self, late_s: float, allowed_s: float) -> None:
-        """Count a cycle, and how late it was done; `allowed_s` is how late it may be."""
+    def ended(self, time_ns: int, late_s: float, allowed_s: float) -> None:
+        """Count a cycle that came up to `time_ns`, and how late it was done; `allowed_s` is how late it may be."""
+        self.time_ns = time_ns
         self.cycle += 1
         self.late_s = max(late_s, 0.0)
         self.latest_s = max(self.latest_s, self.late_s)
