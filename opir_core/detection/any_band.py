@@ -1,0 +1,76 @@
+"""The rule `any band`: a look detects where the measured signal crosses the threshold in at least one band."""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.detection.truncated import truncated_normals
+from opir_core.records import BoolArray, FloatArray
+
+#: Below it, 1 - exp(x) is -x to the last bit.
+_LINEAR = -1e-17
+
+
+@frozen(eq=False)
+class AnyBand:
+    """Bands are judged one by one; signals and thresholds are in standard deviations of each band's noise."""
+
+    threshold: float
+
+    def log_chances(self, snr: FloatArray, _noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B)."""
+        from scipy.special import log_ndtr, logsumexp
+
+        log_miss = _sum(log_ndtr(self.threshold - snr))
+        with np.errstate(divide="ignore"):
+            log_hit = np.log(-np.expm1(log_miss))
+        tiny = np.flatnonzero(log_miss > _LINEAR)
+        # The sum of chances that small is their union.
+        log_hit[tiny] = logsumexp(log_ndtr(snr[tiny] - self.threshold), axis=1)
+        return np.minimum(log_hit, 0.0), log_miss
+
+    def passes(self, measured: FloatArray, _noise: FloatArray) -> BoolArray:
+        """Return which measurements (n, B) detect."""
+        result: BoolArray = (measured >= self.threshold).any(axis=1)
+        return result
+
+    def confirms(self, measured: FloatArray) -> BoolArray:
+        """Return which bands (n, B) confirm."""
+        result: BoolArray = measured >= self.threshold
+        return result
+
+    def conditional(self, snr: FloatArray, _noise: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1).
+
+        The first band to cross is drawn from its distribution; bands before it lie below the threshold, it lies above,
+        and those after it are free.
+        """
+        first = self._first_crossing(snr, uniforms[:, -1])
+        measured = np.empty_like(snr)
+        for band in range(snr.shape[1]):
+            edge = self.threshold - snr[:, band]
+            lower = np.where(band == first, edge, -np.inf)
+            upper = np.where(band < first, edge, np.inf)
+            measured[:, band] = snr[:, band] + truncated_normals(lower, upper, uniforms[:, band])
+        # Rounding may put a number that crosses just below the threshold.
+        rows = np.arange(len(first))
+        measured[rows, first] = np.maximum(measured[rows, first], self.threshold)
+        return measured
+
+    def _first_crossing(self, snr: FloatArray, uniform: FloatArray) -> FloatArray:
+        from scipy.special import log_ndtr
+
+        log_below = log_ndtr(self.threshold - snr)
+        before = np.cumsum(log_below, axis=1) - log_below
+        weight = log_ndtr(snr - self.threshold) + before
+        share = np.exp(weight - weight.max(axis=1, keepdims=True))
+        passed = np.cumsum(share, axis=1)
+        first: FloatArray = np.minimum((uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1)
+        return first
+
+
+def _sum(columns: FloatArray) -> FloatArray:
+    """Return the sums of rows, added band by band: the order does not hang on how many rows there are."""
+    total = columns[:, 0].copy()
+    for band in range(1, columns.shape[1]):
+        total += columns[:, band]
+    return total

@@ -1,0 +1,261 @@
+"""The rules `dual-band-ratio` and `triple-coincidence`: a reference band crosses the threshold, the others fit it.
+
+With y the measured signal of the reference band and x_b those of the others, each in standard deviations of its own
+noise, a look detects where y >= T and, for every other band, x_b >= C and lower_b <= (x_b · noise_b) / (y · noise_r) <=
+upper_b. Given y the other bands are independent, so the probability is one integral over y, of the normal density times
+the chance of each band to fall through its gate; it is evaluated on Gauss-Legendre panels. Where the chances of each
+condition alone already fix the probability, no integral is evaluated.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.detection.panels import Panels
+from opir_core.detection.truncated import truncated_normals
+from opir_core.records import BoolArray, FloatArray, IntArray
+
+#: Beyond so many standard deviations a normal tail is below the last bit of 1.
+_FAR = 9.0
+#: By so much, in the exponent, a density may fall before what follows is nothing.
+_DROP = 39.0
+#: Panels for gates no steeper than the noise, and how often they are doubled for steep ones.
+_PANELS, _MOST_DOUBLINGS = 3, 5
+#: Steps of the search for the peak, each by the golden section.
+_SECTIONS, _GOLDEN = 72, (5.0**0.5 - 1.0) / 2.0
+_LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
+_HALF = np.log(0.5)
+#: Rows integrated at once.
+_ROWS = 2048
+
+
+@frozen(eq=False)
+class RatioGates:
+    """`lower` and `upper` (B,) bound the irradiance of each band over that of `reference`; nothing bounds itself."""
+
+    threshold: float
+    coincidence: float
+    reference: int
+    lower: FloatArray
+    upper: FloatArray
+
+    @property
+    def others(self) -> Sequence[int]:
+        """Return the bands beside the reference."""
+        return [band for band in range(len(self.lower)) if band != self.reference]
+
+    def log_chances(self, snr: FloatArray, noise: FloatArray, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) in noise (n, B), W/m².
+
+        With a `slack`, the integral is left out where each condition's own chance says P_d to within it.
+        """
+        from scipy.special import log_ndtr, ndtr
+
+        margins = self._margins(snr, noise)
+        least = margins.min(axis=1)
+        failing = ndtr(-margins[:, 0])
+        for condition in range(1, margins.shape[1]):
+            failing += ndtr(-margins[:, condition])
+        # P_d is at most the chance of the condition nearest to failing, and all fail less often than their sum.
+        sure = (failing - ndtr(-least) <= slack) & (failing < 1.0)
+        open_ = np.flatnonzero((least < _FAR) & ~(sure & (slack > 0.0)) & (ndtr(least) >= slack))
+        log_hit, log_miss = log_ndtr(least), log_ndtr(-least)
+        steepest = self._steepest(margins, noise)
+        for start in range(0, len(open_), _ROWS):
+            rows = open_[start : start + _ROWS]
+            log_hit[rows], log_miss[rows] = self._integrated(snr[rows], noise[rows], steepest[rows], slack)
+        return log_hit, log_miss
+
+    def passes(self, measured: FloatArray, noise: FloatArray) -> BoolArray:
+        """Return which measurements (n, B) detect."""
+        reference = measured[:, self.reference]
+        passed: BoolArray = reference >= self.threshold
+        for band in self.others:
+            low, high = self._gate(reference, noise, band)
+            passed &= (measured[:, band] >= low) & (measured[:, band] <= high)
+        return passed
+
+    def confirms(self, measured: FloatArray) -> BoolArray:
+        """Return which bands (n, B) confirm."""
+        levels = np.full(measured.shape[1], self.coincidence)
+        levels[self.reference] = self.threshold
+        result: BoolArray = measured >= levels
+        return result
+
+    def conditional(self, snr: FloatArray, noise: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1)."""
+        reference = np.empty(len(snr))
+        steepest = self._steepest(self._margins(snr, noise), noise)
+        for rows, count in _by_steepness(steepest):
+            panels = self._panels(snr[rows], noise[rows], count)
+            base, gates = self._log_density(panels.nodes(), snr[rows], noise[rows])
+            density = np.exp(base + gates - (base + gates).max(axis=1, keepdims=True))
+            reference[rows] = np.maximum(panels.inverse(density, uniforms[rows, -1]), self.threshold)
+        measured = np.empty_like(snr)
+        measured[:, self.reference] = reference
+        for band in self.others:
+            low, high = self._gate(reference, noise, band)
+            drawn = snr[:, band] + truncated_normals(low - snr[:, band], high - snr[:, band], uniforms[:, band])
+            measured[:, band] = np.clip(drawn, low, np.maximum(low, high))
+        return measured
+
+    def _margins(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return by how many standard deviations each condition (n, 1 + 3 · others) is met: all are linear in the noise."""
+        reference = snr[:, self.reference]
+        margins = [reference - self.threshold]
+        for band in self.others:
+            steep = noise[:, self.reference] / noise[:, band]
+            margins.append(snr[:, band] - self.coincidence)
+            for bound, sign in ((self.lower[band], 1.0), (self.upper[band], -1.0)):
+                slope = bound * steep
+                is_bound = np.isfinite(bound)
+                off = sign * (snr[:, band] - slope * reference) / np.hypot(1.0, slope) if is_bound else np.inf
+                margins.append(np.broadcast_to(off, reference.shape))
+        return np.stack(margins, axis=1)
+
+    def _steepest(self, margins: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return the slope (n,) of the steepest side of a gate that is neither open nor shut for sure."""
+        steepest = np.ones(len(noise))
+        for place, band in enumerate(self.others):
+            steep = noise[:, self.reference] / noise[:, band]
+            for bound, condition in ((self.lower[band], 2), (self.upper[band], 3)):
+                is_near = margins[:, 3 * place + condition] < _FAR
+                steepest = np.maximum(steepest, np.where(is_near, steep * max(bound, 0.0), 1.0))
+        return steepest
+
+    def _gate(self, reference: FloatArray, noise: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
+        """Return between which signals of a band the gate is open, for signals of the reference band (n, …)."""
+        steep = noise[:, self.reference] / noise[:, band]
+        steep = steep.reshape(-1, *(1 for _ in reference.shape[1:]))
+        with np.errstate(invalid="ignore"):
+            high = np.where(np.isfinite(self.upper[band]), self.upper[band] * steep * reference, np.inf)
+        return np.maximum(self.lower[band] * steep * reference, self.coincidence), high
+
+    def _panels(self, snr: FloatArray, noise: FloatArray, count: int, slack: float = 0.0) -> Panels:
+        """Return panels over all of y that matters: the density is log-concave and falls faster than its normal part."""
+        reference = snr[:, self.reference]
+        first = self._first_open(noise)
+        peak = np.maximum(reference, first)
+        # With a slack, rows whose peak is far from there are not asked for.
+        shut = np.flatnonzero((self._gate_margin(peak, snr, noise) < 0.0) & (slack == 0.0))
+        peak[shut] = self._peak(snr[shut], noise[shut])
+        # At the peak a normal density falls by exp(-_DROP) on this way; at the threshold it may be falling already.
+        falling = np.where(peak <= first, np.maximum(peak - reference, 0.0), 0.0)
+        reach = 2.0 * _DROP / (np.sqrt(falling * falling + 2.0 * _DROP) + falling)
+        start = np.maximum(first, peak - np.sqrt(2.0 * _DROP))
+        return Panels.over(start, np.maximum(peak + reach, start), count, self._kinks(noise))
+
+    def _first_open(self, noise: FloatArray) -> FloatArray:
+        """Return the least signal of the reference band, at the threshold or above, for which all gates are open."""
+        least = np.full(len(noise), self.threshold)
+        for band in self.others:
+            least = np.maximum(
+                least, self._where_coincident(self.upper[band], band, noise, np.full(len(noise), -np.inf))
+            )
+        return least
+
+    def _kinks(self, noise: FloatArray) -> FloatArray:
+        """Return where gates' lower sides turn from the coincidence threshold to the ratio, (n, others)."""
+        nowhere = np.full(len(noise), -np.inf)
+        return np.stack([self._where_coincident(self.lower[b], b, noise, nowhere) for b in self.others], axis=1)
+
+    def _where_coincident(self, bound: float, band: int, noise: FloatArray, otherwise: FloatArray) -> FloatArray:
+        """Return the signal of the reference band at which a bound on a ratio meets the coincidence threshold."""
+        if not (np.isfinite(bound) and bound > 0.0):
+            return otherwise
+        return self.coincidence * noise[:, band] / (noise[:, self.reference] * bound)
+
+    def _gate_margin(self, reference: FloatArray, snr: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return by how much expected signals lie inside the gates that signals of the reference band open, at least."""
+        margin = np.full(len(reference), np.inf)
+        for band in self.others:
+            low, high = self._gate(reference, noise, band)
+            margin = np.minimum(margin, np.minimum(snr[:, band] - low, high - snr[:, band]))
+        return margin
+
+    def _peak(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return where the density of detections is highest, by golden section: it has one peak."""
+        low = self._first_open(noise)
+        high = np.maximum(snr[:, self.reference], low) + 1.0
+        for band in self.others:
+            if np.isfinite(self.upper[band]) and self.upper[band] > 0.0:
+                opens = np.maximum(snr[:, band], self.coincidence) * noise[:, band] / noise[:, self.reference]
+                high = np.maximum(high, opens / self.upper[band] + 1.0)
+        for _ in range(_SECTIONS):
+            inner = high - (high - low) * _GOLDEN
+            outer = low + (high - low) * _GOLDEN
+            base, gates = self._log_density(np.stack([inner, outer], axis=1), snr, noise)
+            # Where gates are shut beyond all logarithms, the wider y is the better one.
+            is_rising = ~(base[:, 0] + gates[:, 0] > base[:, 1] + gates[:, 1])
+            low, high = np.where(is_rising, inner, low), np.where(is_rising, high, outer)
+        peak: FloatArray = 0.5 * (low + high)
+        return peak
+
+    def _log_density(self, nodes: FloatArray, snr: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the logarithms of the normal density at nodes (n, m), and of the chance of passing the gates there."""
+        log_gates = np.zeros_like(nodes)
+        for band in self.others:
+            low, high = self._gate(nodes, noise, band)
+            log_gates += _log_between(low - snr[:, band, None], high - snr[:, band, None])
+        off = nodes - snr[:, self.reference, None]
+        return -0.5 * off * off - _LOG_ROOT_TWO_PI, log_gates
+
+    def _integrated(
+        self, snr: FloatArray, noise: FloatArray, steepest: FloatArray, slack: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return ln P_d and ln(1 - P_d) by the integral."""
+        log_hit, log_missed = np.empty(len(snr)), np.empty(len(snr))
+        for rows, count in _by_steepness(steepest):
+            panels = self._panels(snr[rows], noise[rows], count, slack)
+            base, gates = self._log_density(panels.nodes(), snr[rows], noise[rows])
+            log_hit[rows] = _log_integral(panels, base + gates)
+            with np.errstate(divide="ignore"):
+                shut = np.log(-np.expm1(gates))
+            log_missed[rows] = _log_integral(panels, base + shut)
+        return np.minimum(log_hit, 0.0), self._with_low(log_hit, log_missed, snr)
+
+    def _with_low(self, log_hit: FloatArray, log_shut: FloatArray, snr: FloatArray) -> FloatArray:
+        """Return ln(1 - P_d): shut gates or a signal below the threshold, or what a small P_d leaves of 1."""
+        from scipy.special import log_ndtr
+
+        added = np.logaddexp(log_ndtr(self.threshold - snr[:, self.reference]), log_shut)
+        with np.errstate(divide="ignore"):
+            left = np.log1p(-np.exp(np.minimum(log_hit, 0.0)))
+        return np.minimum(np.where(log_hit < _HALF, left, added), 0.0)
+
+
+def _by_steepness(steepest: FloatArray) -> Iterator[tuple[IntArray, int]]:
+    """Yield rows with the number of panels that follows their steepest gate."""
+    doublings = np.clip(np.ceil(np.log2(steepest)), 0, _MOST_DOUBLINGS).astype(np.int64)
+    for times in range(_MOST_DOUBLINGS + 1):
+        rows = np.flatnonzero(doublings == times)
+        if len(rows):
+            yield rows, _PANELS << times
+
+
+def _log_integral(panels: Panels, log_values: FloatArray) -> FloatArray:
+    """Return logarithms of the integrals of values given by theirs."""
+    peak = log_values.max(axis=1)
+    scale = np.where(np.isfinite(peak), peak, 0.0)
+    with np.errstate(divide="ignore"):
+        logarithm: FloatArray = scale + np.log(panels.integral(np.exp(log_values - scale[:, None])))
+    return logarithm
+
+
+def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return ln(Q(low) - Q(high)), of normal tails; -inf where low >= high."""
+    from scipy.special import log_ndtr
+
+    result = np.where(low < high, 0.0, -np.inf)
+    near_edge = np.nonzero((low < high) & ((low > -_FAR) | (high < _FAR)))
+    low, high = low[near_edge], high[near_edge]
+    is_left = low + high < 0.0
+    near, far = np.where(is_left, high, -low), np.where(is_left, low, -high)
+    log_near = log_ndtr(near)
+    fall = np.full(len(near), -np.inf)
+    close = np.flatnonzero(far - near > -_FAR)
+    fall[close] = np.minimum(log_ndtr(far[close]) - log_near[close], 0.0)
+    with np.errstate(divide="ignore"):
+        result[near_edge] = log_near + np.where(fall < _HALF, np.log1p(-np.exp(fall)), np.log(-np.expm1(fall)))
+    return result
