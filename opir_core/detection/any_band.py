@@ -30,7 +30,7 @@ class AnyBand:
 
     def passes(self, measured: FloatArray, _noise: FloatArray) -> BoolArray:
         """Return which measurements (n, B) detect."""
-        result: BoolArray = (measured >= self.threshold).any(axis=1)
+        result: BoolArray = np.any(measured >= self.threshold, axis=1)
         return result
 
     def confirms(self, measured: FloatArray) -> BoolArray:

@@ -59,7 +59,8 @@ class Panels:
         start, width = self.edges[rows, panel], self.edges[rows, panel + 1] - self.edges[rows, panel]
         with np.errstate(invalid="ignore", divide="ignore"):
             place = _solved(inside, (wanted - before) / (0.5 * width))
-        return start + width * 0.5 * (place + 1.0)
+        found: FloatArray = start + width * 0.5 * (place + 1.0)
+        return found
 
     def _of_panels(self, values: FloatArray) -> FloatArray:
         shaped = values.reshape(len(values), -1, ORDER)
@@ -71,11 +72,12 @@ class Panels:
 
 
 def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return where in [-1, 1] the integral, from -1, of what has these values (n, ORDER) reaches what is wanted (n,)."""
+    """Return where in [-1, 1] the integral from -1 of what has these values (n, ORDER) is as wanted (n,)."""
     low, high = np.full(len(wanted), -1.0), np.ones(len(wanted))
     coefficients = (inside[:, None, :] * _TO_INTEGRAL[None, :, :]).sum(axis=2).T
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         is_below = legendre.legval(middle, coefficients, tensor=False) < wanted
         low, high = np.where(is_below, middle, low), np.where(is_below, high, middle)
-    return 0.5 * (low + high)
+    place: FloatArray = 0.5 * (low + high)
+    return place

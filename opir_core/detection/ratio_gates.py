@@ -101,7 +101,7 @@ class RatioGates:
         return measured
 
     def _margins(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return by how many standard deviations each condition (n, 1 + 3 · others) is met: all are linear in the noise."""
+        """Return by how many standard deviations each condition (n, 1 + 3 · others) is met: all are linear."""
         reference = snr[:, self.reference]
         margins = [reference - self.threshold]
         for band in self.others:
@@ -133,7 +133,7 @@ class RatioGates:
         return np.maximum(self.lower[band] * steep * reference, self.coincidence), high
 
     def _panels(self, snr: FloatArray, noise: FloatArray, count: int, slack: float = 0.0) -> Panels:
-        """Return panels over all of y that matters: the density is log-concave and falls faster than its normal part."""
+        """Return panels over all of y that matters: the density is log-concave and falls faster than normally."""
         reference = snr[:, self.reference]
         first = self._first_open(noise)
         peak = np.maximum(reference, first)
@@ -167,7 +167,7 @@ class RatioGates:
         return self.coincidence * noise[:, band] / (noise[:, self.reference] * bound)
 
     def _gate_margin(self, reference: FloatArray, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return by how much expected signals lie inside the gates that signals of the reference band open, at least."""
+        """Return by how much expected signals lie inside the gates that signals of the reference band open."""
         margin = np.full(len(reference), np.inf)
         for band in self.others:
             low, high = self._gate(reference, noise, band)
