@@ -1,6 +1,7 @@
 """From looks that detect to detections: measured, classified, given a confidence and an id."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -8,12 +9,12 @@ from numpy.typing import NDArray
 
 from opir_core.columns import Columns
 from opir_core.dice import PairStreams, RowDice, WindowNumbers
-from opir_core.directions import measured_lines_of_sight
 from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.looks import Looks, exposures, look_times_ns
 from opir_core.plan import Plan
-from opir_core.protocols import Measured
+from opir_core.protocols import Measured, Responsive
+from opir_core.randomness import normal_pairs
 from opir_core.records import (
     Detections,
     DetectionTruth,
@@ -25,6 +26,9 @@ from opir_core.records import (
 )
 from opir_core.sites import Sites
 
+if TYPE_CHECKING:
+    from opir_core.knots import Spans
+
 #: The number of bits set in each byte.
 _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
 
@@ -33,7 +37,8 @@ _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64
 class Hits(Columns):
     """Looks of a window that detect: their rows among the looks, pairs, and running detection counts.
 
-    `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error.
+    `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error; `stretch` is the
+    look's among the knots, where there are any.
     """
 
     row: IntArray
@@ -41,6 +46,7 @@ class Hits(Columns):
     count: IndexArray
     probability: FloatArray
     direction_words: NDArray[np.uint64]
+    stretch: IntArray
 
 
 class Assembly:
@@ -53,12 +59,14 @@ class Assembly:
         self._pair_type = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, streams.of_pairs())
         self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)
 
-    def block(self, looks: Looks, hits: Hits, numbers: WindowNumbers) -> tuple[Detections, DetectionTruth]:
+    def block(
+        self, looks: Looks, hits: Hits, numbers: WindowNumbers, spans: "Spans | None" = None
+    ) -> tuple[Detections, DetectionTruth]:
         """Return the detections of a block of hits, and their truth."""
         plan, dice = self._plan, numbers.of(hits.row, hits.pair)
         scan = looks.scan[hits.row]
         exposed = exposures(plan, self._sites, hits.pair, scan, geometry=True)
-        measured = plan.detection.measure(exposed, dice)
+        measured = self._measured(exposed, hits, dice, spans)
         sightings = self._sightings(exposed, measured, hits)
         sigma_rad = measured.line_of_sight_sigma_rad
         if sigma_rad is None:
@@ -68,6 +76,13 @@ class Assembly:
             exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
         )
         return detections, truth
+
+    def _measured(self, exposed: Exposures, hits: Hits, dice: RowDice, spans: "Spans | None") -> Measured:
+        model = self._plan.detection
+        if spans is None:
+            return model.measure(exposed, dice)
+        assert isinstance(model, Responsive)
+        return model.measure_response(spans.response(hits.stretch, exposed.scan), exposed.sensor, dice)
 
     def _sightings(self, exposed: Exposures, measured: Measured, hits: Hits) -> Sightings:
         return Sightings(
@@ -120,3 +135,52 @@ class Assembly:
         if self._pair_type is None:
             return self._plan.classifier.reported_type(sightings, dice)
         return self._pair_type.take(hits.pair)
+
+
+def measured_lines_of_sight(
+    sites: Sites, seen_as: Exposures, sigma_rad: FloatArray, words: NDArray[np.uint64]
+) -> FloatArray:
+    """Return unit vectors (n, 3) in ECEF with their errors: the sensor's bias, and two normal errors across each.
+
+    `sigma_rad` (n,) is the spread of each along both axes; `words` (n,) are the dice, raw. The true direction is that
+    to where the target was when the light left it.
+    """
+    first, second = normal_pairs(words)
+    direction = _directions(seen_as)
+    if sites.bias is not None:
+        direction = sites.bias.applied(*direction, seen_as.sensor, seen_as.sensor_ecef_m)
+    return _rows(*_tilted(*direction, first * sigma_rad, second * sigma_rad))
+
+
+def _directions(seen_as: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the components of the true unit vectors from sensor to target."""
+    per_m = 1.0 / seen_as.range_m
+    target_m, sensor_m = seen_as.target_ecef_m, seen_as.sensor_ecef_m
+    x, y, z = ((target_m[:, axis] - sensor_m[:, axis]) * per_m for axis in range(3))
+    return x, y, z
+
+
+def _tilted(
+    x: FloatArray, y: FloatArray, z: FloatArray, first_rad: FloatArray, second_rad: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return unit vectors moved by small angles along two directions across them.
+
+    The two directions are those of growing longitude and latitude of the vector about the Earth's axis: a scene that is
+    turned as a whole about that axis is measured alike. Along the axis, where there is no longitude, it counts as 0.
+    """
+    level = np.sqrt(x * x + y * y)
+    on_axis = level == 0.0
+    per_level = 1.0 / (level + on_axis)
+    cosine, sine = x * per_level + on_axis, y * per_level
+    outward = z * second_rad
+    moved_x = x - sine * first_rad - cosine * outward
+    moved_y = y + cosine * first_rad - sine * outward
+    moved_z = z + level * second_rad
+    per_length = 1.0 / np.sqrt(moved_x * moved_x + moved_y * moved_y + moved_z * moved_z)
+    return moved_x * per_length, moved_y * per_length, moved_z * per_length
+
+
+def _rows(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
+    rows = np.empty((len(x), 3))
+    rows[:, 0], rows[:, 1], rows[:, 2] = x, y, z
+    return rows

@@ -5,6 +5,8 @@ the pair's own dice; what is detected is measured, classified, given a confidenc
 windows begin and end.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from opir_core.assembly import Assembly, Hits
@@ -13,10 +15,15 @@ from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.errors import ModelError
 from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names, scan_names, seen
 from opir_core.plan import Plan
+from opir_core.protocols import Exceedances, Responsive
 from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
 from opir_core.sightlines import Pairs
 from opir_core.sites import Sites
 from opir_core.ticks import TickedTracker
+
+if TYPE_CHECKING:
+    from opir_core.exceedances import NoiseMaker
+    from opir_core.knots import Knots, Spans
 
 #: numpy sorts whole numbers of 16 bits by radix, several times faster than longer ones.
 _RADIX_LIMIT = 1 << 16
@@ -36,6 +43,8 @@ class Engine:
         self._tick_ns = _tick_ns(plan.pairs)
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
         self._tracker = TickedTracker(plan.tracker, plan.end_ns)
+        self._knots = _knots(plan, self._sites)
+        self._noise = _noise(plan, self._sites)
 
     def take_over(self, former: "Engine") -> None:
         """Go on where another engine stopped, whose plan has the same sensors: its moment, its tracker, its counts."""
@@ -48,7 +57,7 @@ class Engine:
         start_ns, self.time_ns = self.time_ns, end_ns
         looks = Looks.between(self.plan.pairs, start_ns, end_ns)
         numbers = WindowNumbers(self._streams, looks.active, looks.first_scan, looks.scans)
-        detections, truth = self._detected(looks, numbers)
+        detections, truth = self._with_noise(self._detected(looks, numbers), start_ns, end_ns)
         tracked = self._tracker.absorb(detections, start_ns, end_ns)
         self._streams.forget(looks.active[self.plan.pairs.is_over(end_ns)[looks.active]])
         return Window(
@@ -62,22 +71,37 @@ class Engine:
         )
 
     def _detected(self, looks: Looks, numbers: WindowNumbers) -> tuple[Detections, DetectionTruth]:
-        hits = self._hits(looks, numbers)
+        spans = None if self._knots is None else self._knots.over(looks)
+        hits = self._hits(looks, numbers, spans)
         detections, truth = Filling(Detections, len(hits)), Filling(DetectionTruth, len(hits))
         for rows in blocks(len(hits)):
-            found, true = self._assembly.block(looks, hits.take(rows), numbers)
+            found, true = self._assembly.block(looks, hits.take(rows), numbers, spans)
             detections.put(found)
             truth.put(true)
         return detections.record(), truth.record()
 
-    def _hits(self, looks: Looks, numbers: WindowNumbers) -> Hits:
+    def _with_noise(
+        self, found: tuple[Detections, DetectionTruth], start_ns: int, end_ns: int
+    ) -> tuple[Detections, DetectionTruth]:
+        """Return detections and truth with what noise alone makes, in order; behind a target's at the same moment."""
+        if self._noise is None:
+            return found
+        noise, nobody = self._noise.between(start_ns, end_ns)
+        if not len(noise):
+            return found
+        detections, truth = Detections.concatenate([found[0], noise]), DetectionTruth.concatenate([found[1], nobody])
+        order = np.lexsort((detections.sensor, detections.time_ns))
+        return detections.take(order), truth.take(order)
+
+    def _hits(self, looks: Looks, numbers: WindowNumbers, spans: "Spans | None") -> Hits:
         """Return the looks that detect, sorted by time, then sensor, then target."""
-        probability = self._probability(looks)
+        probability = self._probability(looks, spans)
         row = np.flatnonzero(numbers.uniforms("detection")[:, 0] < probability)
         pair = looks.pair[row]
         order = self._order(look_times_ns(self.plan.pairs, pair, looks.scan[row]), pair)
         words = numbers.words("line-of-sight")[row]
-        return Hits(row, pair, self._counted(pair), probability[row], words).take(order)
+        stretch = row if spans is None else spans.stretch()[row]
+        return Hits(row, pair, self._counted(pair), probability[row], words, stretch).take(order)
 
     def _order(self, time_ns: IntArray, pair: IntArray) -> IntArray:
         """Return the order by time, then pair, of rows that come sorted by pair, then time."""
@@ -97,11 +121,13 @@ class Engine:
         self._counts[found] += times.astype(np.int32)
         return count
 
-    def _probability(self, looks: Looks) -> FloatArray:
+    def _probability(self, looks: Looks, spans: "Spans | None") -> FloatArray:
         """Return each look's probability of detection; 0 where the target is not seen."""
         pairs, model = self.plan.pairs, self.plan.detection
         of_pair = model.pair_probability(pairs.sensor[looks.active], pairs.target[looks.active])
-        if of_pair is not None:
+        if spans is not None:
+            probability = spans.probability()
+        elif of_pair is not None:
             probability = np.repeat(checked_probability(of_pair, len(looks.active)), looks.scans)
         else:
             parts = [self._varying(looks, rows) for rows in blocks(len(looks.pair))]
@@ -116,6 +142,26 @@ class Engine:
         model = self.plan.detection
         exposed = exposures(self.plan, self._sites, looks.pair[rows], looks.scan[rows], geometry=model.needs_geometry)
         return checked_probability(model.probability(exposed), len(exposed))
+
+
+def _knots(plan: Plan, sites: Sites) -> "Knots | None":
+    """Return the knots of a plan whose detection model lets looks share them."""
+    model = plan.detection
+    if not isinstance(model, Responsive) or model.probability_tolerance is None:
+        return None
+    from opir_core.knots import Knots
+
+    return Knots.of(plan, sites, model, model.probability_tolerance)
+
+
+def _noise(plan: Plan, sites: Sites) -> "NoiseMaker | None":
+    """Return what makes exceedances of noise, where the detection model knows how often they come."""
+    model = plan.detection
+    if not isinstance(model, Exceedances):
+        return None
+    from opir_core.exceedances import NoiseMaker
+
+    return NoiseMaker(plan, sites, model)
 
 
 def _tick_ns(pairs: Pairs) -> int:

@@ -31,6 +31,8 @@ from opir_core.targets import Targets, join_targets
 if TYPE_CHECKING:
     from opir_core.bias import Bias
     from opir_core.flight.forces import ForceModel
+    from opir_core.radiometry.protocols import Sources
+    from opir_core.scenery import Scenery
 
 _NS = 1_000_000_000
 
@@ -53,6 +55,8 @@ class Plan:
     end_ns: int
     #: How often each sensor's scans have been numbered anew; empty in a run whose scan rates never changed.
     scan_generations: tuple[int, ...] = ()
+    #: What the scene's blocks of sources came to; their emitters stand behind the launches among the targets.
+    sources: "tuple[Sources, ...]" = ()
 
 
 def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
@@ -62,11 +66,12 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     """
     host = host or Host.discover()
     sensors = tuple(_sensor(scene, host, number) for number in range(len(scene.sensors)))
-    targets = _targets(scene, host, sensors)
+    sources = _sources(scene, host, sensors)
+    targets = _targets(scene, host, sensors, sources)
     end_ns = round(scene.duration_s * _NS)
     starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
-    context = ModelContext(sensors=sensors, target_type_code=targets.type_code)
+    context = _model_context(scene, host, sensors, targets, sources)
     tracked = TrackerContext(
         sensors=sensors,
         epoch_us=scene.epoch_us,
@@ -87,12 +92,13 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         tracker=built(host, scene.tracker, tracked),
         bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
+        sources=sources,
     )
 
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
     """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
-    scene, context = plan.scene, ModelContext(sensors=plan.sensors, target_type_code=targets.type_code)
+    scene, context = plan.scene, _model_context(plan.scene, plan.host, plan.sensors, targets, plan.sources)
     return evolve(
         plan,
         targets=targets,
@@ -102,6 +108,17 @@ def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightli
         classifier=built(plan.host, scene.classification, context),
         confidence=built(plan.host, scene.confidence, context),
     )
+
+
+def _model_context(
+    scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
+) -> ModelContext:
+    def make_scenery() -> "Scenery":
+        from opir_core.scenery import make_scenery
+
+        return make_scenery(scene, host, sensors, targets, sources)
+
+    return ModelContext(sensors=sensors, target_type_code=targets.type_code, make_scenery=make_scenery)
 
 
 def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> "Bias | None":
@@ -130,14 +147,28 @@ def _sensor(scene: Scene, host: Host, number: int) -> Sensor:
     return sensor
 
 
-def _targets(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> Targets:
-    """Return all targets, each model's in one batch."""
+def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sources, ...]":
+    """Return what each block of sources comes to."""
+    if not scene.sources:
+        return ()
+    from opir_core.scenery import make_sources
+
+    return make_sources(scene, host, sensors)
+
+
+def _targets(scene: Scene, host: Host, sensors: Sequence[Sensor], sources: "Sequence[Sources]") -> Targets:
+    """Return all targets, each model's in one batch: the scene's launches, then the emitters of its sources."""
     rows: dict[str, list[int]] = {}
     for place, target in enumerate(scene.targets):
         rows.setdefault(target.model.name, []).append(place)
     free_flight = any(sensor.follows_bodies for sensor in sensors)
     trajectories = [_trajectories(scene, host, places, free_flight) for places in rows.values()]
-    return join_targets([target.id for target in scene.targets], trajectories, list(rows.values()))
+    ids, places = [target.id for target in scene.targets], [*rows.values()]
+    for source in sources:
+        places.append(list(range(len(ids), len(ids) + len(source.ids))))
+        ids += source.ids
+        trajectories.append(source.trajectories)
+    return join_targets(ids, trajectories, places)
 
 
 def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: bool) -> Trajectories:

@@ -38,7 +38,8 @@ def without_those_over(plan: Plan, time_ns: int) -> Plan:
     pairs = plan.pairs.take(rows)
     lines = _lines_of(pairs, plan.sightlines, rows)
     pairs = evolve(pairs, target=number[pairs.target].astype(np.int32))
-    scene = evolve(plan.scene, targets=tuple(plan.scene.targets[row] for row in kept.tolist()))
+    ids = {plan.targets.ids[row] for row in kept.tolist()}
+    scene = evolve(plan.scene, targets=tuple(target for target in plan.scene.targets if target.id in ids))
     return with_targets(evolve(plan, scene=scene), _kept_targets(plan.targets, kept), pairs, lines)
 
 

@@ -12,6 +12,7 @@ from attrs import Factory, asdict, fields_dict, frozen
 from opir_core.fields import flag, nested, number, text
 from opir_core.orbits.configs import OrbitConfig
 from opir_core.plugin.confusion import confusion_complaint, is_probability
+from opir_core.plugin.radiometer import RadiometerConfig, radiometer_of
 from opir_core.scene import TARGET_TYPES
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def _probabilities_complaint(probabilities: Any) -> str | None:
 
 
 @frozen(kw_only=True)
-class ScanningSensorConfig:
+class ScanningSensorConfig(RadiometerConfig):
     """What a scene may set of a scanning sensor: in a geostationary slot, or in any orbit.
 
     A sensor model inherits this class, gives its own defaults with `with_defaults`, and needs at least those of
@@ -214,12 +215,13 @@ def scanning_sensor(
     from opir_core.protocols import Sensor
 
     half_angle_rad = math.radians(config.field_of_regard_half_angle_deg)
+    bands = _bands(config.bands)
     completed = {name: _completed(config, name) for name in ("detection_probability", "confusion")}
     return Sensor(
         id=context.id,
         type=type,
         orbital_slot_deg=_slot_deg(config),
-        bands=_bands(config.bands),
+        bands=bands,
         orbit=_orbit(config, context),
         scan=scan_pattern(
             config.scan_pattern,
@@ -232,6 +234,7 @@ def scanning_sensor(
         field_of_regard_half_angle_rad=half_angle_rad,
         minimum_elevation_rad=math.radians(config.minimum_elevation_deg),
         line_of_sight_sigma_rad=config.line_of_sight_sigma_urad * 1e-6,
+        radiometer=radiometer_of(config, bands),
         line_of_sight_bias_sigma_rad=config.line_of_sight_bias_sigma_urad * 1e-6,
         detection_probability=completed["detection_probability"],
         confusion=completed["confusion"],

@@ -1,0 +1,28 @@
+"""What a scene may set of the detection model `snr`. Nothing heavy is imported here."""
+
+from attrs import frozen
+
+from opir_core.fields import flag, number, text
+
+CALIBRATIONS = ("none", "paper")
+
+
+@frozen(kw_only=True)
+class SnrConfig:
+    """What a scene may set of the detection model `snr`."""
+
+    calibrate: str = text(
+        default="none",
+        choices=CALIBRATIONS,
+        help="none: the sensors' noise as configured; paper: each sensor's noise-equivalent irradiances times the one"
+        " factor with which it detects the reference ICBM (solid, 30 s after ignition, at 25 km, from the side, 36 000"
+        " km away, through no air, before no background) with its detection_probability for ICBM",
+    )
+    probability_tolerance: float = number(
+        default=1e-4,
+        minimum=1e-12,
+        maximum=0.1,
+        source="detection counts differ by less than their own spread (docs/benchmarks/probability.md)",
+        help="estimated error of probabilities of detection between the moments at which they are evaluated",
+    )
+    exact: bool = flag(default=False, source="cost", help="evaluate every look, and interpolate nothing")

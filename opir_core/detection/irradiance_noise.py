@@ -1,0 +1,34 @@
+"""Noise at the aperture: the detector's, that of the background's photons, and what clutter leaves; all in W/m²."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from opir_core.protocols import Band
+from opir_core.records import FloatArray
+
+#: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
+_PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6
+
+#: Noise below it, W/m², is taken for it: a sensor without any would divide by zero.
+LEAST_NOISE_W_M2 = 1e-150
+
+
+def photon_energy_j(band: Band) -> float:
+    """Return the energy of a photon in the middle of a band, J."""
+    return _PHOTON_J_UM / (0.5 * (band.lower_um + band.upper_um))
+
+
+def photon_noise_w_m2(irradiance_w_m2: ArrayLike, collection_m2_s: float, energy_j: float) -> FloatArray:
+    """Return the standard deviation of an irradiance got by counting photons: sqrt(E · hc/λ / (A η t)), W/m².
+
+    `collection_m2_s` is A η t: aperture, efficiency and integration time. The count is E A η t / (hc/λ), its variance
+    the count itself (Poisson).
+    """
+    noise: FloatArray = np.sqrt(np.asarray(irradiance_w_m2, dtype=np.float64) * (energy_j / collection_m2_s))
+    return noise
+
+
+def noise_w_m2(detector_w_m2: ArrayLike, photons_w_m2: ArrayLike = 0.0, clutter_w_m2: ArrayLike = 0.0) -> FloatArray:
+    """Return the standard deviation of independent noises together, at least `LEAST_NOISE_W_M2`."""
+    whole: FloatArray = np.hypot(np.hypot(detector_w_m2, photons_w_m2), clutter_w_m2)
+    return np.maximum(whole, LEAST_NOISE_W_M2)

@@ -1,0 +1,31 @@
+"""Core's plugin of detection by signal over noise; imported for scenes that name it.
+
+What it offers is listed in `opir_core.plugin.discovery.CORE_PLUGINS`.
+"""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from opir_core.detection.configs import SnrConfig
+from opir_core.plugin.components import DetectionModel
+from opir_core.plugin.hookspecs import hookimpl
+
+if TYPE_CHECKING:
+    from opir_core.protocols import DetectionProbability, ModelContext
+
+
+def _snr(config: SnrConfig, context: "ModelContext") -> "DetectionProbability":
+    from opir_core.detection.snr import snr_detection
+
+    return snr_detection(config, context)
+
+
+@hookimpl
+def opir_detection_models() -> Iterable[DetectionModel]:
+    """Yield `snr`."""
+    yield DetectionModel(
+        name="snr",
+        summary="signal over noise in each band against a threshold, and the sensor's rule over its bands",
+        config=SnrConfig,
+        build=_snr,
+    )

@@ -1,0 +1,223 @@
+"""What noise alone makes: looks at nothing that cross the threshold, at the rate that the threshold implies.
+
+Their number is Poisson, with the mean P_fa times resolution cells times looks; each is somewhere in the field of
+regard, uniformly over its solid angle. No cell is visited. A sensor's exceedances come from its own streams, block of
+scans by block of scans, so that neither windows nor other sensors or targets change them.
+"""
+
+import math
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.columns import names_of
+from opir_core.dice import Words
+from opir_core.events.identifiers import stream_key_words, uuid8_words
+from opir_core.geometry import elevation_rad, intersection_with_ellipsoid
+from opir_core.plan import Plan
+from opir_core.protocols import Exceedances, Measured
+from opir_core.randomness import Stream, stream_key, uniforms_of
+from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Sightings
+from opir_core.scene import UNKNOWN_TYPE
+from opir_core.sites import Sites
+
+#: Scans of a block: so many that it has about this number of exceedances, but no more than that many scans.
+_PER_BLOCK, _MOST_SCANS = 256.0, 1 << 20
+
+#: Numbers for when and where: the scan in its block, the distance from nadir, the turn about it.
+_PLACE_WORDS = 3
+
+_BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
+
+
+@frozen(eq=False)
+class _Noise:
+    """A window's exceedances: when, by which sensor, in which direction, and the numbers of each."""
+
+    time_ns: IntArray
+    sensor: IndexArray
+    scan: IntArray
+    detection_id: Words
+    line_of_sight_ecef: FloatArray
+    sensor_ecef_m: FloatArray
+    uniforms: FloatArray
+
+
+class NoiseMaker:
+    """Makes a run's exceedances, window by window."""
+
+    def __init__(self, plan: Plan, sites: Sites, model: Exceedances) -> None:
+        self._plan, self._sites, self._model = plan, sites, model
+        self._rate = model.rate_per_scan
+        self._sensors = [
+            _SensorNoise(plan, sites, number, float(self._rate[number]), model.words)
+            for number in np.flatnonzero(self._rate > 0.0).tolist()
+        ]
+
+    def between(self, start_ns: int, end_ns: int) -> tuple[Detections, DetectionTruth]:
+        """Return the exceedances in [start, end) of scene time, sorted by time, then sensor."""
+        parts = [sensor.between(start_ns, end_ns) for sensor in self._sensors]
+        found = [part for part in parts if len(part.time_ns)]
+        if not found:
+            return Detections.empty(), DetectionTruth.empty()
+        joined = _Noise(*(np.concatenate([getattr(part, name) for part in found]) for name in _NAMES))
+        order = np.lexsort((joined.sensor, joined.time_ns))
+        return self._told(_Noise(*(getattr(joined, name)[order] for name in _NAMES)))
+
+    def _told(self, noise: _Noise) -> tuple[Detections, DetectionTruth]:
+        measured = self._model.measure_noise(noise.sensor, noise.uniforms)
+        sightings = self._sightings(noise, measured)
+        rows = len(noise.time_ns)
+        none, unknown = np.full(rows, -1, dtype=np.int64), np.full(rows, np.nan)
+        sigma_rad = measured.line_of_sight_sigma_rad
+        detections = Detections(
+            time_ns=noise.time_ns,
+            sensor=noise.sensor,
+            scan=noise.scan,
+            detection_id=noise.detection_id,
+            reported_type=self._reported_type(sightings),
+            bands=measured.bands,
+            detection_count=sightings.detection_count,
+            confidence=self._plan.confidence.confidence(sightings),
+            line_of_sight_ecef=noise.line_of_sight_ecef,
+            sensor_ecef_m=noise.sensor_ecef_m,
+            snr=measured.snr,
+            track=none,
+            estimate=none,
+            line_of_sight_sigma_rad=self._sites.sigma_rad[noise.sensor] if sigma_rad is None else sigma_rad,
+            band_irradiance_w_m2=sightings.band_irradiance_w_m2,
+        )
+        chance = self._rate[noise.sensor]
+        truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, np.minimum(chance, 1.0))
+        return detections, truth
+
+    def _sightings(self, noise: _Noise, measured: Measured) -> Sightings:
+        """Return what classifiers and confidence models see: the line of sight is taken to end on the ground."""
+        rows = len(noise.time_ns)
+        ground = intersection_with_ellipsoid(noise.sensor_ecef_m, noise.line_of_sight_ecef)
+        hits = np.isfinite(ground[:, 0])
+        sine = np.zeros(rows)
+        sine[hits] = np.sin(elevation_rad(ground[hits], noise.sensor_ecef_m[hits]))
+        away = ground - noise.sensor_ecef_m
+        range_m = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2)
+        irradiance = measured.band_irradiance_w_m2
+        return Sightings(
+            time_s=noise.time_ns.astype(np.float64) * 1e-9,
+            sensor=noise.sensor,
+            target=np.full(rows, -1, dtype=np.int32),
+            range_m=np.where(hits, range_m, np.sqrt(np.square(noise.sensor_ecef_m).sum(axis=1))),
+            elevation_sine=np.maximum(sine, 0.0),
+            bands=measured.bands,
+            band_count=_BITS_SET[measured.bands],
+            band_total=np.array([len(sensor.bands) for sensor in self._plan.sensors])[noise.sensor],
+            detection_count=np.ones(rows, dtype=np.int32),
+            snr=measured.snr,
+            band_irradiance_w_m2=np.empty((rows, 0)) if irradiance is None else irradiance,
+        )
+
+    def _reported_type(self, sightings: Sightings) -> NDArray[np.uint8]:
+        """Return what classifiers say that judge by measurements; those that go by pairs know no such pair."""
+        nobody = np.empty(0, dtype=np.int32)
+        if self._plan.classifier.pair_type(nobody, nobody, _NoDice()) is not None:
+            return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
+        return self._plan.classifier.reported_type(sightings, _NoDice(len(sightings)))
+
+
+@frozen
+class _NoDice:
+    """Dice for classifiers that ask for them where there is no pair: always one half."""
+
+    rows: int = 0
+
+    def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
+        return np.full((self.rows, words), 0.5)
+
+    def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
+        return np.full((self.rows, words), 0.5)
+
+
+class _SensorNoise:
+    """The exceedances of one sensor, block by block."""
+
+    def __init__(self, plan: Plan, sites: Sites, number: int, rate: float, words: int) -> None:
+        self._sensor, self._number, self._sites = plan.sensors[number], number, sites
+        self._words = words + _PLACE_WORDS
+        self._scans = int(min(max(1.0, _PER_BLOCK / rate), _MOST_SCANS))
+        self._table = poisson_table(rate * self._scans)
+        generation = plan.scan_generations[number] if plan.scan_generations else 0
+        name = f"{self._sensor.id}@{generation}" if generation else self._sensor.id
+        seed = plan.scene.seed
+        self._counts = Stream(stream_key(seed, name, "noise-count"))
+        self._numbers = Stream(stream_key(seed, name, "noise"))
+        self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
+        self._key = stream_key_words(plan.scene, [(name, "\x1fnoise")])
+
+    def between(self, start_ns: int, end_ns: int) -> _Noise:
+        """Return the exceedances in [start, end) of scene time."""
+        block_ns = self._scans * self._sensor.scan.period_ns
+        # A scan's looks come up to a period after it begins.
+        first = max((start_ns - self._sensor.scan.period_ns) // block_ns, 0)
+        last = max(-(-end_ns // block_ns), first + 1)
+        counts = np.searchsorted(self._table, uniforms_of(self._counts.words(first, last - first)), side="right")
+        room = len(self._table)
+        parts = [
+            self._numbers.words((first + row) * room * self._words, count * self._words)
+            for row, count in enumerate(counts.tolist())
+        ]
+        raw = np.concatenate([*parts, np.empty(0, dtype=np.uint64)])
+        uniforms = uniforms_of(raw).reshape(-1, self._words)
+        block = np.repeat(first + np.arange(last - first), counts)
+        place = np.arange(len(block)) - np.repeat(np.cumsum(counts) - counts, counts)
+        scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
+        return self._within(scan, uniforms, block * room + place, start_ns, end_ns)
+
+    def _within(self, scan: IntArray, uniforms: FloatArray, serial: IntArray, start_ns: int, end_ns: int) -> _Noise:
+        period_ns = self._sensor.scan.period_ns
+        sensor = np.full(len(scan), self._number, dtype=np.int32)
+        at_m = self._sites.positions(sensor, (scan * period_ns).astype(np.float64) * 1e-9)
+        direction = self._directions(at_m, uniforms)
+        height_m = np.sqrt(np.square(at_m).sum(axis=1))[:, None]
+        phase_ns = self._sensor.scan.phase_ns(at_m, at_m + direction * height_m, self._phase)
+        time_ns = scan * period_ns + phase_ns
+        kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
+        keys = np.repeat(self._key, len(kept), axis=0)
+        return _Noise(
+            time_ns=time_ns[kept],
+            sensor=sensor[kept],
+            scan=scan[kept],
+            detection_id=uuid8_words(keys, serial[kept]),
+            line_of_sight_ecef=direction[kept],
+            sensor_ecef_m=at_m[kept],
+            uniforms=uniforms[kept, _PLACE_WORDS:],
+        )
+
+    def _directions(self, at_m: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return directions spread uniformly over the solid angle of the field of regard, a cone about nadir."""
+        half = math.sin(0.5 * self._sensor.field_of_regard_half_angle_rad)
+        # 1 - cosine is uniform over a cone; its sine follows without cancellation.
+        fall = 2.0 * half * half * uniforms[:, 1]
+        off, turn = np.sqrt(fall * (2.0 - fall)), 2.0 * np.pi * uniforms[:, 2]
+        down = -at_m / np.sqrt(np.square(at_m).sum(axis=1))[:, None]
+        east = np.stack([-down[:, 1], down[:, 0], np.zeros(len(down))], axis=1)
+        flat = np.sqrt(np.square(east).sum(axis=1))[:, None]
+        east = np.where(flat > 0.0, east / np.where(flat > 0.0, flat, 1.0), np.array([1.0, 0.0, 0.0]))
+        north = np.cross(down, east)
+        across = east * np.cos(turn)[:, None] + north * np.sin(turn)[:, None]
+        unit: FloatArray = down * (1.0 - fall)[:, None] + across * off[:, None]
+        return unit
+
+
+def poisson_table(mean: float) -> FloatArray:
+    """Return the probabilities of at most 0, 1, 2, … events of a Poisson law, to where hardly any are left."""
+    most = int(mean + 12.0 * math.sqrt(mean) + 40.0)
+    number = np.arange(most + 1)
+    log_factorial = np.array([math.lgamma(n + 1.0) for n in range(most + 1)])
+    cumulative = np.cumsum(np.exp(number * math.log(mean) - mean - log_factorial))
+    # The last is reached by no number below 1: rounding must not leave a gap.
+    cumulative[-1] = 1.0
+    table: FloatArray = np.minimum(cumulative, 1.0)
+    return table
+
+
+_NAMES = names_of(_Noise)
