@@ -88,8 +88,7 @@ class NoiseMaker:
             line_of_sight_sigma_rad=self._sites.sigma_rad[noise.sensor] if sigma_rad is None else sigma_rad,
             band_irradiance_w_m2=sightings.band_irradiance_w_m2,
         )
-        chance = self._rate[noise.sensor]
-        truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, np.minimum(chance, 1.0))
+        truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, unknown)
         return detections, truth
 
     def _sightings(self, noise: _Noise, measured: Measured) -> Sightings:

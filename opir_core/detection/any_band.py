@@ -16,7 +16,7 @@ class AnyBand:
 
     threshold: float
 
-    def log_chances(self, snr: FloatArray, _noise: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def log_chances(self, snr: FloatArray, _noise: FloatArray, _slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B)."""
         from scipy.special import log_ndtr, logsumexp
 

@@ -17,8 +17,10 @@ from opir_core.records import FloatArray
 REFERENCE_RANGE_M = 3.6e7
 
 #: The factor is sought within so many powers of ten of 1.
-_DECADES = 30.0
-_HALVINGS = 200
+_DECADES = 20.0
+_HALVINGS = 64
+#: Chances nearer to 0 or 1 than this are far from any that is wanted.
+_SLACK = 1e-13
 
 
 def calibrated(
@@ -35,7 +37,7 @@ def calibrated(
 
     def misses(log_factor: float) -> bool:
         noise = noise_w_m2(np.array(radiometer.nei_w_m2) * 10.0**log_factor)[None, :]
-        return float(probit(*rule.log_chances(signal[None, :] / noise, noise))[0]) < quantile
+        return float(probit(*rule.log_chances(signal[None, :] / noise, noise, _SLACK))[0]) < quantile
 
     if not misses(_DECADES) or misses(-_DECADES):
         raise ModelError(

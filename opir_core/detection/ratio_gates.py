@@ -22,8 +22,11 @@ _FAR = 9.0
 _DROP = 39.0
 #: Panels for gates no steeper than the noise, and how often they are doubled for steep ones.
 _PANELS, _MOST_DOUBLINGS = 3, 5
-#: Steps of the search for the peak, each by the golden section.
-_SECTIONS, _GOLDEN = 72, (5.0**0.5 - 1.0) / 2.0
+#: Steps of the search for the peak, each by the golden section; the second number goes where it is sought far and wide.
+_SECTIONS, _MOST_SECTIONS, _WIDE = 36, 80, 100.0
+_GOLDEN = (5.0**0.5 - 1.0) / 2.0
+#: With gates shut by no more than this, the density is still all but within the panels about where it would be open.
+_AJAR = -2.0
 _LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
 _HALF = np.log(0.5)
 #: Rows integrated at once.
@@ -88,7 +91,7 @@ class RatioGates:
         reference = np.empty(len(snr))
         steepest = self._steepest(self._margins(snr, noise), noise)
         for rows, count in _by_steepness(steepest):
-            panels = self._panels(snr[rows], noise[rows], count)
+            panels = self._panels(snr[rows], noise[rows], count, _AJAR)
             base, gates = self._log_density(panels.nodes(), snr[rows], noise[rows])
             density = np.exp(base + gates - (base + gates).max(axis=1, keepdims=True))
             reference[rows] = np.maximum(panels.inverse(density, uniforms[rows, -1]), self.threshold)
@@ -132,13 +135,12 @@ class RatioGates:
             high = np.where(np.isfinite(self.upper[band]), self.upper[band] * steep * reference, np.inf)
         return np.maximum(self.lower[band] * steep * reference, self.coincidence), high
 
-    def _panels(self, snr: FloatArray, noise: FloatArray, count: int, slack: float = 0.0) -> Panels:
+    def _panels(self, snr: FloatArray, noise: FloatArray, count: int, ajar: float) -> Panels:
         """Return panels over all of y that matters: the density is log-concave and falls faster than normally."""
         reference = snr[:, self.reference]
         first = self._first_open(noise)
         peak = np.maximum(reference, first)
-        # With a slack, rows whose peak is far from there are not asked for.
-        shut = np.flatnonzero((self._gate_margin(peak, snr, noise) < 0.0) & (slack == 0.0))
+        shut = np.flatnonzero(self._gate_margin(peak, snr, noise) < ajar)
         peak[shut] = self._peak(snr[shut], noise[shut])
         # At the peak a normal density falls by exp(-_DROP) on this way; at the threshold it may be falling already.
         falling = np.where(peak <= first, np.maximum(peak - reference, 0.0), 0.0)
@@ -182,15 +184,25 @@ class RatioGates:
             if np.isfinite(self.upper[band]) and self.upper[band] > 0.0:
                 opens = np.maximum(snr[:, band], self.coincidence) * noise[:, band] / noise[:, self.reference]
                 high = np.maximum(high, opens / self.upper[band] + 1.0)
-        for _ in range(_SECTIONS):
-            inner = high - (high - low) * _GOLDEN
-            outer = low + (high - low) * _GOLDEN
-            base, gates = self._log_density(np.stack([inner, outer], axis=1), snr, noise)
-            # Where gates are shut beyond all logarithms, the wider y is the better one.
-            is_rising = ~(base[:, 0] + gates[:, 0] > base[:, 1] + gates[:, 1])
-            low, high = np.where(is_rising, inner, low), np.where(is_rising, high, outer)
+        rows = np.arange(len(snr))
+        for step in range(_MOST_SECTIONS):
+            if step == _SECTIONS:
+                rows = np.flatnonzero(high - low > _WIDE * _GOLDEN**_SECTIONS)
+            if not len(rows):
+                break
+            low[rows], high[rows] = self._narrowed(low[rows], high[rows], snr[rows], noise[rows])
         peak: FloatArray = 0.5 * (low + high)
         return peak
+
+    def _narrowed(
+        self, low: FloatArray, high: FloatArray, snr: FloatArray, noise: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the part of the stretches (n,) that still has the peak."""
+        inner, outer = high - (high - low) * _GOLDEN, low + (high - low) * _GOLDEN
+        base, gates = self._log_density(np.stack([inner, outer], axis=1), snr, noise)
+        # Where gates are shut beyond all logarithms, the wider y is the better one.
+        is_rising = ~(base[:, 0] + gates[:, 0] > base[:, 1] + gates[:, 1])
+        return np.where(is_rising, inner, low), np.where(is_rising, high, outer)
 
     def _log_density(self, nodes: FloatArray, snr: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the logarithms of the normal density at nodes (n, m), and of the chance of passing the gates there."""
@@ -205,24 +217,27 @@ class RatioGates:
         self, snr: FloatArray, noise: FloatArray, steepest: FloatArray, slack: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) by the integral."""
-        log_hit, log_missed = np.empty(len(snr)), np.empty(len(snr))
+        log_hit, log_missed = np.empty(len(snr)), np.full(len(snr), -np.inf)
         for rows, count in _by_steepness(steepest):
-            panels = self._panels(snr[rows], noise[rows], count, slack)
+            panels = self._panels(snr[rows], noise[rows], count, -np.inf if slack else 0.0)
             base, gates = self._log_density(panels.nodes(), snr[rows], noise[rows])
             log_hit[rows] = _log_integral(panels, base + gates)
+            if slack:
+                continue
             with np.errstate(divide="ignore"):
                 shut = np.log(-np.expm1(gates))
             log_missed[rows] = _log_integral(panels, base + shut)
-        return np.minimum(log_hit, 0.0), self._with_low(log_hit, log_missed, snr)
+        hit = np.minimum(log_hit, 0.0)
+        with np.errstate(divide="ignore"):
+            left = np.log1p(-np.exp(hit))
+        return hit, left if slack else np.where(hit < _HALF, left, self._missed(log_missed, snr))
 
-    def _with_low(self, log_hit: FloatArray, log_shut: FloatArray, snr: FloatArray) -> FloatArray:
-        """Return ln(1 - P_d): shut gates or a signal below the threshold, or what a small P_d leaves of 1."""
+    def _missed(self, log_shut: FloatArray, snr: FloatArray) -> FloatArray:
+        """Return ln(1 - P_d): gates that are shut, or a signal of the reference band below the threshold."""
         from scipy.special import log_ndtr
 
-        added = np.logaddexp(log_ndtr(self.threshold - snr[:, self.reference]), log_shut)
-        with np.errstate(divide="ignore"):
-            left = np.log1p(-np.exp(np.minimum(log_hit, 0.0)))
-        return np.minimum(np.where(log_hit < _HALF, left, added), 0.0)
+        added: FloatArray = np.logaddexp(log_ndtr(self.threshold - snr[:, self.reference]), log_shut)
+        return np.minimum(added, 0.0)
 
 
 def _by_steepness(steepest: FloatArray) -> Iterator[tuple[IntArray, int]]:

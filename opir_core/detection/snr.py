@@ -1,6 +1,7 @@
 """The detection model `snr`: from intensity, air, aperture and noise to the probability of detection."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
@@ -12,13 +13,14 @@ from opir_core.detection.irradiance_noise import noise_w_m2, photon_energy_j, ph
 from opir_core.detection.ratio_gates import RatioGates
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
+from opir_core.plugin.sensors import MAXIMUM_BANDS
 from opir_core.protocols import Dice, Measured, ModelContext, Radiometer, Response, Sensor
 from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
 from opir_core.scenery import Scenery
 
 #: Signals over noise are held within it: its square is still a double.
 _MOST_SNR = 1e100
-#: Most numbers an exceedance is drawn with: one a band, and one to choose.
+#: Beside one number a band there is one that chooses.
 _FREE = 1
 
 Rule = AnyBand | RatioGates
@@ -34,15 +36,18 @@ class Receiver:
     photon_j: tuple[float, ...]
 
     @property
+    def kind(self) -> tuple[Any, ...]:
+        """Return what receivers share whose noise crosses equally often."""
+        return (self.radiometer, type(self.rule), *self.bands.tolist())
+
+    @property
     def nei_w_m2(self) -> FloatArray:
         """Return the noise-equivalent irradiances (B,)."""
         return np.array(self.radiometer.nei_w_m2, dtype=np.float64)
 
     def chances(self, snr: FloatArray, noise: FloatArray, slack: float) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) (n,)."""
-        if isinstance(self.rule, RatioGates):
-            return self.rule.log_chances(snr, noise, slack)
-        return self.rule.log_chances(snr, noise)
+        return self.rule.log_chances(snr, noise, slack)
 
 
 @frozen(eq=False)
@@ -99,14 +104,14 @@ class SnrDetection:
             failed = rows[~receiver.rule.passes(measured[rows, :width], response.noise_w_m2[rows, :width])]
             if len(failed):
                 columns = response.snr[failed, :width], response.noise_w_m2[failed, :width]
-                uniforms = dice.uniforms("measurement:detected", self.width + _FREE)[failed]
+                uniforms = dice.uniforms("measurement:detected", width + _FREE)[failed]
                 measured[failed, :width] = receiver.rule.conditional(*columns, _chosen(uniforms, width))
         return self._measured(measured, response.noise_w_m2, sensor)
 
     @property
     def words(self) -> int:
         """Return how many numbers an exceedance is drawn with."""
-        return self.width + _FREE
+        return MAXIMUM_BANDS + _FREE
 
     def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
         """Return what is measured (n,) where noise alone crossed, before a dark background."""
@@ -184,18 +189,12 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     """Return the detection model `snr`; raises `ModelError` for sensors that do not say how they measure light."""
     assert context.make_scenery is not None
     scenery = context.make_scenery()
-    receivers = []
-    for sensor in context.sensors:
-        receiver = _receiver(sensor, scenery)
-        if config.calibrate == "paper":
-            intensity = scenery.reference_intensity_w_sr[receiver.bands]
-            scaled = calibrated(receiver.radiometer, receiver.rule, intensity, _wanted(sensor))
-            receiver = evolve(receiver, radiometer=scaled)
-        receivers.append(receiver)
+    receivers = _receivers(context.sensors, scenery, config)
     half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
     footprint_rad = np.array([receiver.radiometer.footprint_rad for receiver in receivers])
     cells = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle) / footprint_rad)
-    chances = np.exp(np.array([noise_chance(receiver) for receiver in receivers]))
+    of_kind = {receiver.kind: noise_chance(receiver) for receiver in receivers}
+    chances = np.exp(np.array([of_kind[receiver.kind] for receiver in receivers]))
     return SnrDetection(
         scenery=scenery,
         receivers=tuple(receivers),
@@ -211,6 +210,22 @@ def noise_chance(receiver: Receiver) -> float:
     """Return the logarithm of the chance that noise alone detects, in one resolution cell and look."""
     nothing = np.zeros((1, len(receiver.bands)))
     return float(receiver.chances(nothing, noise_w_m2(receiver.nei_w_m2)[None, :], 0.0)[0][0])
+
+
+def _receivers(sensors: Sequence[Sensor], scenery: Scenery, config: SnrConfig) -> list[Receiver]:
+    """Return all receivers; those of one kind are calibrated once."""
+    receivers, known = list[Receiver](), dict[tuple[Any, ...], Radiometer]()
+    for sensor in sensors:
+        receiver = _receiver(sensor, scenery)
+        if config.calibrate == "paper":
+            wanted = _wanted(sensor)
+            kind = (*receiver.kind, wanted)
+            if kind not in known:
+                intensity = scenery.reference_intensity_w_sr[receiver.bands]
+                known[kind] = calibrated(receiver.radiometer, receiver.rule, intensity, wanted)
+            receiver = evolve(receiver, radiometer=known[kind])
+        receivers.append(receiver)
+    return receivers
 
 
 def _receiver(sensor: Sensor, scenery: Scenery) -> Receiver:

@@ -1,0 +1,118 @@
+"""Rules over bands: exact probabilities, measurements as they are conditional on a detection, and all of it far out."""
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.stats import kstest, norm
+
+from opir_core.detection.any_band import AnyBand
+from opir_core.detection.ratio_gates import RatioGates
+from opir_core.detection.truncated import truncated_normals
+
+INF = np.inf
+TRIPLE = RatioGates(5.0, 3.0, 0, np.array([-INF, 0.3, 0.01]), np.array([INF, 3.0, 0.5]))
+PAIR = RatioGates(5.0, 3.0, 0, np.array([-INF, 0.8]), np.array([INF, 4.0]))
+
+
+def integral(rule: RatioGates, snr: list[float], noise: list[float]) -> mpmath.mpf:
+    """Return P_d by adaptive integration at 30 digits, cut at every kink."""
+    mpmath.mp.dps = 30
+
+    def tail(x: mpmath.mpf) -> mpmath.mpf:
+        return mpmath.erfc(x / mpmath.sqrt(2)) / 2
+
+    def density(y: mpmath.mpf) -> mpmath.mpf:
+        value = mpmath.npdf(y, snr[0], 1)
+        for band in range(1, len(snr)):
+            steep = mpmath.mpf(noise[0]) / noise[band]
+            low, high = max(rule.coincidence, rule.lower[band] * steep * y), rule.upper[band] * steep * y
+            value *= max(tail(low - snr[band]) - tail(high - snr[band]), mpmath.mpf(0)) if high > low else 0
+        return value
+
+    cuts = {5.0, *np.arange(6.0, 40.0, 2.0).tolist()}
+    for band in range(1, len(snr)):
+        for bound in (rule.lower[band], rule.upper[band]):
+            steep = bound * noise[0] / noise[band]
+            cuts |= {float(cut) for cut in (rule.coincidence / steep, snr[band] / steep) if 5.0 < cut < 40.0}
+    return mpmath.quad(density, sorted(cuts))
+
+
+@pytest.mark.parametrize(
+    ("snr", "noise"),
+    [
+        ([7.17, 11.41, 1.15], [1.0, 2.86, 1.07]),
+        ([5.93, 9.93, 3.27], [1.0, 1.78, 0.28]),
+        ([10.55, 6.46, 2.64], [1.0, 2.43, 1.05]),
+        ([1.14, 10.26, 6.89], [1.0, 2.67, 1.52]),
+        ([0.0, 0.0, 0.0], [1.0, 1.0, 1.0]),
+    ],
+)
+def test_the_integral_is_that_of_mpmath_far_down_too(snr: list[float], noise: list[float]) -> None:
+    log_hit, log_miss = TRIPLE.log_chances(np.array([snr]), np.array([noise]))
+    exact = integral(TRIPLE, snr, noise)
+    assert log_hit[0] == pytest.approx(float(mpmath.log(exact)), abs=2e-9)
+    assert log_miss[0] == pytest.approx(float(mpmath.log(1 - exact)), rel=1e-8, abs=1e-15)
+
+
+def test_a_slack_leaves_probabilities_within_it() -> None:
+    snr = np.random.default_rng(3).uniform(0.0, 14.0, (400, 2))
+    exact, near = (np.exp(PAIR.log_chances(snr, np.ones((400, 2)), slack)[0]) for slack in (0.0, 1e-5))
+    assert 0.0 < np.abs(exact - near).max() <= 1e-5
+
+
+@pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE], ids=["any", "triple"])
+def test_free_draws_pass_as_often_as_the_probability_says(rule: AnyBand | RatioGates) -> None:
+    rng, rows = np.random.default_rng(4), 40_000
+    for snr in ([6.0, 9.0, 1.5], [4.0, 4.5, 3.0], [9.0, 14.0, 3.5]):
+        passed = rule.passes(np.array(snr) + rng.normal(size=(rows, 3)), np.ones((rows, 3))).sum()
+        chance = float(np.exp(rule.log_chances(np.array([snr]), np.ones((1, 3)))[0][0]))
+        # 99.9 % of the normal law that the binomial one is near to.
+        assert abs(passed - rows * chance) < 3.29 * np.sqrt(rows * chance * (1.0 - chance)) + 1.0
+
+
+@pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE], ids=["any", "triple"])
+def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_pass(
+    rule: AnyBand | RatioGates,
+) -> None:
+    rng, snr, ones = np.random.default_rng(5), np.array([6.0, 8.0, 2.5]), np.ones((200_000, 3))
+    free = snr + rng.normal(size=ones.shape)
+    kept = free[rule.passes(free, ones)]
+    drawn = rule.conditional(np.tile(snr, (len(kept), 1)), ones[: len(kept)], rng.random((len(kept), 4)))
+    assert rule.passes(drawn, ones[: len(drawn)]).all()
+    for band in range(3):
+        ordered = np.sort(kept[:, band])
+        distance = np.max(np.abs(np.searchsorted(ordered, np.sort(drawn[:, band])) / len(kept) - _shares(len(drawn))))
+        # Two samples of n: Kolmogorov's 1.95 at 99.9 % times sqrt(2 / n).
+        assert distance < 1.95 * np.sqrt(2.0 / len(kept))
+
+
+def _shares(count: int) -> np.ndarray:
+    return (np.arange(count) + 0.5) / count
+
+
+def test_nothing_is_lost_from_1e_minus_12_to_1e12() -> None:
+    snr = np.repeat(np.logspace(-12, 12, 49)[:, None], 3, axis=1) * np.array([1.0, 1.7, 0.1])
+    for rule in (AnyBand(5.0), TRIPLE):
+        log_hit, log_miss = rule.log_chances(snr, np.ones(snr.shape))
+        assert np.all((log_hit <= 0.0) & (log_miss <= 0.0))
+        assert not np.isnan(log_hit).any()
+        assert not np.isnan(log_miss).any()
+        assert np.all(np.diff(log_hit) >= -1e-9)
+        assert np.exp(log_hit[-1]) == 1.0
+    assert AnyBand(37.0).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(norm.logsf(37.0))
+    # P_fa of 1e-300 and far below what a double holds.
+    assert AnyBand(37.0471).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(-690.776, abs=1e-2)
+    assert AnyBand(1e4).log_chances(np.zeros((1, 1)), np.ones((1, 1)))[0][0] == pytest.approx(-5.0000010e7, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(-1.0, 2.0), (3.0, 4.0), (30.0, INF), (-INF, -35.0), (1e5, INF), (-9.0, -8.9)]
+)
+def test_truncated_numbers_follow_their_law_in_every_tail(low: float, high: float) -> None:
+    count = 4000
+    drawn = truncated_normals(np.full(count, low), np.full(count, high), _shares(count))
+    assert np.all((drawn >= low) & (drawn <= high))
+    if high <= 0.0:
+        low, high, drawn = -high, -low, -drawn
+    whole = np.expm1(norm.logsf(high) - norm.logsf(low))
+    assert kstest(np.expm1(norm.logsf(drawn) - norm.logsf(low)) / whole, "uniform").statistic < 1.0 / count

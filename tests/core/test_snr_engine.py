@@ -1,0 +1,228 @@
+"""The model `snr` in the engine: the formula, noise at its rate, bounds on what is interpolated, and no dependence."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from attrs import evolve, fields
+from scipy.special import ndtr
+from scipy.stats import norm, poisson
+
+import opir_core as opir
+from opir_core.engine import Engine
+from opir_core.errors import ModelError
+from opir_core.knots import SIGNAL_SHARE, SIGNAL_SIGMA
+from opir_core.looks import Looks, exposures
+from opir_core.records import Detections, DetectionTruth, Window
+from opir_core.scenery import REFERENCE_ALTITUDE_M
+from opir_core.sites import Sites
+
+LAUNCHES = (
+    {"id": "I", "type": "ICBM", "lat": 5.0, "lon": -150.0, "at": 3.0, "aim": (-50.0, -110.0)},
+    {"id": "R", "type": "IRBM", "lat": -3.0, "lon": -140.0, "at": 5.0, "aim": (-28.0, -170.0)},
+    {"id": "S", "type": "SRBM", "lat": 2.0, "lon": -135.0, "at": 4.0, "aim": (5.4, -132.0)},
+)
+DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0}
+SBIRS = {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0}
+NEXTGEN = {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -120.0, "scan_period_ms": 100.0}
+
+
+def scene(sensors: Sequence[Any] = (DSP, SBIRS, NEXTGEN), names: str = "IRS", **changes: Any) -> opir.Scene:
+    targets = [
+        {
+            "id": row["id"],
+            "type": row["type"],
+            "launch": {"lat_deg": row["lat"], "lon_deg": row["lon"], "time_s": row["at"]},
+            "aim": {"lat_deg": row["aim"][0], "lon_deg": row["aim"][1]},
+        }
+        for row in LAUNCHES
+        if row["id"] in names
+    ]
+    mapping = {
+        "scene": "light",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 60,
+        "seed": 5,
+        "sensors": list(sensors),
+        "targets": targets,
+        "detection": {"model": "snr"},
+        "outputs": [],
+    }
+    return opir.scene_from_mapping({**mapping, **changes})
+
+
+def windows_of(plan: Any, edges_s: Sequence[float]) -> list[Window]:
+    engine = Engine(plan)
+    return [engine.advance(round(edge * 1e9)) for edge in edges_s]
+
+
+def joined(windows: Sequence[Window]) -> tuple[Detections, DetectionTruth]:
+    return (
+        Detections.concatenate(window.detections for window in windows),
+        DetectionTruth.concatenate(window.truth for window in windows),
+    )
+
+
+def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = ()) -> None:
+    for attribute in fields(Detections):
+        if attribute.name not in leave_out:
+            assert getattr(one, attribute.name).tobytes() == getattr(other, attribute.name).tobytes(), attribute.name
+
+
+@pytest.fixture(scope="module")
+def plan() -> Any:
+    return opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}))
+
+
+@pytest.fixture(scope="module")
+def whole(plan: Any) -> tuple[Detections, DetectionTruth]:
+    return joined(windows_of(plan, [60.0]))
+
+
+def test_no_slicing_changes_a_byte(plan: Any, whole: tuple[Detections, DetectionTruth]) -> None:
+    cut = joined(windows_of(plan, [0.05, 3.0, 17.123456789, 17.2, 41.0, 60.0]))
+    assert (whole[1].target < 0).sum() > 1000
+    assert_same(cut[0], whole[0])
+    assert cut[1].target.tobytes() == whole[1].target.tobytes()
+    assert np.all(np.diff(whole[0].time_ns) >= 0)
+    assert len(np.unique(whole[0].detection_id, axis=0)) == len(whole[0])
+
+
+def test_neighbours_change_nobodys_draws() -> None:
+    alone, crowd = opir.compile_plan(scene([SBIRS], "R")), opir.compile_plan(scene())
+    found, _ = joined(windows_of(alone, [60.0]))
+    everyone, truth = joined(windows_of(crowd, [60.0]))
+    # In the whole scene B is sensor 1 and R target 1.
+    width = alone.detection.width
+    theirs = everyone.take((everyone.sensor == 1) & ((truth.target == 1) | (truth.target < 0)))
+    assert len(theirs) > 20
+    assert_same(found, theirs, leave_out=("sensor", "band_irradiance_w_m2"))
+    assert np.array_equal(found.band_irradiance_w_m2, theirs.band_irradiance_w_m2[:, :width])
+
+
+def test_noise_comes_at_the_rate_that_the_threshold_implies(
+    plan: Any, whole: tuple[Detections, DetectionTruth]
+) -> None:
+    found, truth = whole
+    noise = found.take(truth.target < 0)
+    cells = 4.0 * np.pi * np.sin(np.radians(5.0)) ** 2 / 56e-6**2
+    expected = norm.sf(5.0) * cells * 300
+    counted = int((noise.sensor == 0).sum())
+    low, high = poisson.interval(0.999, expected)
+    assert low <= counted <= high
+    assert np.all(noise.detection_count == 1)
+    assert np.all(noise.snr >= 5.0)
+
+
+def test_noise_is_spread_uniformly_over_the_field_of_regard(
+    plan: Any, whole: tuple[Detections, DetectionTruth]
+) -> None:
+    noise = whole[0].take((whole[1].target < 0) & (whole[0].sensor == 0))
+    down = -noise.sensor_ecef_m / np.linalg.norm(noise.sensor_ecef_m, axis=1)[:, None]
+    half = 1.0 - np.cos(np.radians(10.0))
+    shares = np.sort((1.0 - (noise.line_of_sight_ecef * down).sum(axis=1)) / half)
+    assert shares[-1] <= 1.0 + 1e-9
+    assert np.max(np.abs(shares - (np.arange(len(shares)) + 0.5) / len(shares))) < 1.95 / np.sqrt(len(shares))
+    turns = np.sort(
+        np.arctan2(noise.line_of_sight_ecef[:, 2], noise.line_of_sight_ecef @ np.cross(down[0], [0, 0, 1.0]))
+    )
+    turns = (turns + np.pi) / (2.0 * np.pi)
+    assert np.max(np.abs(turns - (np.arange(len(turns)) + 0.5) / len(turns))) < 1.95 / np.sqrt(len(turns))
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_between_knots_nothing_is_off_by_more_than_is_promised(tolerance: float) -> None:
+    chosen = {"model": "snr", "calibrate": "paper", "probability_tolerance": tolerance}
+    near = opir.compile_plan(scene(detection=chosen, duration_s=200))
+    engine = Engine(near)
+    looks = Looks.between(near.pairs, 0, near.end_ns)
+    assert engine._knots is not None
+    spans = engine._knots.over(looks)
+    exposed = exposures(near, Sites.of(near.sensors), looks.pair, looks.scan, geometry=True)
+    exact = near.detection.response(exposed)
+    assert np.abs(spans.probability() - ndtr(exact.probit)).max() <= tolerance
+    shared = spans.response(spans.stretch(), looks.scan)
+    # Signals are held at the middles of stretches; beside a kink of the plume's they may stray further.
+    off = np.abs(shared.snr - exact.snr) / np.maximum(SIGNAL_SHARE * exact.snr, SIGNAL_SIGMA)
+    assert np.mean(off <= 1.0) > 0.99
+    assert off.max() < 5.0
+
+
+def test_detections_follow_the_formula_in_bins_of_signal() -> None:
+    plan = opir.compile_plan(scene([DSP], "IR", detection={"model": "snr", "exact": True}, duration_s=200))
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair, looks.scan, geometry=True)
+    chance = plan.detection.probability(exposed)
+    margin = plan.detection.response(exposed).snr[:, 0] - 5.0
+    assert np.allclose(chance, ndtr(margin), rtol=1e-12)
+    bins = np.digitize(chance, np.linspace(0.0, 1.0, 21)[1:-1])
+    hits, expected, spread = np.zeros(20), np.zeros(20), np.zeros(20)
+    for seed in range(12):
+        engine = Engine(evolve(plan, scene=evolve(plan.scene, seed=seed)))
+        truth = joined([engine.advance(plan.end_ns)])[1]
+        found = truth.probability[truth.target >= 0]
+        hits += np.bincount(np.digitize(found, np.linspace(0.0, 1.0, 21)[1:-1]), minlength=20)
+        expected += np.bincount(bins, chance, minlength=20)
+        spread += np.bincount(bins, chance * (1.0 - chance), minlength=20)
+    # 99.9 % over all bins together: 4.06 deviations each, and a count for the discreteness.
+    assert np.all(np.abs(hits - expected) <= 4.06 * np.sqrt(spread) + 1.0)
+
+
+def test_calibrated_sensors_see_the_reference_as_the_paper_says(plan: Any) -> None:
+    assert REFERENCE_ALTITUDE_M > 0.0
+    model = plan.detection
+    for number, wanted in enumerate((0.6, 0.8, 0.95)):
+        receiver = model.receivers[number]
+        signal = model.scenery.reference_intensity_w_sr[receiver.bands] / 3.6e7**2
+        noise = receiver.nei_w_m2
+        chance = np.exp(receiver.rule.log_chances((signal / noise)[None, :], noise[None, :])[0][0])
+        assert chance == pytest.approx(wanted, abs=1e-12)
+
+
+def test_residuals_are_as_wide_as_they_say(plan: Any) -> None:
+    wide = opir.compile_plan(scene([DSP], "I", duration_s=200))
+    found, truth = joined(windows_of(wide, [200.0]))
+    found, truth = found.take(truth.target >= 0), truth.take(truth.target >= 0)
+    true = wide.targets.position_ecef_m(truth.target, truth.emission_time_s) - found.sensor_ecef_m
+    true /= np.linalg.norm(true, axis=1)[:, None]
+    squared = np.sum(((found.line_of_sight_ecef - true) / found.line_of_sight_sigma_rad[:, None]) ** 2, axis=1)
+    ordered = np.sort(1.0 - np.exp(-squared / 2.0))
+    count = len(ordered)
+    assert count > 200
+    assert np.ptp(found.line_of_sight_sigma_rad) > 1e-6
+    assert np.max(np.abs(ordered - (np.arange(count) + 0.5) / count)) < 1.95 / np.sqrt(count)
+    assert np.all(found.line_of_sight_sigma_rad == np.hypot(50e-6, 56e-6 / found.snr))
+
+
+@pytest.mark.parametrize("nei", [0.0, 1e-30, 1.0, 1e6])
+def test_no_noise_and_enormous_noise_stay_in_bounds(nei: float) -> None:
+    sensor = {**NEXTGEN, "nei_w_m2": nei, "threshold_sigma": 9.0}
+    plan = opir.compile_plan(scene([sensor], "I", atmosphere="lowtran"))
+    found, truth = joined(windows_of(plan, [60.0]))
+    chance = truth.probability[truth.target >= 0]
+    assert np.all((chance >= 0.0) & (chance <= 1.0))
+    assert np.all(np.isfinite(found.snr))
+    assert (len(found) == 0) == (nei >= 1.0)
+
+
+def test_a_nei_in_w_cm2_is_converted_once() -> None:
+    per_m2, per_cm2 = ({**DSP, "id": "D", key: value} for key, value in (("nei_w_m2", 2e-12), ("nei_w_cm2", 2e-16)))
+    one, other = (
+        joined(windows_of(opir.compile_plan(scene([sensor], "I")), [60.0]))[0] for sensor in (per_m2, per_cm2)
+    )
+    assert np.array_equal(one.time_ns, other.time_ns)
+
+
+def test_a_sensor_that_says_nothing_of_light_is_refused() -> None:
+    plan = opir.compile_plan(scene([DSP], "I"))
+    mute = evolve(plan.sensors[0], radiometer=None)
+    from opir_core.detection.configs import SnrConfig
+    from opir_core.detection.snr import snr_detection
+    from opir_core.protocols import ModelContext
+
+    context = ModelContext(
+        sensors=(mute,), target_type_code=plan.targets.type_code, make_scenery=lambda: plan.detection.scenery
+    )
+    with pytest.raises(ModelError, match="does not say how it measures light"):
+        snr_detection(SnrConfig(), context)
