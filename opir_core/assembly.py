@@ -13,7 +13,7 @@ from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.looks import Looks, exposures, look_times_ns
 from opir_core.plan import Plan
-from opir_core.protocols import Measured, Responsive
+from opir_core.protocols import Measured
 from opir_core.randomness import normal_pairs
 from opir_core.records import (
     Detections,
@@ -81,8 +81,7 @@ class Assembly:
         model = self._plan.detection
         if spans is None:
             return model.measure(exposed, dice)
-        assert isinstance(model, Responsive)
-        return model.measure_response(spans.response(hits.stretch, exposed.scan), exposed.sensor, dice)
+        return spans.measured(model, hits.stretch, exposed, dice)
 
     def _sightings(self, exposed: Exposures, measured: Measured, hits: Hits) -> Sightings:
         return Sightings(

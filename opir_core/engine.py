@@ -15,7 +15,6 @@ from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.errors import ModelError
 from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names, scan_names, seen
 from opir_core.plan import Plan
-from opir_core.protocols import Exceedances, Responsive
 from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
 from opir_core.sightlines import Pairs
 from opir_core.sites import Sites
@@ -146,22 +145,21 @@ class Engine:
 
 def _knots(plan: Plan, sites: Sites) -> "Knots | None":
     """Return the knots of a plan whose detection model lets looks share them."""
-    model = plan.detection
-    if not isinstance(model, Responsive) or model.probability_tolerance is None:
+    tolerance = getattr(plan.detection, "probability_tolerance", None)
+    if tolerance is None:
         return None
     from opir_core.knots import Knots
 
-    return Knots.of(plan, sites, model, model.probability_tolerance)
+    return Knots.of(plan, sites, tolerance)
 
 
 def _noise(plan: Plan, sites: Sites) -> "NoiseMaker | None":
     """Return what makes exceedances of noise, where the detection model knows how often they come."""
-    model = plan.detection
-    if not isinstance(model, Exceedances):
+    if not hasattr(plan.detection, "rate_per_scan"):
         return None
     from opir_core.exceedances import NoiseMaker
 
-    return NoiseMaker(plan, sites, model)
+    return NoiseMaker(plan, sites)
 
 
 def _tick_ns(pairs: Pairs) -> int:

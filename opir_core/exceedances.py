@@ -16,9 +16,10 @@ from opir_core.dice import Words
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.geometry import elevation_rad, intersection_with_ellipsoid
 from opir_core.plan import Plan
-from opir_core.protocols import Exceedances, Measured
+from opir_core.protocols import Measured
 from opir_core.randomness import Stream, stream_key, uniforms_of
 from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Sightings
+from opir_core.responses import Exceedances
 from opir_core.scene import UNKNOWN_TYPE
 from opir_core.sites import Sites
 
@@ -47,7 +48,9 @@ class _Noise:
 class NoiseMaker:
     """Makes a run's exceedances, window by window."""
 
-    def __init__(self, plan: Plan, sites: Sites, model: Exceedances) -> None:
+    def __init__(self, plan: Plan, sites: Sites) -> None:
+        model = plan.detection
+        assert isinstance(model, Exceedances)
         self._plan, self._sites, self._model = plan, sites, model
         self._rate = model.rate_per_scan
         self._sensors = [

@@ -14,8 +14,9 @@ from attrs import frozen
 
 from opir_core.looks import Looks, blocks, exposures
 from opir_core.plan import Plan
-from opir_core.protocols import Response, Responsive
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.protocols import Dice, Measured
+from opir_core.records import BoolArray, Exposures, FloatArray, IntArray
+from opir_core.responses import Response, Responsive
 from opir_core.sites import Sites
 
 #: Stretches a pair's looks are cut into at first: as long as this, s, but no more of them than that.
@@ -62,8 +63,10 @@ class Knots:
     width: int
 
     @classmethod
-    def of(cls, plan: Plan, sites: Sites, model: Responsive, tolerance: float) -> "Knots":
+    def of(cls, plan: Plan, sites: Sites, tolerance: float) -> "Knots":
         """Return the knots of all pairs that have looks."""
+        model = plan.detection
+        assert isinstance(model, Responsive)
         return _Weaver(plan, sites, model, tolerance).knots()
 
     def over(self, looks: Looks) -> "Spans":
@@ -99,6 +102,11 @@ class Spans:
     def stretch(self) -> IntArray:
         """Return the stretch (n,) of each look."""
         return np.repeat(self.used, self.counts)
+
+    def measured(self, model: object, stretch: IntArray, exposed: Exposures, dice: Dice) -> Measured:
+        """Return what is measured in looks (n,) that detected, in given stretches."""
+        assert isinstance(model, Responsive)
+        return model.measure_response(self.response(stretch, exposed.scan), exposed.sensor, dice)
 
     def response(self, stretch: IntArray, scan: IntArray) -> Response:
         """Return what looks (n,) in given stretches would measure."""

@@ -14,11 +14,11 @@ import numpy as np
 from attrs import field, frozen
 from numpy.typing import NDArray
 
-from opir_core.columns import Columns
 from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks, Window
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
+    from opir_core.plugin.radiometer import Radiometer
     from opir_core.scenery import Scenery
 
 
@@ -56,24 +56,6 @@ class ScanPattern(Protocol):
         """
 
 
-@frozen
-class Radiometer:
-    """How a sensor measures light, band by band in the order of its `bands`.
-
-    `nei_w_m2` are noise-equivalent irradiances per look; `footprint_rad` is the angle across a resolution cell;
-    `collection_m2_s` the product of aperture, efficiency and integration time that turns irradiance into photons. A
-    look detects above `threshold` standard deviations of its noise; `coincidence` is the threshold of the other bands
-    where bands are compared, and `ratios` bound their irradiance over that of the first.
-    """
-
-    nei_w_m2: tuple[float, ...]
-    footprint_rad: float
-    collection_m2_s: float
-    threshold: float
-    coincidence: float
-    ratios: tuple[tuple[float, float], ...]
-
-
 @frozen(eq=False, kw_only=True)
 class Sensor:
     """A sensor as the engine needs it: what a sensor model builds from a scene's block.
@@ -103,7 +85,7 @@ class Sensor:
     false_alarm_susceptibility: str = "moderate"
     spectral_discrimination: str = "none"
     follows_bodies: bool = False
-    radiometer: Radiometer | None = None
+    radiometer: "Radiometer | None" = None
     settings: Mapping[str, Any] = field(factory=dict)
 
 
@@ -159,11 +141,9 @@ class Dice(Protocol):
 
 @frozen(eq=False)
 class Measured:
-    """What a detection model says of looks that detected: the bands that confirm (bit masks) and the SNR (or nan).
+    """Of looks that detected: bands that confirm (bit masks), SNR (or nan), directions' sigmas, irradiances (n, B).
 
-    `line_of_sight_sigma_rad` (n,) is the standard deviation of each direction, per axis, or None for the sensors' own;
-    `band_irradiance_w_m2` (n, B), B the largest number of bands of the run's sensors, is what is measured at the
-    aperture, nan beyond a sensor's own bands, or None where the model measures none.
+    The last two as in `Detections`; None for the sensors' own sigma, and where no irradiance is measured.
     """
 
     bands: NDArray[np.uint8]
@@ -172,52 +152,8 @@ class Measured:
     band_irradiance_w_m2: FloatArray | None = None
 
 
-@frozen(eq=False)
-class Response(Columns):
-    """What looks would measure: the quantile of their probability of detection, and each band's signal and noise.
-
-    `probit` (n,) is the standard normal quantile of the probability; `snr` (n, B) the expected signals over
-    `noise_w_m2` (n, B), the standard deviations of the noise at the aperture; 0 and 1 beyond a sensor's own bands.
-    """
-
-    probit: FloatArray
-    snr: FloatArray
-    noise_w_m2: FloatArray
-
-
-@runtime_checkable
-class Responsive(Protocol):
-    """What detection models also have whose probabilities vary slowly along a track, so that looks may share knots."""
-
-    @property
-    def probability_tolerance(self) -> float | None:
-        """How far the probability of a look may be from the exact one, or None where every look is evaluated."""
-
-    def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
-        """Return what looks would measure; with a `slack`, probabilities need to be right only to within it."""
-
-    def measure_response(self, response: Response, sensor: IndexArray, dice: Dice) -> Measured:
-        """Return what is measured in looks that detected."""
-
-
-@runtime_checkable
-class Exceedances(Protocol):
-    """How often, and as what, noise alone crosses a sensor's threshold."""
-
-    @property
-    def rate_per_scan(self) -> FloatArray:
-        """Mean numbers (sensors,) of exceedances in one scan of the whole field of regard."""
-
-    @property
-    def words(self) -> int:
-        """How many numbers an exceedance is drawn with."""
-
-    def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
-        """Return what is measured (n,) where noise alone crossed, from numbers (n, words) in [0, 1)."""
-
-
 class DetectionProbability(Protocol):
-    """Exposures to probability of detection."""
+    """Exposures to probability of detection; some models have `opir_core.responses` beside."""
 
     @property
     def needs_geometry(self) -> bool:
@@ -341,12 +277,11 @@ class TargetContext:
 
 @frozen(kw_only=True)
 class ModelContext:
-    """What detection, classification and confidence models are built with."""
+    """What detection, classification and confidence models are built with; scenery is made when asked for."""
 
     sensors: tuple[Sensor, ...]
     #: Codes into `EMITTER_TYPES` of the plan's targets: the scene's launches, then its other hot sources.
     target_type_code: NDArray[np.uint8] = field(eq=False)
-    #: Makes what models that reckon with light need; what it needs is imported only then.
     make_scenery: "Callable[[], Scenery] | None" = field(default=None, eq=False)
 
 

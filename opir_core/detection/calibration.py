@@ -10,7 +10,7 @@ from opir_core.detection.irradiance_noise import noise_w_m2
 from opir_core.detection.ratio_gates import RatioGates
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
-from opir_core.protocols import Radiometer
+from opir_core.plugin.radiometer import Radiometer
 from opir_core.records import FloatArray
 
 #: The reference range, m: opir-simulator paper (2026), section 2.4.

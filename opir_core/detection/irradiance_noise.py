@@ -10,7 +10,7 @@ from opir_core.records import FloatArray
 _PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6
 
 #: Noise below it, W/m², is taken for it: a sensor without any would divide by zero.
-LEAST_NOISE_W_M2 = 1e-150
+LEAST_NOISE_W_M2 = 1e-60
 
 
 def photon_energy_j(band: Band) -> float:

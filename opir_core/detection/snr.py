@@ -13,9 +13,11 @@ from opir_core.detection.irradiance_noise import noise_w_m2, photon_energy_j, ph
 from opir_core.detection.ratio_gates import RatioGates
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
+from opir_core.plugin.radiometer import Radiometer
 from opir_core.plugin.sensors import MAXIMUM_BANDS
-from opir_core.protocols import Dice, Measured, ModelContext, Radiometer, Response, Sensor
+from opir_core.protocols import Dice, Measured, ModelContext, Sensor
 from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
+from opir_core.responses import Response
 from opir_core.scenery import Scenery
 
 #: Signals over noise are held within it: its square is still a double.
