@@ -141,10 +141,7 @@ class Dice(Protocol):
 
 @frozen(eq=False)
 class Measured:
-    """Of looks that detected: bands that confirm (bit masks), SNR (or nan), directions' sigmas, irradiances (n, B).
-
-    The last two as in `Detections`; None for the sensors' own sigma, and where no irradiance is measured.
-    """
+    """Of looks that detected: as in `Detections`; None for sensors' own sigmas and where no irradiance is measured."""
 
     bands: NDArray[np.uint8]
     snr: FloatArray
