@@ -192,7 +192,7 @@ def test_residuals_are_as_wide_as_they_say(plan: Any) -> None:
     assert count > 200
     assert np.ptp(found.line_of_sight_sigma_rad) > 1e-7
     assert np.max(np.abs(ordered - (np.arange(count) + 0.5) / count)) < 1.95 / np.sqrt(count)
-    assert np.all(found.line_of_sight_sigma_rad == np.hypot(50e-6, 56e-6 / found.snr))
+    assert np.allclose(found.line_of_sight_sigma_rad, np.hypot(50e-6, 56e-6 / found.snr), rtol=1e-12, atol=0.0)
 
 
 @pytest.mark.parametrize("nei", [0.0, 1e-30, 1.0, 1e6])
