@@ -1,30 +1,79 @@
 """What the stereo filter tells of its tracks at a tick."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.records import FloatArray, Tracks
+from opir_core.flight.forces import Forces
+from opir_core.protocols import Sensor
+from opir_core.records import FloatArray, IntArray, Tracks
+from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.tracking.ground_points import GroundPoints, impacts
 from opir_core.tracking.rays import turned
 from opir_core.tracking.switching_filter import Bank, SwitchingFilter
 from opir_core.tracking.upkeep import Roster
 
 
-def estimates(filter_: SwitchingFilter, bank: Bank, roster: Roster, time_s: float) -> Tracks:
-    """Return the tracks of a bank at its time; what the filter does not estimate is nan."""
+def estimates(
+    filter_: SwitchingFilter, bank: Bank, roster: Roster, time_s: float, forces: Forces, evidence: FloatArray
+) -> Tracks:
+    """Return the tracks of a bank at its time; what is not known is nan.
+
+    An impact is told of tracks that more likely coast than burn, for where a burning target comes down depends on when
+    its burn ends.
+    """
     count = len(bank)
     state, covariance = filter_.moments(bank)
+    impact = GroundPoints.nowhere(count)
+    free = np.flatnonzero(bank.weight[:, 1] > 0.5)
+    if len(free):
+        landed = impacts(state[free], covariance[free], time_s, forces)
+        impact.place[free], impact.covariance[free] = landed
     state, covariance = earth_fixed(state, covariance, time_s)
     return Tracks(
         tick_s=np.full(count, time_s),
         track=roster.number,
         state=state,
         state_covariance=covariance,
-        launch=np.full((count, 3), np.nan),
-        launch_covariance=np.full((count, 2, 2), np.nan),
-        impact=np.full((count, 3), np.nan),
-        impact_covariance=np.full((count, 2, 2), np.nan),
-        type_probability=np.full((count, 4), np.nan),
+        launch=roster.launch,
+        launch_covariance=roster.launch_covariance,
+        impact=impact.place,
+        impact_covariance=impact.covariance,
+        type_probability=type_posterior(roster.reports, evidence),
     )
+
+
+def evidence_of(sensors: Sequence[Sensor]) -> FloatArray:
+    """Return log P(reported | true), (sensors, reported types + 1, true types), from each sensor's confusion.
+
+    The last reported type stands for none. A sensor without a confusion matrix says nothing.
+    """
+    table = np.zeros((len(sensors), len(REPORTED_TYPES) + 1, len(TARGET_TYPES)))
+    for number, sensor in enumerate(sensors):
+        for column, true in enumerate(TARGET_TYPES):
+            for row, reported in enumerate(REPORTED_TYPES):
+                if true in sensor.confusion:
+                    chance = sensor.confusion[true].get(reported, 0.0)
+                    table[number, row, column] = np.log(max(chance, _LEAST_CHANCE))
+    return table
+
+
+def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
+    """Return probabilities (n, types) over `REPORTED_TYPES` from the last report of each sensor, (n, sensors).
+
+    Every type is as likely as the others beforehand. A sensor's reports of one launch are one draw, so each sensor
+    counts once. UNKNOWN is certain where no sensor has said anything, and impossible otherwise.
+    """
+    log = evidence[np.arange(len(evidence)), reports].sum(axis=1)
+    share = np.exp(log - log.max(axis=1, keepdims=True))
+    share /= share.sum(axis=1, keepdims=True)
+    silent = np.all((reports < 0) | (reports == UNKNOWN_TYPE), axis=1)[:, None]
+    return np.concatenate([np.where(silent, 0.0, share), silent], axis=1)
+
+
+#: A report that a confusion matrix rules out still has this chance.
+_LEAST_CHANCE = 1e-6
 
 
 def earth_fixed(state: FloatArray, covariance: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:

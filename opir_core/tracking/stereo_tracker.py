@@ -11,6 +11,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.builtin.configs import StereoFilterConfig
+from opir_core.flight.forces import Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
@@ -26,13 +27,18 @@ from opir_core.tracking.association import (
 )
 from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.ghosts import without_ghosts
+from opir_core.tracking.ground_points import GroundPoints, launches, surer
 from opir_core.tracking.rays import Rays, no_rays, no_sights
-from opir_core.tracking.stereo_report import estimates
+from opir_core.tracking.stereo_report import estimates, evidence_of
 from opir_core.tracking.switching_filter import Bank, Outlook, SwitchingFilter
 from opir_core.tracking.track_priors import filter_of, first_bank
 
 #: A settled assignment may reach this much farther than the first gate, in standard deviations.
 _SETTLING_GATE = 6.0
+
+
+#: A track's launch is worked out as long as it is no older than this, s.
+_YOUNG_S = 10.0
 
 
 @frozen(eq=False)
@@ -56,6 +62,8 @@ class StereoTracking:
     chances: Chances
     period_s: FloatArray
     light_time: bool
+    forces: Forces
+    evidence: FloatArray
 
     @classmethod
     def of(cls, config: StereoFilterConfig, context: TrackerContext) -> "StereoTracking":
@@ -67,6 +75,8 @@ class StereoTracking:
             chances=Chances(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr),
             period_s=np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors]),
             light_time=context.light_time,
+            forces=forces_of(context.forces),
+            evidence=evidence_of(context.sensors),
         )
 
     def start(self) -> Situation:
@@ -97,7 +107,19 @@ class StereoTracking:
         told = np.concatenate([now.reported, reported[free]])
         fresh = np.flatnonzero(end_s - pool.time_s <= self.config.recent_scans * self.period_s[pool.sensor] + span)
         then = evolve(now, time_s=end_s, bank=bank, roster=roster, pool=pool.take(fresh), reported=told[fresh])
-        return self._kept(self._begun(then), rays, owner)
+        return self._kept(self._launched(self._begun(then)), rays, owner)
+
+    def _launched(self, now: Situation) -> Situation:
+        """Return the situation with what the young tracks' paths say of their launches."""
+        young = np.flatnonzero((now.time_s - now.roster.begun_s <= _YOUNG_S) & (now.bank.weight[:, 0] > 0.5))
+        if not len(young):
+            return now
+        told = now.roster.take(young)
+        fresh = launches(self.filter.outlook(now.bank.take(young), now.time_s))
+        best = surer(GroundPoints(told.launch, told.launch_covariance), fresh)
+        launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
+        launch[young], covariance[young] = best
+        return evolve(now, roster=evolve(now.roster, launch=launch, launch_covariance=covariance))
 
     def followed(self, bank: Bank, end_s: float, rays: Rays, span: float) -> tuple[Bank, IntArray]:
         """Return the bank with a slice's rays taken in, and the row that each ray was given to.
@@ -181,13 +203,8 @@ class StereoTracking:
         row[good] = np.arange(len(good))
         owner = row[owner]
         count, sensors = len(good), len(self.period_s)
-        fresh = upkeep.Roster(
-            number=np.arange(now.next_number, now.next_number + count),
-            begun_s=np.full(count, now.time_s),
-            seen_s=np.full(count, -np.inf),
-            hits=np.zeros(count, dtype=np.int64),
-            reports=np.full((count, sensors), -1, dtype=np.int64),
-        ).seen(owner, now.pool.time_s, now.pool.sensor.astype(np.int64), now.reported)
+        fresh = upkeep.Roster.fresh(np.arange(now.next_number, now.next_number + count), now.time_s, sensors)
+        fresh = fresh.seen(owner, now.pool.time_s, now.pool.sensor.astype(np.int64), now.reported)
         left = np.flatnonzero(owner < 0)
         return evolve(
             now,
@@ -225,7 +242,7 @@ class StereoTracking:
         """Return what is told of the tracks seen often enough."""
         sure = np.flatnonzero(now.roster.hits >= 2 * self.config.needed_scans)
         bank, roster = now.bank.take(sure), now.roster.take(sure)
-        return estimates(self.filter, bank, roster, now.time_s)
+        return estimates(self.filter, bank, roster, now.time_s, self.forces, self.evidence)
 
     def nearest(self, now: Situation, rays: Rays) -> IntArray:
         """Return the number of the track (n,) that each ray is likeliest to belong to; -1 for none.

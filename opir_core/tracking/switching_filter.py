@@ -134,7 +134,8 @@ class SwitchingFilter:
         into_coast = np.flatnonzero(share[:, 0, 1] > _LEAST_SHARE)
         if len(into_coast):
             part = bank.take(into_coast)
-            means, roots = (part.boost_mean[:, :COAST], part.coast_mean), (_leading(part.boost_root), part.coast_root)
+            burnt_mean, burnt_root = _burnt_out(part, step_s)
+            means, roots = (burnt_mean, part.coast_mean), (burnt_root, part.coast_root)
             coast_mean[into_coast], coast_root[into_coast] = square_root.mixed(share[into_coast, :, 1], means, roots)
         into_boost = np.flatnonzero(share[:, 1, 0] > _LEAST_SHARE)
         if len(into_boost):
@@ -227,9 +228,18 @@ def _in_use(bank: Bank, mode: int) -> bool:
     return bool(np.any(bank.weight[:, mode] > 0.0))
 
 
-def _leading(root: FloatArray) -> FloatArray:
-    """Return the root of information of position and velocity alone, of a boost root."""
-    return square_root.root_of_spread(square_root.spread(root)[:, :COAST])
+def _burnt_out(bank: Bank, step_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return position and velocity of boosts that ended at some instant of the last step, each as likely.
+
+    A time u after the end, velocity and position are less by f u and f u²/2 than had the force f gone on; u is uniform
+    on the step, and what that spreads is one direction of the state: f (√3 step²/12, step/√12).
+    """
+    force = bank.boost_mean[:, COAST : COAST + 3]
+    less = np.concatenate([force * (step_s**2 / 6.0), force * (0.5 * step_s)], axis=1)
+    spread = np.concatenate([force * (np.sqrt(3.0) / 12.0 * step_s**2), force * (step_s / np.sqrt(12.0))], axis=1)
+    side = square_root.spread(bank.boost_root)[:, :COAST]
+    root = square_root.root_of_spread(np.concatenate([side, spread[:, :, None]], axis=2))
+    return bank.boost_mean[:, :COAST] - less, root
 
 
 def _extended_mean(bank: Bank) -> FloatArray:

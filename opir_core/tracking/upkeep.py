@@ -23,7 +23,8 @@ _ENOUGH_SCANS = 4
 class Roster(Columns):
     """What is kept of tracks beside their estimates: number, when begun and last seen, how many rays, from where.
 
-    `reports` (n, sensors) are the types that each sensor last reported, codes into `REPORTED_TYPES`, -1 for none.
+    `reports` (n, sensors) are the types that each sensor last reported, codes into `REPORTED_TYPES`, -1 for none;
+    `launch` (n, 3) and `launch_covariance` (n, 2, 2) are as in `Tracks`.
     """
 
     number: IntArray
@@ -31,12 +32,28 @@ class Roster(Columns):
     seen_s: FloatArray
     hits: IntArray
     reports: IntArray
+    launch: FloatArray
+    launch_covariance: FloatArray
 
     @classmethod
     def of(cls, sensors: int) -> "Roster":
         """Return the roster of no tracks."""
         none = np.empty(0, dtype=np.int64)
-        return cls(none, np.empty(0), np.empty(0), none, np.empty((0, sensors), dtype=np.int64))
+        return cls.fresh(none, 0.0, sensors)
+
+    @classmethod
+    def fresh(cls, number: IntArray, now_s: float, sensors: int) -> "Roster":
+        """Return the roster of tracks just begun."""
+        count = len(number)
+        return cls(
+            number=number,
+            begun_s=np.full(count, now_s),
+            seen_s=np.full(count, -np.inf),
+            hits=np.zeros(count, dtype=np.int64),
+            reports=np.full((count, sensors), -1, dtype=np.int64),
+            launch=np.full((count, 3), np.nan),
+            launch_covariance=np.full((count, 2, 2), np.nan),
+        )
 
     def seen(self, owner: IntArray, time_s: FloatArray, sensor: IntArray, reported: IntArray) -> "Roster":
         """Return the roster after rays (m,) in order of time were given to rows `owner`, -1 for none."""

@@ -1,0 +1,103 @@
+"""Where tracks came from and where they come down, with the covariance that the state's brings about."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from opir_core.flight.forces import Forces
+from opir_core.geometry import ecef_to_geodetic, local_axes
+from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.rays import along, turned
+from opir_core.tracking.switching_filter import Outlook
+
+#: How far back a path is followed to the ground, s, and in what steps.
+_BACK_S, _STEP_S = 30.0, 0.25
+
+#: A path that does not reach the ground going back began where it is lowest, if that is no higher, m.
+_LOW_M = 2000.0
+
+#: Slower than this a launch is taken to go straight up: how fast it drifts is not known, m/s.
+_SLOW_M_S = 5.0
+
+
+class GroundPoints(NamedTuple):
+    """Latitude_rad, longitude_rad and scene time_s (n, 3), and east-north covariances (n, 2, 2), m²; nan for none."""
+
+    place: FloatArray
+    covariance: FloatArray
+
+    @classmethod
+    def nowhere(cls, count: int) -> "GroundPoints":
+        """Return no points."""
+        return cls(np.full((count, 3), np.nan), np.full((count, 2, 2), np.nan))
+
+
+def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Forces) -> GroundPoints:
+    """Return where free flights from inertial states (n, 6) come down.
+
+    The point is that of the mean under `forces`. The covariance is spread through two-body arcs by central differences,
+    one standard deviation either way: their partials differ from those under `forces` by parts in a thousand.
+    """
+    from opir_core.flight.impact_event import impact
+
+    points = GroundPoints.nowhere(len(state))
+    if not len(state):
+        return points
+    duration, point = impact(state[:, :3], state[:, 3:], forces=forces)
+    ground = turned(point, -(time_s + duration))
+    side = np.linalg.cholesky(covariance)
+    shifted = state[:, None, None, :] + np.stack([side, -side], axis=1).transpose(0, 1, 3, 2)
+    flight, fell = impact(shifted[..., :3], shifted[..., 3:], forces=Forces(zonal=(), gravity=forces.gravity))
+    landed = turned(fell.reshape(-1, 3), -(time_s + flight.ravel())).reshape(fell.shape)
+    apart = 0.5 * (landed[:, 0] - landed[:, 1])
+    plane = apart @ local_axes(ground)[:, :2].transpose(0, 2, 1)
+    return _told(ground, time_s + duration, plane.transpose(0, 2, 1))
+
+
+def launches(outlook: Outlook) -> GroundPoints:
+    """Return where boosts began: where each path, followed back as its Taylor series, reaches the ground.
+
+    The covariance is that of the position there, less what moving along the path takes up.
+    """
+    count = len(outlook.side)
+    if not count:
+        return GroundPoints.nowhere(0)
+    back = -np.arange(0.0, _BACK_S + _STEP_S, _STEP_S)
+    track, when = np.repeat(np.arange(count), len(back)), outlook.time_s + np.tile(back, count)
+    path = turned(outlook.positions(track, when), -when)
+    height = ecef_to_geodetic(path).height_m.reshape(count, -1)
+    below = height <= 0.0
+    lowest = np.where(below.any(axis=1), np.argmax(below, axis=1), np.argmin(height, axis=1))
+    begun_s = back[lowest]
+    known = np.flatnonzero((height[np.arange(count), lowest] < _LOW_M) & (lowest > 0))
+    points = GroundPoints.nowhere(count)
+    if len(known):
+        found = _launched(outlook, known, outlook.time_s + begun_s[known])
+        points.place[known], points.covariance[known] = found
+    return points
+
+
+def _launched(outlook: Outlook, rows: IntArray, when: FloatArray) -> GroundPoints:
+    ground = turned(outlook.positions(rows, when), -when)
+    later = turned(outlook.positions(rows, when + _STEP_S), -(when + _STEP_S))
+    axes = local_axes(ground)
+    east, north, up = along(axes, (later - ground) / _STEP_S).T
+    inertial = np.stack([turned(axes[:, row], when) for row in range(3)], axis=1)
+    side = inertial @ outlook.position_sides(rows, when)
+    climb = np.where(up > _SLOW_M_S, up, np.inf)
+    plane = side[:, :2] - (np.stack([east, north], axis=1) / climb[:, None])[:, :, None] * side[:, 2:]
+    return _told(ground, when, plane)
+
+
+def _told(ground: FloatArray, when: FloatArray, plane: FloatArray) -> GroundPoints:
+    where = ecef_to_geodetic(ground)
+    place = np.stack([where.latitude_rad, where.longitude_rad, when], axis=1)
+    return GroundPoints(place, plane @ plane.transpose(0, 2, 1))
+
+
+def surer(known: GroundPoints, fresh: GroundPoints) -> GroundPoints:
+    """Return of each pair of points the one with the smaller covariance."""
+    before, after = (np.trace(points.covariance, axis1=1, axis2=2) for points in (known, fresh))
+    better = np.isfinite(after) & ~(before <= after)
+    place = np.where(better[:, None], fresh.place, known.place)
+    return GroundPoints(place, np.where(better[:, None, None], fresh.covariance, known.covariance))
