@@ -90,7 +90,7 @@ def first_bank(prior: np.ndarray, burning: float = 0.0) -> Bank:
     root = np.tile(np.diag(1.0 / sigma), (count, 1, 1))
     mean = np.concatenate([prior, np.zeros((count, 6))], axis=1)
     weight = np.tile([burning, 1.0 - burning], (count, 1))
-    return Bank(weight, mean, root, prior.copy(), root[:, :COAST, :COAST].copy(), np.ones((count, 2)))
+    return Bank(weight, mean, root, prior.copy(), root[:, :COAST, :COAST].copy(), np.ones((count, 3)))
 
 
 def known_sights(rays: Rays, track: np.ndarray) -> Sights:

@@ -31,8 +31,8 @@ _SETTLED_SIGMAS = 1e-2
 class Bank(Columns):
     """The estimates of tracks, one row each, all at one time: mean and root of information of each mode, and weights.
 
-    `weight` (n, 2) are the probabilities of boost and coast; `pace` (n, 2) the looks that detected and the time, s,
-    over which they are counted, both fading.
+    `weight` (n, 2) are the probabilities of boost and coast; `pace` (n, 3) the looks that detected and the time, s,
+    over which they are counted, both fading, and the time since the last of them, s.
     """
 
     weight: FloatArray
@@ -47,7 +47,7 @@ class Bank(Columns):
         """Return the bank of no tracks."""
         boost, coast = np.empty((0, BOOST)), np.empty((0, COAST))
         roots = np.empty((0, BOOST, BOOST)), np.empty((0, COAST, COAST))
-        return cls(np.empty((0, 2)), boost, roots[0], coast, roots[1], np.empty((0, 2)))
+        return cls(np.empty((0, 2)), boost, roots[0], coast, roots[1], np.empty((0, 3)))
 
     def put(self, rows: IntArray, part: "Bank") -> "Bank":
         """Return the bank with its rows (m,) replaced by those of another."""
@@ -129,12 +129,14 @@ class SwitchingFilter:
         switch = np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
         weight = bank.weight @ switch
         share = bank.weight[:, :, None] * switch / np.maximum(weight, 1e-300)[:, None, :]
+        # A target that burns has not coasted before: what its coast mode made of the looks so far is let go.
+        share[(bank.weight[:, 0] > 0.5) & (leave[0] > 0.0), :, 1] = [1.0, 0.0]
         boost_mean, boost_root = bank.boost_mean.copy(), bank.boost_root.copy()
         coast_mean, coast_root = bank.coast_mean.copy(), bank.coast_root.copy()
         into_coast = np.flatnonzero(share[:, 0, 1] > _LEAST_SHARE)
         if len(into_coast):
             part = bank.take(into_coast)
-            burnt_mean, burnt_root = _burnt_out(part, step_s)
+            burnt_mean, burnt_root = _burnt_out(part)
             means, roots = (burnt_mean, part.coast_mean), (burnt_root, part.coast_root)
             coast_mean[into_coast], coast_root[into_coast] = square_root.mixed(share[into_coast, :, 1], means, roots)
         into_boost = np.flatnonzero(share[:, 1, 0] > _LEAST_SHARE)
@@ -161,11 +163,15 @@ class SwitchingFilter:
                 if _in_use(bank, number):
                     told = self.taken_in(motion, mean[seen], root[seen], time_s, mine)
                     mean[seen], root[seen], change[seen, number] = told
-        missed, pace = self._misses(bank, hits, step_s)
+        last_s = np.full(len(bank), time_s - step_s)
+        np.maximum.at(last_s, sights.track, sights.time_s)
+        missed, pace = self._misses(bank, hits, time_s - last_s, step_s)
         change[:, 0] += missed
         return Bank(_reweighed(bank.weight, change), boost, boost_root, coast, coast_root, pace)
 
-    def _misses(self, bank: Bank, hits: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
+    def _misses(
+        self, bank: Bank, hits: FloatArray, silent_s: FloatArray, step_s: float
+    ) -> tuple[FloatArray, FloatArray]:
         """Return what a silent slice takes from the boost's log weight, and the pace after it.
 
         A burning target that was seen r times a second stays unseen for t with the chance exp(-r t); one whose burn is
@@ -174,8 +180,10 @@ class SwitchingFilter:
         fade = np.exp(-step_s / self.memory_s)
         rate = bank.pace[:, 0] / np.maximum(bank.pace[:, 1], step_s)
         silent = hits == 0.0
-        kept = np.where(silent[:, None], bank.pace, fade * bank.pace + np.stack([hits, np.full(len(hits), step_s)], 1))
-        return np.where(silent, -rate * step_s, 0.0), kept
+        pace = np.stack([hits, np.full(len(hits), step_s), silent_s], axis=1)
+        pace[:, :2] += fade * bank.pace[:, :2]
+        pace[silent, :2], pace[silent, 2] = bank.pace[silent, :2], bank.pace[silent, 2] + step_s
+        return np.where(silent, -rate * step_s, 0.0), pace
 
     def taken_in(
         self, motion: Motion, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights
@@ -228,15 +236,18 @@ def _in_use(bank: Bank, mode: int) -> bool:
     return bool(np.any(bank.weight[:, mode] > 0.0))
 
 
-def _burnt_out(bank: Bank, step_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return position and velocity of boosts that ended at some instant of the last step, each as likely.
+def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
+    """Return position and velocity of boosts that ended soon after they were last seen.
 
-    A time u after the end, velocity and position are less by f u and f u²/2 than had the force f gone on; u is uniform
-    on the step, and what that spreads is one direction of the state: f (√3 step²/12, step/√12).
+    Of a target seen r times a second the burn ended 1/r ± 1/r after the last look. A time u after the end, velocity and
+    position are less by f u and f u²/2 than had the force f gone on.
     """
-    force = bank.boost_mean[:, COAST : COAST + 3]
-    less = np.concatenate([force * (step_s**2 / 6.0), force * (0.5 * step_s)], axis=1)
-    spread = np.concatenate([force * (np.sqrt(3.0) / 12.0 * step_s**2), force * (step_s / np.sqrt(12.0))], axis=1)
+    hits, spell, silent = bank.pace.T
+    pause = spell / np.maximum(hits, 1.0)
+    since, force = np.maximum(silent - pause, 0.0)[:, None], bank.boost_mean[:, COAST : COAST + 3]
+    less = np.concatenate([force * (0.5 * since**2), force * since], axis=1)
+    doubt = np.minimum(pause, silent)[:, None]
+    spread = np.concatenate([force * (since * doubt), force * doubt], axis=1)
     side = square_root.spread(bank.boost_root)[:, :COAST]
     root = square_root.root_of_spread(np.concatenate([side, spread[:, :, None]], axis=2))
     return bank.boost_mean[:, :COAST] - less, root

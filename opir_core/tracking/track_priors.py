@@ -54,7 +54,7 @@ def first_bank(begun: Beginnings, time_s: float, config: StereoFilterConfig) -> 
     burning = {"boost-coast": _BURNING, "boost": 1.0, "coast": 0.0}[config.motion]
     weight = np.tile([burning, 1.0 - burning], (count, 1))
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
-    return Bank(weight, mean, root, coast_mean, coast_root, np.zeros((count, 2)))
+    return Bank(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
 
 
 def _upper(axes: FloatArray, sigma: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ def test_an_exchange_of_one_sensors_rays_is_undone_and_a_right_assignment_left_a
         root,
         middle,
         root[:, :COAST, :COAST].copy(),
-        np.ones((2, 2)),
+        np.ones((2, 3)),
     )
     bank = filter_.moved(bank, 1.0)
     outlook = filter_.outlook(bank, 1.0)
