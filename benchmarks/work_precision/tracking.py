@@ -26,7 +26,7 @@ from opir_core.builtin.tracking import StereoFilterConfig
 from opir_core.protocols import TrackerContext
 from opir_core.testing.doubles import stub_sensor
 from opir_core.tracking.metrics import gospa
-from opir_core.tracking.stereo_tracker import StereoTracking
+from opir_core.tracking.stereo_tracking import StereoTracking
 
 CADENCES_S = (0.1, 1.0, 5.0, 10.0)
 CUTOFF_M = 5000.0
