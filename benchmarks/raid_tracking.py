@@ -24,7 +24,7 @@ import yaml
 from attrs import evolve
 
 import opir_core as opir
-from opir_core.builtin.tracking import StereoFilterConfig
+from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.plan import Plan, compile_plan
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections

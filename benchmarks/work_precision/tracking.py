@@ -22,7 +22,7 @@ import tracking_peers as peers
 from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
 from tracking_problems import problem as made
 
-from opir_core.builtin.tracking import StereoFilterConfig
+from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.protocols import TrackerContext
 from opir_core.testing.doubles import stub_sensor
 from opir_core.tracking.metrics import gospa
