@@ -212,3 +212,17 @@ class StereoFilterConfig:
     def __attrs_post_init__(self) -> None:
         if self.recent_scans < self.needed_scans:
             raise ValueError(f"recent_scans is {self.recent_scans}, less than needed_scans, {self.needed_scans}")
+
+
+@frozen(kw_only=True)
+class BoostProfileConfig:
+    """What a scene may set of the tracker `boost-profile`."""
+
+    cadence_s: float = number(
+        default=1.0, unit="s", minimum=0.1, maximum=10.0, help="time between two estimates of a track"
+    )
+    association: str = text(
+        default="nearest",
+        choices=ASSOCIATIONS,
+        help="as that of stereo-filter, which says which detections are whose",
+    )

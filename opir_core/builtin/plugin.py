@@ -9,6 +9,7 @@ from typing import Any
 
 from opir_core.builtin.configs import (
     BallisticConfig,
+    BoostProfileConfig,
     ConfusionConfig,
     ConstantConfig,
     StereoFilterConfig,
@@ -86,13 +87,19 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
-    """Yield `none` and `stereo-filter`."""
+    """Yield `none`, `stereo-filter` and `boost-profile`."""
     yield TrackerModel(name="none", summary="no tracks", build=_built_by("tracking", "no_tracker"))
     yield TrackerModel(
         name="stereo-filter",
         summary="any number of sensors, sequential: boost and coast side by side, no model of the target",
         config=StereoFilterConfig,
         build=_built_by("tracking", "stereo_filter"),
+    )
+    yield TrackerModel(
+        name="boost-profile",
+        summary="boost profiles of every class fitted to each track: launch, burnout, impact, type, with covariances",
+        config=BoostProfileConfig,
+        build=_built_by("tracking", "boost_profile"),
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import define
 
-from opir_core.builtin.configs import StereoFilterConfig
+from opir_core.builtin.configs import BoostProfileConfig, StereoFilterConfig
 from opir_core.plugin.components import NoConfig
 from opir_core.protocols import Tracker, TrackerContext
 from opir_core.records import Detections, IntArray, Tracks
@@ -34,3 +34,10 @@ def stereo_filter(config: StereoFilterConfig, context: TrackerContext) -> Tracke
     from opir_core.tracking.stereo_tracker import stereo_filter as built
 
     return built(config, context)
+
+
+def boost_profile(config: BoostProfileConfig, context: TrackerContext) -> Tracker:
+    """Return the tracker `boost-profile`."""
+    from opir_core.tracking.profile_tracker import boost_profile_tracker
+
+    return boost_profile_tracker(config, context)

@@ -78,6 +78,11 @@ def ascent(profiles: Sequence[BoostProfile], burnout_flight_path_angle_rad: Arra
         for name in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
     )
     turn = 0.5 * np.pi - np.broadcast_to(np.asarray(burnout_flight_path_angle_rad, dtype=np.float64), burn.shape)
+    return ascent_of_shape(burn, start, k, n, turn)
+
+
+def ascent_of_shape(burn: Floats, start: Floats, k: Floats, n: Floats, turn: Floats) -> Ascent:
+    """Return the ascents (n,) of these burn times, pitch starts, speed shapes, pitch exponents and turns."""
     x = _nodes()[:, None]
     u = (x * x) * (x * x)
     pace_s = speed_ratio(start + (burn - start) * u, burn, k) * (4.0 * x * x * x) * (burn - start)

@@ -1,0 +1,152 @@
+"""What the profile fit tells of its tracks: state, launch, burnout and impact with covariances, and the type.
+
+Estimates of a track's classes are blended by their probabilities; the covariance holds what they differ by.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.columns import Columns
+from opir_core.flight.boost import BoostPath
+from opir_core.flight.conic_impact import kepler_impact
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
+from opir_core.records import FloatArray, IntArray, Tracks
+from opir_core.tracking.profile_family import CLASS_TYPE, SIZE, paths
+from opir_core.tracking.profile_fit import STEPS, Hypotheses, covariance, tiled
+
+if TYPE_CHECKING:
+    from opir_core.flight.forces import ForceModel
+
+#: A class less probable than this is left out of the blend.
+_LEAST = 1e-3
+
+#: Metres to a radian of latitude.
+_RADIUS_M = 6.371e6
+
+
+@frozen(eq=False)
+class Told(Columns):
+    """Quantities of n hypotheses: state (n, 6), launch and impact (n, 3) as latitude, longitude, rad, and time, s."""
+
+    state: FloatArray
+    launch: FloatArray
+    impact: FloatArray
+
+
+def report(
+    hypotheses: Hypotheses,
+    probability: FloatArray,
+    tick_s: float,
+    bias_sigma_rad: FloatArray,
+    forces: "ForceModel",
+) -> Tracks:
+    """Return the estimates at a tick of tracks whose hypotheses (n,) have these probabilities, sorted by track."""
+    kept = np.flatnonzero(probability >= _LEAST)
+    hypotheses, weight = hypotheses.take(kept), probability[kept]
+    told, slopes = _told_with_slopes(hypotheses, tick_s, forces)
+    spread = covariance(hypotheses, bias_sigma_rad)
+    number, row = np.unique(hypotheses.track, return_inverse=True)
+    weight = weight / np.bincount(row, weight)[row]
+    blended = [
+        _blended(getattr(told, name), slope @ spread @ slope.transpose(0, 2, 1), weight, row, len(number), angles)
+        for name, slope, angles in zip(("state", "launch", "impact"), slopes, (False, True, True), strict=True)
+    ]
+    types = np.zeros((len(number), 4))
+    np.add.at(types, (row, CLASS_TYPE[hypotheses.kind]), weight)
+    (state, state_covariance), (launch, launch_covariance), (impact, impact_covariance) = blended
+    return Tracks(
+        tick_s=np.full(len(number), tick_s),
+        track=number,
+        state=state,
+        state_covariance=state_covariance,
+        launch=launch,
+        launch_covariance=launch_covariance[:, :2, :2],
+        impact=impact,
+        impact_covariance=impact_covariance[:, :2, :2],
+        type_probability=types,
+    )
+
+
+def _told_with_slopes(
+    hypotheses: Hypotheses, tick_s: float, forces: "ForceModel"
+) -> tuple[Told, tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return what hypotheses tell, and how it changes with their parameters: (n, 6, 9), (n, 3, 9), (n, 3, 9).
+
+    Slopes of places are in metres east and north, and seconds.
+    """
+    count = len(hypotheses)
+    parameters, anchors, shapes = tiled(hypotheses)
+    path = paths(parameters, anchors, shapes)
+    told = _told(path, tick_s)
+    latitude, longitude = anchors.places(parameters)
+    launch = np.stack([latitude, longitude, path.ignition_s], axis=1)
+    every = [array.reshape(SIZE + 1, count, -1) for array in (told.state, launch, told.impact)]
+    differences = [every[0][1:] - every[0][0], *(_ground(array[1:], array[0]) for array in every[1:])]
+    slopes = tuple(np.moveaxis(array, 0, 2) / STEPS for array in differences)
+    impact = every[2][0] if forces == "kepler" else _forced_impact(path, count, forces)
+    return Told(every[0][0], every[1][0], impact), (slopes[0], slopes[1], slopes[2])
+
+
+def _told(path: BoostPath, tick_s: float) -> Told:
+    count = len(path.ignition_s)
+    row = np.arange(count)
+    held = np.clip(tick_s, path.ignition_s, path.burnout_s)
+    state = np.concatenate(path.state(row, held), axis=1)
+    burnout = ecef_to_eci_state(*path.state(row, path.burnout_s), path.burnout_s)
+    late = np.flatnonzero(tick_s > path.burnout_s)
+    if len(late):
+        flown = propagate_kepler(burnout[0][late], burnout[1][late], tick_s - path.burnout_s[late])
+        state[late] = np.concatenate(eci_to_ecef_state(*flown, tick_s), axis=1)
+    duration, point = kepler_impact(*burnout)
+    return Told(state, np.empty((count, 3)), _place(eci_to_ecef(point, path.burnout_s + duration), path, duration))
+
+
+def _forced_impact(path: BoostPath, count: int, forces: "ForceModel") -> FloatArray:
+    """Return the impacts of the first `count` paths under the scene's forces."""
+    from opir_core.flight.impact_event import impact
+
+    row = np.arange(count)
+    burnout = ecef_to_eci_state(*path.state(row, path.burnout_s[row]), path.burnout_s[row])
+    duration, point = impact(*burnout, 0.0, forces, tolerance_m=1.0)
+    return _place(eci_to_ecef(point, path.burnout_s[row] + duration), path, duration)
+
+
+def _place(position_ecef_m: FloatArray, path: BoostPath, duration_s: FloatArray) -> FloatArray:
+    place = ecef_to_geodetic(position_ecef_m)
+    time_s = path.burnout_s[: len(duration_s)] + duration_s
+    return np.stack([place.latitude_rad, place.longitude_rad, time_s], axis=1)
+
+
+def _ground(points: FloatArray, about: FloatArray) -> FloatArray:
+    """Return points (..., 3) as metres east and north of others, and seconds after them."""
+    turn = np.remainder(points[..., 1] - about[..., 1] + np.pi, 2.0 * np.pi) - np.pi
+    east, north = _RADIUS_M * np.cos(about[..., 0]) * turn, _RADIUS_M * (points[..., 0] - about[..., 0])
+    return np.stack([east, north, points[..., 2] - about[..., 2]], axis=-1)
+
+
+def _off_ground(away: FloatArray, about: FloatArray) -> FloatArray:
+    """Return the points (n, 3) that lie metres east and north of others, and seconds after them."""
+    latitude = about[:, 0] + away[:, 1] / _RADIUS_M
+    longitude = about[:, 1] + away[:, 0] / (_RADIUS_M * np.maximum(np.cos(about[:, 0]), 1e-9))
+    return np.stack([latitude, np.remainder(longitude + np.pi, 2.0 * np.pi) - np.pi, about[:, 2] + away[:, 2]], axis=1)
+
+
+def _blended(
+    values: FloatArray, spread: FloatArray, weight: FloatArray, row: IntArray, count: int, are_places: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return means (count, d) and covariances (count, d, d) of mixtures: `row` says which each part belongs to."""
+    heaviest = np.full(count, -1, dtype=np.int64)
+    order = np.argsort(weight, kind="stable")
+    heaviest[row[order]] = order
+    about = values[heaviest][row]
+    away = _ground(values, about) if are_places else values - about
+    mean = np.zeros((count, values.shape[1]))
+    np.add.at(mean, row, weight[:, None] * away)
+    apart = away - mean[row]
+    total = np.zeros((count, values.shape[1], values.shape[1]))
+    np.add.at(total, row, weight[:, None, None] * (spread + apart[:, :, None] * apart[:, None, :]))
+    first = values[heaviest]
+    return (_off_ground(mean, first) if are_places else first + mean), total
