@@ -14,7 +14,7 @@ from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
 from opir_core.records import FloatArray, IntArray, Tracks
-from opir_core.tracking.profile_family import CLASS_TYPE, SIZE, paths
+from opir_core.tracking.profile_family import CLASS_TYPE, SIZE, START, paths
 from opir_core.tracking.profile_fit import STEPS, Hypotheses, covariance, tiled
 
 if TYPE_CHECKING:
@@ -48,11 +48,14 @@ def report(
     hypotheses, weight = hypotheses.take(kept), probability[kept]
     told, slopes = _told_with_slopes(hypotheses, tick_s, forces)
     spread = covariance(hypotheses, bias_sigma_rad)
+    rests = _at_rest(hypotheses, spread, tick_s)
     number, row = np.unique(hypotheses.track, return_inverse=True)
     weight = weight / np.bincount(row, weight)[row]
+    spreads = [slope @ spread @ slope.transpose(0, 2, 1) for slope in slopes]
+    spreads[0] += rests
     blended = [
-        _blended(getattr(told, name), slope @ spread @ slope.transpose(0, 2, 1), weight, row, len(number), angles)
-        for name, slope, angles in zip(("state", "launch", "impact"), slopes, (False, True, True), strict=True)
+        _blended(getattr(told, name), more, weight, row, len(number), name != "state")
+        for name, more in zip(("state", "launch", "impact"), spreads, strict=True)
     ]
     types = np.zeros((len(number), 4))
     np.add.at(types, (row, CLASS_TYPE[hypotheses.kind]), weight)
@@ -68,6 +71,26 @@ def report(
         impact_covariance=impact_covariance[:, :2, :2],
         type_probability=types,
     )
+
+
+def _at_rest(hypotheses: Hypotheses, spread: FloatArray, tick_s: float) -> FloatArray:
+    """Return the covariances (n, 6, 6) by which states at rest are less certain than their slopes say.
+
+    A target that is estimated to start later may have started already: it then moves by the time in doubt.
+    """
+    start_s = hypotheses.anchor_s + hypotheses.parameters[:, START]
+    doubt_s = np.sqrt(spread[:, START, START]) + _START_DOUBT_S
+    waits = tick_s <= start_s + doubt_s
+    sigma = np.concatenate([np.full(3, 0.5 * _ACCELERATION_M_S2), np.full(3, _ACCELERATION_M_S2)])
+    times = doubt_s[:, None] ** np.array([2, 2, 2, 1, 1, 1])
+    variance = np.where(waits[:, None], np.square(sigma * times), 0.0)
+    more: FloatArray = variance[:, :, None] * np.eye(6)
+    return more
+
+
+#: How fast a boost sets out, m/s², about, and the least doubt about when it did, s.
+_ACCELERATION_M_S2 = 15.0
+_START_DOUBT_S = 0.05
 
 
 def _told_with_slopes(
@@ -137,10 +160,19 @@ def _off_ground(away: FloatArray, about: FloatArray) -> FloatArray:
 def _blended(
     values: FloatArray, spread: FloatArray, weight: FloatArray, row: IntArray, count: int, are_places: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return means (count, d) and covariances (count, d, d) of mixtures: `row` says which each part belongs to."""
-    heaviest = np.full(count, -1, dtype=np.int64)
+    """Return means (count, d) and covariances (count, d, d) of mixtures: `row` says which each part belongs to.
+
+    Parts that are not known, as the impact of a flight that does not come down, count for nothing; of none, nan.
+    """
+    known = np.isfinite(values).all(axis=1) & np.isfinite(spread).all(axis=(1, 2))
+    values, spread, weight, row = values[known], spread[known], weight[known], row[known]
+    share = np.bincount(row, weight, count)
+    weight = weight / share[row]
+    heaviest = np.zeros(count, dtype=np.int64)
     order = np.argsort(weight, kind="stable")
     heaviest[row[order]] = order
+    if not len(values):
+        return np.full((count, values.shape[1]), np.nan), np.full((count, *spread.shape[1:]), np.nan)
     about = values[heaviest][row]
     away = _ground(values, about) if are_places else values - about
     mean = np.zeros((count, values.shape[1]))
@@ -148,5 +180,6 @@ def _blended(
     apart = away - mean[row]
     total = np.zeros((count, values.shape[1], values.shape[1]))
     np.add.at(total, row, weight[:, None, None] * (spread + apart[:, :, None] * apart[:, None, :]))
-    first = values[heaviest]
+    first = np.where(share[:, None] > 0.0, values[heaviest], np.nan)
+    total[share <= 0.0] = np.nan
     return (_off_ground(mean, first) if are_places else first + mean), total
