@@ -33,8 +33,8 @@ def nees(error: FloatArray, covariance: FloatArray) -> FloatArray:
     """
     known = np.isfinite(error).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2))
     value = np.full(len(error), np.nan)
-    spread = np.diagonal(covariance, axis1=1, axis2=2)
-    value[known & (np.where(known[:, None], spread, 1.0) <= 0.0).any(axis=1)] = np.inf
+    variance: FloatArray = np.diagonal(covariance, axis1=1, axis2=2)
+    value[known & (variance <= 0.0).any(axis=1)] = np.inf
     rows = np.flatnonzero(known & ~np.isinf(value))
     # Scaled to unit variances, so that metres and metres per second do not spoil the factorisation.
     scale = np.sqrt(np.abs(np.diagonal(covariance[rows], axis1=1, axis2=2)))
