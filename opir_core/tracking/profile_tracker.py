@@ -7,13 +7,15 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.geometry import geodetic_to_ecef, intersection_with_ellipsoid
+from opir_core.geometry import geodetic_to_ecef
 from opir_core.protocols import Sensor, TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking import profile_fit as fit
-from opir_core.tracking.profile_family import CLASS_TYPE, CLASSES, SIZE, TURN_EAST, TURN_NORTH, Anchors, Shapes
+from opir_core.tracking import profile_hypotheses as hypotheses_of
+from opir_core.tracking.profile_family import CLASS_TYPE, CLASSES, SIZE, TURN_NORTH, Anchors, Shapes
 from opir_core.tracking.profile_fit import Hypotheses
+from opir_core.tracking.profile_hypotheses import HEADINGS
 from opir_core.tracking.profile_report import report
 from opir_core.tracking.profile_rows import Rows, averaged, single
 from opir_core.tracking.rays import Rays
@@ -29,8 +31,7 @@ _REVIEWS = frozenset({1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50, 63, 7
 #: Steps of Gauss and Newton in a review.
 _REVIEW_STEPS = 4
 
-#: Headings from which a fit is tried while the direction of the turn is not known, and when it is, rad.
-_HEADINGS = 8
+#: Where the direction of the turn is less well known than this, a fit is tried from several headings, rad.
 _KNOWN_HEADING_RAD = 0.3
 
 #: Silence as improbable as e to this, were the target still burning, ends the burn.
@@ -77,7 +78,7 @@ class ProfileTracker:
         self._pool: list[Rays] = []
         self._last_s: dict[int, FloatArray] = {}
         self._ticks: dict[int, int] = {}
-        self._hypotheses = _none(len(context.sensors))
+        self._hypotheses = hypotheses_of.none(len(context.sensors))
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
@@ -126,14 +127,14 @@ class ProfileTracker:
 
     def _first(self, number: int) -> Hypotheses:
         row = self._rows.take(np.flatnonzero(self._rows.track == number)[:1])
-        position = _on_the_ground(row.origin_ecef_m[0], row.axes[0, 2])
+        position = hypotheses_of.on_the_ground(row.origin_ecef_m[0], row.axes[0, 2])
         travel_s = np.linalg.norm(position - row.origin_ecef_m[0]) / SPEED_OF_LIGHT_M_S if self._light_time else 0.0
         start_s = row.time_s - 1.0 - travel_s
         anchors = Anchors.at(position[None], start_s).take(np.zeros(len(CLASSES), dtype=np.int64))
         count, sensors = len(CLASSES), len(self._watch.period_s)
         parameters = np.zeros((count, SIZE))
         parameters[:, TURN_NORTH] = Shapes.of(np.arange(count)).turn_rad
-        blank = _blank(count, sensors)
+        blank = hypotheses_of.blank(count, sensors)
         return evolve(
             blank,
             track=np.full(count, number),
@@ -163,11 +164,11 @@ class ProfileTracker:
             seen = self._reviewed(seen)
         every = Hypotheses.concatenate([kept, seen])
         every = every.take(np.lexsort((every.kind, every.track)))
-        self._hypotheses = every.take(_probability(every) > _GIVEN_UP)
+        self._hypotheses = every.take(hypotheses_of.probability(every) > _GIVEN_UP)
 
     def _added(self, hypotheses: Hypotheses, rows: Rows) -> Hypotheses:
         """Return the hypotheses with this tick's rows, each linearised where its hypothesis stands."""
-        chosen, owner = _joined(hypotheses.track, rows.track)
+        chosen, owner = hypotheses_of.joined(hypotheses.track, rows.track)
         hypotheses = fit.with_rows(hypotheses, rows.take(chosen), owner, self._light_time)
         return fit.moved(hypotheses) if len(hypotheses) else hypotheses
 
@@ -175,13 +176,13 @@ class ProfileTracker:
         """Return the hypotheses with all their rows linearised anew, from several headings where none is known."""
         if not len(hypotheses):
             return hypotheses
-        unsure = _heading_sigma(hypotheses) > _KNOWN_HEADING_RAD
-        copies = np.concatenate([np.flatnonzero(~unsure), *(np.flatnonzero(unsure) for _ in range(_HEADINGS + 1))])
+        unsure = hypotheses_of.heading_sigma(hypotheses) > _KNOWN_HEADING_RAD
+        copies = np.concatenate([np.flatnonzero(~unsure), *(np.flatnonzero(unsure) for _ in range(HEADINGS + 1))])
         trial = hypotheses.take(copies)
-        turned = np.repeat(np.arange(-1, _HEADINGS), int(unsure.sum()))
+        turned = np.repeat(np.arange(-1, HEADINGS), int(unsure.sum()))
         headings = np.concatenate([np.full(int((~unsure).sum()), -1), turned])
-        trial = evolve(trial, parameters=_with_heading(trial, headings))
-        rows, owner = _joined(trial.track, self._rows.track)
+        trial = evolve(trial, parameters=hypotheses_of.with_heading(trial, headings))
+        rows, owner = hypotheses_of.joined(trial.track, self._rows.track)
         part = self._rows.take(rows)
         for _ in range(_REVIEW_STEPS):
             trial = fit.moved(fit.with_rows(trial.cleared(), part, owner, self._light_time))
@@ -195,7 +196,9 @@ class ProfileTracker:
         """Give early rays that belong to no track to tracks that explain them; return whether there were any."""
         if not self._pool or not len(hypotheses):
             return False
-        likely = hypotheses.take(np.flatnonzero(_probability(hypotheses) == _best(hypotheses)))
+        likely = hypotheses.take(
+            np.flatnonzero(hypotheses_of.probability(hypotheses) == hypotheses_of.best(hypotheses))
+        )
         pool = Rays.concatenate(self._pool)
         owner = np.full(len(pool), -1, dtype=np.int64)
         nearest = np.full(len(pool), _CLAIM_SIGMA**2)
@@ -260,95 +263,12 @@ class ProfileTracker:
         ready = self._hypotheses
         if not len(ready):
             return followed
-        told = report(ready, _probability(ready), tick_s, self._watch.bias_sigma_rad, self._forces)
+        told = report(ready, hypotheses_of.probability(ready), tick_s, self._watch.bias_sigma_rad, self._forces)
         sound = np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2))
         told = told.take(sound)
         rest = followed.take(~np.isin(followed.track, told.track))
         every = Tracks.concatenate([told, rest])
         return every.take(np.argsort(every.track, kind="stable"))
-
-
-def _probability(hypotheses: Hypotheses) -> FloatArray:
-    """Return the probabilities (n,) of the classes of each track; hypotheses come sorted by track."""
-    evidence = np.nan_to_num(fit.log_evidence(hypotheses), nan=-np.inf)
-    _, row = np.unique(hypotheses.track, return_inverse=True)
-    most = np.full(int(row.max(initial=-1)) + 1, -np.inf)
-    np.maximum.at(most, row, evidence)
-    share = np.exp(evidence - most[row])
-    probability: FloatArray = share / np.bincount(row, share)[row]
-    return probability
-
-
-def _best(hypotheses: Hypotheses) -> FloatArray:
-    """Return the probability (n,) of the likeliest class of each hypothesis's track."""
-    probability = _probability(hypotheses)
-    _, row = np.unique(hypotheses.track, return_inverse=True)
-    most = np.zeros(int(row.max(initial=-1)) + 1)
-    np.maximum.at(most, row, probability)
-    return most[row]
-
-
-def _joined(track: IntArray, of_rows: IntArray) -> tuple[IntArray, IntArray]:
-    """Return all pairs of rows and hypotheses of one track: rows (m,) and hypotheses (m,)."""
-    order = np.argsort(of_rows, kind="stable")
-    first, last = (np.searchsorted(of_rows[order], track, side) for side in ("left", "right"))
-    count = last - first
-    hypothesis = np.repeat(np.arange(len(track)), count)
-    within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-    return order[np.repeat(first, count) + within], hypothesis
-
-
-def _heading_sigma(hypotheses: Hypotheses) -> FloatArray:
-    """Return how well (n,) the direction of the turn is known, rad."""
-    normal, _ = fit.system(hypotheses)
-    spread = np.linalg.inv(normal)[:, TURN_EAST : TURN_NORTH + 1, TURN_EAST : TURN_NORTH + 1]
-    turn = hypotheses.parameters[:, TURN_EAST : TURN_NORTH + 1]
-    length = np.maximum(np.linalg.norm(turn, axis=1), 1e-3)
-    across = np.stack([-turn[:, 1], turn[:, 0]], axis=1) / length[:, None]
-    sigma: FloatArray = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", across, spread, across), 0.0)) / length
-    return sigma
-
-
-def _with_heading(hypotheses: Hypotheses, heading: IntArray) -> FloatArray:
-    """Return the parameters with the turn set to headings (n,), of `_HEADINGS` about the compass; -1 leaves it."""
-    parameters = hypotheses.parameters.copy()
-    rows = np.flatnonzero(heading >= 0)
-    azimuth = 2.0 * np.pi * heading[rows] / _HEADINGS
-    turn = Shapes.of(hypotheses.kind[rows]).turn_rad
-    parameters[rows, TURN_EAST], parameters[rows, TURN_NORTH] = turn * np.sin(azimuth), turn * np.cos(azimuth)
-    return parameters
-
-
-def _on_the_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the point (3,) of the ellipsoid that a line of sight meets; where it misses, its nearest to the centre."""
-    point = intersection_with_ellipsoid(origin_m, direction)
-    nearest = origin_m - float(origin_m @ direction) * direction
-    return np.asarray(point if np.isfinite(point).all() else nearest)
-
-
-def _blank(count: int, sensors: int) -> Hypotheses:
-    whole, real = np.zeros(count, dtype=np.int64), np.zeros(count)
-    return Hypotheses(
-        track=whole,
-        kind=whole,
-        anchor_latitude_rad=real,
-        anchor_longitude_rad=real,
-        anchor_s=real,
-        parameters=np.zeros((count, SIZE)),
-        normal=np.zeros((count, SIZE, SIZE)),
-        right=np.zeros((count, SIZE)),
-        square=real,
-        pull=np.zeros((count, sensors, SIZE, 2)),
-        rows=whole,
-        end_s=np.full((count, sensors), np.nan),
-        end_sigma_s=np.ones((count, sensors)),
-        last_s=np.full(count, -np.inf),
-        log_prior=real,
-    )
-
-
-def _none(sensors: int) -> Hypotheses:
-    return _blank(0, sensors)
 
 
 def boost_profile_tracker(config: "BoostProfileConfig", context: TrackerContext) -> ProfileTracker:

@@ -103,9 +103,9 @@ def rays_of(flight, rng, sigma_rad, period_s=0.5):
 
 
 def hypothesis(parameters):
-    from opir_core.tracking.profile_tracker import _blank
+    from opir_core.tracking.profile_hypotheses import blank as blank_hypotheses
 
-    blank = _blank(1, 2)
+    blank = blank_hypotheses(1, 2)
     place = anchors()
     for name, value in (
         ("kind", KIND),
