@@ -19,17 +19,15 @@ def probability(hypotheses: Hypotheses) -> FloatArray:
     most = np.full(int(row.max(initial=-1)) + 1, -np.inf)
     np.maximum.at(most, row, evidence)
     share = np.exp(evidence - most[row])
-    probability: FloatArray = share / np.bincount(row, share)[row]
-    return probability
+    normalised: FloatArray = share / np.bincount(row, share)[row]
+    return normalised
 
 
-def best(hypotheses: Hypotheses) -> FloatArray:
-    """Return the probability (n,) of the likeliest class of each hypothesis's track."""
-    probability = probability(hypotheses)
-    _, row = np.unique(hypotheses.track, return_inverse=True)
-    most = np.zeros(int(row.max(initial=-1)) + 1)
-    np.maximum.at(most, row, probability)
-    return most[row]
+def likeliest(hypotheses: Hypotheses) -> Hypotheses:
+    """Return the likeliest hypothesis of each track, by track."""
+    order = np.lexsort((-probability(hypotheses), hypotheses.track))
+    chosen = hypotheses.take(order)
+    return chosen.take(np.append(True, np.diff(chosen.track) != 0)[: len(chosen)])
 
 
 def joined(track: IntArray, of_rows: IntArray) -> tuple[IntArray, IntArray]:
@@ -71,6 +69,7 @@ def on_the_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
 
 
 def blank(count: int, sensors: int) -> Hypotheses:
+    """Return hypotheses of the first class, without rows, that stand at the middle of their priors."""
     whole, real = np.zeros(count, dtype=np.int64), np.zeros(count)
     return Hypotheses(
         track=whole,
@@ -89,7 +88,3 @@ def blank(count: int, sensors: int) -> Hypotheses:
         last_s=np.full(count, -np.inf),
         log_prior=real,
     )
-
-
-def none(sensors: int) -> Hypotheses:
-    return blank(0, sensors)

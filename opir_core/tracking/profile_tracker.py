@@ -78,7 +78,7 @@ class ProfileTracker:
         self._pool: list[Rays] = []
         self._last_s: dict[int, FloatArray] = {}
         self._ticks: dict[int, int] = {}
-        self._hypotheses = hypotheses_of.none(len(context.sensors))
+        self._hypotheses = hypotheses_of.blank(0, len(context.sensors))
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
