@@ -196,9 +196,7 @@ class ProfileTracker:
         """Give early rays that belong to no track to tracks that explain them; return whether there were any."""
         if not self._pool or not len(hypotheses):
             return False
-        likely = hypotheses.take(
-            np.flatnonzero(hypotheses_of.probability(hypotheses) == hypotheses_of.best(hypotheses))
-        )
+        likely = hypotheses_of.likeliest(hypotheses)
         pool = Rays.concatenate(self._pool)
         owner = np.full(len(pool), -1, dtype=np.int64)
         nearest = np.full(len(pool), _CLAIM_SIGMA**2)
