@@ -158,6 +158,16 @@ class TestStereoFilter(TrackerContract):
         return super().scene(**{"duration_s": 45.0, **changes})
 
 
+class TestBoostProfile(TrackerContract):
+    name = "boost-profile"
+    settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return half of the bench's scene, in which tracks begin on every kind of target."""
+        return super().scene(**{"duration_s": 45.0, **changes})
+
+
 FLIGHTS = Path(__file__).resolve().parents[1] / "data" / "flights"
 
 
