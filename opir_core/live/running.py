@@ -132,6 +132,11 @@ class LiveRun:
         """Scene time, all laps, up to which the run has come."""
         return self._engine.time_ns + self._shift.time_ns
 
+    @property
+    def state(self) -> str:
+        """The run's state, as its status has it."""
+        return self._state
+
     def status(self) -> LiveStatus:
         """Return how things stand."""
         counts, plan = self._counts, self.plan

@@ -1,6 +1,7 @@
 """The routes of the service."""
 
 import asyncio
+import re
 from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ _KINDS = {
 }
 _JSON = "application/json"
 _KEY_LENGTH = 200
+_ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
 _FILTERS = ("after", "limit", "min_confidence", "sensor_id", "sensor_type", "since", "target_type", "track_id", "until")
 
 AnyRequest = Request[Any, Any, Any]
@@ -77,7 +79,7 @@ def _health_routes(service: Service) -> list[Any]:
     @get("/health/live")
     async def live(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
-        state = service.run.status().state
+        state = service.run.state
         return _json({"state": state}, 503 if state == "failed" else 200)
 
     @get("/health/ready")
@@ -152,6 +154,8 @@ def _writing_routes(service: Service) -> list[Any]:
         if_match = request.headers.get("if-match")
         if if_match is None:
             raise ProblemError(428, "send the ETag of GET /config as If-Match")
+        if not _ENTITY_TAG.fullmatch(if_match):
+            raise ProblemError(400, "If-Match is one ETag of GET /config, in its quotes, or *")
         cycle = await asyncio.to_thread(service.configure, wanted, if_match)
         return _json({"cycle": cycle}, headers={"ETag": service.etag()})
 
