@@ -1,0 +1,139 @@
+"""Stone Soup behind opir's contract of a tracker."""
+
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+from typing import Any
+
+import numpy as np
+from ordered_set import OrderedSet
+from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
+from stonesoup.dataassociator.probability import JPDAwithEHM2
+from stonesoup.hypothesiser.probability import PDAHypothesiser
+from stonesoup.predictor.kalman import ExtendedKalmanPredictor, UnscentedKalmanPredictor
+from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
+from stonesoup.updater.kalman import ExtendedKalmanUpdater, UnscentedKalmanUpdater
+
+from opir_core.protocols import Tracker, TrackerContext
+from opir_core.records import Detections, IntArray, Tracks
+from opir_stonesoup.models import SIZES, EarthFixedMotion
+from opir_stonesoup.reader import OpirDetectionReader, sights_of
+from opir_stonesoup.settings import StoneSoupConfig
+from opir_stonesoup.upkeep import GroundInitiator, SilenceDeleter, has_hits
+
+_UNIX = datetime(1970, 1, 1)
+
+
+class StoneSoupTracker:
+    """A Stone Soup multi-target tracker, stepped on opir's ticks.
+
+    `tracker` has `update_tracker(time, detections)`, `tracks` and `data_associator`, as Stone Soup's simple trackers
+    have; `predictor` carries its states, Earth-fixed as in `opir_stonesoup.models`, to the ticks. A track is told of
+    once `needed_hits` detections were its own, and numbered then, in the order in which the tracks began.
+    """
+
+    def __init__(
+        self, tracker: Any, predictor: Any, context: TrackerContext, *, cadence_s: float = 1.0, needed_hits: int = 1
+    ) -> None:
+        self.cadence_s: float | None = cadence_s
+        self._tracker, self._predictor = tracker, predictor
+        self._ids = [sensor.id for sensor in context.sensors]
+        self._epoch_us, self._light_time = context.epoch_us, context.light_time
+        self._needed_hits = needed_hits
+        self._number: dict[Any, int] = {}
+        self._next_number = 0
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
+        known = OrderedSet(self._number)
+        numbers: list[int] = []
+        for time, found in self._frames(detections):
+            hypotheses = self._tracker.data_associator.associate(known, found, time) if known else {}
+            owner = {_likeliest(hypothesis): self._number[track] for track, hypothesis in hypotheses.items()}
+            numbers += [owner.get(detection, -1) for detection in found]
+        return np.array(numbers, dtype=np.int64)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Take in the detections since the last tick and return the estimates at this one, sorted by track."""
+        for time, found in self._frames(detections):
+            self._tracker.update_tracker(time, found)
+        self._count()
+        return self._told(tick_s)
+
+    def _frames(self, detections: Detections) -> Iterator[tuple[datetime, Any]]:
+        sights = sights_of(detections, self._ids, self._epoch_us)
+        size = self._predictor.transition_model.ndim_state
+        return iter(OpirDetectionReader(sights=sights, ndim_state=size, light_time=self._light_time))
+
+    def _count(self) -> None:
+        """Number the tracks that were seen often enough since the last tick, and forget those that ended."""
+        sure = [track for track in self._tracker.tracks if has_hits(track, self._needed_hits)]
+        fresh = [track for track in sure if track not in self._number]
+        self._number = {track: number for track, number in self._number.items() if track in self._tracker.tracks}
+        for track in sorted(fresh, key=_began):
+            self._number[track] = self._next_number
+            self._next_number += 1
+
+    def _told(self, tick_s: float) -> Tracks:
+        count = len(self._number)
+        time = _UNIX + timedelta(microseconds=self._epoch_us + round(tick_s * 1e6))
+        now = [self._predictor.predict(track[-1], timestamp=time) for track in self._number]
+        states = [np.asarray(state.state_vector, dtype=np.float64)[:6, 0] for state in now]
+        covariances = [np.asarray(state.covar, dtype=np.float64)[:6, :6] for state in now]
+        return Tracks(
+            tick_s=np.full(count, tick_s),
+            track=np.array(list(self._number.values()), dtype=np.int64),
+            state=np.array(states).reshape(count, 6),
+            state_covariance=np.array([0.5 * (each + each.T) for each in covariances]).reshape(count, 6, 6),
+            launch=np.full((count, 3), np.nan),
+            launch_covariance=np.full((count, 2, 2), np.nan),
+            impact=np.full((count, 3), np.nan),
+            impact_covariance=np.full((count, 2, 2), np.nan),
+            type_probability=np.full((count, 4), np.nan),
+        )
+
+
+def stone_soup_tracker(config: StoneSoupConfig, context: TrackerContext) -> Tracker:
+    """Return the tracker `stonesoup`."""
+    predictor, updater = filter_of(config, context)
+    hypothesiser = PDAHypothesiser(
+        predictor,
+        updater,
+        clutter_spatial_density=config.false_alarms_per_sr,
+        prob_detect=config.detection_probability,
+        prob_gate=config.gate_probability,
+    )
+    deleter = SilenceDeleter(config.needed_hits, config.tentative_s, config.silence_s, config.lost_sigma_m)
+    joint = config.association == "jpda"
+    tracker = (MultiTargetMixtureTracker if joint else MultiTargetTracker)(
+        initiator=GroundInitiator(updater=updater, ndim_state=SIZES[config.motion]),
+        deleter=deleter,
+        detector=None,
+        data_associator=(JPDAwithEHM2 if joint else GNNWith2DAssignment)(hypothesiser),
+        updater=updater,
+    )
+    # A plain set would go through the tracks in another order in each process.
+    tracker._tracks = OrderedSet([])
+    return StoneSoupTracker(tracker, predictor, context, cadence_s=config.cadence_s, needed_hits=config.needed_hits)
+
+
+def filter_of(config: StoneSoupConfig, context: TrackerContext) -> tuple[Any, Any]:
+    """Return Stone Soup's predictor and updater with opir's motion."""
+    motion = EarthFixedMotion(ndim_state=SIZES[config.motion], noise=config.noise, forces=context.forces)
+    if config.filter == "ekf":
+        return ExtendedKalmanPredictor(motion), ExtendedKalmanUpdater(use_joseph_cov=True)
+    # Sigma points of equal weight about the mean: the usual kappa of 3 - d is negative here, and so might be variances.
+    points = {"alpha": 1.0, "beta": 2.0, "kappa": 0.0}
+    return UnscentedKalmanPredictor(motion, **points), UnscentedKalmanUpdater(force_symmetric_covariance=True, **points)
+
+
+def _likeliest(hypothesis: Any) -> Any:
+    """Return the detection that a track most likely has, or None."""
+    best = (
+        max(hypothesis, key=lambda each: each.probability) if hasattr(hypothesis, "single_hypotheses") else hypothesis
+    )
+    return best.measurement if best else None
+
+
+def _began(track: Any) -> tuple[Any, ...]:
+    first = track[0]
+    return (first.timestamp, *np.asarray(first.state_vector, dtype=np.float64)[:3, 0].tolist())

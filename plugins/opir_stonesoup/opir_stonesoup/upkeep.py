@@ -1,0 +1,94 @@
+"""Where Stone Soup tracks begin and end: the ground that a ray meets, and silence."""
+
+from datetime import datetime, timedelta
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from ordered_set import OrderedSet
+from stonesoup.base import Property
+from stonesoup.deleter.base import Deleter
+from stonesoup.initiator.base import GaussianInitiator
+from stonesoup.types.hypothesis import SingleHypothesis
+from stonesoup.types.prediction import GaussianStatePrediction
+from stonesoup.types.track import Track
+from stonesoup.types.update import Update
+
+from opir_core.geometry.intersection import intersection_with_ellipsoid
+from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.initiation import FIRST_HEIGHT_M, Beginnings, prior_axes, prior_sides
+from opir_core.tracking.track_priors import FIRST_FORCE_M_S2, FIRST_FORCE_SIGMA_M_S2, FIRST_JERK_SIGMA_M_S3
+
+
+class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
+    """A track for each detection that belongs to none: near the ground where the ray meets it, then updated by it.
+
+    What is known before is what the tracker `stereo-filter` takes to be known of a place that one sensor sees
+    (docs/explanation/association.md). A ray that misses the Earth begins nothing.
+    """
+
+    updater: Any = Property(doc="the tracker's updater")
+    ndim_state: int = Property(default=9, doc="6, 9 or 12")
+
+    def initiate(self, detections: Any, timestamp: datetime, **_: Any) -> "OrderedSet[Track]":
+        """Return tracks that begin with unassociated detections."""
+        tracks: OrderedSet[Track] = OrderedSet([])
+        for detection in detections:
+            model = detection.measurement_model
+            place = _ground(model, detection)
+            if np.isfinite(place).all():
+                mean, covariance = ground_prior(place, self.ndim_state)
+                prior = GaussianStatePrediction(mean, covariance, timestamp=detection.timestamp)
+                tracks.add(Track([self.updater.update(SingleHypothesis(prior, detection))]))
+        return tracks
+
+
+class SilenceDeleter(Deleter):  # type: ignore[misc]
+    """Tracks end that are unseen for too long, the sooner if seen seldom so far, or that nothing is known of."""
+
+    needed_hits: int = Property(doc="detections after which a track is no longer tentative")
+    tentative_s: float = Property(doc="longest silence of a tentative track")
+    silence_s: float = Property(doc="longest silence of a track")
+    lost_sigma_m: float = Property(doc="largest standard deviation of a position, on any axis")
+
+    def check_for_deletion(self, track: Any, timestamp: datetime | None = None, **_: Any) -> bool:
+        """Return whether a track ends."""
+        now = track.timestamp if timestamp is None else timestamp
+        seen = next(state.timestamp for state in reversed(track.states) if isinstance(state, Update))
+        patience = self.silence_s if has_hits(track, self.needed_hits) else self.tentative_s
+        widest = float(np.sqrt(np.diag(track.covar)[:3].max()))
+        return now - seen > timedelta(seconds=patience) or not widest <= self.lost_sigma_m
+
+
+def has_hits(track: Any, needed: int) -> bool:
+    """Return whether so many detections were a track's own."""
+    updates = (state for state in track.states if isinstance(state, Update))
+    return next(islice(updates, needed - 1, None), None) is not None
+
+
+def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray, FloatArray]:
+    """Return mean (d, 1) and covariance (d, d) in ECEF of a target near the ground at a place (3,)."""
+    begun = Beginnings(place_ecef_m[None], np.zeros(1), _ONE)
+    axes = prior_axes(begun)[0]
+    sides, speed = prior_sides(begun)
+    mean, covariance = np.zeros(ndim_state), np.zeros((ndim_state, ndim_state))
+    mean[:3] = place_ecef_m
+    covariance[:3, :3] = (axes.T * sides[0] ** 2) @ axes
+    for block, sigma in ((1, speed[0]), (2, FIRST_FORCE_SIGMA_M_S2), (3, FIRST_JERK_SIGMA_M_S3)):
+        rows = np.arange(3 * block, min(3 * block + 3, ndim_state))
+        covariance[rows, rows] = float(sigma) ** 2
+    if ndim_state > 6:
+        mean[6:9] = FIRST_FORCE_M_S2 * axes[2]
+    return mean[:, None], covariance
+
+
+_ONE: IntArray = np.ones(1, dtype=np.int64)
+
+
+def _ground(model: Any, detection: Any) -> FloatArray:
+    elevation, bearing = (float(angle) for angle in detection.state_vector[:, 0])
+    level = np.cos(elevation)
+    local = np.array([level * np.cos(bearing), level * np.sin(bearing), np.sin(elevation)])
+    origin = np.asarray(model.translation_offset, dtype=np.float64).reshape(1, 3)
+    place: FloatArray = intersection_with_ellipsoid(origin, (local @ model.rotation_matrix)[None], FIRST_HEIGHT_M)[0]
+    return place

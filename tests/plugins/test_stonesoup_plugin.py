@@ -1,0 +1,243 @@
+"""The plugin `opir-stonesoup`: its models against opir's own flight, its reader against runs, its tracker in scenes."""
+
+import subprocess
+import sys
+from datetime import timedelta
+
+import numpy as np
+import pytest
+from opir_stonesoup.models import EarthFixedMotion, SightModel, sensor_axes
+from opir_stonesoup.reader import OpirDetectionReader
+from opir_stonesoup.upkeep import ground_prior
+from stonesoup.predictor.kalman import ExtendedKalmanPredictor
+from stonesoup.types.array import StateVector
+from stonesoup.types.hypothesis import SingleHypothesis
+from stonesoup.types.prediction import GaussianStatePrediction
+from stonesoup.types.state import State
+from stonesoup.updater.kalman import ExtendedKalmanUpdater
+
+import opir_core as opir
+from opir_core.cli import main
+from opir_core.errors import SceneError
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state, intersection_with_ellipsoid
+from opir_core.plan import compile_plan
+from opir_core.run import plan_windows, run_of_plan
+from opir_core.scoring.comparison import compared
+from opir_core.tracking.initiation import FIRST_HEIGHT_M
+
+SCENE = "examples/first_light.yaml"
+SENSORS = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0, scan_period_ms: 1000}, {model: SBIRS-GEO, id: B, orbital_slot_deg: -100.0, scan_period_ms: 500}]"  # noqa: E501
+LAUNCHES = "targets=[{id: T1, type: ICBM, launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 5.0}, aim: {lat_deg: 9.0, lon_deg: 167.7}}, {id: T2, type: IRBM, launch: {lat_deg: 35.6, lon_deg: -121.2, time_s: 8.0}, aim: {lat_deg: 20.0, lon_deg: -150.0}}]"  # noqa: E501
+
+
+def plan_of(*overrides):
+    return compile_plan(opir.load_scene(SCENE, overrides=["outputs=[]", "duration_s=60", SENSORS, *overrides]))
+
+
+def state(ndim, seed=1):
+    rng = np.random.default_rng(seed)
+    mean = np.concatenate([[-2.7e6, -4.6e6, 3.7e6], rng.normal(size=3) * 2e3, rng.normal(size=6) * 10.0])[:ndim]
+    return mean, np.repeat([1e3, 1e2, 10.0, 1.0], 3)[:ndim]
+
+
+def differences(function, mean, step):
+    """Return the Jacobian by central differences."""
+    columns = []
+    for row, size in enumerate(step):
+        ends = [function(State(StateVector(mean + sign * size * np.eye(len(mean))[row]))) for sign in (1.0, -1.0)]
+        columns.append((np.array(ends[0], float) - np.array(ends[1], float))[:, 0] / (2.0 * size))
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("step_s", [0.1, 5.0, 60.0, -7.0])
+def test_two_body_motion_is_the_propagation_of_keplers_arcs(step_s):
+    mean, _ = state(6)
+    model = EarthFixedMotion(ndim_state=6, noise=0.0)
+    found = np.array(model.function(State(StateVector(mean)), time_interval=timedelta(seconds=step_s)), float)[:, 0]
+    start = ecef_to_eci_state(mean[None, :3], mean[None, 3:], np.zeros(1))
+    end = eci_to_ecef_state(*propagate_kepler(*start, np.array([step_s])), np.array([step_s]))
+    np.testing.assert_allclose(found[:3], end[0][0], rtol=0.0, atol=2e-3)
+    np.testing.assert_allclose(found[3:], end[1][0], rtol=0.0, atol=1e-4)
+    assert not np.array(model.covar(time_interval=timedelta(seconds=1.0)), float).any()
+
+
+@pytest.mark.parametrize("ndim", [6, 9, 12])
+def test_slopes_of_the_motion_are_those_of_differences(ndim):
+    mean, step = state(ndim)
+    model = EarthFixedMotion(ndim_state=ndim, noise=1.0, forces="kepler")
+    interval = timedelta(seconds=2.0)
+    expected = differences(lambda at: model.function(at, time_interval=interval), mean, step)
+    np.testing.assert_allclose(model.jacobian(State(StateVector(mean)), time_interval=interval), expected, atol=1e-6)
+
+
+def test_noise_is_that_of_an_integrated_random_walk():
+    """A chain of integrators: variances q h⁵/20, q h³/3 and q h of position, velocity and force; rotation changes none.
+
+    What the Earth's turning moves from position to velocity is 7e-5 of it.
+    """
+    spread = np.array(EarthFixedMotion(noise=3.0).covar(time_interval=timedelta(seconds=2.0)), float)
+    expected = 9.0 * np.repeat([2.0**5 / 20.0, 2.0**3 / 3.0, 2.0], 3)
+    np.testing.assert_allclose(np.diag(spread), expected, rtol=1e-3)
+    np.testing.assert_allclose(spread, spread.T, rtol=1e-12)
+    assert np.linalg.eigvalsh(spread).min() > 0.0
+
+
+@pytest.mark.parametrize("light_time", [True, False])
+@pytest.mark.parametrize("place", [[4.2e7, 1e6, 0.0], [0.0, 0.0, 7.4e6], [3e6, -2e6, -6.5e6]])
+def test_slopes_of_lines_of_sight_are_those_of_differences(place, light_time):
+    mean, _ = state(9)
+    axes = sensor_axes(np.array(place))
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-15)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    model = SightModel(
+        ndim_state=9,
+        mapping=(0, 1, 2),
+        noise_covar=np.eye(2),
+        translation_offset=StateVector(place),
+        axes=axes,
+        light_time=light_time,
+    )
+    expected = differences(model.function, mean, np.repeat([100.0, 100.0, 1.0], 3))
+    found = model.jacobian(State(StateVector(mean)))
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+
+
+def test_true_states_are_seen_where_the_engine_sees_them():
+    """The state at the look, light time undone by its velocity; half the acceleration times its square is left."""
+    plan = plan_of()
+    run = run_of_plan(plan)
+    target, look, left = run.truth.target, run.detections.time_s, run.truth.emission_time_s
+    where = plan.targets.position_ecef_m
+    inside = np.flatnonzero((look > plan.targets.ignition_s[target] + 1.0) & (look < 55.0))
+    worst = {True: 0.0, False: 0.0}
+    for row in inside.tolist():
+        one, time = target[row : row + 1], look[row : row + 1]
+        velocity = (where(one, time + 0.01) - where(one, time - 0.01)) / 0.02
+        sensor = run.detections.sensor_ecef_m[row]
+        true = where(one, left[row : row + 1])[0] - sensor
+        axes = sensor_axes(sensor)
+        x, y, z = axes @ true
+        expected = np.array([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)])
+        mean = np.concatenate([where(one, time)[0], velocity[0]])
+        for light_time in worst:
+            model = SightModel(
+                ndim_state=6,
+                mapping=(0, 1, 2),
+                noise_covar=np.eye(2),
+                translation_offset=StateVector(sensor),
+                axes=axes,
+                light_time=light_time,
+            )
+            seen = np.array(model.function(State(StateVector(mean))), float)[:, 0]
+            worst[light_time] = max(worst[light_time], float(np.abs(seen - expected).max()))
+    assert worst[True] < 1e-8
+    assert worst[False] > 1e-6, "without light time it would be told"
+
+
+def test_a_reader_of_a_run_of_windows_and_of_events_are_one(tmp_path):
+    path = tmp_path / "events.jsonl"
+    plan = plan_of(LAUNCHES)
+    windows = list(plan_windows(plan, 7.0))
+    run = run_of_plan(plan_of(LAUNCHES))
+    words = [word for override in ("duration_s=60", SENSORS, LAUNCHES) for word in ("--set", override)]
+    assert main(["run", SCENE, "--quiet", "--out", str(path), *words]) == 0
+    readers = [
+        OpirDetectionReader.of_run(run),
+        OpirDetectionReader.of_windows(windows, plan.sensors, plan.scene.epoch_us),
+        OpirDetectionReader.of_events(path),
+    ]
+    steps = [[(time, list(found)) for time, found in reader] for reader in readers]
+    assert len(run.detections) == sum(len(found) for _, found in steps[0]) > 100
+    assert max(len(found) for _, found in steps[0]) == 2
+    for other in steps[1:]:
+        assert [time for time, _ in other] == [time for time, _ in steps[0]]
+        for (_, mine), (_, theirs) in zip(steps[0], other, strict=True):
+            for one, two in zip(mine, theirs, strict=True):
+                assert one.metadata["detection_id"] == two.metadata["detection_id"]
+                assert one.metadata["sensor_id"] == two.metadata["sensor_id"]
+                np.testing.assert_allclose(
+                    np.array(one.state_vector, float), np.array(two.state_vector, float), rtol=0.0, atol=5e-11
+                )
+                np.testing.assert_allclose(one.measurement_model.covar(), two.measurement_model.covar(), rtol=1e-6)
+
+
+def test_what_is_no_event_is_told_with_its_line(tmp_path):
+    path = tmp_path / "events.jsonl"
+    path.write_text("{}\n")
+    with pytest.raises(SceneError, match="line 1: is no event of the encoder forge"):
+        OpirDetectionReader.of_events(path)
+    with pytest.raises(SceneError, match="cannot be read: No such file"):
+        OpirDetectionReader.of_events(tmp_path / "none")
+
+
+def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_filter():
+    run = run_of_plan(plan_of("tracker=stonesoup"))
+    predictor, updater = ExtendedKalmanPredictor(EarthFixedMotion()), ExtendedKalmanUpdater(use_joseph_cov=True)
+    now, first = None, run.detections.line_of_sight_ecef[:1]
+    for time, found in OpirDetectionReader.of_run(run):
+        for detection in found:
+            if now is None:
+                place = intersection_with_ellipsoid(run.detections.sensor_ecef_m[:1], first, FIRST_HEIGHT_M)[0]
+                ahead = GaussianStatePrediction(*ground_prior(place, 9), timestamp=time)
+            else:
+                ahead = predictor.predict(now, timestamp=time)
+            now = updater.update(SingleHypothesis(ahead, detection))
+    assert now is not None
+    assert len(set(run.tracks.track.tolist())) == 1
+    end = predictor.predict(now, timestamp=now.timestamp.replace(minute=1, second=0, microsecond=0))
+    assert run.tracks.tick_s[-1] == 60.0
+    sigma = np.sqrt(np.diag(np.array(end.covar, float)))[:6]
+    assert np.all(np.abs(run.tracks.state[-1] - np.array(end.state_vector, float)[:6, 0]) < 1e-6 * sigma)
+    np.testing.assert_allclose(
+        run.tracks.state_covariance[-1] / np.outer(sigma, sigma),
+        np.array(end.covar, float)[:6, :6] / np.outer(sigma, sigma),
+        atol=1e-6,
+    )
+
+
+@pytest.mark.parametrize(
+    "tracker",
+    ["stonesoup", "{model: stonesoup, filter: ukf}", "{model: stonesoup, association: jpda, motion: jerk, noise: 0.3}"],
+)
+def test_two_launches_are_two_tracks_that_know_how_wrong_they_are(tracker):
+    plan = plan_of(f"tracker={tracker}", LAUNCHES, "duration_s=45")
+    run = run_of_plan(plan)
+    tracks = run.tracks
+    assert set(tracks.track.tolist()) == {0, 1}
+    last = np.flatnonzero(tracks.tick_s == 45.0)
+    owners = []
+    for row in last.tolist():
+        error = plan.targets.position_ecef_m(np.arange(2, dtype=np.int32), np.full(2, 45.0)) - tracks.state[row, :3]
+        spread = tracks.state_covariance[row, :3, :3]
+        distance = (error * np.linalg.solve(spread, error.T).T).sum(axis=1)
+        owners.append(int(distance.argmin()))
+        assert distance.min() < 16.27, "the 99.9 % point of chi-squared with 3 degrees of freedom"
+        assert np.linalg.eigvalsh(tracks.state_covariance[row]).min() > 0.0
+    assert sorted(owners) == [0, 1]
+    told = run.detections.track >= 0
+    assert told.mean() > 0.8
+    assert np.array_equal(np.array(owners)[run.detections.track[told]], run.truth.target[told])
+
+
+def test_windows_change_nothing():
+    overrides = ("tracker=stonesoup", LAUNCHES, "duration_s=30")
+    whole, cut = (run_of_plan(plan_of(*overrides), window_s) for window_s in (None, 0.7))
+    assert whole.tracks.state.tobytes() == cut.tracks.state.tobytes()
+    assert whole.detections.track.tobytes() == cut.detections.track.tobytes()
+    assert len(whole.tracks) > 20
+
+
+def test_it_is_compared_with_other_trackers():
+    overrides = ["outputs=[]", "duration_s=45", SENSORS]
+    cards = compared(SCENE, trackers=["stereo-filter", "stonesoup"], runs=2, overrides=overrides)
+    assert set(cards) == {"stereo-filter", "stonesoup"}
+    for card in cards.values():
+        assert card.figures["launches_tracked"]["value"] == 1.0
+        assert card.figures["purity"]["value"] == 1.0
+
+
+def test_describing_the_tracker_imports_no_stone_soup():
+    code = "import sys; from opir_stonesoup import plugin; list(plugin.opir_trackers()); print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"stonesoup", "scipy", "numba"} & {name.partition(".")[0] for name in done.stdout.split()}
