@@ -39,7 +39,9 @@ class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
             if np.isfinite(place).all():
                 mean, covariance = ground_prior(place, self.ndim_state)
                 prior = GaussianStatePrediction(mean, covariance, timestamp=detection.timestamp)
-                tracks.add(Track([self.updater.update(SingleHypothesis(prior, detection))]))
+                # Named here, or Stone Soup draws a name from the system's entropy.
+                name = f"{timestamp.isoformat()} {len(tracks)}"
+                tracks.add(Track([self.updater.update(SingleHypothesis(prior, detection))], id=name))
         return tracks
 
 
