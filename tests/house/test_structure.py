@@ -51,7 +51,7 @@ def test_the_library_does_not_print() -> None:
 
 def test_the_core_names_no_constellation_no_web_and_no_broker() -> None:
     forbidden = re.compile(
-        r"\b(opir_dsp|opir_sbirs|opir_nextgen|import litestar|import aiokafka|opir_http|opir_kafka)\b"
+        r"\b(opir_dsp|opir_sbirs|opir_nextgen|import litestar|import aiokafka|opir_http|opir_kafka|opir_stonesoup)\b"
     )
     core = [path for path in SOURCES if path.is_relative_to(ROOT / "opir_core")]
     named = {str(path.relative_to(ROOT)) for path in core if forbidden.search(code_of(path))}
