@@ -101,7 +101,9 @@ def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:
 
 def sample_estimates(random: np.random.Generator, count: int) -> Tracks:
     place = np.column_stack([random.random(count), random.random(count), 100.0 * random.random(count)])
-    spread = np.broadcast_to(1e6 * np.array([[2.0, 0.5], [0.5, 1.0]]), (count, 2, 2))
+    spread = np.broadcast_to(
+        np.diag([2e6, 1e6, 4.0]) + 5e5 * np.eye(3)[[1, 0, 2]] * [[1.0], [1.0], [0.0]], (count, 3, 3)
+    )
     return Tracks(
         tick_s=np.arange(count) // TARGETS * 1.0,
         track=np.arange(count) % TARGETS,
@@ -111,6 +113,8 @@ def sample_estimates(random: np.random.Generator, count: int) -> Tracks:
         launch_covariance=spread,
         impact=place,
         impact_covariance=spread,
+        burnout=np.full((count, 7), np.nan),
+        burnout_covariance=np.full((count, 7, 7), np.nan),
         type_probability=np.full((count, 4), 0.25),
     )
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, field, frozen
 from numpy.typing import NDArray
 
 from opir_core.columns import Columns, names_of
@@ -176,8 +176,10 @@ class Tracks(Columns):
     """Estimates of a tracker, one row a track and tick, sorted by tick, then track.
 
     Unknown quantities are nan. `launch` and `impact` (n, 3) are latitude_rad, longitude_rad and time_s;
-    `launch_covariance` and `impact_covariance` (n, 2, 2) are east-north, m²; `state` (n, 6) is ECEF position and
-    velocity, `state_covariance` (n, 6, 6) its covariance; `type_probability` (n, 4) is over `REPORTED_TYPES`.
+    `launch_covariance` and `impact_covariance` (n, 3, 3) are over east, north (m) and time (s); `state` (n, 6) is ECEF
+    position and velocity at the tick, `state_covariance` (n, 6, 6) its covariance; `burnout` (n, 7) is ECEF position
+    and velocity at the end of the burn and its time_s, with `burnout_covariance` (n, 7, 7); `type_probability` (n, 4)
+    is over `REPORTED_TYPES`.
     """
 
     tick_s: FloatArray
@@ -189,6 +191,8 @@ class Tracks(Columns):
     impact: FloatArray
     impact_covariance: FloatArray
     type_probability: FloatArray
+    burnout: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7), takes_self=True))
+    burnout_covariance: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7, 7), takes_self=True))
 
     @classmethod
     def empty(cls) -> Self:
@@ -250,11 +254,17 @@ _TRACK_SHAPES: _Shapes = {
     "state": (np.float64, (6,)),
     "state_covariance": (np.float64, (6, 6)),
     "launch": (np.float64, (3,)),
-    "launch_covariance": (np.float64, (2, 2)),
+    "launch_covariance": (np.float64, (3, 3)),
     "impact": (np.float64, (3,)),
-    "impact_covariance": (np.float64, (2, 2)),
+    "impact_covariance": (np.float64, (3, 3)),
+    "burnout": (np.float64, (7,)),
+    "burnout_covariance": (np.float64, (7, 7)),
     "type_probability": (np.float64, (4,)),
 }
+
+
+def _unknown(tracks: Tracks, *shape: int) -> FloatArray:
+    return np.full((len(tracks.tick_s), *shape), np.nan)
 
 
 def _no_rows(record: Callable[..., _Record], shapes: _Shapes) -> _Record:

@@ -1,17 +1,16 @@
 """The ellipse in which a point on the ground lies with a given probability."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from opir_core.records import FloatArray
 
-#: The probability that the point lies in the ellipse.
+#: The probabilities that the point lies in the ellipses of an event, the first that of `containment_ellipse`.
 CONTAINMENT = 0.95
+OTHER_CONTAINMENTS = (0.5, 0.9)
 
-# The radius, in standard deviations, of the circle that holds a bivariate normal with that probability:
-# the square root of the chi-square quantile of two degrees of freedom, -2 ln(1 - p).
-_SIGMAS = np.sqrt(-2.0 * np.log1p(-CONTAINMENT))
 
 # By how much, relative to its diagonal, a covariance may miss being one through rounding.
 _ROUNDING = 1e-9
@@ -25,9 +24,19 @@ class Ellipse(NamedTuple):
     bearing_rad: FloatArray
 
 
+def sigmas(containment: float) -> float:
+    """Return the radius, in standard deviations, of the circle that holds a bivariate normal with this probability.
+
+    It is the square root of the chi-square quantile of two degrees of freedom, -2 ln(1 - p).
+    """
+    return math.sqrt(-2.0 * math.log1p(-containment))
+
+
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def containment_ellipse(covariance_m2: FloatArray) -> Ellipse:
-    """Return the 95 % ellipses of east-north covariances (n, 2, 2), m²; nan where one is no covariance or not known.
+def containment_ellipse(covariance_m2: FloatArray, containment: float = CONTAINMENT) -> Ellipse:
+    """Return the ellipses of east-north covariances (n, 2, 2), m², that hold the point with this probability.
+
+    nan where one is no covariance or not known.
 
     Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 3.7.4
     (ellipsoids of probability); the axes are the eigenvectors, in closed form.
@@ -41,9 +50,7 @@ def containment_ellipse(covariance_m2: FloatArray) -> Ellipse:
     lawful = (east >= 0.0) & (north >= 0.0) & (determinant >= -_ROUNDING * east * north) & np.isfinite(major * minor)
     bearing = np.mod(0.5 * np.pi - 0.5 * np.arctan2(2.0 * cross, east - north), np.pi)
     bearing = np.where(bearing < np.pi, bearing, 0.0)
-    return Ellipse(*(np.where(lawful, axis, np.nan) for axis in (_reach(major), _reach(minor), bearing)))
-
-
-def _reach(variance_m2: FloatArray) -> FloatArray:
-    reach: FloatArray = _SIGMAS * np.sqrt(variance_m2)
-    return reach
+    reach = sigmas(containment)
+    return Ellipse(
+        *(np.where(lawful, axis, np.nan) for axis in (reach * np.sqrt(major), reach * np.sqrt(minor), bearing))
+    )

@@ -141,9 +141,11 @@ class CountingTracker:
             state=state,
             state_covariance=np.full((count, 6, 6), np.nan),
             launch=np.full((count, 3), np.nan),
-            launch_covariance=np.full((count, 2, 2), np.nan),
+            launch_covariance=np.full((count, 3, 3), np.nan),
             impact=np.full((count, 3), np.nan),
-            impact_covariance=np.full((count, 2, 2), np.nan),
+            impact_covariance=np.full((count, 3, 3), np.nan),
+            burnout=np.full((count, 7), np.nan),
+            burnout_covariance=np.full((count, 7, 7), np.nan),
             type_probability=np.full((count, 4), 0.25),
         )
 

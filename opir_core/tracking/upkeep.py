@@ -24,7 +24,7 @@ class Roster(Columns):
     """What is kept of tracks beside their estimates: number, when begun and last seen, how many rays, from where.
 
     `reports` (n, sensors) are the types that each sensor last reported, codes into `REPORTED_TYPES`, -1 for none;
-    `launch` (n, 3) and `launch_covariance` (n, 2, 2) are as in `Tracks`.
+    `launch` (n, 3) and `launch_covariance` (n, 3, 3) are as in `Tracks`.
     """
 
     number: IntArray
@@ -52,7 +52,7 @@ class Roster(Columns):
             hits=np.zeros(count, dtype=np.int64),
             reports=np.full((count, sensors), -1, dtype=np.int64),
             launch=np.full((count, 3), np.nan),
-            launch_covariance=np.full((count, 2, 2), np.nan),
+            launch_covariance=np.full((count, 3, 3), np.nan),
         )
 
     def seen(self, owner: IntArray, time_s: FloatArray, sensor: IntArray, reported: IntArray) -> "Roster":

@@ -39,9 +39,9 @@ def made_event() -> dict[str, Any]:
         tick_s=60.0,
         state=np.concatenate([target - 0.05 * target / 6.4e3, target / 6.4e3]),
         launch=[np.radians(28.45), np.radians(-80.53), 10.0],
-        launch_covariance=[[4e6, 1.5e6], [1.5e6, 2e6]],
+        launch_covariance=[[4e6, 1.5e6, 0.0], [1.5e6, 2e6, 0.0], [0.0, 0.0, 0.25]],
         impact=[np.radians(-7.9), np.radians(-14.4), np.nan],
-        impact_covariance=[[9e8, -2e8], [-2e8, 1.6e9]],
+        impact_covariance=[[9e8, -2e8, 0.0], [-2e8, 1.6e9, 0.0], [0.0, 0.0, np.nan]],
     )
     window = stub_window(
         1,
@@ -78,7 +78,7 @@ def test_the_page_s_event_is_what_the_encoder_makes() -> None:
     [
         ("# The detection event", SCHEMA),
         ("`launch_point` and `impact_point` are `null` until", SCHEMA["$defs"]["point"]),
-        ("The ellipse is centred", SCHEMA["$defs"]["ellipse"]),
+        ("The ellipses are centred", SCHEMA["$defs"]["ellipse"]),
     ],
 )
 def test_the_page_tells_every_field_in_order(heading: str, part: dict[str, Any]) -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from opir_core.events.ellipse import CONTAINMENT, containment_ellipse
+from opir_core.events.ellipse import CONTAINMENT, OTHER_CONTAINMENTS, containment_ellipse
 
 CHI_SQUARE_95_TWO_DEGREES = 5.991464547107979  # Abramowitz and Stegun, table 26.8, more digits from -2 ln 0.05
 SIGMA = st.floats(0.1, 1e6)
@@ -36,14 +36,15 @@ def test_bearing_is_clockwise_from_north(bearing_deg: float, expected_deg: float
     assert np.degrees(ellipse.bearing_rad[0]) % 180.0 == pytest.approx(expected_deg, abs=1e-9)
 
 
-def test_the_ellipse_holds_95_of_100_points() -> None:
+@pytest.mark.parametrize("share", [CONTAINMENT, *OTHER_CONTAINMENTS])
+def test_the_ellipse_holds_its_share_of_points(share: float) -> None:
     matrix = covariance(3000.0, 400.0, 0.7)
     draws = np.random.default_rng(5).multivariate_normal([0.0, 0.0], matrix, size=200_000)
-    major, minor, bearing = (float(axis[0]) for axis in containment_ellipse(matrix[np.newaxis]))
+    major, minor, bearing = (float(axis[0]) for axis in containment_ellipse(matrix[np.newaxis], share))
     along = draws @ [np.sin(bearing), np.cos(bearing)]
     across = draws @ [np.cos(bearing), -np.sin(bearing)]
     held = np.mean((along / major) ** 2 + (across / minor) ** 2 <= 1.0)
-    assert held == pytest.approx(CONTAINMENT, abs=4 * np.sqrt(0.95 * 0.05 / 200_000))
+    assert held == pytest.approx(share, abs=4 * np.sqrt(share * (1.0 - share) / 200_000))
 
 
 @pytest.mark.parametrize(

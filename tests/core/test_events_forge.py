@@ -70,7 +70,7 @@ def column(values: st.SearchStrategy[Any], count: int, kind: Any = np.float64, s
 @st.composite
 def estimates(draw: st.DrawFn) -> Tracks:
     count = draw(st.integers(0, 4))
-    covariance = column(st.floats() | st.floats(-1e4, 1e8), count, shape=(2, 2))
+    covariance = column(st.floats() | st.floats(-1e4, 1e8), count, shape=(3, 3))
     place = column(st.floats() | ANGLE, count, shape=(3,))
     return stub_estimates(
         count,
@@ -175,7 +175,7 @@ def raid(count: int) -> Window:
         20,
         state=random.uniform(-1.0, 1.0, (20, 6)) * [7e6, 7e6, 7e6, 7e3, 7e3, 7e3],
         launch=random.uniform(-1.5, 1.5, (20, 3)),
-        launch_covariance=[[4e6, 1e6], [1e6, 9e6]],
+        launch_covariance=[[4e6, 1e6, 0.0], [1e6, 9e6, 0.0], [0.0, 0.0, 4.0]],
     )
     return stub_window(
         count,
@@ -221,7 +221,7 @@ def test_an_estimated_point_says_where_when_and_how_surely() -> None:
     known = stub_estimates(
         1,
         launch=[np.radians(34.73), np.radians(239.43), 10.25],
-        launch_covariance=[[9e6, 0.0], [0.0, 1e6]],
+        launch_covariance=[[9e6, 0.0, 0.0], [0.0, 1e6, 0.0], [0.0, 0.0, 2.25]],
         impact=[np.radians(9.0), np.radians(167.7), np.nan],
     )
     (event,) = events_of(stub_window(1, estimates=known, estimate=0, track=3))
@@ -230,8 +230,12 @@ def test_an_estimated_point_says_where_when_and_how_surely() -> None:
         "lon_deg": -120.57,
         "time": "2026-04-01T12:00:10.250000Z",
         "ellipse": {"semi_major_m": 7343.240, "semi_minor_m": 2447.747, "bearing_deg": 90.0, "containment": 0.95},
+        "ellipse_50": {"semi_major_m": 3532.230, "semi_minor_m": 1177.410, "bearing_deg": 90.0, "containment": 0.5},
+        "ellipse_90": {"semi_major_m": 6437.898, "semi_minor_m": 2145.966, "bearing_deg": 90.0, "containment": 0.9},
+        "time_sigma_s": 1.5,
     }
-    assert event["impact_point"] == {"lat_deg": 9.0, "lon_deg": 167.7, "time": None, "ellipse": None}
+    unknown = dict.fromkeys(("time", "ellipse", "ellipse_50", "ellipse_90", "time_sigma_s"))
+    assert event["impact_point"] == {"lat_deg": 9.0, "lon_deg": 167.7} | unknown
     assert event["track_id"] == 3
 
 

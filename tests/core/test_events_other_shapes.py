@@ -65,9 +65,9 @@ def estimates(draw: st.DrawFn) -> Tracks:
         tick_s=column(st.floats() | st.floats(0.0, 1e3)),
         state=column(st.floats() | st.floats(-1e7, 1e7), 6),
         launch=column(st.floats() | st.floats(-7.0, 7.0), 3),
-        launch_covariance=column(st.floats() | st.floats(-1e4, 1e8), 2, 2),
+        launch_covariance=column(st.floats() | st.floats(-1e4, 1e8), 3, 3),
         impact=column(st.floats() | st.floats(-7.0, 7.0), 3),
-        impact_covariance=column(st.floats() | st.floats(-1e4, 1e8), 2, 2),
+        impact_covariance=column(st.floats() | st.floats(-1e4, 1e8), 3, 3),
     )
 
 
@@ -199,7 +199,7 @@ def test_a_missile_track_says_where_it_comes_down_and_how_surely() -> None:
         1,
         launch=[np.radians(34.73), np.radians(239.43), 10.25],
         impact=[np.radians(9.0), np.radians(167.7), np.nan],
-        impact_covariance=[[9e6, 0.0], [0.0, 1e6]],
+        impact_covariance=np.diag([9e6, 1e6, 1.0]),
     )
     (record,) = events_of(UDL, stub_window(1, estimates=known, estimate=0, track=3))
     assert record["dataMode"] == "SIMULATED"
@@ -245,7 +245,7 @@ def test_a_missile_track_as_bytes() -> None:
         1,
         state=[6.5e6, 0.0, 0.0, 10.0, 20.0, 30.0],
         impact=[0.125, 0.25, 1200.0],
-        impact_covariance=[[4e6, 0.0], [0.0, 1e6]],
+        impact_covariance=np.diag([4e6, 1e6, 1.0]),
     )
     line = UDL.encode(stub_window(1, estimates=known, estimate=0, track=7, reported_type=0, line_of_sight_ecef=DOWN))
     assert line == (

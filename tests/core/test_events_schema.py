@@ -7,7 +7,7 @@ import jsonschema
 import pytest
 
 from opir_core.events import SCHEMA_VERSION, detection_schema, detection_schema_text
-from opir_core.events.ellipse import CONTAINMENT
+from opir_core.events.ellipse import CONTAINMENT, OTHER_CONTAINMENTS
 from opir_core.events.forge import ForgeEncoder
 from opir_core.events.points import EstimatedPoint, UncertaintyEllipse
 from opir_core.protocols import EncoderContext
@@ -20,7 +20,9 @@ SCHEMA = detection_schema()
 
 def sample_event() -> dict[str, Any]:
     encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))
-    known = stub_estimates(1, launch=[0.1, 0.2, 0.3], launch_covariance=[[2.0, 1.0], [1.0, 2.0]], state=7e6)
+    known = stub_estimates(
+        1, launch=[0.1, 0.2, 0.3], launch_covariance=[[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]], state=7e6
+    )
     event: dict[str, Any] = json.loads(encoder.encode(stub_window(1, estimates=known, estimate=0, track=1, snr=9.0)))
     return event
 
@@ -48,7 +50,7 @@ def test_schema_and_encoder_name_the_same_fields_of_parts(name: str, struct: Any
 def test_schema_and_encoder_have_the_same_constants() -> None:
     assert SCHEMA["properties"]["target_type"]["enum"] == list(REPORTED_TYPES)
     assert SCHEMA["properties"]["schema_version"]["const"] == SCHEMA_VERSION == ForgeEncoder.schema_version
-    assert SCHEMA["$defs"]["ellipse"]["properties"]["containment"]["const"] == CONTAINMENT
+    assert SCHEMA["$defs"]["ellipse"]["properties"]["containment"]["enum"] == [CONTAINMENT, *OTHER_CONTAINMENTS]
 
 
 @pytest.mark.parametrize("name", SCHEMA["required"])

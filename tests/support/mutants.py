@@ -530,9 +530,9 @@ class OneTrack:
             state=np.tile([6.5e6, float(self.count), 0.0, 0.0, 0.0, 0.0], (count, 1)),
             state_covariance=np.tile(np.diag([1e6, 1e6, 1e6, 1e2, 1e2, 1e2]), (count, 1, 1)),
             launch=np.full((count, 3), np.nan),
-            launch_covariance=np.full((count, 2, 2), np.nan),
+            launch_covariance=np.full((count, 3, 3), np.nan),
             impact=np.full((count, 3), np.nan),
-            impact_covariance=np.full((count, 2, 2), np.nan),
+            impact_covariance=np.full((count, 3, 3), np.nan),
             type_probability=np.full((count, 4), 0.25),
         )
 

@@ -36,9 +36,9 @@ def awkward_windows() -> Mapping[str, Window]:
         2,
         state=[6.5e6, 1.0, 2.0, 10.0, 20.0, 30.0],
         launch=[np.pi / 2, np.pi, 1.0],
-        launch_covariance=[[4.0, 1.0], [1.0, 9.0]],
+        launch_covariance=[[4.0, 1.0, 0.0], [1.0, 9.0, 0.0], [0.0, 0.0, 0.25]],
         impact=[-np.pi / 2, -np.pi, 2.0],
-        impact_covariance=[[1e6, 0.0], [0.0, 1e6]],
+        impact_covariance=[[1e6, 0.0, 0.0], [0.0, 1e6, 0.0], [0.0, 0.0, 4.0]],
     )
     return {
         "one detection": stub_window(1),

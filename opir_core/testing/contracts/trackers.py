@@ -156,7 +156,7 @@ class TrackerContract(SceneContract):
     def test_covariances_are_symmetric_and_positive_definite(self) -> None:
         """Every covariance is symmetric and positive definite, or nan altogether."""
         for tick in self.ticks(self.tracker()):
-            for name in ("state_covariance", "launch_covariance", "impact_covariance"):
+            for name in ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance"):
                 _insist_covariance(f"{name} at {tick.time_s} s", getattr(tick.tracks, name))
 
     def test_ticks_without_detections_are_no_error(self) -> None:

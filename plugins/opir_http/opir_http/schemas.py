@@ -130,7 +130,9 @@ def status() -> Schema:
 def track() -> Schema:
     """Return the schema of a track."""
     ellipse = closed(dict.fromkeys(("semi_major_m", "semi_minor_m", "bearing_deg", "containment"), NUMBER))
-    point = or_null(closed({"lat_deg": NUMBER, "lon_deg": NUMBER, "time": or_null(TIME), "ellipse": or_null(ellipse)}))
+    ellipses = dict.fromkeys(("ellipse", "ellipse_50", "ellipse_90"), or_null(ellipse))
+    place = {"lat_deg": NUMBER, "lon_deg": NUMBER, "time": or_null(TIME)}
+    point = or_null(closed(place | ellipses | {"time_sigma_s": or_null(NUMBER)}))
     return closed(
         {
             "track_id": COUNT,
