@@ -29,11 +29,15 @@ _RADIUS_M = 6.371e6
 
 @frozen(eq=False)
 class Told(Columns):
-    """Quantities of n hypotheses: state (n, 6), launch and impact (n, 3) as latitude, longitude, rad, and time, s."""
+    """Quantities of n hypotheses: state (n, 6), launch and impact (n, 3) as latitude, longitude, rad, and time, s.
+
+    `burnout` (n, 7) is ECEF position and velocity at the end of the burn and its time.
+    """
 
     state: FloatArray
     launch: FloatArray
     impact: FloatArray
+    burnout: FloatArray
 
 
 def report(
@@ -51,25 +55,27 @@ def report(
     rests = _at_rest(hypotheses, spread, tick_s)
     number, row = np.unique(hypotheses.track, return_inverse=True)
     weight = weight / np.bincount(row, weight)[row]
-    spreads = [slope @ spread @ slope.transpose(0, 2, 1) for slope in slopes]
-    spreads[0] += rests
+    doubts = [slope @ spread @ slope.transpose(0, 2, 1) for slope in slopes]
+    doubts[0] += rests
     blended = [
-        _blended(getattr(told, name), more, weight, row, len(number), name != "state")
-        for name, more in zip(("state", "launch", "impact"), spreads, strict=True)
+        _blended(getattr(told, name), more, weight, row, len(number), name in ("launch", "impact"))
+        for name, more in zip(("state", "launch", "impact", "burnout"), doubts, strict=True)
     ]
     types = np.zeros((len(number), 4))
     np.add.at(types, (row, CLASS_TYPE[hypotheses.kind]), weight)
-    (state, state_covariance), (launch, launch_covariance), (impact, impact_covariance) = blended
+    (state, launch, impact, burnout), spreads = zip(*blended, strict=True)
     return Tracks(
         tick_s=np.full(len(number), tick_s),
         track=number,
         state=state,
-        state_covariance=state_covariance,
+        state_covariance=spreads[0],
         launch=launch,
-        launch_covariance=launch_covariance[:, :2, :2],
+        launch_covariance=spreads[1],
         impact=impact,
-        impact_covariance=impact_covariance[:, :2, :2],
+        impact_covariance=spreads[2],
         type_probability=types,
+        burnout=burnout,
+        burnout_covariance=spreads[3],
     )
 
 
@@ -93,10 +99,8 @@ _ACCELERATION_M_S2 = 15.0
 _START_DOUBT_S = 0.05
 
 
-def _told_with_slopes(
-    hypotheses: Hypotheses, tick_s: float, forces: "ForceModel"
-) -> tuple[Told, tuple[FloatArray, FloatArray, FloatArray]]:
-    """Return what hypotheses tell, and how it changes with their parameters: (n, 6, 9), (n, 3, 9), (n, 3, 9).
+def _told_with_slopes(hypotheses: Hypotheses, tick_s: float, forces: "ForceModel") -> tuple[Told, list[FloatArray]]:
+    """Return what hypotheses tell, and how it changes with their parameters, (n, d, 9) each.
 
     Slopes of places are in metres east and north, and seconds.
     """
@@ -106,11 +110,12 @@ def _told_with_slopes(
     told = _told(path, tick_s)
     latitude, longitude = anchors.places(parameters)
     launch = np.stack([latitude, longitude, path.ignition_s], axis=1)
-    every = [array.reshape(SIZE + 1, count, -1) for array in (told.state, launch, told.impact)]
-    differences = [every[0][1:] - every[0][0], *(_ground(array[1:], array[0]) for array in every[1:])]
-    slopes = tuple(np.moveaxis(array, 0, 2) / STEPS for array in differences)
+    every = [array.reshape(SIZE + 1, count, -1) for array in (told.state, launch, told.impact, told.burnout)]
+    state, site, ground, burnout = ((array[1:], array[0]) for array in every)
+    differences = [state[0] - state[1], _ground(*site), _ground(*ground), burnout[0] - burnout[1]]
+    slopes = [np.moveaxis(array, 0, 2) / STEPS for array in differences]
     impact = every[2][0] if forces == "kepler" else _forced_impact(path, count, forces)
-    return Told(every[0][0], every[1][0], impact), (slopes[0], slopes[1], slopes[2])
+    return Told(every[0][0], every[1][0], impact, every[3][0]), slopes
 
 
 def _told(path: BoostPath, tick_s: float) -> Told:
@@ -118,13 +123,15 @@ def _told(path: BoostPath, tick_s: float) -> Told:
     row = np.arange(count)
     held = np.clip(tick_s, path.ignition_s, path.burnout_s)
     state = np.concatenate(path.state(row, held), axis=1)
-    burnout = ecef_to_eci_state(*path.state(row, path.burnout_s), path.burnout_s)
+    ended = path.state(row, path.burnout_s)
+    burnout = ecef_to_eci_state(*ended, path.burnout_s)
     late = np.flatnonzero(tick_s > path.burnout_s)
     if len(late):
         flown = propagate_kepler(burnout[0][late], burnout[1][late], tick_s - path.burnout_s[late])
         state[late] = np.concatenate(eci_to_ecef_state(*flown, tick_s), axis=1)
     duration, point = kepler_impact(*burnout)
-    return Told(state, np.empty((count, 3)), _place(eci_to_ecef(point, path.burnout_s + duration), path, duration))
+    impact = _place(eci_to_ecef(point, path.burnout_s + duration), path, duration)
+    return Told(state, np.empty((count, 3)), impact, np.column_stack([*ended, path.burnout_s]))
 
 
 def _forced_impact(path: BoostPath, count: int, forces: "ForceModel") -> FloatArray:

@@ -7,6 +7,7 @@ from opir_core import simulate
 from opir_core.flight.aiming import aim
 from opir_core.flight.profiles import boost_profile
 from opir_core.geometry import Geodetic
+from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scoring.consistency import nees
 from opir_core.tracking import profile_fit as fit
@@ -168,6 +169,18 @@ def test_a_scene_is_tracked_to_launch_and_impact():
     assert last.type_probability[0].argmax() == 2
     assert np.linalg.eigvalsh(last.state_covariance).min() > 0.0
     assert np.linalg.eigvalsh(last.impact_covariance).min() > 0.0
+
+
+def test_the_end_of_the_burn_is_told_within_its_covariance():
+    told = scene(duration_s=90.0)
+    truth = compile_plan(told).targets.truth()[0]
+    burnout = [*truth["burnout"]["position_ecef_m"], *truth["burnout"]["velocity_ecef_m_s"], truth["burnout_s"]]
+    last = simulate(told).tracks.take(slice(-1, None))
+    away, spread = last.burnout[0] - burnout, last.burnout_covariance[0]
+    assert away @ np.linalg.solve(spread, away) < 24.3  # 99.9 % of chi-square with seven degrees of freedom
+    assert np.sqrt(np.diag(spread))[6] < 0.2
+    for covariance in (spread, last.launch_covariance[0], last.impact_covariance[0]):
+        assert np.linalg.eigvalsh(covariance).min() > 0.0
 
 
 def test_windows_change_no_byte():

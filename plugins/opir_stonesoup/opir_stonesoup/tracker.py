@@ -85,9 +85,9 @@ class StoneSoupTracker:
             state=np.array(states).reshape(count, 6),
             state_covariance=np.array([0.5 * (each + each.T) for each in covariances]).reshape(count, 6, 6),
             launch=np.full((count, 3), np.nan),
-            launch_covariance=np.full((count, 2, 2), np.nan),
+            launch_covariance=np.full((count, 3, 3), np.nan),
             impact=np.full((count, 3), np.nan),
-            impact_covariance=np.full((count, 2, 2), np.nan),
+            impact_covariance=np.full((count, 3, 3), np.nan),
             type_probability=np.full((count, 4), np.nan),
         )
 
