@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from opir_core.columns import names_of
 from opir_core.dice import Words
+from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.geometry import elevation_rad, intersection_with_ellipsoid
 from opir_core.plan import Plan
@@ -50,7 +51,8 @@ class NoiseMaker:
 
     def __init__(self, plan: Plan, sites: Sites) -> None:
         model = plan.detection
-        assert isinstance(model, Exceedances)
+        if not isinstance(model, Exceedances):
+            raise ModelError("a detection model with rate_per_scan also needs words and measure_noise")
         self._plan, self._sites, self._model = plan, sites, model
         self._rate = model.rate_per_scan
         self._sensors = [

@@ -1,12 +1,11 @@
 """Tables of states in inertial frames, against the IAU 1980 nutation and 1994 sidereal time of ERFA."""
 
+import erfa
 import numpy as np
 import pytest
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.tables.frames import ecef_state
-
-erfa = pytest.importorskip("erfa")
 
 YEARS = (1970, 1985, 1999, 2016, 2026, 2050, 2099)
 

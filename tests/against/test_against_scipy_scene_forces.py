@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pyproj
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import legendre
@@ -18,8 +19,6 @@ from opir_core.flight.forces import ZonalField
 from opir_core.geometry import Geodetic, geodetic_to_ecef
 from opir_core.plan import compile_plan
 from opir_core.reading import load_scene
-
-pyproj = pytest.importorskip("pyproj")
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "pacific_test_range.yaml"
 FIELD = ZonalField()

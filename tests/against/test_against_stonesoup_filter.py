@@ -8,15 +8,12 @@ import datetime
 from typing import Any
 
 import numpy as np
-import pytest
 
 from opir_core.flight.forces import Forces, ZonalField
 from opir_core.tracking import square_root
 from opir_core.tracking.motion import BOOST, Motion
 from opir_core.tracking.rays import Sights, axes_across
 from opir_core.tracking.switching_filter import SwitchingFilter
-
-stonesoup = pytest.importorskip("stonesoup")
 
 STEP_S, SIGMA_RAD, NOISE = 0.5, 2e-5, 0.3
 WEIGHTLESS = Forces(zonal=(), gravity=ZonalField(mu_m3_s2=0.0))

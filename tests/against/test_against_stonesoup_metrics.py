@@ -7,8 +7,6 @@ import pytest
 
 from opir_core.tracking.metrics import gospa, ospa
 
-stonesoup = pytest.importorskip("stonesoup")
-
 CASES = [
     (seed, estimates, truths)
     for seed, (estimates, truths) in enumerate([(3, 3), (5, 2), (2, 6), (8, 8), (1, 0), (0, 4)])

@@ -9,6 +9,7 @@ from attrs import evolve
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.protocols import DetectionProbability, Dice
 from opir_core.records import FloatArray
+from opir_core.responses import Exceedances
 from opir_core.testing.bench import LookTable, bench_scene
 from opir_core.testing.broken import insist
 from opir_core.testing.chance import excess_of_count, excess_of_rate
@@ -153,6 +154,11 @@ class DetectionContract(SceneContract):
         per_scan = getattr(self.model(), "rate_per_scan", None)
         if per_scan is None:
             return
+        insist(
+            isinstance(self.model(), Exceedances),
+            "rate_per_scan says how often noise crosses, and nothing says as what",
+            "Add words and measure_noise (opir_core.responses.Exceedances), or leave rate_per_scan out.",
+        )
         run = self.run_of(self.scene(targets=[]))
         scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]
         due, found = float(np.sum(per_scan * np.array(scans))), int(np.sum(run.truth.target < 0))

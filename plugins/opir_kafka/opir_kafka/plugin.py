@@ -1,14 +1,17 @@
 """The sink `kafka`: aiokafka is imported when the sink is built."""
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from opir_core.plugin import SinkModel, hookimpl
-from opir_core.protocols import SinkContext
-from opir_core.spool.carriers import Carrier
 from opir_kafka.settings import KafkaConfig
 
+if TYPE_CHECKING:
+    from opir_core.protocols import SinkContext
+    from opir_core.spool.carriers import Carrier
 
-def _kafka(config: KafkaConfig, _context: SinkContext) -> Carrier:
+
+def _kafka(config: KafkaConfig, _context: "SinkContext") -> "Carrier":
     from opir_kafka.carrier import KafkaCarrier
     from opir_kafka.connection import connector
 

@@ -1,13 +1,16 @@
 """The tracker `stonesoup`: Stone Soup is imported when the tracker is built."""
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from opir_core.plugin import TrackerModel, hookimpl
-from opir_core.protocols import Tracker, TrackerContext
 from opir_stonesoup.settings import StoneSoupConfig
 
+if TYPE_CHECKING:
+    from opir_core.protocols import Tracker, TrackerContext
 
-def _stonesoup(config: StoneSoupConfig, context: TrackerContext) -> Tracker:
+
+def _stonesoup(config: StoneSoupConfig, context: "TrackerContext") -> "Tracker":
     from opir_stonesoup.tracker import stone_soup_tracker
 
     return stone_soup_tracker(config, context)
