@@ -141,7 +141,7 @@ def sampled(process: int, port: int, spool: Path, pipe: Pipe, began_s: float) ->
     return Sample(
         at_s=time.monotonic() - began_s,
         rss_mib=rss_kib / 1024,
-        descriptors=len(os.listdir(f"/proc/{process}/fd")),
+        descriptors=len(list(Path(f"/proc/{process}/fd").iterdir())),
         spool_mib=sum(file.stat().st_size for file in files if file.exists()) / 2**20,
         waiting=sink["spooled"],
         given=sink["given"],
@@ -249,11 +249,10 @@ def page(found: dict[str, Any], minutes: float) -> str:
         "# A soak",
         "",
         f"`opir serve --speed max --loop` for {minutes:g} minutes: {last.lap} laps of a scene of 5 minutes,",
-        f"{last.given:,} events into a spooled output, a launch every {TRIGGER_S:g} s, one viewer of the stream. Every"
-        f" {PAUSE_EVERY_S / 60:g}",
-        f"minutes the reader of the output pauses for {PAUSE_S:g} s: the spool (8 MiB) fills and holds the run. Flat",
-        f"means that the medians of the first and the last quarter after the warm-up ({100 * WARM_UP:g} % of the run)"
-        f" differ by at most {100 * FLAT:g} %.",
+        f"{last.given} events into a spooled output, a launch every {TRIGGER_S:g} s, one viewer of the stream. Every",
+        f"{PAUSE_EVERY_S / 60:g} minutes the reader of the output pauses for {PAUSE_S:g} s: the spool fills and holds",
+        "the run. Flat means that the medians of the first and the last quarter after the warm-up",
+        f"({100 * WARM_UP:g} % of the run) differ by at most {100 * FLAT:g} %.",
         "Made by `python benchmarks/soak.py --write docs/benchmarks`.",
         "",
         "| asked | found | met |",

@@ -1,6 +1,7 @@
 """Laps: a scene run again and again, its scene time going on, each lap a run of its own."""
 
-from concurrent.futures import Future, ThreadPoolExecutor
+import threading
+from concurrent.futures import Future
 
 import numpy as np
 from attrs import evolve, frozen
@@ -60,13 +61,15 @@ class Laps:
         self.lap_ns = lap_ns
         self._base = base
         self._host = host
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="opir-lap")
         self._next: tuple[int, Future[Plan]] | None = None
 
     def prepare(self, lap: int, base: Scene | None = None) -> None:
         """Begin to make the plan of a lap; `base` is the scene from then on."""
         self._base = base or self._base
-        self._next = lap, self._pool.submit(plan_of_lap, self._base, self._host, lap, self.lap_ns // 1000)
+        made: Future[Plan] = Future()
+        self._next = lap, made
+        # A daemon: a plan in the making does not keep the process from ending.
+        threading.Thread(target=self._make, args=(self._base, lap, made), name="opir-lap", daemon=True).start()
 
     def plan(self, lap: int) -> Plan:
         """Return the plan of a lap, as it was last prepared."""
@@ -75,6 +78,8 @@ class Laps:
         assert self._next is not None
         return self._next[1].result()
 
-    def close(self) -> None:
-        """Make no more plans."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+    def _make(self, base: Scene, lap: int, made: "Future[Plan]") -> None:
+        try:
+            made.set_result(plan_of_lap(base, self._host, lap, self.lap_ns // 1000))
+        except BaseException as error:  # raised where the plan is asked for
+            made.set_exception(error)

@@ -4,6 +4,7 @@ A sink never loses events here. One that is behind by more than its queue holds 
 an output that may be slow or away is given a spool.
 """
 
+import math
 import queue
 import threading
 import time
@@ -49,6 +50,7 @@ class Outlet:
         self._ended = Delivery(delivered=0)
         self._final: Delivery | None = None
         self._error: str | None = None
+        self._deadline_s = math.inf
         self._thread.start()
 
     def write(self, window: Window, stopping: threading.Event) -> None:
@@ -72,9 +74,8 @@ class Outlet:
 
     def close(self, deadline_s: float) -> None:
         """Close the sink once it has what was queued; give up waiting at `deadline_s` of the steady clock."""
-        hurry = getattr(self._sink, "hurry", None)
-        if callable(hurry):
-            hurry(deadline_s)
+        self._deadline_s = deadline_s
+        self._hurry()
         try:
             self._queue.put(None, timeout=max(0.0, deadline_s - time.monotonic()))
         except queue.Full:
@@ -132,6 +133,13 @@ class Outlet:
         )
         self._written = 0
         self._sink = make()
+        self._hurry()
+
+    def _hurry(self) -> None:
+        """Tell a sink that can be told by when it is to be closed, once that is known."""
+        hurry = getattr(self._sink, "hurry", None)
+        if callable(hurry) and self._deadline_s < math.inf:
+            hurry(self._deadline_s)
 
     def _fail(self, error: str) -> None:
         self._error = error

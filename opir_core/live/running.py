@@ -19,6 +19,7 @@ from opir_core.live.laps import Laps, Shift
 from opir_core.live.outlets import Outlet
 from opir_core.live.pace import Pace
 from opir_core.live.telling import Counts, LiveStatus, LiveWindow
+from opir_core.live.turns import BusyError, PastError, RefusedError, Turn, answered
 from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.reading import scene_mapping
@@ -26,20 +27,7 @@ from opir_core.scene import Scene
 
 _NS = 1_000_000_000
 _WAITING_CHANGES = 16
-_ANSWER_S = 10.0
 _TRIES = 6
-
-
-class RefusedError(OpirError):
-    """A change that the run cannot take: it has ended, too many wait, or the moment is past."""
-
-
-class BusyError(RefusedError):
-    """A change that may be taken later."""
-
-
-class PastError(RefusedError):
-    """A launch that is not before it can be taken in."""
 
 
 @frozen(kw_only=True)
@@ -105,6 +93,10 @@ class LiveRun:
         self._pace.start()
         self._thread.start()
 
+    def halt(self) -> None:
+        """Let the run end after the cycle at hand, and refuse changes; does not wait."""
+        self._stopping.set()
+
     def stop(self, within_s: float = 4.0) -> LiveStatus:
         """End the run, let the sinks take what is queued, close them, and return how things stand."""
         deadline_s = time.monotonic() + within_s
@@ -116,8 +108,6 @@ class LiveRun:
             closing.start()
         for closing in closings:
             closing.join()
-        if self._laps is not None:
-            self._laps.close()
         if self._state != "failed":
             self._state = "stopped"
         return self.status()
@@ -202,8 +192,8 @@ class LiveRun:
                     continue
             raise BusyError("the run's laps are too short to change it")
 
-    def _change(self) -> "_Turn":
-        return _Turn(self._waiting, self._changing)
+    def _change(self) -> Turn:
+        return Turn(self._waiting, self._changing)
 
     def _timed(self, block: Mapping[str, Any], cycles: int) -> tuple[dict[str, Any], bool]:
         """Return a launch's block with an id and a time of the lap, and whether the time is ours to choose."""
@@ -231,18 +221,20 @@ class LiveRun:
         if self._state != "running":
             raise RefusedError(f"the run has {self._state}: start it again, or start it with --loop")
         self._drafts.put_nowait((draft, answer))
-        return answer.result(_ANSWER_S)
+        return answered(answer, self._stopping)
 
     def _work(self) -> None:
         try:
-            while self._cycle():
+            while not self._stopping.is_set() and self._cycle():
                 pass
-            self._state = "ended" if not self._stopping.is_set() else self._state
+            self._state = "stopped" if self._stopping.is_set() else "ended"
         except Exception as error:  # told by status and health, and by the exit code
             self._error = str(error) if isinstance(error, OpirError) else f"{type(error).__name__}: {error}"
             self._state = "failed"
         while not self._drafts.empty():
-            self._drafts.get_nowait()[1].set_exception(RefusedError(f"the run has {self._state}"))
+            answer = self._drafts.get_nowait()[1]
+            if answer.set_running_or_notify_cancel():
+                answer.set_exception(RefusedError(f"the run has {self._state}"))
 
     def _cycle(self) -> bool:
         """Go one window on; return whether there is another."""
@@ -279,6 +271,8 @@ class LiveRun:
         """Let in what was asked for since the last window."""
         while not self._drafts.empty():
             draft, answer = self._drafts.get_nowait()
+            if not answer.set_running_or_notify_cancel():
+                continue
             is_late = draft.not_after_ns is not None and draft.not_after_ns < self._engine.time_ns
             if is_late or draft.lap != self._lap:
                 answer.set_exception(PastError(self._past()))
@@ -291,19 +285,3 @@ class LiveRun:
                 outlet = next(outlet for outlet in self._outlets if outlet.path == choice.path)
                 outlet.replace(partial(opened_sink, draft.engine.plan, choice))
             answer.set_result(self._counts.cycle)
-
-
-class _Turn:
-    """The turn of one who changes the run; raises `BusyError` where too many wait for theirs."""
-
-    def __init__(self, waiting: threading.BoundedSemaphore, changing: threading.Lock) -> None:
-        self._waiting, self._changing = waiting, changing
-
-    def __enter__(self) -> None:
-        if not self._waiting.acquire(blocking=False):
-            raise BusyError("too many changes wait for their turn; try again")
-        self._changing.acquire()
-
-    def __exit__(self, _kind: object, _error: object, _trace: object) -> None:
-        self._changing.release()
-        self._waiting.release()

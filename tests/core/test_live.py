@@ -17,7 +17,8 @@ from opir_core.live.drafting import RestartError, drafted_launch, drafted_settin
 from opir_core.live.growth import without_those_over
 from opir_core.live.outlets import QUEUED_WINDOWS, Outlet
 from opir_core.live.pace import Pace
-from opir_core.live.running import BusyError, LiveRun, LiveSettings, PastError, RefusedError
+from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live.turns import BusyError, PastError, RefusedError
 from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.protocols import Delivery, EncoderContext

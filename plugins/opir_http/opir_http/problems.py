@@ -9,7 +9,7 @@ from litestar.exceptions import HTTPException
 
 from opir_core.errors import OpirError, SceneError
 from opir_core.live.drafting import RestartError
-from opir_core.live.running import BusyError, RefusedError
+from opir_core.live.turns import BusyError, RefusedError
 
 PROBLEM_TYPE = "application/problem+json"
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+import time
 from collections.abc import Callable
 from types import FrameType
 from typing import Any
@@ -58,9 +59,12 @@ class Connection(H11Protocol):
 
 
 class Server(uvicorn.Server):
-    """A server that tells `on_stop` when it is asked to stop, and leaves the process to end by itself."""
+    """A server that says when it listens and when it is asked to stop, and leaves the process to end by itself.
 
-    def __init__(self, app: Any, on_stop: Callable[[], None]) -> None:
+    `on_start` is called once signals are heard and requests are taken, `on_stop` when it is to stop.
+    """
+
+    def __init__(self, app: Any, on_stop: Callable[[], None], on_start: Callable[[], None] = lambda: None) -> None:
         super().__init__(
             uvicorn.Config(
                 app,
@@ -76,11 +80,19 @@ class Server(uvicorn.Server):
                 backlog=_BACKLOG,
             )
         )
-        self._on_stop = on_stop
+        self._on_stop, self._on_start = on_stop, on_start
+        #: The moment, of the steady clock, at which it was asked to stop.
+        self.asked_at_s: float | None = None
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Stop; the process is not ended by the signal afterwards."""
         self.should_exit = True
+        self.asked_at_s = self.asked_at_s or time.monotonic()
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Begin, and say so."""
+        await super().startup(sockets)
+        self._on_start()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Tell who listens, then stop."""

@@ -5,6 +5,8 @@ import asyncio
 import os
 import socket
 import sys
+import time
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -23,6 +25,10 @@ from opir_http.settings import HttpSettings
 #: Where the bearer token is looked for, where no file is named.
 TOKEN_VARIABLE = "OPIR_HTTP_TOKEN"
 
+#: How long after it is asked to stop, s, the sinks may still take what is queued; the process has ended by 5 s.
+STOP_S = 4.0
+
+_LEAST_S = 1.0
 _SHORTEST_TOKEN = 16
 
 
@@ -38,11 +44,13 @@ def serve(arguments: argparse.Namespace) -> int:
     service = service_of(arguments)
     with _bound(arguments) as listening:
         service.run.start()
+        asked_at_s = None
         try:
-            asyncio.run(_served(service, token, listening, arguments.host))
+            asked_at_s = asyncio.run(_served(service, token, listening, arguments.host))
         finally:
             service.feed.stop()
-            status = service.run.stop()
+            passed_s = 0.0 if asked_at_s is None else time.monotonic() - asked_at_s
+            status = service.run.stop(within_s=max(_LEAST_S, STOP_S - passed_s))
     sys.stdout.write(told(status))
     if service.run.status().error:
         raise ModelError(f"the run failed: {service.run.status().error}")
@@ -115,16 +123,26 @@ def _bound(arguments: argparse.Namespace) -> socket.socket:
         raise ServeError(f"--host {arguments.host} --port {arguments.port} cannot be bound: {reason}") from None
 
 
-async def _served(service: Service, token: str | None, listening: socket.socket, host: str) -> None:
-    server = server_of(service, token)
+async def _served(service: Service, token: str | None, listening: socket.socket, host: str) -> float | None:
+    """Serve until asked to stop; return when that was, of the steady clock."""
     name = f"[{host}]" if ":" in host else host
-    sys.stdout.write(f"opir: http://{name}:{listening.getsockname()[1]}\n")
-    sys.stdout.flush()
+
+    def tell() -> None:
+        sys.stdout.write(f"opir: http://{name}:{listening.getsockname()[1]}\n")
+        sys.stdout.flush()
+
+    server = server_of(service, token, tell)
     await server.serve(sockets=[listening])
+    return server.asked_at_s
 
 
-def server_of(service: Service, token: str | None) -> Server:
+def server_of(service: Service, token: str | None, on_start: Callable[[], None] = lambda: None) -> Server:
     """Return the server of a service, to be run on the event loop at hand."""
     service.feed.start(asyncio.get_running_loop())
     app: Any = application(service)
-    return Server(Gate(app, lambda: service.settings, token), service.feed.stop)
+
+    def stop() -> None:
+        service.run.halt()
+        service.feed.stop()
+
+    return Server(Gate(app, lambda: service.settings, token), stop, on_start)

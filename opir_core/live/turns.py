@@ -1,0 +1,52 @@
+"""Turns: who changes a run waits for the run to take it, and not for ever."""
+
+import threading
+import time
+from concurrent.futures import Future, wait
+
+from opir_core.errors import OpirError
+
+_ANSWER_S = 10.0
+_POLL_S = 0.1
+
+
+class RefusedError(OpirError):
+    """A change that the run cannot take: it has ended, too many wait, or the moment is past."""
+
+
+class BusyError(RefusedError):
+    """A change that may be taken later."""
+
+
+class PastError(RefusedError):
+    """A launch that is not before it can be taken in."""
+
+
+class Turn:
+    """The turn of one who changes the run; raises `BusyError` where too many wait for theirs."""
+
+    def __init__(self, waiting: threading.BoundedSemaphore, changing: threading.Lock) -> None:
+        self._waiting, self._changing = waiting, changing
+
+    def __enter__(self) -> None:
+        if not self._waiting.acquire(blocking=False):
+            raise BusyError("too many changes wait for their turn; try again")
+        self._changing.acquire()
+
+    def __exit__(self, _kind: object, _error: object, _trace: object) -> None:
+        self._changing.release()
+        self._waiting.release()
+
+
+def answered(answer: "Future[int]", stopping: threading.Event) -> int:
+    """Return the answer to a change; one that the run has not taken up by then is withdrawn.
+
+    Raises `BusyError` where the run takes up nothing for long, `RefusedError` where it is being stopped.
+    """
+    give_up_s = time.monotonic() + _ANSWER_S
+    while not wait([answer], _POLL_S).done:
+        if stopping.is_set() and answer.cancel():
+            raise RefusedError("the run is being stopped")
+        if time.monotonic() >= give_up_s and answer.cancel():
+            raise BusyError("the run is held up by a sink that takes no more; try again")
+    return answer.result()

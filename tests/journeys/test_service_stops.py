@@ -1,0 +1,191 @@
+"""`opir serve` as a process: told to stop it ends in time and loses nothing, killed it loses nothing that it kept."""
+
+import http.client
+import json
+import os
+import random
+import re
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from attrs import frozen
+from http_stand import JSON, LAUNCH
+from kafka_stand import dead_address
+
+from opir_core.engine import Engine
+from opir_core.events.forge import ForgeEncoder
+from opir_core.plan import compile_plan
+from opir_core.protocols import EncoderContext
+from opir_core.reading import load_scene
+
+#: A service has ended so long after it was told to, s.
+STOP_S = 5.0
+
+KILLS = int(os.environ.get("OPIR_SERVICE_KILLS", "3"))
+
+SCENE = """
+scene: stop
+epoch: "2026-04-01T12:00:00Z"
+duration_s: 200
+seed: 5
+sensors:
+  - constellation: DSP
+  - constellation: SBIRS-GEO
+targets:
+  - id: T1
+    type: ICBM
+    launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 0.1}
+    aim: {lat_deg: 9.0, lon_deg: 167.7}
+"""
+
+
+@frozen
+class Running:
+    """A service that is a process of its own."""
+
+    process: "subprocess.Popen[str]"
+    port: int
+
+    def ask(self, method: str, path: str, body: Any = None) -> tuple[int, Any]:
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30.0)
+        try:
+            connection.request(method, path, None if body is None else json.dumps(body), JSON if body else {})
+            answer = connection.getresponse()
+            return answer.status, json.loads(answer.read())
+        finally:
+            connection.close()
+
+    def sink(self) -> Mapping[str, Any]:
+        told: Mapping[str, Any] = self.ask("GET", "/status")[1]["sinks"][0]
+        return told
+
+    def terminated(self) -> str:
+        """Tell it to stop; return what it prints."""
+        self.process.send_signal(signal.SIGTERM)
+        return self.process.communicate(timeout=STOP_S)[0]
+
+
+@contextmanager
+def serving(folder: Path, *words: str) -> Iterator[Running]:
+    scene = folder / "scene.yaml"
+    scene.write_text(SCENE, encoding="utf-8")
+    command = [sys.executable, "-m", "opir_core", "serve", str(scene), "--port", "0", *words]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    try:
+        assert process.stdout is not None
+        yield Running(process, int(process.stdout.readline().rpartition(":")[2]))
+    finally:
+        process.kill()
+        process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def until(is_so: Callable[[], bool]) -> None:
+    give_up_at = time.monotonic() + 30.0
+    while not is_so():
+        assert time.monotonic() < give_up_at
+        time.sleep(0.02)
+
+
+def waiting(spool: Path) -> int:
+    """Return how many events are in a spool's file."""
+    with sqlite3.connect(spool) as opened:
+        assert opened.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+        return int(opened.execute("SELECT coalesce(sum(events), 0) FROM parcel").fetchone()[0])
+
+
+def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path: Path) -> None:
+    kafka = {"bootstrap_servers": dead_address(), "topic": "t", "spool": {"path": str(tmp_path / "spool")}}
+    outputs = f"outputs=[{{kafka: {json.dumps(kafka)}}}]"
+    with serving(tmp_path, "--set", outputs, "--speed", "10", "--loop") as running:
+        with socket.create_connection(("127.0.0.1", running.port), timeout=10.0) as viewer:
+            viewer.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            until(lambda: running.sink()["spooled"] > 50)
+            told = running.terminated()
+            viewer.settimeout(5.0)
+            assert b"event: end" in b"".join(iter(lambda: viewer.recv(65536), b""))
+        assert running.process.returncode == 0
+    found = re.search(r"(\d+) detections.*\n.*kafka\): 0 delivered, (\d+) spooled, 0 dropped", told)
+    assert found, told
+    assert int(found[1]) == int(found[2]) == waiting(tmp_path / "spool")
+
+
+def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_waits(tmp_path: Path) -> None:
+    pipe, spool = tmp_path / "pipe", tmp_path / "spool"
+    os.mkfifo(pipe)
+    kept = {"path": str(spool), "max_bytes": 1 << 20, "when_full": "wait", "wait_s": 600}
+    outputs = f"outputs=[{{jsonl: {json.dumps({'path': str(pipe), 'spool': kept})}}}]"
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)  # and nobody reads
+    try:
+        with serving(tmp_path, "--set", outputs, "--speed", "max", "--loop") as running:
+            until(lambda: running.sink()["waits"] > 0)
+            answers: list[tuple[int, Any]] = []
+            asking = threading.Thread(target=lambda: answers.append(running.ask("POST", "/trigger", LAUNCH)))
+            asking.start()
+            time.sleep(0.3)
+            told = running.terminated()
+            asking.join()
+            assert running.process.returncode == 0, told
+    finally:
+        os.close(reading)
+    assert answers[0][0] == 409
+    assert "spooled" in told
+    assert waiting(spool) > 0
+
+
+def test_what_it_kept_when_it_was_killed_arrives_after_it_is_started_again(tmp_path: Path) -> None:
+    kept = {"path": str(tmp_path / "events.jsonl"), "spool": {"path": str(tmp_path / "spool")}}
+    outputs, dice = f"outputs=[{{jsonl: {json.dumps(kept)}}}]", random.Random(KILLS)
+    safe = []
+    for life in range(KILLS):
+        with serving(tmp_path, "--set", outputs, "--set", f"seed={life}", "--speed", "50") as running:
+            until(lambda running=running: running.sink()["given"] > 0)  # type: ignore[misc]
+            time.sleep(0.5 * dice.random())
+            sink = running.sink()
+            safe.append(sink["delivered"] + sink["spooled"])
+            running.process.send_signal(signal.SIGKILL)
+            running.process.wait()
+    with serving(tmp_path, "--set", outputs, "--set", f"seed={KILLS}", "--speed", "50") as running:
+        until(lambda: running.sink()["delivered"] > 0)
+        running.terminated()
+    assert waiting(tmp_path / "spool") == 0
+    events = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
+    for life, least in enumerate(safe):
+        assert arrived_in_order(events, batch(tmp_path / "scene.yaml", life)) >= least > 0
+
+
+def batch(scene: Path, seed: int) -> list[Any]:
+    read = load_scene(scene, overrides=[f"seed={seed}", 'outputs=["null"]'])
+    plan = compile_plan(read)
+    lines = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=read.epoch_us)).encode(
+        Engine(plan).advance(plan.end_ns)
+    )
+    return [json.loads(line) for line in lines.splitlines()]
+
+
+def arrived_in_order(events: Sequence[Any], wanted: Sequence[Any]) -> int:
+    """Return how many of a run's events arrived; of each sensor, they are its first, in their order, once or equal."""
+    ids = {event["detection_id"] for event in wanted}
+    first = {event["detection_id"]: event for event in reversed(events) if event["detection_id"] in ids}
+    assert all(first[event["detection_id"]] == event for event in events if event["detection_id"] in ids)
+    for sensor in {event["sensor_id"] for event in wanted}:
+        ours = [event for event in wanted if event["sensor_id"] == sensor]
+        once = dict.fromkeys(
+            event["detection_id"] for event in events if event["detection_id"] in ids and event["sensor_id"] == sensor
+        )
+        assert [event["detection_id"] for event in ours[: len(once)]] == list(once)
+    return len(first)
+
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs POSIX signals and pipes")
