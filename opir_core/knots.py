@@ -128,7 +128,8 @@ class _Weaver:
         self._width = 0
 
     def knots(self) -> Knots:
-        stretches, done = self._first_stretches(), list[_Stretches]()
+        stretches = self._first_stretches()
+        done = [stretches.take(slice(0, 0))]
         while len(stretches.pair):
             middle = (stretches.first + stretches.last) // 2
             is_short = middle == stretches.first  # Neighbouring scans, or one.

@@ -1,6 +1,7 @@
 """What a scene's hot things, air and backdrop come to: made only for models that reckon with light."""
 
 from collections.abc import Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -115,9 +116,7 @@ def make_scenery(
 ) -> Scenery:
     """Return the scenery of a scene; raises `ModelError` where a model cannot answer for one of the bands."""
     bands = distinct_bands(sensors)
-    atmosphere = _built(
-        host, scene.atmosphere, AtmosphereContext(bands=bands, path=scene.atmosphere.path, seed=scene.seed)
-    )
+    atmosphere = _atmosphere(scene, host, bands)
     backdrop = BackgroundContext(
         bands=bands, path=scene.background.path, epoch_us=scene.epoch_us, make_atmosphere=lambda: atmosphere
     )
@@ -139,6 +138,7 @@ def make_scenery(
 def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
     """Return what each of a scene's blocks of sources comes to."""
     bands, made = distinct_bands(sensors), list[Sources]()
+    make_atmosphere = cache(partial(_atmosphere, scene, host, bands))
     for source in scene.sources:
         context = SourceContext(
             bands=bands,
@@ -147,9 +147,16 @@ def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[S
             epoch_us=scene.epoch_us,
             duration_s=scene.duration_s,
             seed=scene.seed,
+            make_atmosphere=make_atmosphere,
         )
         made.append(_built(host, source.model, context))
     return tuple(made)
+
+
+def _atmosphere(scene: Scene, host: Host, bands: tuple[Band, ...]) -> Transmittance:
+    context = AtmosphereContext(bands=bands, path=scene.atmosphere.path, seed=scene.seed)
+    made: Transmittance = _built(host, scene.atmosphere, context)
+    return made
 
 
 def _built(host: Host, choice: Choice, context: object) -> Any:

@@ -1,7 +1,7 @@
 """A known signal in unit Gaussian noise against a threshold: P_fa = Q(t), P_d = Q(t - SNR).
 
 Tails are kept by logarithms: no probability, however near 0 or 1, is got by subtraction. The normal distribution and
-its inverse are SciPy's (`scipy.special`): 60 ns a value, where the same in numpy takes 150; `import` takes 0.1 s, once.
+its inverse are SciPy's (`scipy.special`), imported where they are used.
 """
 
 import numpy as np

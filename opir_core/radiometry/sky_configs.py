@@ -82,10 +82,11 @@ class EarthConfig:
         source="the upper of the two in LOWTRAN's table here",
     )
     clutter_residual: float = number(
-        default=1e-3,
+        default=5e-6,
         minimum=0.0,
         maximum=1.0,
         help="standard deviation of what is left of the background after its subtraction, as a share of its radiance",
+        source="notional: leaves in long waves, in the sensors' default footprints, about the noise of a look",
     )
     bands: Mapping[str, str] = nested(
         default=Factory(dict),

@@ -31,6 +31,15 @@ class TestConstantDetection(DetectionContract):
     settings: ClassVar[Mapping[str, Any]] = {"band_confirmation": 0.5}
 
 
+class TestSnrDetection(DetectionContract):
+    name = "snr"
+
+
+class TestSnrDetectionOfEveryLook(DetectionContract):
+    name = "snr"
+    settings: ClassVar[Mapping[str, Any]] = {"exact": True, "calibrate": "paper"}
+
+
 class TestCertainDetection(DetectionContract):
     name = "always"
 
