@@ -2,8 +2,8 @@
 
 Signals vary slowly along a track. Between knots the quantile of the probability of detection, and each band's signal
 and noise, are straight lines over the number of the scan. A stretch is halved until at its middle, which becomes a knot
-too, the line misses the probability by no more than the tolerance, and the signals by no more than `SIGNAL_SHARE` of
-themselves or `SIGNAL_SIGMA` of the noise; where they jump, halving ends at neighbouring scans, which are exact. Knots
+too, the line misses the probability by no more than half the tolerance, and the signals by no more than `SIGNAL_SHARE`
+of themselves or `SIGNAL_SIGMA` of the noise; where they jump, halving ends at neighbouring scans, which are exact. Knots
 belong to pairs and scans, so no slicing of time moves them.
 """
 
@@ -27,6 +27,9 @@ SIGNAL_SHARE, SIGNAL_SIGMA = 0.01, 0.05
 
 #: Of the tolerance, what single evaluations may be off.
 _SLACK_SHARE = 0.01
+
+#: Of the tolerance, what a line may be off at the middle of its stretch: beside it, at a kink, it may be off by more.
+_MIDDLE_SHARE = 0.5
 
 #: Quantiles are held within it; beyond 8.3 a probability is 1 to the last bit, and below -38 no double.
 _FARTHEST = 40.0
@@ -180,7 +183,7 @@ class _Weaver:
         share = ((middle - stretches.first) / np.maximum(stretches.last - stretches.first, 1))[:, None]
         start, true = values[stretches.first_row], values[row]
         line = start + (values[stretches.last_row] - start) * share
-        fine: BoolArray = np.abs(ndtr(line[:, 0]) - ndtr(true[:, 0])) <= self._tolerance
+        fine: BoolArray = np.abs(ndtr(line[:, 0]) - ndtr(true[:, 0])) <= _MIDDLE_SHARE * self._tolerance
         off, size = np.abs(line - true), np.abs(true)
         for band in range(width):
             fine &= off[:, 1 + band] <= np.maximum(SIGNAL_SHARE * size[:, 1 + band], SIGNAL_SIGMA)
