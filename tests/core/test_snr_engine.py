@@ -149,6 +149,20 @@ def test_between_knots_nothing_is_off_by_more_than_is_promised(tolerance: float)
     assert off.max() < 8.0
 
 
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_in_air_hardly_a_look_is_off_by_more_than_the_tolerance(tolerance: float) -> None:
+    # Ratios of bands open steeply as plumes rise through the air, whose table has kinks.
+    chosen = {"model": "snr", "probability_tolerance": tolerance}
+    near = opir.compile_plan(scene(detection=chosen, atmosphere="lowtran", background="earth", duration_s=100))
+    engine, looks = Engine(near), Looks.between(near.pairs, 0, near.end_ns)
+    assert engine._knots is not None
+    exposed = exposures(near, Sites.of(near.sensors), looks.pair, looks.scan, geometry=True)
+    off = np.abs(engine._knots.over(looks).probability() - ndtr(near.detection.response(exposed).probit))
+    assert np.mean(off > tolerance) < 1e-3
+    assert off.max() < 3.0 * tolerance
+    assert len(engine._knots.key) < 0.3 * len(looks.pair)
+
+
 def test_detections_follow_the_formula_in_bins_of_signal() -> None:
     plan = opir.compile_plan(scene([DSP], "IR", detection={"model": "snr", "exact": True}, duration_s=200))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
