@@ -159,7 +159,7 @@ def test_in_air_hardly_a_look_is_off_by_more_than_the_tolerance(tolerance: float
     exposed = exposures(near, Sites.of(near.sensors), looks.pair, looks.scan, geometry=True)
     off = np.abs(engine._knots.over(looks).probability() - ndtr(near.detection.response(exposed).probit))
     assert np.mean(off > tolerance) < 3e-3
-    assert off.max() < 3.0 * tolerance
+    assert off.max() < 4.0 * tolerance
     assert len(engine._knots.key) < 0.3 * len(looks.pair)
 
 
