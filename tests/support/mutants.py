@@ -707,6 +707,11 @@ def jumps(made: Any, place: Any, target: Any, time_s: FloatArray) -> FloatArray:
     return place + np.where(time_s - made.ignition_s[target] > 30.0, 5e4, 0.0)[:, None]
 
 
+@target_mutant("led-astray", "test_bodies_are_known_to_the_end_of_their_flight_and_burns_stay_as_they_were")
+def led_astray(made: Any, place: Any, _target: Any, _time_s: FloatArray) -> FloatArray:
+    return place if made.coast is None else place + 1.0
+
+
 @target_mutant("swarm", "test_each_moment_has_its_own_position")
 def swarm(_made: Any, place: Any, _target: Any, _time_s: FloatArray) -> FloatArray:
     return place + 1e-3 * (place - np.nanmean(place, axis=0)) if len(place) else place

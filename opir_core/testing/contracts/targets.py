@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from opir_core.plugin.components import Component, TargetModel
-from opir_core.protocols import TargetContext, Trajectories
+from opir_core.protocols import FreeFlight, TargetContext, Trajectories
 from opir_core.records import FloatArray, IndexArray
 from opir_core.scene import EMITTER_TYPES
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
@@ -50,12 +50,13 @@ class TargetContract(SceneContract):
         return bench_scene(**{"targets": cls.blocks(), **changes})
 
     @classmethod
-    def made(cls, blocks: Sequence[Mapping[str, Any]]) -> Trajectories:
-        """Return the trajectories of some blocks of targets."""
+    def made(cls, blocks: Sequence[Mapping[str, Any]], *, free_flight: bool = False) -> Trajectories:
+        """Return the trajectories of some blocks of targets; with `free_flight` a sensor follows them after burnout."""
         settings = [{key: value for key, value in block.items() if key not in ("id", "model")} for block in blocks]
         context = TargetContext(
             ids=tuple(block["id"] for block in blocks),
             paths=tuple(f"targets[{number}]" for number in range(len(blocks))),
+            free_flight=free_flight,
         )
         configs = [read_config(cls.component(), block) for block in settings]
         trajectories: Trajectories = cls.component().build(configs, context)
@@ -92,6 +93,27 @@ class TargetContract(SceneContract):
                 bool(np.isfinite(inside).all() and np.isnan(outside).all()),
                 f"target {row} has a place outside its burn, or none inside",
                 "Return (n, 3) that is finite at ignition_s <= time_s <= burnout_s and nan elsewhere.",
+            )
+
+    def test_bodies_are_known_to_the_end_of_their_flight_and_burns_stay_as_they_were(self) -> None:
+        """Where a sensor follows bodies and the model has `end_s`, positions go on to it; those of the burn stay."""
+        alone, followed = self.targets(), self.made(self.blocks(), free_flight=True)
+        if not isinstance(followed, FreeFlight):
+            return
+        for row in range(len(self.launches)):
+            start, burnout, end = (float(v[row]) for v in (alone.ignition_s, alone.burnout_s, followed.end_s))
+            flight = followed.position_ecef_m(*_moments(row, np.linspace(start, end, 101)))
+            after = followed.position_ecef_m(*_moments(row, np.array([end + 1.0])))
+            insist(
+                bool(end >= burnout and np.isfinite(flight).all() and np.isnan(after).all()),
+                f"target {row} has no place on its way to end_s, or one after it",
+                "Return positions from ignition_s to end_s, both included, and nan elsewhere.",
+            )
+            burn = _moments(row, np.linspace(start, burnout, 101))
+            insist(
+                followed.position_ecef_m(*burn).tobytes() == alone.position_ecef_m(*burn).tobytes(),
+                f"target {row} burns elsewhere once a sensor follows it",
+                "Compute the burn in one way, followed or not: else one sensor changes what the others see.",
             )
 
     def test_paths_are_above_the_ground_and_smooth(self) -> None:
