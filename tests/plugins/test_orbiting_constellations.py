@@ -181,3 +181,16 @@ def test_mean_elements_go_through_a_whole_scene():
     below["aim"] = {"lat_deg": 0.0, "lon_deg": below["launch"]["lon_deg"] - 60.0}
     run = simulate(scene_from_mapping(scene_with([low], [below], epoch="2006-06-25T12:00:00Z")))
     assert len(run.detections) > 100
+
+
+def test_warm_bodies_are_seen_in_long_waves_against_space_and_by_no_sensor_of_short_waves():
+    sensors = [{"constellation": "LEO-MEDIUM"}, {"constellation": "LEO-WIDE", "follows_bodies": True}]
+    settings = {"duration_s": 900.0, "detection": "snr", "background": "earth"}
+    run = simulate(scene_from_mapping(scene_with(sensors, [launch(10.0)], **settings)))
+    burnout_s = run.summary["targets"][0]["burnout_s"]
+    late = (run.truth.target == 0) & (run.truth.emission_time_s > burnout_s + 1.0)
+    medium = np.array([sensor.type == "LEO-MEDIUM" for sensor in run.sensors])[run.detections.sensor]
+    assert np.count_nonzero(late & medium) > 100
+    assert np.count_nonzero(late & ~medium) == 0
+    lwir = 1 << [band.name for band in run.sensors[0].bands].index("LWIR")
+    assert (run.detections.bands[late & medium] & lwir).all()

@@ -39,7 +39,9 @@ NOTIONAL_CONFUSION = {
     ),
     line_of_sight_sigma_urad=25.0,
     false_alarm_susceptibility="moderate",
+    nei_w_m2=1e-12,
     spectral_discrimination="dual-band-ratio",
+    plausible_ratios={"MWIR": (0.8, 4.0)},
     confusion=NOTIONAL_CONFUSION,
 )
 class HeoConfig(ScanningSensorConfig):

@@ -23,6 +23,10 @@ LIMB_AND_SPACE = (
     " targets stand against space up to 600 km above the limb"
 )
 
+UP_TO_SPACE = (
+    "notional: from nadir to 20 deg above the satellite's horizon, so that bodies higher than it stand against space"
+)
+
 #: Ranges of hundreds to a few thousand kilometres: notional, better than from 36 000 km.
 NOTIONAL_CONFUSION = {
     "ICBM": {"ICBM": 0.93, "IRBM": 0.04, "SRBM": 0.01, "UNKNOWN": 0.02},
@@ -38,8 +42,12 @@ NOTIONAL_CONFUSION = {
     detection_probability={"ICBM": 0.95, "IRBM": 0.93, "SRBM": 0.9},
     field_of_regard_half_angle_deg=cited(67.0, LIMB_AND_SPACE),
     line_of_sight_sigma_urad=100.0,
+    nei_w_m2=3e-12,
+    footprint_urad=200.0,
+    threshold_sigma=6.5,
     false_alarm_susceptibility="moderate",
     spectral_discrimination="dual-band-ratio",
+    plausible_ratios={"MWIR": (0.8, 4.0)},
     confusion=NOTIONAL_CONFUSION,
 )
 class WideConfig(ScanningSensorConfig):
@@ -52,10 +60,13 @@ class WideConfig(ScanningSensorConfig):
     scan_period_ms=200.0,
     follows_bodies=True,
     detection_probability={"ICBM": 0.9, "IRBM": 0.88, "SRBM": 0.85},
-    field_of_regard_half_angle_deg=cited(67.0, LIMB_AND_SPACE),
+    field_of_regard_half_angle_deg=cited(110.0, UP_TO_SPACE),
     line_of_sight_sigma_urad=30.0,
+    nei_w_m2=1e-12,
+    footprint_urad=50.0,
+    threshold_sigma=7.0,
     false_alarm_susceptibility="low",
-    spectral_discrimination="dual-band-ratio",
+    spectral_discrimination=cited("none", "notional: a warm body shows in LWIR alone"),
     confusion=NOTIONAL_CONFUSION,
 )
 class MediumConfig(ScanningSensorConfig):
