@@ -270,8 +270,10 @@ def _normals(dice: Dice, count: int) -> FloatArray:
         uniforms = dice.uniforms(f"measurement:{first}", 2)
         radius = np.sqrt(-2.0 * np.log1p(-uniforms[:, 0]))
         angle = 2.0 * np.pi * uniforms[:, 1]
-        columns += [radius * np.cos(angle), radius * np.sin(angle)]
-    return np.stack(columns[:count], axis=1)
+        columns.append(radius * np.cos(angle))
+        if first + 1 < count:
+            columns.append(radius * np.sin(angle))
+    return np.stack(columns, axis=1)
 
 
 def _chosen(uniforms: FloatArray, width: int) -> FloatArray:
