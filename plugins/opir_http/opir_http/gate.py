@@ -23,6 +23,8 @@ OPEN_PREFIX = "/page/"
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+#: What takes a body; whatever else is written to has its own answer.
+_TAKE_BODIES = frozenset({("POST", "/trigger"), ("PUT", "/config")})
 _CLIENTS = 1024
 
 _HEADERS = [
@@ -92,7 +94,7 @@ class Gate:
             wait_s = self._rates.wait_s((scope.get("client") or ("",))[0], self._settings().writes_per_s)
             if wait_s:
                 raise ProblemError(429, "too many requests", headers={"Retry-After": str(int(wait_s) + 1)})
-        if scope["method"] in ("POST", "PUT") and not _is_json(headers.get(b"content-type", b"")):
+        if (scope["method"], scope["path"]) in _TAKE_BODIES and not _is_json(headers.get(b"content-type", b"")):
             raise ProblemError(415, "send application/json, in UTF-8")
         return await _body(headers, receive)
 

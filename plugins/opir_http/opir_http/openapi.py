@@ -15,6 +15,11 @@ LAUNCH_EXAMPLE = {
 }
 
 _JSON = "application/json"
+#: Moments of UTC, 1970 to 2099; a day that its month does not have is refused, too.
+_MOMENT = (
+    r"^(19[789][0-9]|20[0-9]{2})-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])"
+    r"T([01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9](\.[0-9]{1,6})?Z$"
+)
 _TAG: Schema = {"ETag": {"schema": TEXT, "description": "tag of the configuration"}}
 _RETRY: Schema = {"Retry-After": {"schema": {"type": "string"}, "description": "when to try again, s"}}
 _ALWAYS = (400, 401, 405, 408, 413, 421, 500)
@@ -106,8 +111,8 @@ def _detections() -> Schema:
         "sensor_type": TEXT,
         "target_type": {"type": "string", "enum": list(REPORTED_TYPES)},
         "track_id": {"type": "integer", "minimum": 0, "maximum": 10**9 - 1},
-        "since": {"type": "string", "examples": ["2026-04-01T12:00:00Z"]},
-        "until": {"type": "string", "examples": ["2026-04-01T12:05:00Z"]},
+        "since": {"type": "string", "pattern": _MOMENT, "examples": ["2026-04-01T12:00:00Z"]},
+        "until": {"type": "string", "pattern": _MOMENT, "examples": ["2026-04-01T12:05:00Z"]},
         "min_confidence": {"type": "number", "minimum": 0, "maximum": 1},
     }
     summary = "Recent detections, newest first; `next` is the `after` of the following page"

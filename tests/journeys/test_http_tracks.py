@@ -1,0 +1,57 @@
+"""Tracks as clients see them: where a target went up and where it comes down, with ellipses."""
+
+import http.client
+import json
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+import http_stand
+import jsonschema
+from http_stand import serving
+from opir_http.openapi import document
+
+LAUNCH, AIM = (34.73, -120.57), (9.0, 167.7)
+
+
+def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_path: Path) -> None:
+    scene = http_stand.SCENE.replace("duration_s: 600", "duration_s: 140") + "tracker: boost-profile\n"
+    with serving(tmp_path, "--speed", "max", scene=scene) as running:
+        streamed = streamed_track(running.port)
+        told = running.ask("GET", "/tracks").json
+    jsonschema.validate(told, {"$ref": "#/components/schemas/Tracks", "components": document()["components"]})
+    for track in (told["tracks"][0], streamed):
+        launch, impact = track["launch_point"], track["impact_point"]
+        assert away_km(launch, LAUNCH) < 20.0
+        assert 1000.0 * away_km(impact, AIM) < 2.0 * impact["ellipse"]["semi_major_m"]
+        for point in (launch, impact):
+            ellipse = point["ellipse"]
+            assert 0.0 < ellipse["semi_minor_m"] <= ellipse["semi_major_m"] < 5e6
+            assert 0.0 < ellipse["containment"] < 1.0
+
+
+def streamed_track(port: int) -> Any:
+    """Return the first track of the stream that is two minutes old."""
+    connection, give_up_at = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0), time.monotonic() + 40.0
+    try:
+        connection.request("GET", "/stream?view=brief")
+        lines, kind = connection.getresponse(), ""
+        while time.monotonic() < give_up_at:
+            line = lines.readline().decode().strip()
+            kind = line[7:] if line.startswith("event: ") else kind
+            if kind == "tracks" and line.startswith("data: "):
+                track = json.loads(line[6:])["tracks"][0]
+                if track["timestamp"] >= "2026-04-01T12:02:00":
+                    return track
+        raise AssertionError("no track came")
+    finally:
+        connection.close()
+
+
+def away_km(point: Any, place: tuple[float, float]) -> float:
+    """Return the great-circle distance, haversine formula, on a sphere of 6371 km."""
+    first, second = math.radians(point["lat_deg"]), math.radians(place[0])
+    across = math.radians(point["lon_deg"] - place[1])
+    half = math.sin((second - first) / 2) ** 2 + math.cos(first) * math.cos(second) * math.sin(across / 2) ** 2
+    return 2 * 6371.0 * math.asin(math.sqrt(half))
