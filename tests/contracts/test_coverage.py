@@ -12,6 +12,10 @@ TESTS = Path(__file__).resolve().parents[1]
 #: Components that are not held to their contract by a test of this kind, and why.
 WITHOUT = {
     ("opir_sinks", "kafka"): "it needs a broker: tests/journeys and its own tests bring one",
+    (
+        "opir_trackers",
+        "stonesoup",
+    ): "it takes minutes: `opir check stonesoup` runs it, test_stonesoup_plugin.py the core",
 }
 
 
