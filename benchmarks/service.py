@@ -128,7 +128,7 @@ def measured(seconds: float, clients: int) -> list[str]:
         *rows,
         "",
         f"{clients} clients of `/stream` for {3 * seconds:g} s: the run makes {made:.0f} detections/s, they are sent",
-        f"{counts / took_s:.0f} a second, {counts / took_s / clients:.0f} each, {size / took_s / 2**20:.1f}MiB/s",
+        f"{counts / took_s:.0f} a second, {counts / took_s / clients:.0f} each, {size / took_s / 2**20:.1f} MiB/s",
         f"{lost} frames are dropped for slow viewers, {after['viewers']['dropped_windows']} windows for all;",
         f"{late} cycles are late by more than a scan period.",
     ]
@@ -145,7 +145,7 @@ def main() -> None:
         "# The service",
         "",
         "`opir serve examples/raid_100.yaml` in real time, on the two cores of those who ask; wrk, 32 connections,",
-        "beside a bare Litestar under the same server that says hello. Made by",
+        "beside a bare Litestar under the same server that says hello; the machine had other work. Made by",
         "`python benchmarks/service.py --write docs/benchmarks`.",
         "",
     ]
