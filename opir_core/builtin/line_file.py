@@ -1,6 +1,7 @@
 """The sink that writes lines: straight to the file, whole lines at a time, counting what arrived."""
 
 import os
+import stat
 import sys
 from pathlib import Path
 
@@ -11,12 +12,14 @@ from opir_core.records import Window
 
 #: The path that stands for standard output.
 STANDARD_OUTPUT = "-"
+#: Bytes at a file's end in which its last whole line is looked for.
+_LONGEST_LINE = 1 << 20
 
 
 class LineFile:
     """Writes events to a file, overwritten if it exists, or to standard output; made, it is open.
 
-    With `appends` what the file holds stays.
+    With `appends` what the file holds stays, but for a line that a killed run left unfinished.
 
     Nothing is held back: what `write` was given has been handed to the system when it returns, so a run that is killed
     leaves whole lines, but perhaps for the last. A file that fills its disk is cut back to its last whole line.
@@ -70,11 +73,27 @@ def _opened(path: str, *, appends: bool) -> int:
         raise SinkError("jsonl: the path is empty; give the path of a file, or - for standard output")
     opening = os.O_APPEND if appends else os.O_TRUNC
     try:
-        return os.open(path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666)
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666)
+        if appends:
+            _take_off_torn_line(path, descriptor)
     except OSError as error:
         raise SinkError(f"jsonl: {path}: cannot be opened: {_reason(error)}; {_way_in(error, path)}") from error
     except ValueError as error:  # a NUL, or half a surrogate pair
         raise SinkError(f"jsonl: {path!r} is no path ({error}); give one that the system can name") from error
+    return descriptor
+
+
+def _take_off_torn_line(path: str, descriptor: int) -> None:
+    """Take off what a run that was killed left of its last line; the spool still has that event."""
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        return
+    with Path(path).open("rb") as lines:
+        lines.seek(max(0, status.st_size - _LONGEST_LINE))
+        end = lines.read()
+    torn = len(end) - end.rfind(b"\n") - 1
+    if end[-torn:].startswith(b"{") and torn:
+        os.ftruncate(descriptor, status.st_size - torn)
 
 
 def _standard_output() -> int:

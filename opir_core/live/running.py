@@ -23,6 +23,7 @@ from opir_core.live.turns import BusyError, PastError, RefusedError, Turn, answe
 from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.reading import scene_mapping
+from opir_core.records import Window
 from opir_core.scene import Scene
 
 _NS = 1_000_000_000
@@ -82,7 +83,8 @@ class LiveRun:
         plan, outlets = self.plan, list[Outlet]()
         try:
             for choice in plan.scene.outputs:
-                outlets.append(Outlet(choice.path, choice.name, opened_sink(plan, choice)))
+                is_kept = choice.spool is not None
+                outlets.append(Outlet(choice.path, choice.name, opened_sink(plan, choice), is_kept=is_kept))
         except BaseException:
             for outlet in outlets:
                 outlet.close(time.monotonic() + 1.0)
@@ -101,6 +103,8 @@ class LiveRun:
         """End the run, let the sinks take what is queued, close them, and return how things stand."""
         deadline_s = time.monotonic() + within_s
         self._stopping.set()
+        for outlet in self._outlets:
+            outlet.hurry(deadline_s)
         if self._thread.is_alive():
             self._thread.join(within_s / 2)
         closings = [threading.Thread(target=outlet.close, args=(deadline_s,)) for outlet in self._outlets]
@@ -250,13 +254,22 @@ class LiveRun:
             return False
         window = self._shift.shifted(engine.advance(edge_ns))
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
-        self._counts.take(window)
-        for outlet in self._outlets if len(window.detections) else ():
-            outlet.write(window, self._stopping)
+        self._hand_over(window)
         self.on_window(LiveWindow(window, self._counts.cycle, self._lap, engine.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in engine.plan.sensors) / _NS
         self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
         return True
+
+    def _hand_over(self, window: Window) -> None:
+        """Give a window to the outlets, to those with a spool first: nobody hears of an event that may yet be lost."""
+        outlets = self._outlets if len(window.detections) else ()
+        for outlet in outlets:
+            if outlet.is_kept:
+                outlet.write(window, self._stopping)
+        self._counts.take(window)
+        for outlet in outlets:
+            if not outlet.is_kept:
+                outlet.write(window, self._stopping)
 
     def _next_lap(self, laps: Laps) -> Engine:
         self._lap += 1
@@ -283,5 +296,5 @@ class LiveRun:
                 self._laps.prepare(self._lap + 1, draft.base)
             for choice in draft.reopened:
                 outlet = next(outlet for outlet in self._outlets if outlet.path == choice.path)
-                outlet.replace(partial(opened_sink, draft.engine.plan, choice))
+                outlet.replace(partial(opened_sink, draft.engine.plan, choice), is_kept=choice.spool is not None)
             answer.set_result(self._counts.cycle)

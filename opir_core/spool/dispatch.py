@@ -68,6 +68,8 @@ class Dispatch:
         self._handed = 0
         self._recovered = backlog.waiting
         self._delivered = self._dropped = self._withheld = 0
+        #: How often `write` had to wait for room.
+        self.waits = 0
         self._error: Exception | None = None
         self._closing_since: float | None = None
         self._end_at = math.inf
@@ -86,6 +88,11 @@ class Dispatch:
         with self._room:
             self._withheld += len(window.detections) - found
             self._refuse_if_failed()
+
+    @property
+    def outlives_the_process(self) -> bool:
+        """Whether what `write` has taken survives the end of the process, however it comes."""
+        return self._backlog.outlives_the_process
 
     def standing(self) -> Delivery:
         """Return what has become of the events so far; `spooled` are those that wait, in memory or on disk."""
@@ -129,7 +136,7 @@ class Dispatch:
     def _put(self, parcel: Parcel) -> None:
         """Put a parcel into the backlog, or do what the policy says when that is full; holds the lock."""
         self._refuse_if_failed()
-        give_up_at = time.monotonic() + self._policy.wait_s
+        give_up_at, waited = time.monotonic() + self._policy.wait_s, False
         while not self._is_put(parcel):
             lost = self._dropped_oldest() if self._policy.when_full == DROP_OLDEST else 0
             self._dropped += lost
@@ -142,6 +149,8 @@ class Dispatch:
             if self._policy.when_full != WAIT or left_s <= 0.0:
                 self._dropped += len(parcel)
                 raise SinkError(self._full())
+            self.waits += not waited
+            waited = True
             self._room.wait(min(_NAP_S, left_s))
             self._refuse_if_failed()
 

@@ -1,8 +1,6 @@
 """The live form of the engine: the same events as in a batch, whatever comes while it runs."""
 
-import threading
 import time
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,18 +8,17 @@ import pytest
 from attrs import evolve
 
 from opir_core.engine import Engine
-from opir_core.errors import SceneError, SinkError
+from opir_core.errors import SceneError
 from opir_core.events.forge import ForgeEncoder
 from opir_core.live.broadcast import Viewer
 from opir_core.live.drafting import RestartError, drafted_launch, drafted_settings
 from opir_core.live.growth import without_those_over
-from opir_core.live.outlets import QUEUED_WINDOWS, Outlet
 from opir_core.live.pace import Pace
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.live.turns import BusyError, PastError, RefusedError
 from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
-from opir_core.protocols import Delivery, EncoderContext
+from opir_core.protocols import EncoderContext
 from opir_core.reading import scene_from_mapping, scene_mapping
 from opir_core.records import Window
 from opir_core.scene import Scene
@@ -243,49 +240,6 @@ def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Hos
     assert run.settings_mapping()["confidence"] == {"model": "always"}
 
 
-class Slow:
-    """A sink that takes its time, or fails."""
-
-    def __init__(self, gate: threading.Event, error: str | None = None) -> None:
-        self.gate, self.error, self.taken = gate, error, 0
-
-    def write(self, window: Window) -> None:
-        self.gate.wait(10.0)
-        if self.error:
-            raise SinkError(self.error)
-        self.taken += len(window.detections)
-
-    def close(self) -> Delivery:
-        return Delivery(delivered=self.taken)
-
-
-def some_window(scene: Scene, host: Host) -> Window:
-    return Engine(compile_plan(scene, host)).advance(20 * NS)
-
-
-def test_a_slow_sink_loses_nothing_and_one_that_fails_is_told(scene: Scene, host: Host) -> None:
-    window, gate = some_window(scene, host), threading.Event()
-    slow, broken = Outlet("outputs[0]", "slow", Slow(gate)), Outlet("outputs[1]", "broken", Slow(gate, "no room"))
-    for _ in range(QUEUED_WINDOWS // 2):
-        slow.write(window, threading.Event())
-        broken.write(window, threading.Event())
-    gate.set()
-    slow.close(time.monotonic() + 10.0)
-    broken.close(time.monotonic() + 10.0)
-    events = len(window.detections) * (QUEUED_WINDOWS // 2)
-    assert (slow.status().delivered, slow.status().state) == (events, "closed")
-    assert (broken.status().dropped, broken.status().state, broken.status().error) == (events, "failed", "no room")
-
-
-def test_a_sink_that_hangs_does_not_keep_the_run_from_stopping(scene: Scene, host: Host) -> None:
-    hanging = Outlet("outputs[0]", "hanging", Slow(threading.Event()))
-    hanging.write(some_window(scene, host), threading.Event())
-    before = time.monotonic()
-    hanging.close(before + 0.2)
-    assert time.monotonic() - before < 5.0
-    assert hanging.status().error == "it did not close before the deadline"
-
-
 def test_a_slow_viewer_loses_the_oldest_and_knows_how_many() -> None:
     viewer: Viewer[int] = Viewer(3)
     for number in range(10):
@@ -307,19 +261,3 @@ def test_a_run_that_is_behind_takes_more_in_at_a_time(monkeypatch: pytest.Monkey
     assert pace.step_ns(NS // 2) == 500_000_000
     moment[0] += 100 * NS
     assert pace.step_ns(NS) == 20 * 100_000_000
-
-
-def test_changed_outputs_are_opened_anew_and_counts_go_on(tmp_path: Any, host: Host) -> None:
-    outputs: list[Mapping[str, Any]] = [{"jsonl": {"path": str(tmp_path / "one.jsonl")}}]
-    run = LiveRun(scene_from_mapping(mapping(outputs=outputs), host=host), host, LiveSettings(speed=20.0))
-    run.start()
-    until(lambda: run.status().detections > 50)
-    settings = run.settings_mapping()
-    settings["outputs"][0]["jsonl"]["path"] = str(tmp_path / "two.jsonl")
-    run.configure(settings)
-    taken = run.status().detections
-    until(lambda: run.status().detections > taken + 50)
-    status = run.stop()
-    written = [(tmp_path / name).read_bytes().count(b"\n") for name in ("one.jsonl", "two.jsonl")]
-    assert min(written) > 0
-    assert sum(written) == status.sinks[0].delivered == status.detections

@@ -129,6 +129,16 @@ def test_a_killed_run_leaves_whole_lines(tmp_path: Path) -> None:
     assert len([json.loads(line) for line in path.read_text().splitlines()]) == 150
 
 
+@pytest.mark.parametrize("torn", ["", '{"detection_id":"04', "words of someone else"])
+def test_a_line_that_a_killed_run_left_unfinished_is_taken_off_by_the_next_that_appends(
+    tmp_path: Path, torn: str
+) -> None:
+    path = tmp_path / "events.jsonl"
+    path.write_text(f'{{"a":1}}\n{torn}', encoding="utf-8")
+    LineFile(str(path), encoder(), appends=True).close()
+    assert path.read_text(encoding="utf-8") == '{"a":1}\n' + ("" if torn.startswith("{") else torn)
+
+
 def test_jsonl_writes_to_standard_output() -> None:
     done = python("print('before'); sink = LineFile('-', encoder); sink.write(stub_window(2)); sink.close()")
     assert done.returncode == 0, done.stderr

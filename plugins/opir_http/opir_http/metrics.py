@@ -35,7 +35,13 @@ def metrics_text(service: Service) -> str:
 
 
 def _sinks(sinks: tuple[OutletStatus, ...]) -> Iterable[str]:
-    counters = {"given": "given to", "delivered": "delivered by", "dropped": "lost by"}
+    counters = {
+        "given": "given to",
+        "delivered": "delivered by",
+        "dropped": "lost by",
+        "withheld": "without a message in the encoder of",
+        "recovered": "found in spools of",
+    }
     for name, words in counters.items():
         samples = [({"sink": sink.path}, getattr(sink, name)) for sink in sinks]
         yield _metric(f"opir_sink_events_{name}_total", "counter", f"Events {words} sinks", samples)

@@ -13,12 +13,13 @@ from litestar.response import Stream
 
 from opir_core.scene import REPORTED_TYPES
 from opir_http.feed import Client
+from opir_http.fresh import Fresh
 from opir_http.history import Wanted
 from opir_http.metrics import CONTENT_TYPE, metrics_text
 from opir_http.openapi import document
 from opir_http.problems import ProblemError, answer_defect, answer_http, answer_problem
 from opir_http.reading import instant_us, json_object, query, unit_number, whole_number
-from opir_http.service import Service
+from opir_http.service import Service, etag_of
 from opir_http.settings import MAXIMUM_PAGE
 
 _PAGE = Path(__file__).parent / "page"
@@ -30,6 +31,8 @@ _KINDS = {
     ".svg": "image/svg+xml",
 }
 _JSON = "application/json"
+#: How old what is told of the run may be, s.
+_FRESH_S = 0.05
 _KEY_LENGTH = 200
 _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
 _FILTERS = ("after", "limit", "min_confidence", "sensor_id", "sensor_type", "since", "target_type", "track_id", "until")
@@ -39,12 +42,13 @@ AnyRequest = Request[Any, Any, Any]
 
 def application(service: Service) -> Litestar:
     """Return the application of a service."""
+    told = Told(service)
     return Litestar(
         route_handlers=[
             *_page_routes(),
             *_health_routes(service),
-            *_reading_routes(service),
-            *_writing_routes(service),
+            *_reading_routes(service, told),
+            *_writing_routes(service, told),
             _stream_route(service),
         ],
         exception_handlers={ProblemError: answer_problem, HTTPException: answer_http, Exception: answer_defect},
@@ -76,6 +80,9 @@ def _page_routes() -> list[Any]:
 
 
 def _health_routes(service: Service) -> list[Any]:
+    readiness = Fresh(service.is_ready, _FRESH_S)
+    counted = Fresh(lambda: metrics_text(service).encode(), _FRESH_S)
+
     @get("/health/live")
     async def live(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
@@ -85,30 +92,47 @@ def _health_routes(service: Service) -> list[Any]:
     @get("/health/ready")
     async def ready(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
-        is_ready, reasons = service.is_ready()
+        is_ready, reasons = await readiness.get()
         return _json({"ready": is_ready, "reasons": reasons}, 200 if is_ready else 503)
 
     @get("/metrics")
     async def metrics(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
-        return Response(metrics_text(service).encode(), media_type=CONTENT_TYPE)
+        return Response(await counted.get(), media_type=CONTENT_TYPE)
 
     return [live, ready, metrics]
 
 
-def _reading_routes(service: Service) -> list[Any]:
+class Told:
+    """The documents that say how the run stands, encoded."""
+
+    def __init__(self, service: Service) -> None:
+        self.status = Fresh(lambda: msgspec.json.encode(service.status()), _FRESH_S)
+        self.config = Fresh(lambda: _tagged(service.config()), _FRESH_S)
+
+    def forget(self) -> None:
+        """Let whoever changed something see it changed."""
+        self.status.forget()
+        self.config.forget()
+
+
+def _tagged(config: Mapping[str, Any]) -> tuple[bytes, str]:
+    return msgspec.json.encode(config), etag_of(config)
+
+
+def _reading_routes(service: Service, told: Told) -> list[Any]:
     @get("/status")
     async def status(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
-        return _json(service.status())
+        return Response(await told.status.get(), media_type=_JSON)
 
     @get("/config")
     async def config(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
-        tag = service.etag()
+        body, tag = await told.config.get()
         if request.headers.get("if-none-match") == tag:
             return Response(b"", status_code=304, headers={"ETag": tag})
-        return _json(service.config(), headers={"ETag": tag})
+        return Response(body, media_type=_JSON, headers={"ETag": tag})
 
     @get("/detections")
     async def detections(request: AnyRequest) -> Response[bytes]:
@@ -128,7 +152,7 @@ def _reading_routes(service: Service) -> list[Any]:
     return [status, config, detections, tracks]
 
 
-def _writing_routes(service: Service) -> list[Any]:
+def _writing_routes(service: Service, told: Told) -> list[Any]:
     @post("/trigger", status_code=202)
     async def trigger(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
@@ -141,6 +165,7 @@ def _writing_routes(service: Service) -> list[Any]:
         try:
             answer = await asyncio.to_thread(service.launch, json_object(body))
         finally:
+            told.forget()
             if key:
                 service.answers.end(key, answer)
         return _json(answer, 202, headers={"Location": "/status"})
@@ -156,8 +181,11 @@ def _writing_routes(service: Service) -> list[Any]:
             raise ProblemError(428, "send the ETag of GET /config as If-Match")
         if not _ENTITY_TAG.fullmatch(if_match):
             raise ProblemError(400, "If-Match is one ETag of GET /config, in its quotes, or *")
-        cycle = await asyncio.to_thread(service.configure, wanted, if_match)
-        return _json({"cycle": cycle}, headers={"ETag": service.etag()})
+        try:
+            cycle, tag = await asyncio.to_thread(service.configure, wanted, if_match)
+        finally:
+            told.forget()
+        return _json({"cycle": cycle}, headers={"ETag": tag})
 
     return [trigger, configure]
 

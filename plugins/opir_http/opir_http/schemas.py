@@ -163,7 +163,7 @@ def _sensor() -> Schema:
 
 
 def _sink() -> Schema:
-    counts = ("given", "delivered", "spooled", "dropped", "queued_windows", "waits", "lag")
+    counts = ("given", "delivered", "spooled", "dropped", "withheld", "recovered", "queued_windows", "waits", "lag")
     state = {"type": "string", "enum": ["open", "failed", "closed"]}
     return closed({"path": TEXT, "name": TEXT, "state": state, **dict.fromkeys(counts, COUNT), "error": or_null(TEXT)})
 

@@ -80,8 +80,8 @@ class Service:
         """Return the entity tag of the configuration in force."""
         return etag_of(self.config())
 
-    def configure(self, wanted: Mapping[str, Any], if_match: str) -> int:
-        """Put a whole configuration in force, or nothing of it; return the cycle it begins with."""
+    def configure(self, wanted: Mapping[str, Any], if_match: str) -> tuple[int, str]:
+        """Put a whole configuration in force, or nothing of it; return the cycle it begins with, and its tag."""
         with self._writing:
             if if_match not in ("*", self.etag()):
                 raise ProblemError(412, "it is not the one of If-Match; get it again")
@@ -93,7 +93,7 @@ class Service:
                 raise problem_of(error) from error
             self.settings = http
             self.run.settings = evolve(self.run.settings, maximum_targets=http.maximum_targets)
-            return cycle
+            return cycle, self.etag()
 
     def launch(self, block: Mapping[str, Any]) -> dict[str, Any]:
         """Add a launch to the run and return the answer to who asked."""
@@ -215,8 +215,8 @@ def etag_of(config: Mapping[str, Any]) -> str:
 
 
 def _lag(sink: OutletStatus) -> int:
-    """Return how many of the events given to a sink are not accounted for yet."""
-    return max(0, sink.given - sink.delivered - sink.dropped)
+    """Return how many events a sink was given, or found in its spool, that are not accounted for yet."""
+    return max(0, sink.given + sink.recovered - sink.delivered - sink.dropped - sink.withheld)
 
 
 def _checked(attribute: Any, value: Any) -> None:

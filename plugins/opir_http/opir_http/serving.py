@@ -108,6 +108,7 @@ def told(status: LiveStatus) -> str:
     )
     sinks = (
         f"opir: {sink.path} ({sink.name}): {sink.delivered} delivered, {sink.spooled} spooled, {sink.dropped} dropped"
+        + (f", {sink.withheld} withheld" if sink.withheld else "")
         + (f"; {sink.error}" if sink.error else "")
         + "\n"
         for sink in status.sinks

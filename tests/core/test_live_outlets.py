@@ -1,0 +1,181 @@
+"""Sinks of a live run: nothing is lost, nobody hears of an event too early, and no sink holds up another."""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import pytest
+from attrs import evolve
+
+from opir_core.engine import Engine
+from opir_core.errors import SinkError
+from opir_core.live.outlets import QUEUED_WINDOWS, Outlet
+from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live.telling import LiveWindow
+from opir_core.plan import compile_plan
+from opir_core.plugin.host import Host
+from opir_core.protocols import Delivery
+from opir_core.reading import scene_from_mapping
+from opir_core.records import Window
+from opir_core.scene import Scene
+
+NS = 1_000_000_000
+SCENE: Mapping[str, Any] = {
+    "scene": "outlets",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 60,
+    "seed": 3,
+    "sensors": [{"constellation": "DSP"}, {"constellation": "SBIRS-GEO"}],
+    "targets": [
+        {
+            "id": "T1",
+            "type": "ICBM",
+            "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 3.0},
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+        }
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def host() -> Host:
+    return Host.discover()
+
+
+@pytest.fixture(scope="module")
+def scene(host: Host) -> Scene:
+    return scene_from_mapping(SCENE, host=host)
+
+
+def run_into(host: Host, speed: float | None, *outputs: Mapping[str, Any]) -> LiveRun:
+    return LiveRun(scene_from_mapping({**SCENE, "outputs": outputs}, host=host), host, LiveSettings(speed=speed))
+
+
+def until(is_so: Callable[[], bool]) -> None:
+    give_up_at = time.monotonic() + 30.0
+    while not is_so():
+        assert time.monotonic() < give_up_at
+        time.sleep(0.005)
+
+
+class Slow:
+    """A sink that takes its time, or fails."""
+
+    def __init__(self, gate: threading.Event, error: str | None = None) -> None:
+        self.gate, self.error, self.taken = gate, error, 0
+
+    def write(self, window: Window) -> None:
+        self.gate.wait(10.0)
+        if self.error:
+            raise SinkError(self.error)
+        self.taken += len(window.detections)
+
+    def close(self) -> Delivery:
+        return Delivery(delivered=self.taken)
+
+
+def some_window(scene: Scene, host: Host) -> Window:
+    return Engine(compile_plan(scene, host)).advance(20 * NS)
+
+
+def test_a_slow_sink_loses_nothing_and_one_that_fails_is_told(scene: Scene, host: Host) -> None:
+    window, gate = some_window(scene, host), threading.Event()
+    slow, broken = Outlet("outputs[0]", "slow", Slow(gate)), Outlet("outputs[1]", "broken", Slow(gate, "no room"))
+    for _ in range(QUEUED_WINDOWS // 2):
+        slow.write(window, threading.Event())
+        broken.write(window, threading.Event())
+    gate.set()
+    slow.close(time.monotonic() + 10.0)
+    broken.close(time.monotonic() + 10.0)
+    events = len(window.detections) * (QUEUED_WINDOWS // 2)
+    assert (slow.status().delivered, slow.status().state) == (events, "closed")
+    assert (broken.status().dropped, broken.status().state, broken.status().error) == (events, "failed", "no room")
+
+
+class Kept(Slow):
+    """A sink with a spool, which counts what it has written down, and how many of another's windows came before."""
+
+    outlives_the_process = True
+
+    def __init__(self, heard: Callable[[], int]) -> None:
+        super().__init__(threading.Event())
+        self.gate.set()
+        self.heard = heard
+        self.ahead: list[int] = []
+
+    def write(self, window: Window) -> None:
+        self.ahead.append(self.heard() - self.taken)
+        super().write(window)
+
+
+def test_nobody_hears_of_an_event_before_the_outputs_with_a_spool_have_it(scene: Scene, host: Host) -> None:
+    shown: list[LiveWindow] = []
+    run = LiveRun(evolve(scene, outputs=()), host, LiveSettings(speed=None), shown.append)
+    other = Slow(threading.Event())
+    other.gate.set()
+    kept = Kept(lambda: max(run.status().detections, told(shown), other.taken))
+    run._outlets = (Outlet("outputs[0]", "other", other), Outlet("outputs[1]", "kept", kept, is_kept=True))
+    run._state = "running"
+    run._thread.start()
+    until(lambda: run.state == "ended")
+    run.stop()
+    assert kept.taken == other.taken == told(shown) == run.status().detections > 0
+    assert max(kept.ahead) == 0
+
+
+def told(shown: list[LiveWindow]) -> int:
+    return sum(len(live.window.detections) for live in shown)
+
+
+def test_a_kept_output_that_fails_is_told_and_the_run_goes_on(scene: Scene, host: Host) -> None:
+    window, gate = some_window(scene, host), threading.Event()
+    gate.set()
+    broken = Outlet("outputs[0]", "broken", Slow(gate, "no room"), is_kept=True)
+    for _ in range(3):
+        broken.write(window, threading.Event())
+    broken.close(time.monotonic() + 5.0)
+    told = broken.status()
+    assert (told.state, told.error, told.dropped) == ("failed", "no room", 3 * len(window.detections))
+
+
+def test_a_spooled_output_that_is_changed_loses_nothing(tmp_path: Any, host: Host) -> None:
+    kept = {"path": str(tmp_path / "one.jsonl"), "spool": {"path": str(tmp_path / "spool")}}
+    run = run_into(host, 20.0, {"jsonl": kept})
+    run.start()
+    until(lambda: run.status().detections > 50)
+    settings = run.settings_mapping()
+    settings["outputs"][0]["jsonl"]["path"] = str(tmp_path / "two.jsonl")
+    run.configure(settings)
+    taken = run.status().detections
+    until(lambda: run.status().detections > taken + 50)
+    status = run.stop()
+    written = [(tmp_path / name).read_bytes().count(b"\n") for name in ("one.jsonl", "two.jsonl")]
+    assert min(written) > 0
+    sink = status.sinks[0]
+    assert (sum(written), sink.spooled, sink.dropped) == (status.detections, 0, 0)
+    assert sink.given == sink.delivered == status.detections
+
+
+def test_a_sink_that_hangs_does_not_keep_the_run_from_stopping(scene: Scene, host: Host) -> None:
+    hanging = Outlet("outputs[0]", "hanging", Slow(threading.Event()))
+    hanging.write(some_window(scene, host), threading.Event())
+    before = time.monotonic()
+    hanging.close(before + 0.2)
+    assert time.monotonic() - before < 5.0
+    assert hanging.status().error == "it did not close before the deadline"
+
+
+def test_changed_outputs_are_opened_anew_and_counts_go_on(tmp_path: Any, host: Host) -> None:
+    run = run_into(host, 20.0, {"jsonl": {"path": str(tmp_path / "one.jsonl")}})
+    run.start()
+    until(lambda: run.status().detections > 50)
+    settings = run.settings_mapping()
+    settings["outputs"][0]["jsonl"]["path"] = str(tmp_path / "two.jsonl")
+    run.configure(settings)
+    taken = run.status().detections
+    until(lambda: run.status().detections > taken + 50)
+    status = run.stop()
+    written = [(tmp_path / name).read_bytes().count(b"\n") for name in ("one.jsonl", "two.jsonl")]
+    assert min(written) > 0
+    assert sum(written) == status.sinks[0].delivered == status.detections
