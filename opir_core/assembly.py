@@ -1,7 +1,6 @@
 """From looks that detect to detections: measured, classified, given a confidence and an id."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
@@ -26,9 +25,6 @@ from opir_core.records import (
 )
 from opir_core.sites import Sites
 
-if TYPE_CHECKING:
-    from opir_core.knots import Spans
-
 #: The number of bits set in each byte.
 _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
 
@@ -37,8 +33,7 @@ _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64
 class Hits(Columns):
     """Looks of a window that detect: their rows among the looks, pairs, and running detection counts.
 
-    `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error; `stretch` is the
-    look's among the knots, where there are any.
+    `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error.
     """
 
     row: IntArray
@@ -46,7 +41,6 @@ class Hits(Columns):
     count: IndexArray
     probability: FloatArray
     direction_words: NDArray[np.uint64]
-    stretch: IntArray
 
 
 class Assembly:
@@ -60,13 +54,13 @@ class Assembly:
         self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)
 
     def block(
-        self, looks: Looks, hits: Hits, numbers: WindowNumbers, spans: "Spans | None" = None
+        self, looks: Looks, hits: Hits, numbers: WindowNumbers, measured: Measured | None = None
     ) -> tuple[Detections, DetectionTruth]:
-        """Return the detections of a block of hits, and their truth."""
+        """Return the detections of a block of hits, and their truth; the model is asked where nothing is measured."""
         plan, dice = self._plan, numbers.of(hits.row, hits.pair)
         scan = looks.scan[hits.row]
         exposed = exposures(plan, self._sites, hits.pair, scan, geometry=True)
-        measured = self._measured(exposed, hits, dice, spans)
+        measured = plan.detection.measure(exposed, dice) if measured is None else measured
         sightings = self._sightings(exposed, measured, hits)
         sigma_rad = measured.line_of_sight_sigma_rad
         if sigma_rad is None:
@@ -76,12 +70,6 @@ class Assembly:
             exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
         )
         return detections, truth
-
-    def _measured(self, exposed: Exposures, hits: Hits, dice: RowDice, spans: "Spans | None") -> Measured:
-        model = self._plan.detection
-        if spans is None:
-            return model.measure(exposed, dice)
-        return spans.measured(model, hits.stretch, exposed, dice)
 
     def _sightings(self, exposed: Exposures, measured: Measured, hits: Hits) -> Sightings:
         return Sightings(

@@ -10,7 +10,7 @@ _Filled = TypeVar("_Filled", bound="Columns")
 
 
 class Columns:
-    """What all records of columns can do; the first attribute of a record gives its length."""
+    """What all records of columns can do; the first attribute of a record gives its length, and any may be None."""
 
     def __len__(self) -> int:
         return len(getattr(self, names_of(type(self))[0]))
@@ -24,6 +24,11 @@ class Columns:
         for name in names_of(type(self)):
             getattr(self, name).flags.writeable = False
         return self
+
+    def overwrite(self, rows: Any, other: Self) -> None:
+        """Overwrite some rows with those of another record."""
+        for name in names_of(type(self)):
+            getattr(self, name)[rows] = getattr(other, name)
 
     def blank(self, rows: int) -> Self:
         """Return a record like this one, of so many rows that are still to be written."""
@@ -45,7 +50,8 @@ class Columns:
         raise TypeError(f"{cls.__name__} has no empty form")
 
     def _map(self, change: Callable[[Any], Any]) -> Self:
-        return type(self)(*(change(getattr(self, name)) for name in names_of(type(self))))
+        columns = (getattr(self, name) for name in names_of(type(self)))
+        return type(self)(*(None if column is None else change(column) for column in columns))
 
 
 class Filling(Generic[_Filled]):
@@ -62,7 +68,9 @@ class Filling(Generic[_Filled]):
         if self._whole is None:
             self._whole = part.blank(self._rows)
         for name in names_of(self._record):
-            getattr(self._whole, name)[self._at : self._at + len(part)] = getattr(part, name)
+            column = getattr(part, name)
+            if column is not None:
+                getattr(self._whole, name)[self._at : self._at + len(part)] = column
         self._at += len(part)
 
     def record(self) -> _Filled:

@@ -1,13 +1,14 @@
 """The random numbers of a window's looks: one stream a pair and purpose, read in bulk, handed out by row."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.randomness import Stream, stream_key, uniforms_of
-from opir_core.records import FloatArray, IntArray
+from opir_core.randomness import Stream, normal_pairs, stream_key, uniforms_of
+from opir_core.records import BoolArray, FloatArray, IntArray
 
 Words = NDArray[np.uint64]
 
@@ -73,31 +74,56 @@ class PairStreams:
 
 
 class WindowNumbers:
-    """The numbers of all looks of a window, by purpose, each drawn once, when first asked for.
+    """The numbers of all looks of a window, by purpose: a pair's are drawn when one of its looks is first asked for.
 
     The looks are those of the `active` pairs laid end to end, `scans` of each from `first_scan` on.
     """
 
     def __init__(self, streams: PairStreams, active: IntArray, first_scan: IntArray, scans: IntArray) -> None:
         self._streams = streams
-        self._looks = (active, first_scan, scans)
-        self._drawn: dict[tuple[str, int], FloatArray] = {}
+        self._active, self._first_scan, self._scans = active, first_scan, scans
+        self._ends = np.cumsum(scans)
+        self._drawn: dict[tuple[str, int], tuple[Words, BoolArray]] = {}
 
-    def words(self, purpose: str) -> Words:
-        """Return (looks,) raw words, drawn anew at each call."""
-        return self._streams.words(purpose, 1, *self._looks)
+    def words(self, purpose: str, pairs: BoolArray | None = None) -> Words:
+        """Return (looks,) raw words, drawn anew at each call; 0 where only some `pairs` (active,) are asked for."""
+        if pairs is None:
+            return self._streams.words(purpose, 1, self._active, self._first_scan, self._scans)
+        words = np.zeros(int(self._ends[-1]) if len(self._ends) else 0, dtype=np.uint64)
+        self._draw(words.reshape(-1, 1), purpose, pairs)
+        return words
 
-    def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
-        """Return (looks, words) numbers in [0, 1)."""
+    def of_rows(self, purpose: str, words: int, rows: IntArray, pair: IntArray) -> Words:
+        """Return (rows, words) raw words of some of the looks, which are those of pairs (rows,)."""
         key = (purpose, words)
         if key not in self._drawn:
-            raw = self._streams.words(purpose, words, *self._looks)
-            self._drawn[key] = uniforms_of(raw).reshape(-1, words)
-        return self._drawn[key]
+            looks = int(self._ends[-1]) if len(self._ends) else 0
+            self._drawn[key] = np.empty((looks, words), dtype=np.uint64), np.zeros(len(self._active), dtype=np.bool_)
+        drawn, known = self._drawn[key]
+        if not known.all():
+            asked = np.zeros(int(self._active[-1]) + 1, dtype=np.bool_)
+            asked[pair] = True
+            missing = asked[self._active] & ~known
+            self._draw(drawn, purpose, missing)
+            known |= missing
+        return drawn.take(rows, axis=0)
 
     def of(self, rows: IntArray, pair: IntArray) -> "RowDice":
         """Return the dice of some of the looks; `pair` is each row's pair."""
         return RowDice(self, self._streams, rows, pair)
+
+    def _draw(self, into: Words, purpose: str, pairs: BoolArray) -> None:
+        words = into.shape[1]
+        chosen = np.flatnonzero(pairs)
+        columns = self._active[chosen], self._first_scan[chosen], self._scans[chosen]
+        raw = self._streams.words(purpose, words, *columns).reshape(-1, words)
+        if len(chosen) == len(self._active):
+            into[:] = raw
+            return
+        at = 0
+        for end, scans in zip(self._ends[chosen].tolist(), columns[2].tolist(), strict=True):
+            into[end - scans : end] = raw[at : at + scans]
+            at += scans
 
 
 @frozen(eq=False)
@@ -111,10 +137,22 @@ class RowDice:
 
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), fresh for each scan."""
-        chosen: FloatArray = self.numbers.uniforms(purpose, words)[self.rows]
-        return chosen
+        return uniforms_of(self.numbers.of_rows(purpose, words, self.rows, self.pair))
+
+    def normals(self, purpose: str, count: int = 1) -> FloatArray:
+        """Return (rows, count) standard normal numbers, fresh for each scan: two of each raw word."""
+        words = self.numbers.of_rows(purpose, (count + 1) // 2, self.rows, self.pair)
+        columns = np.empty((count, len(self.rows)))
+        for word in range(words.shape[1]):
+            pair = normal_pairs(words[:, word])
+            columns[2 * word : 2 * word + 2] = pair[: count - 2 * word]
+        return columns.T
 
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
         chosen: FloatArray = self.streams.constants(purpose, words)[self.pair]
         return chosen
+
+    def take(self, rows: Any) -> "RowDice":
+        """Return the dice of some of the rows."""
+        return RowDice(self.numbers, self.streams, self.rows[rows], self.pair[rows])

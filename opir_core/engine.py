@@ -15,13 +15,15 @@ from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.errors import ModelError
 from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names, scan_names, seen
 from opir_core.plan import Plan
+from opir_core.protocols import Measured
+from opir_core.randomness import uniforms_of
 from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
 from opir_core.sightlines import Pairs
 from opir_core.sites import Sites
 from opir_core.ticks import TickedTracker
 
 if TYPE_CHECKING:
-    from opir_core.exceedances import NoiseMaker
+    from opir_core.exceedances import Noise, NoiseMaker
     from opir_core.knots import Knots, Spans
 
 #: numpy sorts whole numbers of 16 bits by radix, several times faster than longer ones.
@@ -56,7 +58,8 @@ class Engine:
         start_ns, self.time_ns = self.time_ns, end_ns
         looks = Looks.between(self.plan.pairs, start_ns, end_ns)
         numbers = WindowNumbers(self._streams, looks.active, looks.first_scan, looks.scans)
-        detections, truth = self._with_noise(self._detected(looks, numbers), start_ns, end_ns)
+        noise = None if self._noise is None else self._noise.between(start_ns, end_ns)
+        detections, truth = self._detected(looks, numbers, noise)
         tracked = self._tracker.absorb(detections, start_ns, end_ns)
         self._streams.forget(looks.active[self.plan.pairs.is_over(end_ns)[looks.active]])
         return Window(
@@ -69,38 +72,55 @@ class Engine:
             estimates=tracked.estimates,
         )
 
-    def _detected(self, looks: Looks, numbers: WindowNumbers) -> tuple[Detections, DetectionTruth]:
+    def _detected(
+        self, looks: Looks, numbers: WindowNumbers, noise: "Noise | None"
+    ) -> tuple[Detections, DetectionTruth]:
         spans = None if self._knots is None else self._knots.over(looks)
         hits = self._hits(looks, numbers, spans)
+        measured = None if spans is None else self._measured(hits, numbers, spans)
+        time_ns = look_times_ns(self.plan.pairs, hits.pair, looks.scan[hits.row])
+        order = self._order(time_ns, hits.pair)
+        if noise is None:
+            return self._assembled(looks, numbers, hits, measured, order)
+        if not len(order):
+            return noise.detections, noise.truth
+        places = noise.places(time_ns[order], self.plan.pairs.sensor[hits.pair[order]])
+        detections, truth = self._assembled(looks, numbers, hits, measured, _with_gaps(order, places))
+        detections.overwrite(places, noise.detections)
+        truth.overwrite(places, noise.truth)
+        return detections, truth
+
+    def _assembled(
+        self, looks: Looks, numbers: WindowNumbers, hits: Hits, measured: Measured | None, order: IntArray
+    ) -> tuple[Detections, DetectionTruth]:
+        """Return the detections of hits in an order, and their truth."""
+        hits, measured = hits.take(order), None if measured is None else measured.take(order)
         detections, truth = Filling(Detections, len(hits)), Filling(DetectionTruth, len(hits))
         for rows in blocks(len(hits)):
-            found, true = self._assembly.block(looks, hits.take(rows), numbers, spans)
+            of_rows = None if measured is None else measured.take(rows)
+            found, true = self._assembly.block(looks, hits.take(rows), numbers, of_rows)
             detections.put(found)
             truth.put(true)
         return detections.record(), truth.record()
 
-    def _with_noise(
-        self, found: tuple[Detections, DetectionTruth], start_ns: int, end_ns: int
-    ) -> tuple[Detections, DetectionTruth]:
-        """Return detections and truth with what noise alone makes, in order; behind a target's at the same moment."""
-        if self._noise is None:
-            return found
-        noise, nobody = self._noise.between(start_ns, end_ns)
-        if not len(noise):
-            return found
-        detections, truth = Detections.concatenate([found[0], noise]), DetectionTruth.concatenate([found[1], nobody])
-        order = np.lexsort((detections.sensor, detections.time_ns))
-        return detections.take(order), truth.take(order)
-
     def _hits(self, looks: Looks, numbers: WindowNumbers, spans: "Spans | None") -> Hits:
-        """Return the looks that detect, sorted by time, then sensor, then target."""
+        """Return the looks that detect, sorted by sensor, then target, then time."""
         probability = self._probability(looks, spans)
-        row = np.flatnonzero(numbers.uniforms("detection")[:, 0] < probability)
+        # Looks that detect for certain, or never, need no die: 0 will do.
+        cast = numbers.words("detection", None if spans is None else spans.undecided(looks))
+        row = np.flatnonzero(uniforms_of(cast) < probability)
         pair = looks.pair[row]
-        order = self._order(look_times_ns(self.plan.pairs, pair, looks.scan[row]), pair)
-        words = numbers.words("line-of-sight")[row]
-        stretch = row if spans is None else spans.stretch()[row]
-        return Hits(row, pair, self._counted(pair), probability[row], words, stretch).take(order)
+        words = numbers.words("line-of-sight", None if spans is None else np.isin(looks.active, pair))[row]
+        return Hits(row, pair, self._counted(pair), probability[row], words)
+
+    def _measured(self, hits: Hits, numbers: WindowNumbers, spans: "Spans") -> Measured | None:
+        """Return what hits measure, which come sorted by sensor: each one's are next to one another."""
+        filling = Filling(Measured, len(hits))
+        for rows in blocks(len(hits)):
+            row, pair = hits.row[rows], hits.pair[rows]
+            sensor = self.plan.pairs.sensor[pair]
+            filling.put(spans.measured(self.plan.detection, row, sensor, numbers.of(row, pair)))
+        return filling.record() if len(hits) else None
 
     def _order(self, time_ns: IntArray, pair: IntArray) -> IntArray:
         """Return the order by time, then pair, of rows that come sorted by pair, then time."""
@@ -165,6 +185,14 @@ def _noise(plan: Plan, sites: Sites) -> "NoiseMaker | None":
 def _tick_ns(pairs: Pairs) -> int:
     """Return the longest step that all look times are whole multiples of, ns."""
     return int(np.gcd.reduce(np.concatenate([pairs.period_ns, pairs.phase_ns]), initial=0)) or 1
+
+
+def _with_gaps(order: IntArray, places: IntArray) -> IntArray:
+    """Return an order (n,) of rows with a place at each of these (m,) of the result: a neighbour's row stands there."""
+    gap = np.zeros(len(order) + len(places), dtype=np.int64)
+    gap[places] = 1
+    longer: IntArray = order[np.maximum(np.arange(len(gap)) - np.cumsum(gap), 0)]
+    return longer
 
 
 def checked_probability(probability: FloatArray, rows: int) -> FloatArray:

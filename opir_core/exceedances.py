@@ -6,6 +6,7 @@ scans by block of scans, so that neither windows nor other sensors or targets ch
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -34,7 +35,7 @@ _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64
 
 
 @frozen(eq=False)
-class _Noise:
+class _Draws:
     """A window's exceedances: when, by which sensor, in which direction, and the numbers of each."""
 
     time_ns: IntArray
@@ -44,6 +45,30 @@ class _Noise:
     line_of_sight_ecef: FloatArray
     sensor_ecef_m: FloatArray
     uniforms: FloatArray
+
+
+@frozen(eq=False)
+class Noise:
+    """A window's exceedances as detections with their truth, sorted by time, then sensor."""
+
+    detections: Detections
+    truth: DetectionTruth
+
+    def places(self, time_ns: IntArray, sensor: IndexArray) -> IntArray:
+        """Return the exceedances' rows among all detections, where targets' come in this order of times and sensors.
+
+        At the same moment a sensor's own targets come first.
+        """
+        own_ns, own_sensor = self.detections.time_ns, self.detections.sensor
+        before = np.searchsorted(time_ns, own_ns, side="right")
+        late = np.flatnonzero(before > 0)
+        while late.size:
+            last = before[late] - 1
+            late = late[(time_ns[last] == own_ns[late]) & (sensor[last] > own_sensor[late])]
+            before[late] -= 1
+            late = late[before[late] > 0]
+        places: IntArray = before + np.arange(len(before))
+        return places
 
 
 class NoiseMaker:
@@ -60,17 +85,17 @@ class NoiseMaker:
             for number in np.flatnonzero(self._rate > 0.0).tolist()
         ]
 
-    def between(self, start_ns: int, end_ns: int) -> tuple[Detections, DetectionTruth]:
-        """Return the exceedances in [start, end) of scene time, sorted by time, then sensor."""
+    def between(self, start_ns: int, end_ns: int) -> "Noise | None":
+        """Return the exceedances in [start, end) of scene time, sorted by time, then sensor; None where none is."""
         parts = [sensor.between(start_ns, end_ns) for sensor in self._sensors]
         found = [part for part in parts if len(part.time_ns)]
         if not found:
-            return Detections.empty(), DetectionTruth.empty()
-        joined = _Noise(*(np.concatenate([getattr(part, name) for part in found]) for name in _NAMES))
+            return None
+        joined = _Draws(*(np.concatenate([getattr(part, name) for part in found]) for name in _NAMES))
         order = np.lexsort((joined.sensor, joined.time_ns))
-        return self._told(_Noise(*(getattr(joined, name)[order] for name in _NAMES)))
+        return self._told(_Draws(*(getattr(joined, name)[order] for name in _NAMES)))
 
-    def _told(self, noise: _Noise) -> tuple[Detections, DetectionTruth]:
+    def _told(self, noise: _Draws) -> "Noise":
         measured = self._model.measure_noise(noise.sensor, noise.uniforms)
         sightings = self._sightings(noise, measured)
         rows = len(noise.time_ns)
@@ -94,9 +119,9 @@ class NoiseMaker:
             band_irradiance_w_m2=sightings.band_irradiance_w_m2,
         )
         truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, unknown)
-        return detections, truth
+        return Noise(detections, truth)
 
-    def _sightings(self, noise: _Noise, measured: Measured) -> Sightings:
+    def _sightings(self, noise: _Draws, measured: Measured) -> Sightings:
         """Return what classifiers and confidence models see: the line of sight is taken to end on the ground."""
         rows = len(noise.time_ns)
         ground = intersection_with_ellipsoid(noise.sensor_ecef_m, noise.line_of_sight_ecef)
@@ -137,8 +162,14 @@ class _NoDice:
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         return np.full((self.rows, words), 0.5)
 
+    def normals(self, purpose: str, count: int = 1) -> FloatArray:
+        return np.zeros((self.rows, count))
+
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         return np.full((self.rows, words), 0.5)
+
+    def take(self, rows: Any) -> "_NoDice":
+        return _NoDice(len(np.arange(self.rows)[rows]))
 
 
 class _SensorNoise:
@@ -157,7 +188,7 @@ class _SensorNoise:
         self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
         self._key = stream_key_words(plan.scene, [(name, "\x1fnoise")])
 
-    def between(self, start_ns: int, end_ns: int) -> _Noise:
+    def between(self, start_ns: int, end_ns: int) -> _Draws:
         """Return the exceedances in [start, end) of scene time."""
         block_ns = self._scans * self._sensor.scan.period_ns
         # A scan's looks come up to a period after it begins.
@@ -176,7 +207,7 @@ class _SensorNoise:
         scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
         return self._within(scan, uniforms, block * room + place, start_ns, end_ns)
 
-    def _within(self, scan: IntArray, uniforms: FloatArray, serial: IntArray, start_ns: int, end_ns: int) -> _Noise:
+    def _within(self, scan: IntArray, uniforms: FloatArray, serial: IntArray, start_ns: int, end_ns: int) -> _Draws:
         period_ns = self._sensor.scan.period_ns
         sensor = np.full(len(scan), self._number, dtype=np.int32)
         at_m = self._sites.positions(sensor, (scan * period_ns).astype(np.float64) * 1e-9)
@@ -186,7 +217,7 @@ class _SensorNoise:
         time_ns = scan * period_ns + phase_ns
         kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
         keys = np.repeat(self._key, len(kept), axis=0)
-        return _Noise(
+        return _Draws(
             time_ns=time_ns[kept],
             sensor=sensor[kept],
             scan=scan[kept],
@@ -224,4 +255,4 @@ def poisson_table(mean: float) -> FloatArray:
     return table
 
 
-_NAMES = names_of(_Noise)
+_NAMES = names_of(_Draws)

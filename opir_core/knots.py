@@ -16,7 +16,7 @@ from attrs import frozen
 from opir_core.looks import Looks, blocks, exposures
 from opir_core.plan import Plan
 from opir_core.protocols import Dice, Measured
-from opir_core.records import BoolArray, Exposures, FloatArray, IntArray
+from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response, Responsive
 from opir_core.sites import Sites
 
@@ -56,7 +56,7 @@ class _Stretches(NamedTuple):
 class Knots:
     """Straight lines over scans, one a stretch, sorted by pair and scan.
 
-    `key` (k,) is the pair's number and the stretch's first scan in one; `at` and `rise` (k, 1 + 2 B) the quantile,
+    `key` (k,) is the pair's number and the stretch's first scan in one; `at` and `rise` (1 + 2 B, k) the quantile,
     signals and noise at that scan and by how much they rise a scan.
     """
 
@@ -65,6 +65,7 @@ class Knots:
     at: FloatArray
     rise: FloatArray
     width: int
+    is_doubtful: BoolArray
 
     @classmethod
     def of(cls, plan: Plan, sites: Sites, tolerance: float) -> "Knots":
@@ -79,23 +80,24 @@ class Knots:
         starts = np.searchsorted(keys, self.key)
         counts = np.diff(starts, append=len(keys))
         used = np.flatnonzero(counts)
-        return Spans(self, used, counts[used], looks.scan)
+        return Spans(self, used, counts[used], starts[used] + counts[used], looks.scan)
 
 
 @frozen(eq=False)
 class Spans:
-    """The stretches of a window's looks: `used` (m,) of the knots, and how many looks (m,) each has."""
+    """The stretches of a window's looks: `used` (m,) of the knots, how many looks each has, and the row behind them."""
 
     knots: Knots
     used: IntArray
     counts: IntArray
+    ends: IntArray
     scan: IntArray
 
     def probability(self) -> FloatArray:
         """Return the probability of detection (n,) of each look."""
         from scipy.special import ndtr
 
-        at, rise = self.knots.at[self.used, 0], self.knots.rise[self.used, 0]
+        at, rise = self.knots.at[0, self.used], self.knots.rise[0, self.used]
         quantile = np.repeat(at - rise * self.knots.first[self.used], self.counts)
         quantile += np.repeat(rise, self.counts) * self.scan
         probability = np.ones(len(quantile))
@@ -103,23 +105,29 @@ class Spans:
         probability[doubtful] = ndtr(quantile[doubtful])
         return probability
 
-    def stretch(self) -> IntArray:
-        """Return the stretch (n,) of each look."""
-        return np.repeat(self.used, self.counts)
+    def undecided(self, looks: Looks) -> BoolArray:
+        """Return of which active pairs a look of the window may go either way."""
+        doubtful = np.zeros(len(looks.active), dtype=np.bool_)
+        pair = self.knots.key[self.used] >> _SCAN_BITS
+        doubtful[np.searchsorted(looks.active, pair[self.knots.is_doubtful[self.used]])] = True
+        return doubtful
 
-    def measured(self, model: object, stretch: IntArray, exposed: Exposures, dice: Dice) -> Measured:
-        """Return what is measured in looks (n,) that detected, in given stretches."""
+    def measured(self, model: object, row: IntArray, sensor: IndexArray, dice: Dice) -> Measured:
+        """Return what is measured in looks (n,) that detected, given by their rows in the window, in order."""
         assert isinstance(model, Responsive)
-        return model.measure_response(self.response(stretch, exposed.scan), exposed.sensor, dice)
+        return model.measure_response(self.response(row), sensor, dice)
 
-    def response(self, stretch: IntArray, scan: IntArray) -> Response:
-        """Return what looks (n,) in given stretches would measure."""
+    def response(self, row: IntArray) -> Response:
+        """Return what looks (n,), given by their rows in the window, in order, would measure."""
         knots = self.knots
-        since = (scan - knots.first[stretch]).astype(np.float64)
-        values = knots.rise.take(stretch, axis=0)
-        values *= since[:, None]
-        values += knots.at.take(stretch, axis=0)
-        return Response(values[:, 0], values[:, 1 : 1 + knots.width], values[:, 1 + knots.width :])
+        first, last = np.searchsorted(self.ends, row[[0, -1]], side="right")
+        used = self.used[first : last + 1]
+        times = np.diff(np.searchsorted(row, self.ends[first : last + 1]), prepend=0)
+        since = (self.scan[row] - np.repeat(knots.first[used], times)).astype(np.float64)
+        columns = np.repeat(knots.rise[:, used], times, axis=1)
+        columns *= since
+        columns += np.repeat(knots.at[:, used], times, axis=1)
+        return Response(columns[0], columns[1 : 1 + knots.width].T, columns[1 + knots.width :].T)
 
 
 class _Weaver:
@@ -201,7 +209,9 @@ class _Weaver:
         at = values[first_row]
         rise = (values[last_row] - at) / np.maximum(last - first, 1)[:, None]
         # The last look of a pair belongs to the stretch that ends there; a pair's only look has one of no length.
-        return Knots((pair << _SCAN_BITS) | first, first, at, rise, self._width)
+        ends = np.stack([at[:, 0], values[last_row, 0]])
+        is_doubtful = (ends.min(axis=0) < _CERTAIN) & (ends.max(axis=0) > -_FARTHEST)
+        return Knots((pair << _SCAN_BITS) | first, first, at.T.copy(), rise.T.copy(), self._width, is_doubtful)
 
 
 def _halved(stretches: _Stretches, middle: IntArray, row: IntArray) -> _Stretches:

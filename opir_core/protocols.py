@@ -14,6 +14,7 @@ import numpy as np
 from attrs import field, frozen
 from numpy.typing import NDArray
 
+from opir_core.columns import Columns
 from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks, Window
 
 if TYPE_CHECKING:
@@ -90,10 +91,7 @@ class Sensor:
 
 
 class Trajectories(Protocol):
-    """All targets of one model: when they burn and where they are.
-
-    One that was made of files has them in `files`, mappings of `path` and `sha256`, for the manifest.
-    """
+    """All targets of one model; made of files, it has these in `files`, mappings of `path` and `sha256`, too."""
 
     @property
     def type_code(self) -> NDArray[np.uint8]:
@@ -108,10 +106,7 @@ class Trajectories(Protocol):
         """Scene times to which the plumes radiate, (n,) s."""
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of targets (m,) at scene times (m,).
-
-        nan before ignition, and after burnout or, of `FreeFlight`, after the flight's end.
-        """
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan before ignition and after the end."""
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target, of plain values, for the truth file."""
@@ -135,12 +130,18 @@ class Dice(Protocol):
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), fresh for each scan."""
 
+    def normals(self, purpose: str, count: int = 1) -> FloatArray:
+        """Return (rows, count) standard normal numbers, fresh for each scan."""
+
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
 
+    def take(self, rows: Any) -> "Dice":
+        """Return the dice of some of the rows."""
+
 
 @frozen(eq=False)
-class Measured:
+class Measured(Columns):
     """Of looks that detected: as in `Detections`; None for sensors' own sigmas and where no irradiance is measured."""
 
     bands: NDArray[np.uint8]

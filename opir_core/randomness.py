@@ -23,6 +23,9 @@ _UNIT = 2.0**-53
 _ANGLE_BITS = np.uint64(24)
 _DIRECTION_BITS = np.uint64(12)
 _DIRECTION_MASK = np.uint64((1 << 12) - 1)
+_WEYL = np.uint64(0x9E3779B97F4A7C15)
+_MIXING = ((np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)), (np.uint64(27), np.uint64(0x94D049BB133111EB)))
+_LAST_SHIFT = np.uint64(31)
 _REST_RAD = 2.0 * np.pi * 2.0**-24
 _COSINES = np.cos(2.0 * np.pi * 2.0**-12 * np.arange(1 << 12))
 _SINES = np.sin(2.0 * np.pi * 2.0**-12 * np.arange(1 << 12))
@@ -63,6 +66,20 @@ def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
     numbers = _floats(words)
     numbers *= _UNIT
     return numbers
+
+
+def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return word number (n,) of the sequence that each seed (n,) starts, for draws whose count no one knows before.
+
+    SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014), read anywhere.
+    """
+    words = numbers * _WEYL
+    words += seeds
+    for shift, factor in _MIXING:
+        words ^= words >> shift
+        words *= factor
+    words ^= words >> _LAST_SHIFT
+    return words
 
 
 def normal_pairs(words: NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:

@@ -18,13 +18,15 @@ def photon_energy_j(band: Band) -> float:
     return _PHOTON_J_UM / (0.5 * (band.lower_um + band.upper_um))
 
 
-def photon_noise_w_m2(irradiance_w_m2: ArrayLike, collection_m2_s: float, energy_j: float) -> FloatArray:
+def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> FloatArray:
     """Return the standard deviation of an irradiance got by counting photons: sqrt(E · hc/λ / (A η t)), W/m².
 
-    `collection_m2_s` is A η t: aperture, efficiency and integration time. The count is E A η t / (hc/λ), its variance
-    the count itself (Poisson).
+    `count_w_m2` is that of one count, hc/λ / (A η t), of aperture, efficiency and integration time. The number of
+    counts is E over it, its variance the number itself (Poisson).
     """
-    noise: FloatArray = np.sqrt(np.asarray(irradiance_w_m2, dtype=np.float64) * (energy_j / collection_m2_s))
+    noise: FloatArray = np.sqrt(
+        np.asarray(irradiance_w_m2, dtype=np.float64) * np.asarray(count_w_m2, dtype=np.float64)
+    )
     return noise
 
 

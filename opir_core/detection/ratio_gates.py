@@ -74,9 +74,14 @@ class RatioGates:
         """Return which measurements (n, B) detect."""
         reference = measured[:, self.reference]
         passed: BoolArray = reference >= self.threshold
+        reference_w_m2 = reference * noise[:, self.reference]
         for band in self.others:
-            low, high = self._gate(reference, noise, band)
-            passed &= (measured[:, band] >= low) & (measured[:, band] <= high)
+            passed &= measured[:, band] >= self.coincidence
+            measured_w_m2 = measured[:, band] * noise[:, band]
+            if self.lower[band] > 0.0:
+                passed &= measured_w_m2 >= self.lower[band] * reference_w_m2
+            if np.isfinite(self.upper[band]):
+                passed &= measured_w_m2 <= self.upper[band] * reference_w_m2
         return passed
 
     def confirms(self, measured: FloatArray) -> BoolArray:

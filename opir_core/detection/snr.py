@@ -1,21 +1,19 @@
 """The detection model `snr`: from intensity, air, aperture and noise to the probability of detection."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
-from opir_core.detection.any_band import AnyBand
-from opir_core.detection.calibration import calibrated
 from opir_core.detection.configs import SnrConfig
-from opir_core.detection.irradiance_noise import noise_w_m2, photon_energy_j, photon_noise_w_m2
-from opir_core.detection.ratio_gates import RatioGates
+from opir_core.detection.irradiance_noise import noise_w_m2, photon_noise_w_m2
+from opir_core.detection.measuring import MeasuredColumns
+from opir_core.detection.receivers import Receiver, by_number, noise_chance, receivers_of
+from opir_core.detection.redrawing import measured_to_pass
 from opir_core.detection.threshold import probit
-from opir_core.errors import ModelError
-from opir_core.plugin.radiometer import Radiometer
+from opir_core.dice import Words
 from opir_core.plugin.sensors import MAXIMUM_BANDS
-from opir_core.protocols import Dice, Measured, ModelContext, Sensor
+from opir_core.protocols import Dice, Measured, ModelContext
 from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response
 from opir_core.scenery import Scenery
@@ -24,32 +22,6 @@ from opir_core.scenery import Scenery
 _MOST_SNR = 1e100
 #: Beside one number a band there is one that chooses.
 _FREE = 1
-
-Rule = AnyBand | RatioGates
-
-
-@frozen(eq=False)
-class Receiver:
-    """A sensor as the model needs it: the numbers of its bands in the scenery, its noise and its rule."""
-
-    bands: IntArray
-    radiometer: Radiometer
-    rule: Rule
-    photon_j: tuple[float, ...]
-
-    @property
-    def kind(self) -> tuple[Any, ...]:
-        """Return what receivers share whose noise crosses equally often."""
-        return (self.radiometer, type(self.rule), *self.bands.tolist())
-
-    @property
-    def nei_w_m2(self) -> FloatArray:
-        """Return the noise-equivalent irradiances (B,)."""
-        return np.array(self.radiometer.nei_w_m2, dtype=np.float64)
-
-    def chances(self, snr: FloatArray, noise: FloatArray, slack: float) -> tuple[FloatArray, FloatArray]:
-        """Return ln P_d and ln(1 - P_d) (n,)."""
-        return self.rule.log_chances(snr, noise, slack)
 
 
 @frozen(eq=False)
@@ -86,7 +58,7 @@ class SnrDetection:
         noise = self._noise_w_m2(exposures)
         snr = np.minimum(signal / noise, _MOST_SNR)
         quantile = np.empty(len(exposures))
-        for number, rows in _by_number(exposures.sensor, len(self.receivers)):
+        for number, rows in by_number(exposures.sensor, len(self.receivers)):
             receiver = self.receivers[number]
             width = len(receiver.bands)
             chances = receiver.chances(snr[rows, :width], noise[rows, :width], slack)
@@ -98,17 +70,21 @@ class SnrDetection:
         return self.measure_response(self.response(exposures), exposures.sensor, dice)
 
     def measure_response(self, response: Response, sensor: IndexArray, dice: Dice) -> Measured:
-        """Return what is measured, conditional on the detection: where a free draw does not detect, an exact one."""
-        measured = response.snr + _normals(dice, self.width)
-        for number, rows in _by_number(sensor, len(self.receivers)):
+        """Return what is measured, conditional on the detection: where a free draw does not detect, another does."""
+        found = MeasuredColumns.of(len(sensor), self.width)
+        for number, rows in by_number(sensor, len(self.receivers)):
             receiver = self.receivers[number]
             width = len(receiver.bands)
-            failed = rows[~receiver.rule.passes(measured[rows, :width], response.noise_w_m2[rows, :width])]
+            snr, noise = response.snr[rows, :width], response.noise_w_m2[rows, :width]
+            own_dice = dice.take(rows)
+            measured = snr + own_dice.normals("measurement", width)
+            failed = np.flatnonzero(~receiver.rule.passes(measured, noise))
             if len(failed):
-                columns = response.snr[failed, :width], response.noise_w_m2[failed, :width]
-                uniforms = dice.uniforms("measurement:detected", width + _FREE)[failed]
-                measured[failed, :width] = receiver.rule.conditional(*columns, _chosen(uniforms, width))
-        return self._measured(measured, response.noise_w_m2, sensor)
+                probability = _probability(response.probit[rows][failed])
+                seeds = _seeds(own_dice.take(failed))
+                measured[failed] = measured_to_pass(receiver.rule, snr[failed], noise[failed], probability, seeds)
+            found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.footprint_rad[number]))
+        return found.measured()
 
     @property
     def words(self) -> int:
@@ -117,31 +93,15 @@ class SnrDetection:
 
     def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
         """Return what is measured (n,) where noise alone crossed, before a dark background."""
-        noise, measured = np.ones((len(sensor), self.width)), np.zeros((len(sensor), self.width))
-        for number, rows in _by_number(sensor, len(self.receivers)):
+        found = MeasuredColumns.of(len(sensor), self.width)
+        for number, rows in by_number(sensor, len(self.receivers)):
             receiver = self.receivers[number]
-            width = len(receiver.bands)
-            noise[rows, :width] = noise_w_m2(receiver.nei_w_m2)
-            nothing = np.zeros((len(rows), width))
-            drawn = receiver.rule.conditional(nothing, noise[rows, :width], _chosen(uniforms[rows], width))
-            measured[rows, :width] = drawn
-        return self._measured(measured, noise, sensor)
-
-    def _measured(self, measured: FloatArray, noise: FloatArray, sensor: IndexArray) -> Measured:
-        """Return measurements in standard deviations (n, B) as what a detection carries."""
-        bands, best = np.zeros(len(sensor), dtype=np.uint8), np.empty(len(sensor))
-        irradiance = measured * noise
-        for number, rows in _by_number(sensor, len(self.receivers)):
-            receiver = self.receivers[number]
-            width = len(receiver.bands)
-            own = measured[rows, :width]
-            confirms = receiver.rule.confirms(own)
-            for band in range(width):
-                bands[rows] |= confirms[:, band].astype(np.uint8) << np.uint8(band)
-            best[rows] = own.max(axis=1)
-            irradiance[rows, width:] = np.nan
-        sigma_rad = np.hypot(self.floor_rad[sensor], self.footprint_rad[sensor] / best)
-        return Measured(bands, best, sigma_rad, irradiance)
+            own = uniforms[rows]
+            nothing = np.zeros((len(own), len(receiver.bands)))
+            noise = np.broadcast_to(noise_w_m2(receiver.nei_w_m2), nothing.shape)
+            measured = receiver.rule.conditional(nothing, noise, _chosen(own, len(receiver.bands)))
+            found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.footprint_rad[number]))
+        return found.measured()
 
     def _irradiance_w_m2(self, exposures: Exposures) -> FloatArray:
         """Return the irradiances (n, B) of targets at the aperture; 0 beyond a sensor's bands."""
@@ -157,20 +117,21 @@ class SnrDetection:
 
     def _noise_w_m2(self, exposures: Exposures) -> FloatArray:
         """Return the noise (n, B) at the aperture; 1 beyond a sensor's bands."""
-        noise = np.ones((len(exposures), self.width))
-        view = self.scenery.views(exposures) if self.scenery.has_background else None
-        for number, rows in _by_number(exposures.sensor, len(self.receivers)):
-            receiver = self.receivers[number]
-            pixel_sr = receiver.radiometer.footprint_rad**2
-            for place, band in enumerate(receiver.bands.tolist()):
-                photons, clutter = np.zeros(len(rows)), np.zeros(len(rows))
-                if view is not None:
-                    behind = view.take(rows)
-                    radiance = self.scenery.background.radiance_w_m2_sr(band, behind)
-                    collected = receiver.radiometer.collection_m2_s, receiver.photon_j[place]
-                    photons = photon_noise_w_m2(radiance * pixel_sr, *collected)
-                    clutter = self.scenery.background.clutter_w_m2_sr(band, behind) * pixel_sr
-                noise[rows, place] = noise_w_m2(receiver.nei_w_m2[place], photons, clutter)
+        detector_w_m2 = np.ones((len(self.receivers), self.width))
+        for number, receiver in enumerate(self.receivers):
+            detector_w_m2[number, : len(receiver.bands)] = noise_w_m2(receiver.nei_w_m2)
+        noise = detector_w_m2.take(exposures.sensor, axis=0)
+        if not self.scenery.has_background:
+            return noise
+        view = self.scenery.views(exposures)
+        pixel_sr = np.square(self.footprint_rad)[exposures.sensor]
+        for band, place, rows in self._by_band(exposures.sensor):
+            behind, sensor = view.take(rows), exposures.sensor[rows]
+            per_count = np.array([receiver.count_w_m2(place) for receiver in self.receivers])[sensor]
+            radiance = self.scenery.background.radiance_w_m2_sr(band, behind)
+            clutter = self.scenery.background.clutter_w_m2_sr(band, behind) * pixel_sr[rows]
+            photons = photon_noise_w_m2(radiance * pixel_sr[rows], per_count)
+            noise[rows, place] = noise_w_m2(noise[rows, place], photons, clutter)
         return noise
 
     def _by_band(self, sensor: IndexArray) -> "Sequence[tuple[int, int, IntArray]]":
@@ -178,10 +139,8 @@ class SnrDetection:
         found = []
         for band in range(len(self.scenery.bands)):
             for place in range(self.width):
-                owners = [
-                    n for n, each in enumerate(self.receivers) if each.bands[place : place + 1].tolist() == [band]
-                ]
-                rows = np.flatnonzero(np.isin(sensor, owners)) if owners else np.empty(0, dtype=np.int64)
+                owns = np.array([each.bands[place : place + 1].tolist() == [band] for each in self.receivers])
+                rows = np.flatnonzero(owns[sensor]) if owns.any() else np.empty(0, dtype=np.int64)
                 if len(rows):
                     found.append((band, place, rows))
         return found
@@ -191,7 +150,7 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     """Return the detection model `snr`; raises `ModelError` for sensors that do not say how they measure light."""
     assert context.make_scenery is not None
     scenery = context.make_scenery()
-    receivers = _receivers(context.sensors, scenery, config)
+    receivers = receivers_of(context.sensors, scenery, config)
     half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
     footprint_rad = np.array([receiver.radiometer.footprint_rad for receiver in receivers])
     cells = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle) / footprint_rad)
@@ -208,82 +167,19 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     )
 
 
-def noise_chance(receiver: Receiver) -> float:
-    """Return the logarithm of the chance that noise alone detects, in one resolution cell and look."""
-    nothing = np.zeros((1, len(receiver.bands)))
-    return float(receiver.chances(nothing, noise_w_m2(receiver.nei_w_m2)[None, :], 0.0)[0][0])
+def _probability(quantile: FloatArray) -> FloatArray:
+    from scipy.special import ndtr
+
+    chance: FloatArray = ndtr(quantile)
+    return chance
 
 
-def _receivers(sensors: Sequence[Sensor], scenery: Scenery, config: SnrConfig) -> list[Receiver]:
-    """Return all receivers; those of one kind are calibrated once."""
-    receivers, known = list[Receiver](), dict[tuple[Any, ...], Radiometer]()
-    for sensor in sensors:
-        receiver = _receiver(sensor, scenery)
-        if config.calibrate == "paper":
-            wanted = _wanted(sensor)
-            kind = (*receiver.kind, wanted)
-            if kind not in known:
-                intensity = scenery.reference_intensity_w_sr[receiver.bands]
-                known[kind] = calibrated(receiver.radiometer, receiver.rule, intensity, wanted)
-            receiver = evolve(receiver, radiometer=known[kind])
-        receivers.append(receiver)
-    return receivers
-
-
-def _receiver(sensor: Sensor, scenery: Scenery) -> Receiver:
-    radiometer = sensor.radiometer
-    if radiometer is None:
-        raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}) does not say how it measures light (its noise, its footprint), which"
-            " detection: snr needs; choose another sensor model, or detection: constant"
-        )
-    return Receiver(
-        bands=np.array([scenery.bands.index(band) for band in sensor.bands]),
-        radiometer=radiometer,
-        rule=rule_of(sensor, radiometer),
-        photon_j=tuple(photon_energy_j(band) for band in sensor.bands),
-    )
-
-
-def rule_of(sensor: Sensor, radiometer: Radiometer) -> Rule:
-    """Return how a sensor combines its bands: by its `spectral_discrimination`."""
-    if sensor.spectral_discrimination == "none":
-        return AnyBand(radiometer.threshold)
-    lower, upper = np.array(radiometer.ratios, dtype=np.float64).T
-    return RatioGates(radiometer.threshold, radiometer.coincidence, 0, lower, upper)
-
-
-def _wanted(sensor: Sensor) -> float:
-    probability = sensor.detection_probability.get("ICBM")
-    if probability is None or not 0.0 < probability < 1.0:
-        raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}): calibrate: paper needs a detection_probability for ICBM between 0 and"
-            f" 1, not {probability!r}"
-        )
-    return probability
-
-
-def _normals(dice: Dice, count: int) -> FloatArray:
-    """Return standard normal numbers (rows, count), two of two uniform ones (Box and Muller, 1958)."""
-    columns = []
-    for first in range(0, count, 2):
-        uniforms = dice.uniforms(f"measurement:{first}", 2)
-        radius = np.sqrt(-2.0 * np.log1p(-uniforms[:, 0]))
-        angle = 2.0 * np.pi * uniforms[:, 1]
-        columns.append(radius * np.cos(angle))
-        if first + 1 < count:
-            columns.append(radius * np.sin(angle))
-    return np.stack(columns, axis=1)
+def _seeds(dice: Dice) -> Words:
+    """Return a seed (n,) of 53 bits for each row."""
+    seeds: Words = (dice.uniforms("measurement:again")[:, 0] * 2.0**53).astype(np.uint64) << np.uint64(11)
+    return seeds
 
 
 def _chosen(uniforms: FloatArray, width: int) -> FloatArray:
     """Return the numbers of a sensor's own bands, and the one that chooses, which is the first."""
     return np.concatenate([uniforms[:, 1 : 1 + width], uniforms[:, :1]], axis=1)
-
-
-def _by_number(numbers: IndexArray, count: int) -> "Sequence[tuple[int, IntArray]]":
-    """Return each number that occurs with its rows."""
-    present = np.flatnonzero(np.bincount(numbers, minlength=count)).tolist()
-    if len(present) == 1:
-        return [(present[0], np.arange(len(numbers)))]
-    return [(number, np.flatnonzero(numbers == number)) for number in present]

@@ -7,6 +7,7 @@ from scipy.stats import kstest, norm
 
 from opir_core.detection.any_band import AnyBand
 from opir_core.detection.ratio_gates import RatioGates
+from opir_core.detection.redrawing import LEAST_PROBABLE, measured_to_pass
 from opir_core.detection.truncated import truncated_normals
 
 INF = np.inf
@@ -84,6 +85,31 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
         distance = np.max(np.abs(np.searchsorted(ordered, np.sort(drawn[:, band])) / len(kept) - _shares(len(drawn))))
         # Two samples of n: Kolmogorov's 1.95 at 99.9 % times sqrt(2 / n).
         assert distance < 1.95 * np.sqrt(2.0 / len(kept))
+
+
+@pytest.mark.parametrize("snr", [[6.0, 8.0, 2.5], [1.0, 6.0, 2.0]], ids=["tried again", "inverted"])
+def test_tries_until_one_passes_follow_the_law_of_the_inverse(snr: list[float]) -> None:
+    rng, ones = np.random.default_rng(6), np.ones((20_000, 3))
+    rows = np.tile(snr, (len(ones), 1))
+    chance = np.exp(TRIPLE.log_chances(rows[:1], ones[:1])[0][0])
+    assert (chance > LEAST_PROBABLE) == (snr[0] == 6.0)
+    seeds = rng.integers(0, 2**64, len(ones), dtype=np.uint64)
+    drawn = measured_to_pass(TRIPLE, rows, ones, np.full(len(ones), chance), seeds)
+    inverse = TRIPLE.conditional(rows, ones, rng.random((len(ones), 4)))
+    assert TRIPLE.passes(drawn, ones).all()
+    for band in range(3):
+        ordered = np.sort(inverse[:, band])
+        distance = np.max(np.abs(np.searchsorted(ordered, np.sort(drawn[:, band])) / len(ones) - _shares(len(ones))))
+        assert distance < 1.95 * np.sqrt(2.0 / len(ones))
+
+
+def test_a_row_is_drawn_alike_whoever_is_drawn_with_it() -> None:
+    rng = np.random.default_rng(7)
+    snr, seeds = rng.uniform(3.0, 9.0, (500, 3)), rng.integers(0, 2**64, 500, dtype=np.uint64)
+    chance = np.exp(TRIPLE.log_chances(snr, np.ones((500, 3)))[0])
+    whole = measured_to_pass(TRIPLE, snr, np.ones((500, 3)), chance, seeds)
+    part = slice(100, 137)
+    assert np.array_equal(measured_to_pass(TRIPLE, snr[part], np.ones((37, 3)), chance[part], seeds[part]), whole[part])
 
 
 def _shares(count: int) -> np.ndarray:

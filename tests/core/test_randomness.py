@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from opir_core.dice import PairStreams
-from opir_core.randomness import Stream, normal_pairs, stream_key, uniforms_of
+from opir_core.dice import PairStreams, WindowNumbers
+from opir_core.randomness import Stream, further_words, normal_pairs, stream_key, uniforms_of
 
 
 def raw(count: int, seed: int = 1) -> np.ndarray:
@@ -73,6 +73,37 @@ def test_normal_pairs_are_box_and_mullers_to_1e_12() -> None:
     first, second = normal_pairs(words)
     assert first == pytest.approx(radius * np.cos(2.0 * np.pi * turns), abs=3e-12)
     assert second == pytest.approx(radius * np.sin(2.0 * np.pi * turns), abs=3e-12)
+
+
+def test_further_words_are_those_of_splitmix64() -> None:
+    # The first five of the seed 1234567, as Rosetta Code's page "Pseudo-random numbers/Splitmix64" has them.
+    known = [
+        6457827717110365317,
+        3203168211198807973,
+        9817491932198370423,
+        4593380528125082431,
+        16408922859458223821,
+    ]
+    seeds, numbers = np.full(5, 1234567, dtype=np.uint64), np.arange(1, 6, dtype=np.uint64)
+    assert further_words(seeds, numbers).tolist() == known
+
+
+def test_a_window_hands_out_the_same_numbers_whichever_rows_ask_first() -> None:
+    names = [("S", "T-1"), ("S", "T-2"), ("S", "T-3")]
+    columns = np.array([0, 2]), np.array([5, 0]), np.array([4, 3])
+
+    def numbers() -> WindowNumbers:
+        return WindowNumbers(PairStreams(1, names), *columns)
+
+    whole = numbers().words("line-of-sight")
+    row, pair = np.arange(7), np.repeat(columns[0], columns[2])
+    late_first = numbers()
+    for rows in (slice(5, 6), slice(1, 7), slice(0, 7)):
+        found = late_first.of_rows("line-of-sight", 1, row[rows], pair[rows])[:, 0]
+        assert np.array_equal(found, whole[rows])
+    assert np.array_equal(numbers().words("line-of-sight", np.array([False, True])), [0, 0, 0, 0, *whole[4:]])
+    both = numbers().of(row, pair).normals("x", 3)
+    assert np.array_equal(both[2:5], numbers().of(row, pair).take(slice(2, 5)).normals("x", 3))
 
 
 def test_pairs_of_a_run_do_not_share_numbers() -> None:

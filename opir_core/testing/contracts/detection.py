@@ -24,19 +24,28 @@ RESERVED_PURPOSES = frozenset({"detection", "line-of-sight", "scan-phase"})
 class WatchedDice:
     """Dice that keep note of the purposes they are asked for."""
 
-    def __init__(self, dice: Dice) -> None:
+    def __init__(self, dice: Dice, purposes: set[str] | None = None) -> None:
         self._dice = dice
-        self.purposes: set[str] = set()
+        self.purposes: set[str] = set() if purposes is None else purposes
 
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return the numbers of the dice."""
         self.purposes.add(purpose)
         return self._dice.uniforms(purpose, words)
 
+    def normals(self, purpose: str, count: int = 1) -> FloatArray:
+        """Return the numbers of the dice."""
+        self.purposes.add(purpose)
+        return self._dice.normals(purpose, count)
+
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return the numbers of the dice."""
         self.purposes.add(purpose)
         return self._dice.pair_uniforms(purpose, words)
+
+    def take(self, rows: Any) -> Dice:
+        """Return the dice of some of the rows."""
+        return WatchedDice(self._dice.take(rows), self.purposes)
 
 
 class DetectionContract(SceneContract):
