@@ -226,3 +226,49 @@ class BoostProfileConfig:
         choices=ASSOCIATIONS,
         help="as that of stereo-filter, which says which detections are whose",
     )
+
+
+@frozen(kw_only=True)
+class KeplerArcConfig:
+    """What a scene may set of the tracker `kepler-arc`."""
+
+    cadence_s: float = number(
+        default=1.0, unit="s", minimum=0.1, maximum=60.0, help="time between two estimates of a track"
+    )
+    association: str = text(
+        default="nearest",
+        choices=ASSOCIATIONS,
+        help="as that of stereo-filter, which says which detections are whose",
+    )
+    memory_s: float | None = number(
+        default=None,
+        unit="s",
+        minimum=1.0,
+        maximum=1e6,
+        help="a detection so much older counts 1/e of a new one; by default all count alike, as in the paper",
+    )
+    climb_m_s2: float = number(
+        default=15.0,
+        unit="m/s²",
+        above=0.0,
+        maximum=200.0,
+        source="twice the height over the square of the time since ignition of the class profiles: 7.5 (ICBM_liquid) to"
+        " 18 (ICBM_solid), 15 to 17 of the others; notional",
+        help="the height of a target that one sensor alone sees is taken to be half this times the square of the time"
+        " since launch",
+    )
+    sigma_0_m: float = number(
+        default=300e3,
+        unit="m",
+        above=0.0,
+        maximum=2e7,
+        source='opir-simulator paper (2026), section 5.2: early in boost "hundreds of kilometers"',
+        help="σ of the predicted impact, along each axis of the ground, before the first detection",
+    )
+    convergence: float = number(
+        default=4.6,
+        minimum=0.0,
+        maximum=100.0,
+        source='opir-simulator paper (2026), section 5.2: "by mid-boost, it converges to tens of kilometers": ln 100',
+        help="k in σ = σ₀ exp(-k n/N), with n of N expected detections of the boost in",
+    )

@@ -12,6 +12,7 @@ from opir_core.builtin.configs import (
     BoostProfileConfig,
     ConfusionConfig,
     ConstantConfig,
+    KeplerArcConfig,
     StereoFilterConfig,
     TableConfig,
     WeightedConfig,
@@ -87,8 +88,14 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
-    """Yield `none`, `stereo-filter` and `boost-profile`."""
+    """Yield `none`, `kepler-arc`, `stereo-filter` and `boost-profile`."""
     yield TrackerModel(name="none", summary="no tracks", build=_built_by("tracking", "no_tracker"))
+    yield TrackerModel(
+        name="kepler-arc",
+        summary="a Keplerian arc fitted to three or more detections, an empirical sigma of the impact (the paper's)",
+        config=KeplerArcConfig,
+        build=_built_by("tracking", "kepler_arc"),
+    )
     yield TrackerModel(
         name="stereo-filter",
         summary="any number of sensors, sequential: boost and coast side by side, no model of the target",

@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import define
 
-from opir_core.builtin.configs import BoostProfileConfig, StereoFilterConfig
+from opir_core.builtin.configs import BoostProfileConfig, KeplerArcConfig, StereoFilterConfig
 from opir_core.plugin.components import NoConfig
 from opir_core.protocols import Tracker, TrackerContext
 from opir_core.records import Detections, IntArray, Tracks
@@ -41,3 +41,10 @@ def boost_profile(config: BoostProfileConfig, context: TrackerContext) -> Tracke
     from opir_core.tracking.profile_tracker import boost_profile_tracker
 
     return boost_profile_tracker(config, context)
+
+
+def kepler_arc(config: KeplerArcConfig, context: TrackerContext) -> Tracker:
+    """Return the tracker `kepler-arc`."""
+    from opir_core.tracking.arc_tracker import kepler_arc_tracker
+
+    return kepler_arc_tracker(config, context)

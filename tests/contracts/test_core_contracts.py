@@ -167,6 +167,16 @@ class TestStereoFilter(TrackerContract):
         return super().scene(**{"duration_s": 45.0, **changes})
 
 
+class TestKeplerArc(TrackerContract):
+    name = "kepler-arc"
+    settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return the beginning of the bench's scene, in which there are tracks soon."""
+        return super().scene(**{"duration_s": 30.0, **changes})
+
+
 class TestBoostProfile(TrackerContract):
     name = "boost-profile"
     settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}
