@@ -3,9 +3,9 @@
     python docs/design/joint_association_error.py [--clusters 300]
 
 Clusters of 8 tracks and 8 rays, likelihood ratios log-normal about 1, 10 and 1000, each track linked to a share of the
-rays. Printed: the largest and the mean absolute error of a probability, and the time of both. What it settled: exact as
-long as 12 rays are open at once (a cluster takes milliseconds); belief propagation beyond, whose error is largest where
-many rays are about equally likely.
+rays. Printed: the largest and the mean absolute error of a probability, and the time of both, all clusters
+together. What it settled: exact as long as a cluster has 8 tracks or 8 rays at most; beyond, belief propagation says
+which pairs do not matter, and clusters that are narrow without them are summed exactly all the same.
 """
 
 import argparse
@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 
-from opir_core.tracking.joint_association import cluster_marginals, propagated_marginals
+from opir_core.tracking.joint_association import exact_marginals, propagated
 
 
 def main() -> None:
@@ -23,17 +23,17 @@ def main() -> None:
     clusters = parser.parse_args().clusters
     for share in (0.3, 0.6, 1.0):
         for strength in (1.0, 10.0, 1000.0):
-            rng, worst, total, times = np.random.default_rng(1), 0.0, 0.0, [0.0, 0.0]
-            for _ in range(clusters):
-                weight = strength * np.exp(rng.normal(size=(8, 8))) * (rng.random((8, 8)) < share)
-                start = time.process_time()
-                exact = cluster_marginals(weight)
-                middle = time.process_time()
-                near = propagated_marginals(weight)
-                times = [times[0] + middle - start, times[1] + time.process_time() - middle]
-                worst = max(worst, float(np.abs(near - exact).max()))
-                total += float(np.abs(near - exact).mean())
-            figures = f"largest {worst:.3f}, mean {total / clusters:.4f}"
+            rng = np.random.default_rng(1)
+            linked = rng.random((clusters, 8, 8)) < share
+            weight = strength * np.exp(rng.normal(size=(clusters, 8, 8))) * linked
+            cluster, row, column = np.nonzero(linked)
+            start = time.process_time()
+            exact = exact_marginals(weight)[linked]
+            middle = time.process_time()
+            near = propagated(8 * cluster + row, 8 * cluster + column, weight[linked])
+            times = [middle - start, time.process_time() - middle]
+            error = np.abs(near - exact)
+            figures = f"largest {error.max():.3f}, mean {error.mean():.4f}"
             micro = [1e6 * taken / clusters for taken in times]
             print(f"linked {share:.1f}, ratio {strength:6g}: {figures}; {micro[0]:.0f} and {micro[1]:.0f} µs")
 

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.tracking.assignment import lone, nearest
+from opir_core.tracking.assignment import components, lone, nearest
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.joint_association import marginals
 from opir_core.tracking.rays import Rays, Sights
@@ -16,6 +16,9 @@ _LEAST_BELIEF = 1e-6
 
 #: Pairs this much less likely than a miss and a false alarm (log) are left out of a joint association: 1.8 % at most.
 _LEAST_LOG_RATIO = -4.0
+
+#: A pair that a joint association believes in more than this is the ray's and the track's.
+_SURE = 0.9
 
 #: A sight tells at least this share of what an undoubted one would, or it is left out.
 _LEAST_TOLD = 1e-3
@@ -57,6 +60,17 @@ def crowded(pairs: Pairs, rays: Rays) -> IntArray:
     return np.unique(pairs.track[rivals])
 
 
+def related(pairs: Pairs, tracks: IntArray) -> BoolArray:
+    """Return which tracks, up to the last that has a pair, are some or share rays with them, directly or in turn."""
+    found = np.zeros(int(max(pairs.track.max(initial=-1), tracks.max(initial=-1))) + 1, dtype=bool)
+    found[tracks] = True
+    if len(tracks):
+        group, count = components(pairs.track, pairs.ray)
+        touched = np.bincount(group, found[pairs.track], count) > 0.0
+        found[pairs.track[touched[group]]] = True
+    return found
+
+
 def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
     """Return a number (n,) for each sensor's scan, from 0."""
     key = (sensor.astype(np.int64) << 44) + scan
@@ -91,13 +105,25 @@ def associate_joint(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
     and that is the sight: so any filter can take it in. Where the rays disagree so much that M is not positive, the
     sight tells nothing in that direction and is left out.
     """
-    pairs = pairs.take(np.flatnonzero(chances.log_ratio(pairs, rays) > _LEAST_LOG_RATIO))
-    group, ratio = scan_groups(pairs, rays), chances.log_ratio(pairs, rays)
-    owner = np.full(len(rays), -1, dtype=np.int64)
-    chosen = pairs.take(np.flatnonzero(nearest(group, pairs.ray, -ratio)))
-    owner[chosen.ray] = chosen.track
+    ratio = chances.log_ratio(pairs, rays)
+    likely = np.flatnonzero(ratio > _LEAST_LOG_RATIO)
+    pairs, ratio = pairs.take(likely), ratio[likely]
+    group = scan_groups(pairs, rays)
     beta = marginals(group, pairs.ray, np.exp(np.minimum(ratio, 300.0)))
+    chosen = np.flatnonzero(_believed(group, pairs.ray, beta, ratio))
+    owner = np.full(len(rays), -1, dtype=np.int64)
+    owner[pairs.ray[chosen]] = pairs.track[chosen]
     return Associated(_blended(pairs, group, beta), owner)
+
+
+def _believed(group: IntArray, ray: IntArray, beta: FloatArray, ratio: FloatArray) -> BoolArray:
+    """Return which pairs (n,) are used by the likeliest one-to-one explanation once those that are all but sure are."""
+    chosen: BoolArray = beta > _SURE
+    open_row = np.bincount(group[chosen], minlength=int(group.max(initial=-1)) + 1) == 0
+    open_ray = np.bincount(ray[chosen], minlength=int(ray.max(initial=-1)) + 1) == 0
+    rest = np.flatnonzero(open_row[group] & open_ray[ray])
+    chosen[rest] = nearest(group[rest], ray[rest], -ratio[rest])
+    return chosen
 
 
 def _blended(pairs: Pairs, group: IntArray, beta: FloatArray) -> Sights:
@@ -124,16 +150,38 @@ def _as_sights(first: Pairs, belief: FloatArray, mean: FloatArray, told: FloatAr
     In the coordinates in which S is the identity: information I = M / (I - M + R) is worked out direction by direction
     of M, each bounded below, with R the noise of one ray.
     """
-    root = np.linalg.cholesky(first.spread)
-    inverse = np.linalg.inv(root)
-    share, turn = np.linalg.eigh(inverse @ told @ inverse.transpose(0, 2, 1))
-    noise = inverse @ (np.square(first.sigma_rad)[:, None, None] * inverse.transpose(0, 2, 1))
-    useful = np.flatnonzero((share[:, 0] > _LEAST_TOLD) & (belief > _LEAST_BELIEF))
-    root, inverse, share, turn, noise = (part[useful] for part in (root, inverse, share, turn, noise))
-    turned = turn.transpose(0, 2, 1)
-    # S M⁻¹ S - H P Hᵀ = M⁻¹ - I + R in these coordinates; never less than the noise of one ray.
-    excess = (turn * (1.0 / np.minimum(share, 1.0) - 1.0)[:, None, :]) @ turned
-    effective = root @ (excess + noise) @ root.transpose(0, 2, 1)
-    pulled = root @ ((turn / np.minimum(share, 1.0)[:, None, :]) @ (turned @ (inverse @ mean[useful][:, :, None])))
-    whitener = np.linalg.inv(np.linalg.cholesky(0.5 * (effective + effective.transpose(0, 2, 1))))
-    return first.take(useful).sights(pulled[:, :, 0], whitener)
+    root = _lower_root(first.spread)
+    inverse = _lower_inverse(root)
+    turned = inverse @ told @ inverse.transpose(0, 2, 1)
+    middle = 0.5 * (turned[:, 0, 0] + turned[:, 1, 1])
+    half = np.hypot(0.5 * (turned[:, 0, 0] - turned[:, 1, 1]), turned[:, 0, 1])
+    useful = np.flatnonzero((middle - half > _LEAST_TOLD) & (belief > _LEAST_BELIEF))
+    root, inverse, turned, middle, half = (part[useful] for part in (root, inverse, turned, middle, half))
+    less, more = (1.0 / np.minimum(share, 1.0) for share in (middle - half, middle + half))
+    slope = np.divide(more - less, 2.0 * half, out=np.zeros_like(half), where=half > 0.0)
+    # The inverse of M, its eigenvalues cut at 1; S M⁻¹ S - H P Hᵀ is M⁻¹ - I + R here, never less than one ray's noise.
+    over = slope[:, None, None] * turned + (0.5 * (less + more) - slope * middle)[:, None, None] * _UNIT
+    effective = root @ (over - _UNIT) @ root.transpose(0, 2, 1)
+    effective[:, [0, 1], [0, 1]] += np.square(first.sigma_rad[useful])[:, None]
+    pulled = root @ (over @ (inverse @ mean[useful][:, :, None]))
+    return first.take(useful).sights(pulled[:, :, 0], _lower_inverse(_lower_root(effective)))
+
+
+_UNIT = np.eye(2)
+
+
+def _lower_root(matrix: FloatArray) -> FloatArray:
+    """Return the Cholesky factors (n, 2, 2) of positive definite matrices (n, 2, 2)."""
+    root = np.zeros_like(matrix)
+    root[:, 0, 0] = np.sqrt(matrix[:, 0, 0])
+    root[:, 1, 0] = matrix[:, 1, 0] / root[:, 0, 0]
+    root[:, 1, 1] = np.sqrt(matrix[:, 1, 1] - np.square(root[:, 1, 0]))
+    return root
+
+
+def _lower_inverse(root: FloatArray) -> FloatArray:
+    """Return the inverses (n, 2, 2) of lower triangular matrices (n, 2, 2)."""
+    inverse = np.zeros_like(root)
+    inverse[:, 0, 0], inverse[:, 1, 1] = 1.0 / root[:, 0, 0], 1.0 / root[:, 1, 1]
+    inverse[:, 1, 0] = -root[:, 1, 0] * inverse[:, 0, 0] * inverse[:, 1, 1]
+    return inverse

@@ -22,10 +22,11 @@ from opir_core.tracking.association import (
     associate_joint,
     associate_nearest,
     crowded,
+    related,
     scan_numbers,
 )
 from opir_core.tracking.gating import Pairs, candidates, gated
-from opir_core.tracking.ghosts import without_ghosts
+from opir_core.tracking.ghosts import RANGE_M, Slice, without_ghosts
 from opir_core.tracking.ground_points import GroundPoints, launches, surer
 from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_report import estimates, evidence_of
@@ -36,8 +37,14 @@ from opir_core.tracking.track_priors import filter_of, first_bank
 _SETTLING_GATE = 6.0
 
 
+#: Rays are assigned anew where a slice moved a track by more than this share of one look's error.
+_RESTLESS = 0.3
+
 #: A track's launch is worked out as long as it is no older than this, s.
 _YOUNG_S = 10.0
+
+
+_NONE = np.empty(0, dtype=np.int64)
 
 
 @frozen(eq=False)
@@ -131,10 +138,17 @@ class StereoTracking:
         pairs = self._gated(outlook, rays, track, ray)
         found = self._associated(pairs, rays)
         after = self.filter.updated(bank, end_s, found.sights, span)
-        busy = crowded(pairs, rays)
-        if not self.config.settling or not len(busy):
+        busy = self._restless(bank, after, pairs, rays) if self.config.settling else _NONE
+        if not len(busy):
             return after, found.owner
         return self._settled(bank, after, end_s, rays, span, pairs, busy, found.owner)
+
+    def _restless(self, bank: Bank, after: Bank, pairs: Pairs, rays: Rays) -> IntArray:
+        """Return the tracks that have rivals, of clusters in which a track moved enough for other rays to be its."""
+        rivals = crowded(pairs, rays)
+        shift = after.take(rivals).likelier_position_m - bank.take(rivals).likelier_position_m
+        far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * rays.sigma_rad.max(initial=0.0) * RANGE_M
+        return rivals[related(pairs, rivals[far])[rivals]]
 
     def _settled(
         self,
@@ -169,7 +183,8 @@ class StereoTracking:
     def _unghosted(self, bank: Bank, end_s: float, pairs: Pairs, rays: Rays, found: Associated) -> Associated:
         """Return the association with the rays of one sensor exchanged where that explains the slice better."""
         used = found.owner[pairs.ray] == pairs.track
-        better = without_ghosts(self.filter, bank, end_s, pairs, used, rays, self.chances)
+        known = Slice(self.filter, self.chances, self.light_time, bank, end_s, rays)
+        better = without_ghosts(known, pairs, used)
         return found if np.array_equal(better, used) else as_owned(pairs, rays, better)
 
     def _gated(self, outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray) -> Pairs:

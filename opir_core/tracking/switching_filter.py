@@ -49,6 +49,11 @@ class Bank(Columns):
         roots = np.empty((0, BOOST, BOOST)), np.empty((0, COAST, COAST))
         return cls(np.empty((0, 2)), boost, roots[0], coast, roots[1], np.empty((0, 3)))
 
+    @property
+    def likelier_position_m(self) -> FloatArray:
+        """Return the inertial positions (n, 3) of the likelier mode of each track."""
+        return np.where(self.weight[:, 1:] > self.weight[:, :1], self.coast_mean[:, :3], self.boost_mean[:, :3])
+
     def put(self, rows: IntArray, part: "Bank") -> "Bank":
         """Return the bank with its rows (m,) replaced by those of another."""
         columns = []

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opir_core.tracking.assignment import components, nearest
-from opir_core.tracking.joint_association import cluster_marginals, marginals, propagated_marginals
+from opir_core.tracking.joint_association import exact_marginals, marginals, propagated
 
 sizes = st.integers(1, 6)
 
@@ -42,7 +42,9 @@ def test_marginals_are_those_of_trying_everything(seed: int, height: int, width:
     row, column = np.nonzero(weight)
     expected = tried(weight)
     assert np.allclose(marginals(row, column, weight[row, column]), expected[row, column], rtol=1e-10, atol=1e-13)
-    assert np.allclose(cluster_marginals(weight), expected, rtol=1e-10, atol=1e-13)
+    assert np.allclose(exact_marginals(weight[None])[0], expected, rtol=1e-10, atol=1e-13)
+    turned = exact_marginals(np.stack([weight.T, 2.0 * weight.T]))[0].T
+    assert np.allclose(turned, expected, rtol=1e-10, atol=1e-13)
 
 
 @settings(max_examples=200, deadline=None)
@@ -74,10 +76,43 @@ def test_no_pairs_are_no_trouble() -> None:
 
 def test_a_wide_cluster_is_propagated_and_stays_lawful() -> None:
     weight = np.exp(np.random.default_rng(3).normal(size=(16, 16)))
-    beta = cluster_marginals(weight, exact_width=8)
-    assert np.array_equal(np.sort(beta.ravel()), np.sort(propagated_marginals(weight).ravel()))
+    row, column = np.nonzero(weight)
+    beta = marginals(row, column, weight[row, column])
+    assert np.array_equal(beta, propagated(row, column, weight[row, column]))
     assert beta.min() > 0.0
-    assert beta.sum(axis=0).max() < 1.0
-    assert beta.sum(axis=1).max() < 1.0
-    exact = cluster_marginals(weight[:6, :6])
-    assert np.abs(propagated_marginals(weight[:6, :6]) - exact).max() < 0.05
+    assert np.bincount(row, beta).max() < 1.0
+    assert np.bincount(column, beta).max() < 1.0
+    small, (row, column) = weight[:6, :6], np.nonzero(weight[:6, :6])
+    assert np.abs(propagated(row, column, small[row, column]) - exact_marginals(small[None])[0].ravel()).max() < 0.05
+
+
+def test_belief_propagation_is_exact_without_loops() -> None:
+    """A chain of ten, and a star, with likelihood ratios from 1e-8 to 1e12."""
+    rng = np.random.default_rng(5)
+    row = np.concatenate([np.repeat(np.arange(10), 2)[1:], np.full(6, 20)])
+    column = np.concatenate([np.repeat(np.arange(10), 2)[:-1], np.arange(20, 26)])
+    ratio = 10.0 ** rng.uniform(-8.0, 12.0, len(row))
+    weight = np.zeros((21, 26))
+    weight[row, column] = ratio
+    used = exact_marginals(weight[None, :10, :10])[0][row[:19], column[:19]]
+    assert np.allclose(propagated(row, column, ratio)[:19], used, rtol=1e-9, atol=1e-12)
+    assert np.allclose(propagated(row, column, ratio)[19:], ratio[19:] / (1.0 + ratio[19:].sum()), rtol=1e-9)
+
+
+def test_overwhelming_evidence_is_no_trouble() -> None:
+    """Products of these likelihood ratios are far beyond the largest float."""
+    weight = np.full((5, 5), 1e-3)
+    weight[np.arange(5), np.arange(5)] = 1e120
+    assert np.allclose(exact_marginals(weight[None])[0], np.eye(5), atol=1e-12)
+
+
+def test_wide_clusters_that_fall_apart_are_summed_exactly() -> None:
+    """Ten tracks in a row, each with a ray of its own beyond doubt and faint links to the next one's."""
+    count = 10
+    row = np.concatenate([np.arange(count), np.arange(count)])
+    column = np.concatenate([np.arange(count), (np.arange(count) + 1) % count])
+    ratio = np.concatenate([np.full(count, 1e3), np.full(count, 1e-2)])
+    weight = np.zeros((count, count))
+    weight[row, column] = ratio
+    exact = exact_marginals(weight[None])[0][row, column]
+    assert np.allclose(marginals(row, column, ratio), exact, atol=1e-4)
