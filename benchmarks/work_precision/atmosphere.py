@@ -3,13 +3,13 @@
     python benchmarks/work_precision/atmosphere.py [--looks 1000000] [--repeat 7] [--write docs/benchmarks]
 
 All climates, bands and spectra of the shipped table. Errors are differences of transmittance: at the table's own
-points, and at each inner height and zenith angle left out in turn. A height left out makes its gap two to three times
-as wide as any interpolated over; the error of smooth curves grows at least with the square of the gap, so the column
-"at the table's gaps" has what was found over the square of how much wider the gap was. Times are processor time of one
-core, medians. `--write` puts the table, and, where matplotlib is installed, a plot into a folder.
+points, at each inner height and zenith angle left out in turn, and from LOWTRAN7 itself at random places between the
+points (`tests/data/lowtran7_between.csv`, by `docs/design/lowtran_table.py`). Times are processor time of one core,
+medians. `--write` puts the table, and, where matplotlib is installed, a plot into a folder.
 """
 
 import argparse
+import csv
 import statistics
 import time
 from collections.abc import Callable, Iterator
@@ -21,12 +21,15 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.radiometry.lowtran import LowtranAtmosphere
-from opir_core.radiometry.lowtran_table import NodeTable, fine_grid, node_tables
+from opir_core.radiometry.lowtran_table import NodeTable, fine_grid, node_tables, shell_air_mass
 from opir_core.radiometry.records import Paths
 from opir_core.radiometry.sky_configs import CLIMATES
 
 #: Returns transmittances by height, m, and sine of elevation.
 Model = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+#: LOWTRAN7's own values between the table's points.
+BETWEEN = Path(__file__).parents[2] / "tests" / "data" / "lowtran7_between.csv"
 
 SHAPES = ((12, 26), (24, 51), (48, 101), (96, 201), (192, 401), (384, 801))
 
@@ -40,10 +43,11 @@ where nothing else runs).
 {table}
 
 "A height left out" is LOWTRAN's value at an inner height of the table against what is interpolated without that
-height, over a gap two to three times as wide as the table's; "at the table's gaps" is that over the square of how much
-wider the gap was, which estimates the error of a smooth curve between the table's heights. "From the curves" is what
-the grid adds: the difference from a grid four times as fine either way, at random places. The `lowtran` atmosphere has
-the grid of 192 x 401.
+height, over a gap two to three times as wide as the table's, from the zenith to the horizon; "an angle left out"
+likewise. "Between" is the difference from LOWTRAN7 itself at {places} random heights and zenith angles between the
+table's points. "From the curves" is what the grid adds: the difference from a grid four times as fine either way, at
+random places. The `lowtran` atmosphere has
+the grid of 192 x 401, one of whose rows is the horizon, where τ breaks; the others have no row there.
 
 ![Error against time](atmosphere.svg)
 """
@@ -56,7 +60,7 @@ class Row(NamedTuple):
     at_points: float
     angle_out: float
     height_out: float
-    at_gaps: float
+    between: float
     from_curves: float
     nanoseconds: float
     build_ms: float
@@ -70,11 +74,11 @@ def secant_law(nodes: NodeTable) -> Model:
 
 
 def bilinear(nodes: NodeTable) -> Model:
-    """Return what is straight in ln τ over height and secant of the zenith angle."""
-    depth, secants = -np.log(np.maximum(nodes.transmittance, 1e-26)), 1.0 / np.cos(nodes.zenith_rad)
+    """Return what is straight in ln τ over height and air mass."""
+    depth, masses = -np.log(np.maximum(nodes.transmittance, 1e-26)), shell_air_mass(np.cos(nodes.zenith_rad))
 
     def model(height: np.ndarray, sine: np.ndarray) -> np.ndarray:
-        (row, up), (column, across) = placed(nodes.height_m, height), placed(secants, 1.0 / sine)
+        (row, up), (column, across) = placed(nodes.height_m, height), placed(masses, shell_air_mass(sine))
         lower = depth[row, column] * (1.0 - across) + depth[row, column + 1] * across
         upper = depth[row + 1, column] * (1.0 - across) + depth[row + 1, column + 1] * across
         return np.exp(-(lower * (1.0 - up) + upper * up))
@@ -93,8 +97,8 @@ def gridded(shape: tuple[int, int]) -> Callable[[NodeTable], Model]:
 
 
 WAYS: dict[str, tuple[Callable[[NodeTable], Model], float]] = {
-    "exp(-τ(nadir) sec z)": (secant_law, 17 * 8 / 1024),
-    "straight in ln τ over h and sec z": (bilinear, 17 * 8 * 8 / 1024),
+    "exp(-τ(nadir) sec z)": (secant_law, 26 * 8 / 1024),
+    "straight in ln τ over h and air mass": (bilinear, 26 * 12 * 8 / 1024),
     **{f"grid {a} x {b}": (gridded((a, b)), a * b * 8 / 1024) for a, b in SHAPES},
 }
 
@@ -131,16 +135,34 @@ def without(nodes: NodeTable, axis: int, place: int) -> NodeTable:
     return evolve(nodes, transmittance=np.delete(nodes.transmittance, place, axis=axis), **changes)
 
 
-def left_out(way: Callable[[NodeTable], Model], axis: int) -> Iterator[tuple[float, float]]:
-    """Yield, for each inner height or angle of each table, the error there without it and how much wider the gap is."""
+def left_out(way: Callable[[NodeTable], Model], axis: int) -> Iterator[float]:
+    """Yield, for each inner height (axis 0) or angle (1) of each table, the error there without it."""
     for nodes in tables():
-        points = nodes.height_m if axis == 0 else np.log(1.0 / np.cos(nodes.zenith_rad))
-        for place in range(1, len(points) - 1):
+        for place in range(1, nodes.transmittance.shape[axis] - 1):
             one, every = slice(place, place + 1), slice(None)
             model = way(without(nodes, axis, place))
-            gaps = np.diff(points)[place - 1 : place + 1]
-            error = error_at(model, nodes, *((one, every) if axis == 0 else (every, one)))
-            yield error, float(gaps.sum() / gaps.max())
+            yield error_at(model, nodes, *((one, every) if axis == 0 else (every, one)))
+
+
+@cache
+def between() -> dict[tuple[str, str], list[dict[str, str]]]:
+    """Return LOWTRAN7's own values between the points, by climate and aerosol."""
+    lines = BETWEEN.read_text(encoding="utf-8").splitlines()
+    found: dict[tuple[str, str], list[dict[str, str]]] = {}
+    for row in csv.DictReader(line for line in lines if not line.startswith("#")):
+        found.setdefault((row["atmosphere"], row["aerosol"]), []).append(row)
+    return found
+
+
+def between_error(way: Callable[[NodeTable], Model]) -> float:
+    """Return the largest difference from LOWTRAN7 between the table's points."""
+    worst = 0.0
+    for sky, rows in between().items():
+        height, zenith = (np.array([float(row[name]) for row in rows]) for name in ("h_km", "zen_deg"))
+        for name, nodes in node_tables(*sky, "flat").items():
+            found = way(nodes)(height * 1e3, np.cos(np.radians(zenith)))
+            worst = max(worst, float(np.abs(found - [float(row[name]) for row in rows]).max()))
+    return worst
 
 
 def looks(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -163,16 +185,14 @@ def from_curves(name: str, count: int) -> float:
 def measured(name: str, count: int, repeat: int) -> Row:
     """Return the table's line of one way."""
     way, kilobytes = WAYS[name]
-    by_height = list(left_out(way, 0))
-    by_angle = [error for error, _ in left_out(way, 1)] if way is not secant_law else [float("nan")]
     nodes, every = tables()[0], slice(None)
     model, where = way(nodes), looks(count)
     return Row(
         way=name,
         at_points=max(error_at(way(table), table, every, every) for table in tables()),
-        angle_out=max(by_angle),
-        height_out=max(error for error, _ in by_height),
-        at_gaps=max(error / wider**2 for error, wider in by_height),
+        angle_out=max(left_out(way, 1)) if way is not secant_law else float("nan"),
+        height_out=max(left_out(way, 0)),
+        between=between_error(way),
         from_curves=from_curves(name, 20_000),
         nanoseconds=1e9 * median_s(lambda: model(*where), repeat) / count,
         build_ms=1e3 * median_s(lambda: way(nodes), repeat),
@@ -207,11 +227,11 @@ def multiply_ns() -> float:
 def table(rows: list[Row], space_ns: float) -> str:
     """Return the rows as a Markdown table."""
     head = (
-        "| way | at the table's points | an angle left out | a height left out | at the table's gaps | from the curves"
+        "| way | at the table's points | an angle left out | a height left out | between | from the curves"
         " | ns a look | build, ms a band | kB a band |\n|---|---|---|---|---|---|---|---|---|"
     )
     lines = [
-        f"| {r.way} | {r.at_points:.2g} | {shown(r.angle_out)} | {r.height_out:.3f} | {r.at_gaps:.3f}"
+        f"| {r.way} | {r.at_points:.2g} | {shown(r.angle_out)} | {r.height_out:.3f} | {r.between:.3g}"
         f" | {shown(r.from_curves)} | {r.nanoseconds:.0f} | {r.build_ms:.1f} | {r.kilobytes:.0f} |"
         for r in rows
     ]
@@ -232,7 +252,7 @@ def write_plot(rows: list[Row], path: Path) -> None:
     from matplotlib import pyplot as plt
 
     figure, axis = plt.subplots(figsize=(7, 4), constrained_layout=True)
-    for column, label in (("at_points", "at the table's points"), ("at_gaps", "at the table's gaps")):
+    for column, label in (("at_points", "at the table's points"), ("between", "between them")):
         axis.plot([r.nanoseconds for r in rows], [getattr(r, column) for r in rows], "o", label=label)
     for row in rows:
         axis.annotate(row.way, (row.nanoseconds, row.at_points), fontsize=6)
@@ -252,7 +272,13 @@ def main() -> None:
     text = table(rows, above_the_air(options.looks, options.repeat))
     print(text)
     if options.write:
-        page = PAGE.format(table=text, tables=len(tables()), looks=options.looks, multiply_ns=multiply_ns())
+        page = PAGE.format(
+            table=text,
+            tables=len(tables()),
+            looks=options.looks,
+            multiply_ns=multiply_ns(),
+            places=sum(len(rows) for rows in between().values()),
+        )
         (options.write / "atmosphere.md").write_text(page, encoding="utf-8")
         write_plot(rows, options.write / "atmosphere.svg")
 

@@ -1,10 +1,10 @@
 """The shipped LOWTRAN7 table of band transmittances, and a fine grid of them for one climate and band.
 
 Between the table's heights and zenith angles τ is interpolated in the fourth root of optical depth, -ln τ: Akima's
-curves in height, then in ln sec z. Beyond 85° optical depth grows with a power of the air mass of an exponential
-atmosphere, the power that it has between 80° and 85°. Towards a sensor below the target's horizon light first descends
-to its lowest height and rises from there: twice the optical depth of a level path from the lowest height, less that of
-the path away from the sensor. Both are rules of opir, not LOWTRAN's.
+curves in height, then in the logarithm of an air mass, from the zenith to the horizon. Towards a sensor below the
+target's horizon light first descends to its lowest height and rises from there: twice the optical depth of a level path
+from the lowest height, less that of the path away from the sensor. That is a rule of opir, not LOWTRAN's, which bends
+rays too: within a degree below the horizon it is 0.05 off at most, farther down up to 0.2.
 """
 
 import math
@@ -25,14 +25,18 @@ TOP_M = 100e3
 #: Radius of the sphere on which long paths are reckoned, m, and scale height of the air, m.
 RADIUS_M, SCALE_HEIGHT_M = 6_371_000.0, 8_000.0
 
-#: The grid: so many sines of elevation, even in asinh(sine / 0.05) from the lowest, whose slant this is, to 1, and so
-#: many heights from 0 to the top.
+#: The grid: so many sines of elevation, even in asinh(sine / 0.05) from -0.18 to 1, and so many heights from 0 to the
+#: top. The horizon is one of the sines: τ breaks there.
 GRID_SHAPE = (192, 401)
 BEND = 0.05
-LOWEST_SLANT, HIGHEST_SLANT = math.asinh(-0.18 / BEND), math.asinh(1.0 / BEND)
+HIGHEST_SLANT = math.asinh(1.0 / BEND)
+LOWEST_SLANT = -HIGHEST_SLANT * 67 / 124
 
 #: Optical depths are kept between these: τ from 1e-26 to all but 1.
 _LEAST, _MOST = 1e-12, 60.0
+
+#: Sines nearer to the horizon are those of the horizon, but for rounding.
+_HORIZON = 1e-9
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_band_transmittance.csv"
 _WEIGHTINGS = {"flat": 7, "blackbody-1500K": 8}
 
@@ -50,15 +54,24 @@ class NodeTable:
 @cache
 def node_tables(climate: str, aerosol: str, weighting: str) -> Mapping[str, NodeTable]:
     """Return a climate's tables by the name of the band; of no such climate and aerosol, none."""
-    wanted, column = f"{climate},{aerosol},", _WEIGHTINGS[weighting]
+    column = _WEIGHTINGS[weighting]
+    by_band: dict[tuple[str, ...], list[list[str]]] = {}
+    for line in _lines_of(f"\n{climate},{aerosol},"):
+        cells = line.split(",")
+        by_band.setdefault(tuple(cells[2:5]), []).append([cells[5], cells[6], cells[column]])
+    bands = [Band(name, float(lower), float(upper)) for name, lower, upper in by_band]
+    return {band.name: _nodes(band, rows) for band, rows in zip(bands, by_band.values(), strict=True)}
+
+
+def _lines_of(beginning: str) -> list[str]:
+    """Return the table's lines that begin so, which stand together."""
     text = _TABLE.read_text(encoding="utf-8")
-    rows = [line.split(",") for line in text.splitlines() if line.startswith(wanted)]
-    bands = dict.fromkeys((row[2], float(row[3]), float(row[4])) for row in rows)
-    return {name: _nodes(Band(name, *edges), rows, column) for name, *edges in bands}
+    first, last = text.find(beginning), text.rfind(beginning)
+    return text[first + 1 : text.find("\n", last + 1)].splitlines() if first >= 0 else []
 
 
-def _nodes(band: Band, rows: list[list[str]], column: int) -> NodeTable:
-    own = np.array([[float(row[5]), float(row[6]), float(row[column])] for row in rows if row[2] == band.name])
+def _nodes(band: Band, rows: list[list[str]]) -> NodeTable:
+    own = np.array(rows, dtype=np.float64)
     heights, angles = (np.array(sorted(set(own[:, part].tolist()))) for part in (0, 1))
     values = own[np.lexsort((own[:, 1], own[:, 0])), 2].reshape(len(heights), len(angles))
     return NodeTable(band, heights * 1e3, np.radians(angles), values)
@@ -69,6 +82,7 @@ def fine_grid(nodes: NodeTable, shape: tuple[int, int] = GRID_SHAPE) -> FloatArr
     """Return transmittances (slants, heights) of a band over the grid, nowhere falling along either."""
     heights_m = np.linspace(0.0, TOP_M, shape[1])
     sines = np.sinh(np.linspace(LOWEST_SLANT, HIGHEST_SLANT, shape[0])) * BEND
+    sines[np.abs(sines) < _HORIZON] = 0.0
     column = _Column(nodes.zenith_rad, heights_m, akima(nodes.height_m, _roots(nodes.transmittance), heights_m))
     rising = sines >= 0.0
     depth = np.vstack([column.downward(sines[~rising]), column.upward(sines[rising])])
@@ -77,19 +91,14 @@ def fine_grid(nodes: NodeTable, shape: tuple[int, int] = GRID_SHAPE) -> FloatArr
     return np.clip(risen, 0.0, 1.0)
 
 
-def air_mass(sine: FloatArray | float, height_m: FloatArray | float) -> FloatArray:
-    """Return how many times the air above a place a straight path upward meets, for sines of elevation from 0 to 1.
+def shell_air_mass(sine: FloatArray | float) -> FloatArray:
+    """Return how many times its thickness a straight path crosses a shell of even air, for sines from 0 to 1.
 
-    Of an exponential atmosphere around a sphere: a rational approach to Chapman's function, sqrt(pi X / 2) at the
-    horizon for radius over scale height X, right to some percent between. Source: Smith and Smith, J. Geophys. Res. 77
-    (1972), 3592.
+    Of a shell as thick as the air's scale height around a sphere: the secant of small zenith angles, 40 at the horizon.
     """
-    x = (RADIUS_M + np.asarray(height_m)) / SCALE_HEIGHT_M
-    y = np.sqrt(0.5 * x) * np.asarray(sine)
-    # exp(y²) erfc(y) in the rational form of Smith and Smith.
-    near, far = (1.0606963 + 0.55643831 * y) / (1.0619896 + y * (1.7245609 + y)), 0.56498823 / (0.06651874 + y)
-    scaled = np.where(y <= 8.0, near, far)
-    mass: FloatArray = np.sqrt(0.5 * np.pi * x) * scaled
+    ratio = RADIUS_M / SCALE_HEIGHT_M
+    across = ratio * np.asarray(sine, dtype=np.float64)
+    mass: FloatArray = (2.0 * ratio + 1.0) / (np.sqrt(across * across + (2.0 * ratio + 1.0)) + across)
     return mass
 
 
@@ -103,13 +112,9 @@ class _Column:
 
     def upward(self, sines: FloatArray) -> FloatArray:
         """Return optical depths (sines, heights) towards sensors above the horizon."""
-        last = math.cos(float(self.zenith_rad[-1]))
-        within = akima(-np.log(np.cos(self.zenith_rad)), self.roots.T, -np.log(np.maximum(sines, last))) ** 4
-        depth, before = (np.maximum(self.roots[:, place] ** 4, _LEAST) for place in (-1, -2))
-        steeper, edge = (air_mass(one, self.height_m) for one in (math.cos(float(self.zenith_rad[-2])), last))
-        power = np.clip(np.log(depth / before) / np.log(edge / steeper), 0.0, 1.0)
-        beyond = depth * (air_mass(sines[:, None], self.height_m) / edge) ** power
-        return np.where(sines[:, None] >= last, within, beyond)
+        nodes, at = (np.log(shell_air_mass(one)) for one in (np.cos(self.zenith_rad), sines))
+        depth: FloatArray = akima(nodes, self.roots.T, at) ** 4
+        return depth
 
     def downward(self, sines: FloatArray) -> FloatArray:
         """Return optical depths (sines, heights) towards sensors below the horizon, inf through the Earth."""

