@@ -51,10 +51,10 @@ class TickedTracker:
         return [start_ns, *inner, end_ns]
 
     def _associated(self, detections: Detections, offset: int) -> Detections:
-        track = self._tracker.associate(detections) if len(detections) else np.empty(0, dtype=np.int64)
-        part = evolve(detections, track=track, estimate=_rows_of(self._in_force.track, track, offset))
-        self._pending.append(part)
-        return part
+        seen = as_trackers_see(detections)
+        track = self._tracker.associate(seen) if len(detections) else np.empty(0, dtype=np.int64)
+        self._pending.append(evolve(seen, track=track))
+        return evolve(detections, track=track, estimate=_rows_of(self._in_force.track, track, offset))
 
     def _stepped(self, edge_ns: int) -> list[Tracks]:
         assert self._cadence_ns is not None
@@ -63,6 +63,16 @@ class TickedTracker:
         self._in_force = self._tracker.step(edge_ns / _NS, Detections.concatenate(self._pending))
         self._pending = []
         return [self._in_force]
+
+
+def as_trackers_see(detections: Detections) -> Detections:
+    """Return detections without what the simulator knows of them and no sensor does.
+
+    A count of one target's detections says which of them belong together, and the confidence holds that count and the
+    true elevation: to a tracker the counts are 0 and the confidences nan.
+    """
+    count = len(detections)
+    return evolve(detections, detection_count=np.zeros(count, dtype=np.int32), confidence=np.full(count, np.nan))
 
 
 def _rows_of(known: IntArray, track: IntArray, offset: int) -> IntArray:

@@ -576,6 +576,13 @@ class FirstCome(OneTrack):
         return answer
 
 
+@tracker_mutant("reads-counts", "test_only_what_is_measured_is_read")
+class ReadsCounts(OneTrack):
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        self.count += int(detections.detection_count.sum())
+        return super().step(tick_s, detections)
+
+
 @tracker_mutant("unsorted", "test_rows_of_a_tick_are_in_order")
 class Unsorted(OneTrack):
     def step(self, tick_s: float, detections: Detections) -> Tracks:

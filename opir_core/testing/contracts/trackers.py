@@ -5,7 +5,7 @@ from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
-from attrs import fields, frozen
+from attrs import evolve, fields, frozen
 
 from opir_core.plugin.components import Component, TrackerModel
 from opir_core.protocols import Tracker, TrackerContext
@@ -16,6 +16,7 @@ from opir_core.testing.broken import Broken, insist
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows_stand_alone
 from opir_core.testing.contracts.scenes import SceneContract
 from opir_core.testing.steps import python_steps
+from opir_core.ticks import as_trackers_see
 
 _NS = 1_000_000_000
 #: Relative tolerance of symmetry, and how far below zero rounding may take the least eigenvalue of a correlation.
@@ -60,9 +61,15 @@ class TrackerContract(SceneContract):
         return cls.run_of(cls.scene(tracker="none")).detections.freeze()
 
     @classmethod
+    @cache
+    def seen(cls) -> Detections:
+        """Return the scene's detections, as the engine shows them to trackers."""
+        return as_trackers_see(cls.fed()).freeze()
+
+    @classmethod
     def ticks(cls, tracker: Tracker, detections: Detections | None = None) -> Iterator[Tick]:
         """Yield what a tracker answers to the scene's detections, tick by tick."""
-        fed = cls.fed() if detections is None else detections
+        fed = cls.seen() if detections is None else detections
         for tick_ns, batch in _batches(tracker, fed, cls.plan().end_ns):
             track = tracker.associate(batch)
             yield Tick(tick_ns / _NS, batch, track, tracker.step(tick_ns / _NS, batch))
@@ -86,6 +93,22 @@ class TrackerContract(SceneContract):
         for column in (item.name for item in fields(Detections) if item.name not in names):
             same = np.array_equal(getattr(without, column), getattr(self.run().detections, column), equal_nan=True)
             insist(same, f"{column} of detections is another with the tracker", change)
+
+    def test_only_what_is_measured_is_read(self) -> None:
+        """Counts, confidences and ids of detections, which know their targets, change no answer."""
+        fed, rng = self.fed(), np.random.default_rng(0)
+        told = evolve(
+            fed,
+            detection_count=rng.integers(1, 1000, len(fed)).astype(np.int32),
+            confidence=rng.uniform(size=len(fed)),
+            detection_id=rng.integers(0, 2**63, (len(fed), 2)).astype(np.uint64),
+        )
+        for tick, other in zip(self.ticks(self.tracker()), self.ticks(self.tracker(), told), strict=True):
+            insist(
+                np.array_equal(tick.track, other.track) and _equal(tick.tracks, other.tracks),
+                f"at {tick.time_s} s the answer is another with other counts, confidences and ids",
+                "Read what is measured: times, sensors, scans, directions, bands and irradiances, reported types.",
+            )
 
     def test_cadence_is_a_positive_time_or_none(self) -> None:
         """The time between ticks is positive, or None for a tracker that never steps."""
@@ -116,7 +139,7 @@ class TrackerContract(SceneContract):
     def test_association_changes_nothing(self) -> None:
         """Asking which track detections belong to changes no later answer."""
         asked, silent = self.tracker(), self.tracker()
-        for tick_ns, batch in _batches(asked, self.fed(), self.plan().end_ns):
+        for tick_ns, batch in _batches(asked, self.seen(), self.plan().end_ns):
             first = asked.associate(batch)
             again = asked.associate(batch)
             told, untold = asked.step(tick_ns / _NS, batch), silent.step(tick_ns / _NS, batch)
@@ -128,7 +151,7 @@ class TrackerContract(SceneContract):
 
     def test_each_detection_is_associated_on_its_own(self) -> None:
         """The track of a detection does not depend on which detections are asked about with it."""
-        tracker, batch = self.tracker(), self.fed()
+        tracker, batch = self.tracker(), self.seen()
         for _ in self.ticks(tracker):
             pass
         insist_rows_stand_alone("the track", lambda rows: tracker.associate(batch.take(rows)), len(batch))
@@ -161,14 +184,14 @@ class TrackerContract(SceneContract):
 
     def test_ticks_without_detections_are_no_error(self) -> None:
         """Ticks with nothing to see, also before the first detection, are taken."""
-        tracker, none = self.tracker(), self.fed().take(slice(0, 0))
+        tracker, none = self.tracker(), self.seen().take(slice(0, 0))
         for tick in self.ticks(tracker, none):
             insist(len(tick.tracks) == 0, "there is a track and nothing was detected", "Invent nothing.")
 
     def test_a_tracker_pickles_in_mid_run(self) -> None:
         """A tracker pickled between two ticks goes on as the original does."""
         tracker = self.tracker()
-        batches = list(_batches(tracker, self.fed(), self.plan().end_ns))
+        batches = list(_batches(tracker, self.seen(), self.plan().end_ns))
         middle = len(batches) // 2
         for tick_ns, batch in batches[:middle]:
             tracker.step(tick_ns / _NS, batch)
@@ -179,7 +202,7 @@ class TrackerContract(SceneContract):
 
     def test_work_grows_with_the_detections(self) -> None:
         """Twice as many detections take about twice the steps of Python, not four times."""
-        whole, end_ns = self.fed(), self.plan().end_ns
+        whole, end_ns = self.seen(), self.plan().end_ns
         middle_ns = int(whole.time_ns[len(whole) // 2])
         half = whole.take(whole.time_ns < middle_ns)
         steps = [python_steps(partial(self._worked, *fed)) for fed in ((half, middle_ns), (whole, end_ns))]

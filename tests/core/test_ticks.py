@@ -1,0 +1,71 @@
+"""What a tracker is shown: what sensors measured, and nothing of which target it was of."""
+
+import numpy as np
+from attrs import evolve, fields
+
+from opir_core.plan import compile_plan
+from opir_core.reading import scene_from_mapping
+from opir_core.records import Detections, Tracks
+from opir_core.run import run_of_plan
+
+SCENE = {
+    "scene": "shown",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 20.0,
+    "seed": 3,
+    "sensors": [{"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": -150.0}],
+    "targets": [
+        {
+            "id": name,
+            "type": "ICBM",
+            "launch": {"lat_deg": 34.0 + number, "lon_deg": -120.0, "time_s": 1.0},
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+        }
+        for number, name in enumerate(("T1", "T2"))
+    ],
+    "tracker": "stereo-filter",
+}
+
+
+class Spy:
+    """A tracker that keeps what it is shown."""
+
+    cadence_s = 1.0
+
+    def __init__(self):
+        self.asked, self.shown = [], []
+
+    def associate(self, detections):
+        self.asked.append(detections)
+        return np.full(len(detections), -1, dtype=np.int64)
+
+    def step(self, tick_s, detections):
+        self.shown.append(detections)
+        return Tracks.empty()
+
+
+def test_a_tracker_is_shown_no_count_and_no_confidence():
+    spy = Spy()
+    run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), tracker=spy))
+    for parts in (spy.asked, spy.shown):
+        seen = Detections.concatenate(parts)
+        assert len(seen) == len(run.detections) > 100
+        assert not seen.detection_count.any()
+        assert np.isnan(seen.confidence).all()
+    # What sinks get is whole.
+    assert run.detections.detection_count.max() > 10
+    assert (run.detections.confidence > 0.0).all()
+
+
+def test_what_a_tracker_is_shown_does_not_depend_on_which_target_it_was_of():
+    """Every column but the directions, the reported types and the ids is the same for two targets seen in one scan."""
+    spy = Spy()
+    run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), tracker=spy))
+    shown = Detections.concatenate(spy.shown)
+    both = np.flatnonzero(np.diff(shown.time_ns) == 0)
+    assert len(both) > 20
+    assert (run.truth.target[both] != run.truth.target[both + 1]).all()
+    differs = {"line_of_sight_ecef", "detection_id", "reported_type"}
+    for name in (item.name for item in fields(Detections) if item.name not in differs):
+        column = getattr(shown, name)
+        assert np.array_equal(column[both], column[both + 1], equal_nan=True), name
