@@ -6,6 +6,7 @@ from concurrent.futures import Future
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.engine import Engine
 from opir_core.errors import Problem, SceneError
 from opir_core.live.drafting import plan_of_lap
 from opir_core.plan import Plan
@@ -50,6 +51,20 @@ def _later(place: FloatArray, moved_s: float) -> FloatArray:
     moved = place.copy()
     moved[:, 2] += moved_s
     return moved
+
+
+@frozen(eq=False)
+class Place:
+    """Where a run is: the engine at work, its lap, and how far that lap's windows are moved on."""
+
+    engine: Engine
+    lap: int
+    shift: Shift
+
+    @property
+    def time_ns(self) -> int:
+        """Scene time, all laps, up to which the engine has come."""
+        return self.engine.time_ns + self.shift.time_ns
 
 
 class Laps:

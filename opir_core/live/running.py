@@ -15,11 +15,11 @@ from opir_core.engine import Engine
 from opir_core.errors import OpirError
 from opir_core.live.drafting import Draft, drafted_launch, drafted_settings
 from opir_core.live.growth import looked_at
-from opir_core.live.laps import Laps, Shift
+from opir_core.live.laps import Laps, Place, Shift
 from opir_core.live.outlets import Outlet
 from opir_core.live.pace import Pace
 from opir_core.live.telling import Counts, LiveStatus, LiveWindow
-from opir_core.live.turns import BusyError, PastError, RefusedError, Turn, answered
+from opir_core.live.turns import BusyError, PastError, RefusedError, Turn, answered, waited_for
 from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.reading import scene_mapping
@@ -63,12 +63,13 @@ class LiveRun:
         self.scene, self.host, self.settings = scene, host, settings
         #: Called with each window, by the thread of the run; must not wait.
         self.on_window = on_window
-        self._engine = Engine(compile_plan(scene, host))
-        self._laps = Laps(scene, host, self._engine.plan.end_ns) if settings.loop else None
+        #: Replaced as a whole, by the run's thread alone, so that a plan, its lap and its time are read as one.
+        self._place = Place(Engine(compile_plan(scene, host)), 0, Shift())
+        self._laps = Laps(scene, host, self.plan.end_ns) if settings.loop else None
         self._pace = Pace(settings.speed, settings.cycle_ns)
         self._counts = Counts.of(len(scene.sensors))
         self._launched = len(scene.targets)
-        self._lap, self._shift, self._tracks = 0, Shift(), 0
+        self._tracks = 0
         self._outlets: tuple[Outlet, ...] = ()
         self._drafts: queue.Queue[tuple[Draft, Future[int]]] = queue.Queue(_WAITING_CHANGES)
         self._changing = threading.Lock()
@@ -119,12 +120,12 @@ class LiveRun:
     @property
     def plan(self) -> Plan:
         """The plan in force."""
-        return self._engine.plan
+        return self._place.engine.plan
 
     @property
     def time_ns(self) -> int:
         """Scene time, all laps, up to which the run has come."""
-        return self._engine.time_ns + self._shift.time_ns
+        return self._place.time_ns
 
     @property
     def state(self) -> str:
@@ -133,13 +134,14 @@ class LiveRun:
 
     def status(self) -> LiveStatus:
         """Return how things stand."""
-        counts, plan = self._counts, self.plan
+        counts, place = self._counts, self._place
+        plan = place.engine.plan
         return LiveStatus(
             state=self._state,
             error=self._error,
             time_ns=counts.time_ns,
             cycle=counts.cycle,
-            lap=self._lap,
+            lap=place.lap,
             speed=self.settings.speed,
             late_s=counts.late_s,
             latest_s=counts.latest_s,
@@ -148,7 +150,7 @@ class LiveRun:
             late_total_s=counts.late_total_s,
             looks=counts.looks,
             detections=counts.detections,
-            targets=int(looked_at(plan, self._engine.time_ns).sum()),
+            targets=int(looked_at(plan, place.engine.time_ns).sum()),
             targets_launched=self._launched,
             sensors=counts.sensors(plan),
             sinks=tuple(outlet.status() for outlet in self._outlets),
@@ -169,16 +171,22 @@ class LiveRun:
             if self.status().targets >= self.settings.maximum_targets:
                 raise BusyError(f"{self.settings.maximum_targets} targets are in the run, the most it takes at a time")
             self._launched += 1
-            for attempt in range(_TRIES):
-                timed, is_ours = self._timed(block, 2**attempt)
-                draft = drafted_launch(self.plan, timed, self._engine.time_ns, self._lap)
+            cycles = 1
+            for _ in range(_TRIES):
+                place = self._place
+                timed, is_ours = self._timed(place, block, cycles)
+                if is_ours and timed["launch"]["time_s"] >= place.engine.plan.scene.duration_s:
+                    self._await_lap_after(place.lap)
+                    continue
+                draft = drafted_launch(place.engine.plan, timed, place.engine.time_ns, place.lap)
                 try:
                     cycle = self._taken(draft)
                 except PastError:
                     if not is_ours:
                         raise
+                    cycles *= 2
                 else:
-                    return Launched(timed["id"], timed["launch"]["time_s"] + self._shift.time_ns / _NS, cycle)
+                    return Launched(timed["id"], timed["launch"]["time_s"] + place.shift.time_ns / _NS, cycle)
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")
 
     def configure(self, mapping: Mapping[str, Any]) -> int:
@@ -189,7 +197,8 @@ class LiveRun:
         """
         with self._change():
             for _ in range(_TRIES):
-                draft = drafted_settings(self.plan, mapping, self._lap, self.scene)
+                place = self._place
+                draft = drafted_settings(place.engine.plan, mapping, place.lap, self.scene)
                 try:
                     return self._taken(draft)
                 except PastError:
@@ -199,22 +208,29 @@ class LiveRun:
     def _change(self) -> Turn:
         return Turn(self._waiting, self._changing)
 
-    def _timed(self, block: Mapping[str, Any], cycles: int) -> tuple[dict[str, Any], bool]:
+    def _timed(self, place: Place, block: Mapping[str, Any], cycles: int) -> tuple[dict[str, Any], bool]:
         """Return a launch's block with an id and a time of the lap, and whether the time is ours to choose."""
-        timed = {"id": f"live-{self._launched}", **block}
+        timed, before_ns = {"id": f"live-{self._launched}", **block}, place.shift.time_ns
         launch = timed.get("launch")
         if not isinstance(launch, Mapping):
             return timed, False
         if launch.get("time_s") is None:
-            step_ns = self._pace.step_ns(self._engine.time_ns)
-            after_ns = self._engine.time_ns + (2 + cycles) * step_ns
+            after_ns = place.engine.time_ns + (2 + cycles) * self._pace.step_ns(place.time_ns)
             return {**timed, "launch": {**launch, "time_s": -(-after_ns // 1_000_000) / 1000}}, True
         time_s = launch["time_s"]
-        if isinstance(time_s, int | float) and not isinstance(time_s, bool) and self._shift.time_ns:
-            if time_s < self._shift.time_ns / _NS:
+        if isinstance(time_s, int | float) and not isinstance(time_s, bool) and before_ns:
+            if time_s < before_ns / _NS:
                 raise PastError(self._past())
-            timed["launch"] = {**launch, "time_s": time_s - self._shift.time_ns / _NS}
+            timed["launch"] = {**launch, "time_s": time_s - before_ns / _NS}
         return timed, False
+
+    def _await_lap_after(self, lap: int) -> None:
+        """Wait for the lap after one that is all but over; raises `RefusedError` where there is none."""
+        if self._laps is None:
+            raise RefusedError("the scene ends before it could go up: start it again, or start it with --loop")
+        waited = waited_for(lambda: self._place.lap != lap or self._state != "running", self._stopping)
+        if not waited:
+            raise BusyError("the run is held up; try again")
 
     def _past(self) -> str:
         return f"launch.time_s is past: the scene's clock is at {self.time_ns / _NS:.3f} s; leave it out for now"
@@ -243,19 +259,20 @@ class LiveRun:
     def _cycle(self) -> bool:
         """Go one window on; return whether there is another."""
         self._take_over()
-        engine = self._engine
-        if engine.time_ns >= engine.plan.end_ns:
+        place = self._place
+        if place.engine.time_ns >= place.engine.plan.end_ns:
             if self._laps is None:
                 return False
-            engine = self._next_lap(self._laps)
-        edge_ns = min(engine.time_ns + self._pace.step_ns(self.time_ns), engine.plan.end_ns)
-        due_ns = edge_ns + self._shift.time_ns
+            place = self._next_lap(self._laps)
+        engine, shift = place.engine, place.shift
+        edge_ns = min(engine.time_ns + self._pace.step_ns(place.time_ns), engine.plan.end_ns)
+        due_ns = edge_ns + shift.time_ns
         if not self._pace.wait(due_ns, self._stopping):
             return False
-        window = self._shift.shifted(engine.advance(edge_ns))
+        window = shift.shifted(engine.advance(edge_ns))
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         self._hand_over(window)
-        self.on_window(LiveWindow(window, self._counts.cycle, self._lap, engine.plan))
+        self.on_window(LiveWindow(window, self._counts.cycle, place.lap, engine.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in engine.plan.sensors) / _NS
         self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
         return True
@@ -271,14 +288,13 @@ class LiveRun:
             if not outlet.is_kept:
                 outlet.write(window, self._stopping)
 
-    def _next_lap(self, laps: Laps) -> Engine:
-        self._lap += 1
-        plan = laps.plan(self._lap)
-        self._shift = Shift(self._lap * laps.lap_ns, self._tracks)
-        self._engine = Engine(plan)
+    def _next_lap(self, laps: Laps) -> Place:
+        lap = self._place.lap + 1
+        plan = laps.plan(lap)
+        self._place = Place(Engine(plan), lap, Shift(lap * laps.lap_ns, self._tracks))
         self._launched += len(plan.targets.ids)
-        laps.prepare(self._lap + 1)
-        return self._engine
+        laps.prepare(lap + 1)
+        return self._place
 
     def _take_over(self) -> None:
         """Let in what was asked for since the last window."""
@@ -286,14 +302,15 @@ class LiveRun:
             draft, answer = self._drafts.get_nowait()
             if not answer.set_running_or_notify_cancel():
                 continue
-            is_late = draft.not_after_ns is not None and draft.not_after_ns < self._engine.time_ns
-            if is_late or draft.lap != self._lap:
+            place = self._place
+            is_late = draft.not_after_ns is not None and draft.not_after_ns < place.engine.time_ns
+            if is_late or draft.lap != place.lap:
                 answer.set_exception(PastError(self._past()))
                 continue
-            draft.engine.take_over(self._engine)
-            self._engine = draft.engine
+            draft.engine.take_over(place.engine)
+            self._place = evolve(place, engine=draft.engine)
             if self._laps is not None and draft.base is not None:
-                self._laps.prepare(self._lap + 1, draft.base)
+                self._laps.prepare(place.lap + 1, draft.base)
             for choice in draft.reopened:
                 outlet = next(outlet for outlet in self._outlets if outlet.path == choice.path)
                 outlet.replace(partial(opened_sink, draft.engine.plan, choice), is_kept=choice.spool is not None)

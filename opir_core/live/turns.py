@@ -2,12 +2,14 @@
 
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 
 from opir_core.errors import OpirError
 
 _ANSWER_S = 10.0
 _POLL_S = 0.1
+_LOOK_S = 0.005
 
 
 class RefusedError(OpirError):
@@ -50,3 +52,12 @@ def answered(answer: "Future[int]", stopping: threading.Event) -> int:
         if time.monotonic() >= give_up_s and answer.cancel():
             raise BusyError("the run is held up by a sink that takes no more; try again")
     return answer.result()
+
+
+def waited_for(is_so: Callable[[], bool], stopping: threading.Event) -> bool:
+    """Return whether something came to be so; waits for it as long as for an answer, or until the run is stopped."""
+    give_up_s = time.monotonic() + _ANSWER_S
+    while not is_so():
+        if stopping.wait(_LOOK_S) or time.monotonic() >= give_up_s:
+            return False
+    return True

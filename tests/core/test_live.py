@@ -218,7 +218,7 @@ def test_each_lap_is_the_scene_with_its_epoch_moved_on_and_its_seed_one_more(hos
 
 def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Host) -> None:
     kept = Kept()
-    run = LiveRun(scene, host, LiveSettings(speed=5.0, cycle_ns=10_000_000, maximum_targets=4), kept)
+    run = LiveRun(scene, host, LiveSettings(speed=5.0, cycle_ns=10_000_000), kept)
     run.start()
     block = {key: value for key, value in LATER.items() if key != "id"}
     launch = {key: value for key, value in LATER["launch"].items() if key != "time_s"}
@@ -231,7 +231,8 @@ def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Hos
     with pytest.raises(SceneError, match=r"targets\[0\].launch.lat_deg: 95"):
         run.launch(LATER | {"launch": LATER["launch"] | {"lat_deg": 95.0}})
     run.launch(LATER | {"launch": LATER["launch"] | {"time_s": 80.0}})
-    with pytest.raises(BusyError, match="4 targets"):
+    run.settings = evolve(run.settings, maximum_targets=1)
+    with pytest.raises(BusyError, match="1 targets"):
         run.launch(LATER | {"id": "MORE", "launch": LATER["launch"] | {"time_s": 80.0}})
     run.stop()
     confident = [live.window.detections.confidence for live in kept.windows if live.cycle >= cycle]
@@ -261,3 +262,27 @@ def test_a_run_that_is_behind_takes_more_in_at_a_time(monkeypatch: pytest.Monkey
     assert pace.step_ns(NS // 2) == 500_000_000
     moment[0] += 100 * NS
     assert pace.step_ns(NS) == 20 * 100_000_000
+
+
+UNTIMED = {"type": "SRBM", "launch": {"lat_deg": 22.0, "lon_deg": -160.0}, "aim": {"lat_deg": 24.0, "lon_deg": -158.0}}
+
+
+def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -> None:
+    scene = scene_from_mapping(mapping(duration_s=20, targets=[], outputs=["null"]), host=host)
+    run = LiveRun(scene, host, LiveSettings(speed=20.0, loop=True))
+    run.start()
+    launched = [run.launch(UNTIMED) for _ in range(20)]
+    times = [each.time_s for each in launched]
+    status = run.stop()
+    assert times == sorted(times)
+    assert status.lap >= 1
+    assert status.targets_launched == 20
+
+
+def test_a_launch_that_the_scene_has_no_time_for_is_refused_with_the_way_out(host: Host) -> None:
+    scene = scene_from_mapping(mapping(duration_s=0.2, targets=[], outputs=["null"]), host=host)
+    run = LiveRun(scene, host, LiveSettings(speed=0.1, cycle_ns=1_000_000_000))
+    run.start()
+    with pytest.raises(RefusedError, match="--loop"):
+        run.launch(UNTIMED)
+    run.stop()

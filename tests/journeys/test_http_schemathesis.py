@@ -2,18 +2,26 @@
 
 `/stream` is left out: its answer has no end, and is tested in `tests/plugins/test_http_service.py`. Every answer is
 held against the document: statuses, content types, headers, bodies; wrong requests are refused; none is answered 5xx.
+OPIR_SCHEMATHESIS_S and OPIR_SCHEMATHESIS_SEED make it longer and another one.
 """
 
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
 from attrs import evolve
-from http_stand import serving
+from http_stand import Stand, serving
+from opir_http.openapi import document
 
-#: How long the requests go on, s.
-FOR_S = int(os.environ.get("OPIR_SCHEMATHESIS_S", "8"))
+#: How long the requests of each kind go on, s; by default the steps along links are bounded by their number alone.
+FOR_S = int(os.environ.get("OPIR_SCHEMATHESIS_S", "6"))
+STEPS = ("--max-time", str(FOR_S)) if "OPIR_SCHEMATHESIS_S" in os.environ else ()
+SCENARIOS = 5 * FOR_S if STEPS else 16
+SEED = os.environ.get("OPIR_SCHEMATHESIS_SEED", "5")
 
 #: What a request may be answered that keeps to the schema: a document cannot say that a type's burn time fits its mass,
 #: that a day is in its month, or which tag is in force.
@@ -23,15 +31,40 @@ positive_data_acceptance.expected-statuses = ["2xx", 400, 401, 403, 404, 409, 41
 """
 
 
-def test_the_service_keeps_to_its_document_whatever_it_is_asked(tmp_path: Path) -> None:
-    with serving(tmp_path, "--speed", "5", "--loop", "--max-targets", "50") as running:
+@pytest.fixture(scope="module")
+def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
+    words = ("--speed", "5", "--loop", "--max-targets", "50")
+    with serving(tmp_path_factory.mktemp("stand"), *words) as running:
         running.service.settings = evolve(running.service.settings, writes_per_s=10_000.0)
-        address = f"http://127.0.0.1:{running.port}"
-        command = [sys.executable, "-m", "schemathesis.cli", "--config-file", "schemathesis.toml"]
-        command += ["run", f"{address}/openapi.json", "--exclude-path", "/stream"]
-        command += ["--mode", "all", "--checks", "all", "--phases", "examples,coverage,fuzzing,stateful"]
-        (tmp_path / "schemathesis.toml").write_text(SETTINGS, encoding="utf-8")
-        command += ["--max-time", str(FOR_S), "--max-examples", str(5 * FOR_S), "--seed", "5", "--no-color"]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=FOR_S + 120, check=False)
-        assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
-        assert running.ask("GET", "/health/live").status == 200
+        yield running
+
+
+def examined(stand: Stand, folder: Path, phases: str, *words: str) -> str:
+    """Let schemathesis ask; return what it says, which must be that nothing is wrong."""
+    (folder / "schemathesis.toml").write_text(SETTINGS, encoding="utf-8")
+    command = [sys.executable, "-m", "schemathesis.cli", "--config-file", "schemathesis.toml"]
+    command += ["run", f"http://127.0.0.1:{stand.port}/openapi.json", "--exclude-path", "/stream"]
+    command += ["--mode", "all", "--checks", "all", "--phases", phases, "--seed", SEED, "--no-color", *words]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=FOR_S + 180, check=False)
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    assert stand.ask("GET", "/health/live").status == 200
+    return done.stdout
+
+
+def test_the_service_keeps_to_its_document_whatever_it_is_asked(stand: Stand, tmp_path: Path) -> None:
+    more = ("--max-time", str(FOR_S), "--max-examples", str(5 * FOR_S))
+    examined(stand, tmp_path, "examples,coverage,fuzzing", *more)
+
+
+def test_the_service_keeps_to_its_document_along_the_links_of_its_answers(stand: Stand, tmp_path: Path) -> None:
+    told = examined(stand, tmp_path, "stateful", *STEPS, "--max-examples", str(SCENARIOS))
+    found = re.search(r"API Links: +(\d+) covered / (\d+) selected", told)
+    assert found, told
+    assert int(found[2]) >= links()
+    assert int(found[1]) >= 3, told
+
+
+def links() -> int:
+    """Return how many links the document has."""
+    operations = [each for item in document()["paths"].values() for each in item.values()]
+    return sum(len(answer.get("links", {})) for each in operations for answer in each["responses"].values())

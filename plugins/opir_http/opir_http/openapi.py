@@ -24,6 +24,38 @@ _TAG: Schema = {"ETag": {"schema": TEXT, "description": "tag of the configuratio
 _RETRY: Schema = {"Retry-After": {"schema": {"type": "string"}, "description": "when to try again, s"}}
 _ALWAYS = (400, 401, 405, 408, 413, 421, 500)
 
+#: What an answer leads on to (OpenAPI 3.1, link objects).
+_AFTER_LAUNCH = {
+    "seen": {
+        "operationId": "detections",
+        "parameters": {"since": "$response.body#/timestamp"},
+        "description": "detections from the launch on",
+    },
+    "tracked": {"operationId": "tracks", "description": "the tracks that come of it"},
+    "state": {"operationId": "status", "description": "how many targets are in the run"},
+}
+_AFTER_CONFIG = {
+    "change": {
+        "operationId": "configure",
+        "parameters": {"If-Match": "$response.header.ETag"},
+        "requestBody": "$response.body",
+        "description": "put it in force again, changed",
+    }
+}
+_AFTER_CHANGE = {"changed": {"operationId": "config", "description": "the configuration in force"}}
+_AFTER_PAGE = {
+    "next": {
+        "operationId": "detections",
+        "parameters": {"after": "$response.body#/next"},
+        "description": "the following page, where there is one",
+    },
+    "same_sensor": {
+        "operationId": "detections",
+        "parameters": {"sensor_id": "$response.body#/detections/0/sensor_id"},
+        "description": "what else that sensor saw",
+    },
+}
+
 
 def document() -> dict[str, Any]:
     """Return the OpenAPI document."""
@@ -78,13 +110,15 @@ def _trigger() -> Schema:
         " that is let in gives the events that it gives in a batch run of the scene with it.",
         "parameters": [key],
         "requestBody": {"required": True, "content": {_JSON: _media("Trigger", LAUNCH_EXAMPLE)}},
-        "responses": {"202": _answer("The launch is in the run", "Launched", headers=headers)}
+        "responses": {"202": _answer("The launch is in the run", "Launched", headers=headers, links=_AFTER_LAUNCH)}
         | _problems(409, 415, 422, 429),
     }
 
 
 def _config() -> Schema:
-    return _get("config", "The configuration in force, every setting written out", "Config", headers=_TAG)
+    return _get(
+        "config", "The configuration in force, every setting written out", "Config", headers=_TAG, links=_AFTER_CONFIG
+    )
 
 
 def _configure() -> Schema:
@@ -98,7 +132,7 @@ def _configure() -> Schema:
         " refused, by name.",
         "parameters": [match],
         "requestBody": {"required": True, "content": {_JSON: _media("Config")}},
-        "responses": {"200": _answer("In force from this cycle on", "Configured", headers=_TAG)}
+        "responses": {"200": _answer("In force from this cycle on", "Configured", headers=_TAG, links=_AFTER_CHANGE)}
         | _problems(403, 409, 412, 415, 422, 428, 429),
     }
 
@@ -117,7 +151,7 @@ def _detections() -> Schema:
     }
     summary = "Recent detections, newest first; `next` is the `after` of the following page"
     parameters = [_parameter(name, schema) for name, schema in words.items()]
-    return _get("detections", summary, "Detections") | {"parameters": parameters}
+    return _get("detections", summary, "Detections", links=_AFTER_PAGE) | {"parameters": parameters}
 
 
 def _tracks() -> Schema:
@@ -157,20 +191,17 @@ def _metrics() -> Schema:
     }
 
 
-def _get(name: str, summary: str, schema: str, headers: Schema | None = None) -> Schema:
-    return {
-        "operationId": name,
-        "summary": summary,
-        "responses": {"200": _answer(summary, schema, headers=headers or {})} | _problems(),
-    }
+def _get(name: str, summary: str, schema: str, headers: Schema | None = None, links: Schema | None = None) -> Schema:
+    answer = _answer(summary, schema, headers=headers or {}, links=links or {})
+    return {"operationId": name, "summary": summary, "responses": {"200": answer} | _problems()}
 
 
 def _parameter(name: str, schema: Schema) -> Schema:
     return {"name": name, "in": "query", "required": False, "schema": schema}
 
 
-def _answer(words: str, schema: str, headers: Schema) -> Schema:
-    return {"description": words, "headers": headers, "content": {_JSON: _media(schema)}}
+def _answer(words: str, schema: str, headers: Schema, links: Schema) -> Schema:
+    return {"description": words, "headers": headers, "content": {_JSON: _media(schema)}, "links": links}
 
 
 def _problems(*statuses: int) -> Schema:
