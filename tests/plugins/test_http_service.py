@@ -233,6 +233,13 @@ def test_other_methods_are_refused_and_no_origin_is_let_in(stand: Stand) -> None
     assert "default-src 'none'" in answer.headers["content-security-policy"]
 
 
+def test_options_name_the_methods_of_each_path(stand: Stand) -> None:
+    for path, item in document()["paths"].items():
+        answer = stand.ask("OPTIONS", path)
+        assert answer.status == 204
+        assert {word.strip().lower() for word in answer.headers["allow"].split(",")} == {*item, "options"}
+
+
 def test_a_name_that_is_not_ours_is_not_served(stand: Stand) -> None:
     assert stand.ask("GET", "/status", headers={"Host": "rebound.example"}).status == 421
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from litestar import Litestar, Request, Response, get, post, put
+from litestar import HttpMethod, Litestar, Request, Response, get, post, route
 from litestar.exceptions import HTTPException
 from litestar.response import Stream
 
@@ -48,7 +48,8 @@ def application(service: Service) -> Litestar:
             *_page_routes(),
             *_health_routes(service),
             *_reading_routes(service, told),
-            *_writing_routes(service, told),
+            _trigger_route(service, told),
+            _config_route(service, told),
             _stream_route(service),
         ],
         exception_handlers={ProblemError: answer_problem, HTTPException: answer_http, Exception: answer_defect},
@@ -126,14 +127,6 @@ def _reading_routes(service: Service, told: Told) -> list[Any]:
         query(request.scope["query_string"], ())
         return Response(await told.status.get(), media_type=_JSON)
 
-    @get("/config")
-    async def config(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        body, tag = await told.config.get()
-        if request.headers.get("if-none-match") == tag:
-            return Response(b"", status_code=304, headers={"ETag": tag})
-        return Response(body, media_type=_JSON, headers={"ETag": tag})
-
     @get("/detections")
     async def detections(request: AnyRequest) -> Response[bytes]:
         given = query(request.scope["query_string"], _FILTERS)
@@ -149,10 +142,10 @@ def _reading_routes(service: Service, told: Told) -> list[Any]:
         given = query(request.scope["query_string"], ("limit",))
         return _json({"tracks": service.feed.tracks.latest(whole_number(given, "limit", 100, MAXIMUM_PAGE))})
 
-    return [status, config, detections, tracks]
+    return [status, detections, tracks]
 
 
-def _writing_routes(service: Service, told: Told) -> list[Any]:
+def _trigger_route(service: Service, told: Told) -> Any:
     @post("/trigger", status_code=202)
     async def trigger(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
@@ -170,24 +163,38 @@ def _writing_routes(service: Service, told: Told) -> list[Any]:
                 service.answers.end(key, answer)
         return _json(answer, 202, headers={"Location": "/status"})
 
-    @put("/config")
-    async def configure(request: AnyRequest) -> Response[bytes]:
-        query(request.scope["query_string"], ())
-        if not service.settings.config_writes:
-            raise ProblemError(403, "the service was started with --no-config-writes")
-        wanted = json_object(await request.body())
-        if_match = request.headers.get("if-match")
-        if if_match is None:
-            raise ProblemError(428, "send the ETag of GET /config as If-Match")
-        if not _ENTITY_TAG.fullmatch(if_match):
-            raise ProblemError(400, "If-Match is one ETag of GET /config, in its quotes, or *")
-        try:
-            cycle, tag = await asyncio.to_thread(service.configure, wanted, if_match)
-        finally:
-            told.forget()
-        return _json({"cycle": cycle}, headers={"ETag": tag})
+    return trigger
 
-    return [trigger, configure]
+
+def _config_route(service: Service, told: Told) -> Any:
+    # One handler, for the framework's answer to OPTIONS knows only the methods of one.
+    @route("/config", http_method=[HttpMethod.GET, HttpMethod.PUT], status_code=200)
+    async def config(request: AnyRequest) -> Response[bytes]:
+        query(request.scope["query_string"], ())
+        if request.method == HttpMethod.PUT:
+            return await _configured(service, told, request)
+        body, tag = await told.config.get()
+        if request.headers.get("if-none-match") == tag:
+            return Response(b"", status_code=304, headers={"ETag": tag})
+        return Response(body, media_type=_JSON, headers={"ETag": tag})
+
+    return config
+
+
+async def _configured(service: Service, told: Told, request: AnyRequest) -> Response[bytes]:
+    if not service.settings.config_writes:
+        raise ProblemError(403, "the service was started with --no-config-writes")
+    wanted = json_object(await request.body())
+    if_match = request.headers.get("if-match")
+    if if_match is None:
+        raise ProblemError(428, "send the ETag of GET /config as If-Match")
+    if not _ENTITY_TAG.fullmatch(if_match):
+        raise ProblemError(400, "If-Match is one ETag of GET /config, in its quotes, or *")
+    try:
+        cycle, tag = await asyncio.to_thread(service.configure, wanted, if_match)
+    finally:
+        told.forget()
+    return _json({"cycle": cycle}, headers={"ETag": tag})
 
 
 def _stream_route(service: Service) -> Any:

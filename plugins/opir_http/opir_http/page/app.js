@@ -4,6 +4,8 @@ import { setState, showLatest, showStatus, showTracks, Timeline } from "/page/pa
 import { ask, follow } from "/page/service.js";
 
 const map = new WorldMap(document.getElementById("map"));
+// For who looks at the page from a script: what the map shows is in no element.
+window.opirMap = map;
 const timeline = new Timeline(document.getElementById("timeline"));
 
 function status(told) {

@@ -43,6 +43,18 @@ export function circle(centre, reach, points) {
   return ring;
 }
 
+// The great circle from one place to another, both with lat_deg and lon_deg.
+export function between(one, other, points = 64) {
+  const unit = ({ lat_deg: lat, lon_deg: lon }) => [Math.cos(lat * DEG) * Math.cos(lon * DEG), Math.cos(lat * DEG) * Math.sin(lon * DEG), Math.sin(lat * DEG)];
+  const a = unit(one), b = unit(other), angle = Math.acos(Math.max(-1, Math.min(1, dot(a, b)))), way = [];
+  for (let step = 0; step <= points && Math.sin(angle) > 1e-6; step += 1) {
+    const ahead = Math.sin((step / points) * angle), back = Math.sin((1 - step / points) * angle);
+    const [x, y, z] = a.map((axis, index) => back * axis + ahead * b[index]);
+    way.push({ lat: Math.atan2(z, Math.hypot(x, y)) / DEG, lon: Math.atan2(y, x) / DEG });
+  }
+  return way;
+}
+
 export function ellipse(point, points = 48) {
   const { semi_major_m: major, semi_minor_m: minor, bearing_deg: turned } = point.ellipse, ring = [];
   for (let step = 0; step <= points; step += 1) {

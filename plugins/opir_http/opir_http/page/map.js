@@ -1,7 +1,9 @@
 // The world map: an equirectangular canvas, the coast drawn once, everything else on each frame.
-import { ellipse, footprint, geodetic, seenFrom } from "/page/earth.js";
+import { between, ellipse, footprint, geodetic, seenFrom } from "/page/earth.js";
 
 const SHOWN_MS = 6000, GONE_MS = 20000, MOST_HITS = 1500;
+// An ellipse beyond this says no more than that the place is not known yet.
+const WIDEST_M = 2.5e6;
 
 export class WorldMap {
   constructor(canvas) {
@@ -35,6 +37,7 @@ export class WorldMap {
     if (!box.width || !box.height) return;
     this.canvas.width = Math.round(box.width * ratio); this.canvas.height = Math.round(box.height * ratio);
     this.ratio = ratio;
+    this.unit = parseFloat(getComputedStyle(document.documentElement).fontSize) / 15;
     const scale = Math.min(box.width / 360, box.height / 180);
     this.scale = scale; this.left = (box.width - 360 * scale) / 2; this.top = (box.height - 180 * scale) / 2;
     const style = getComputedStyle(document.documentElement);
@@ -97,26 +100,29 @@ export class WorldMap {
   drawSensors(pen) {
     for (const sensor of this.sensors) {
       const active = sensor.state === "detecting", x = this.x(sensor.below.lon), y = this.y(sensor.below.lat);
-      pen.strokeStyle = this.colour.sensor; pen.globalAlpha = active ? 0.55 : 0.16; pen.lineWidth = active ? 1.2 : 1;
+      pen.strokeStyle = this.colour.sensor; pen.globalAlpha = active ? 0.55 : 0.16; pen.lineWidth = (active ? 1.1 : 0.9) * this.unit;
       this.path(pen, sensor.view);
       pen.globalAlpha = active ? 1 : 0.65;
       pen.fillStyle = this.colour.sensor;
-      pen.beginPath(); pen.moveTo(x, y - 4.5); pen.lineTo(x + 4.5, y); pen.lineTo(x, y + 4.5); pen.lineTo(x - 4.5, y); pen.fill();
+      const size = 4.5 * this.unit;
+      pen.beginPath(); pen.moveTo(x, y - size); pen.lineTo(x + size, y); pen.lineTo(x, y + size); pen.lineTo(x - size, y); pen.fill();
       pen.globalAlpha = 1;
     }
     this.labels(pen);
   }
 
+  // Names where there is room for them; the timeline below has them all.
   labels(pen) {
-    pen.font = "11px system-ui, sans-serif"; pen.textAlign = "center"; pen.fillStyle = this.colour.soft;
+    if (this.scale < 1.6) return;
+    pen.font = `${11 * this.unit}px system-ui, sans-serif`; pen.textAlign = "center"; pen.fillStyle = this.colour.soft;
     const taken = [];
-    const crowded = this.scale < 2;
+    const crowded = this.scale < 2.4;
     for (const sensor of this.sensors) {
       if (crowded && sensor.state !== "detecting") continue;
       const width = pen.measureText(sensor.sensor_id).width + 6;
       const x = Math.min(Math.max(this.x(sensor.below.lon), width / 2), this.left * 2 + 360 * this.scale - width / 2);
-      for (const y of [16, -9, 29, -22].map((off) => this.y(sensor.below.lat) + off)) {
-        if (taken.some((box) => Math.abs(box.x - x) < (box.width + width) / 2 && Math.abs(box.y - y) < 12)) continue;
+      for (const y of [16, -9, 29, -22].map((off) => this.y(sensor.below.lat) + off * this.unit)) {
+        if (taken.some((box) => Math.abs(box.x - x) < (box.width + width) / 2 && Math.abs(box.y - y) < 12 * this.unit)) continue;
         taken.push({ x, y, width }); pen.fillText(sensor.sensor_id, x, y);
         break;
       }
@@ -124,29 +130,56 @@ export class WorldMap {
   }
 
   drawTracks(pen) {
-    pen.lineWidth = 1.6;
+    this.drawn = { launches: 0, impacts: 0, ellipses: 0 };
     for (const track of this.tracks.values()) {
-      const { launch_point: launch, impact_point: impact } = track;
-      if (track.latitude_deg !== null && performance.now() - track.at < GONE_MS) this.drawNow(pen, track);
-      if (launch) {
-        pen.strokeStyle = pen.fillStyle = this.colour.launch;
-        if (launch.ellipse) this.path(pen, ellipse(launch));
-        pen.beginPath(); pen.arc(this.x(launch.lon_deg), this.y(launch.lat_deg), 3.2, 0, 7); pen.fill();
-      }
-      if (impact) {
-        pen.strokeStyle = this.colour.impact;
-        if (impact.ellipse) this.path(pen, ellipse(impact));
-        const x = this.x(impact.lon_deg), y = this.y(impact.lat_deg);
-        pen.beginPath(); pen.moveTo(x - 5, y); pen.lineTo(x + 5, y); pen.moveTo(x, y - 5); pen.lineTo(x, y + 5); pen.stroke();
-      }
+      const { launch_point: launch, impact_point: impact } = track, age = performance.now() - track.at;
+      pen.globalAlpha = age < GONE_MS ? 1 : 0.35;
+      pen.lineWidth = 1.5 * this.unit;
+      if (launch && impact) this.drawCourse(pen, launch, impact);
+      if (impact) this.drawImpact(pen, impact, track.track_id);
+      if (launch) this.drawLaunch(pen, launch);
+      if (track.latitude_deg !== null && age < GONE_MS) this.drawNow(pen, track);
     }
+    pen.globalAlpha = 1;
+  }
+
+  drawCourse(pen, launch, impact) {
+    const alpha = pen.globalAlpha;
+    pen.strokeStyle = this.colour.ink; pen.globalAlpha = 0.4 * alpha; pen.setLineDash([3 * this.unit, 4 * this.unit]);
+    this.path(pen, between(launch, impact));
+    pen.setLineDash([]); pen.globalAlpha = alpha;
+  }
+
+  drawEllipse(pen, point) {
+    if (!point.ellipse || point.ellipse.semi_major_m > WIDEST_M) return 0;
+    pen.lineWidth = 1.3 * this.unit;
+    this.path(pen, ellipse(point));
+    return 1;
+  }
+
+  drawLaunch(pen, launch) {
+    pen.strokeStyle = pen.fillStyle = this.colour.launch;
+    this.drawEllipse(pen, launch);
+    const x = this.x(launch.lon_deg), y = this.y(launch.lat_deg), size = 5 * this.unit;
+    pen.beginPath(); pen.moveTo(x, y - size); pen.lineTo(x + size, y + size); pen.lineTo(x - size, y + size); pen.fill();
+    this.drawn.launches += 1;
+  }
+
+  drawImpact(pen, impact, number) {
+    pen.strokeStyle = pen.fillStyle = this.colour.impact;
+    this.drawn.ellipses += this.drawEllipse(pen, impact);
+    const x = this.x(impact.lon_deg), y = this.y(impact.lat_deg), size = 4.5 * this.unit;
+    pen.lineWidth = 1.8 * this.unit;
+    pen.beginPath(); pen.moveTo(x - size, y - size); pen.lineTo(x + size, y + size); pen.moveTo(x - size, y + size); pen.lineTo(x + size, y - size); pen.stroke();
+    pen.font = `600 ${11 * this.unit}px system-ui, sans-serif`; pen.textAlign = "left"; pen.fillText(`${number}`, x + 7 * this.unit, y + 4 * this.unit);
+    this.drawn.impacts += 1;
   }
 
   drawNow(pen, track) {
     const x = this.x(track.longitude_deg), y = this.y(track.latitude_deg);
-    pen.strokeStyle = pen.fillStyle = this.colour.ink;
-    pen.beginPath(); pen.arc(x, y, 7.5, 0, 7); pen.stroke();
-    pen.font = "600 12px system-ui, sans-serif"; pen.textAlign = "left"; pen.fillText(`${track.track_id}`, x + 10, y - 5);
+    pen.strokeStyle = pen.fillStyle = this.colour.ink; pen.lineWidth = 1.6 * this.unit;
+    pen.beginPath(); pen.arc(x, y, 8 * this.unit, 0, 7); pen.stroke();
+    pen.font = `600 ${12 * this.unit}px system-ui, sans-serif`; pen.textAlign = "left"; pen.fillText(`${track.track_id}`, x + 10 * this.unit, y - 6 * this.unit);
   }
 
   drawHits(pen, now) {
@@ -155,7 +188,7 @@ export class WorldMap {
     for (const hit of this.hits) {
       const age = (now - hit.at) / SHOWN_MS;
       pen.globalAlpha = 0.9 * (1 - age) ** 1.5;
-      pen.beginPath(); pen.arc(this.x(hit.lon), this.y(hit.lat), 2.2 + 3 * Math.max(0, 1 - age * 8), 0, 7); pen.fill();
+      pen.beginPath(); pen.arc(this.x(hit.lon), this.y(hit.lat), (2.2 + 3 * Math.max(0, 1 - age * 8)) * this.unit, 0, 7); pen.fill();
     }
     pen.globalAlpha = 1;
   }

@@ -22,7 +22,7 @@ export function setState(word) {
 
 export function showTracks(tracks) {
   const told = [...tracks.values()].sort((one, other) => other.at - one.at).slice(0, 30);
-  rows("track-rows", told.map((track) => [`${track.track_id}`, place(track.latitude_deg === null ? null : { lat_deg: track.latitude_deg, lon_deg: track.longitude_deg }), place(track.launch_point), place(track.impact_point)]), [], "None yet");
+  rows("track-rows", told.map((track) => [`${track.track_id}`, place(track.launch_point), place(track.impact_point), reach(track.impact_point)]), [], "None yet");
 }
 
 const latest = [];
@@ -36,6 +36,11 @@ function place(point) {
   if (!point) return "–";
   const lat = `${Math.abs(point.lat_deg).toFixed(1)}° ${point.lat_deg < 0 ? "S" : "N"}`;
   return `${lat}, ${Math.abs(point.lon_deg).toFixed(1)}° ${point.lon_deg < 0 ? "W" : "E"}`;
+}
+
+// The half length of the ellipse that holds the place in 95 of 100 cases, km.
+function reach(point) {
+  return point && point.ellipse ? whole.format(Math.round(point.ellipse.semi_major_m / 1000)) : "–";
 }
 
 function rows(id, table, bad, none) {
