@@ -109,6 +109,13 @@ PARTS = (
         "ablation, fragmentation, drag, light curves of real ones",
     ),
     Part(
+        "Types from measured light",
+        "computed",
+        "Bayes' rule over imagined launches of the class profiles, fires, flares, glints and bolides, through the"
+        " scene's own air and sensors (`opir_core.classification`); priors and spreads are notional",
+        "that looks at one launch are alike; what a scene sets of its own targets' signatures",
+    ),
+    Part(
         "Boosts and ballistic arcs",
         "computed",
         "generic class profiles on the rotating ellipsoid, two-body arcs or numerical propagation; the profiles are"

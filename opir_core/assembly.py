@@ -1,9 +1,10 @@
 """From looks that detect to detections: measured, classified, given a confidence and an id."""
 
 from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import NDArray
 
 from opir_core.columns import Columns
@@ -12,9 +13,10 @@ from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.looks import Looks, exposures, look_times_ns
 from opir_core.plan import Plan
-from opir_core.protocols import Measured
+from opir_core.protocols import Dice, Measured
 from opir_core.randomness import normal_pairs
 from opir_core.records import (
+    BoolArray,
     Detections,
     DetectionTruth,
     Exposures,
@@ -22,6 +24,7 @@ from opir_core.records import (
     IndexArray,
     IntArray,
     Sightings,
+    Tracks,
 )
 from opir_core.sites import Sites
 
@@ -84,6 +87,7 @@ class Assembly:
             detection_count=hits.count,
             snr=measured.snr,
             band_irradiance_w_m2=self._band_irradiance(measured, len(hits)),
+            band_noise_w_m2=np.empty((len(hits), 0)) if measured.band_noise_w_m2 is None else measured.band_noise_w_m2,
         )
 
     def _band_irradiance(self, measured: Measured, rows: int) -> FloatArray:
@@ -100,12 +104,13 @@ class Assembly:
     ) -> Detections:
         plan = self._plan
         none = np.full(len(hits), -1, dtype=np.int64)
+        reported_type, log_probability = self._judged(sightings, hits, dice)
         return Detections(
             time_ns=look_times_ns(plan.pairs, hits.pair, exposed.scan),
             sensor=exposed.sensor,
             scan=exposed.scan,
             detection_id=uuid8_words(self._id_keys[hits.pair], exposed.scan),
-            reported_type=self._reported_type(sightings, hits, dice),
+            reported_type=reported_type,
             bands=sightings.bands,
             detection_count=hits.count,
             confidence=plan.confidence.confidence(sightings),
@@ -116,12 +121,54 @@ class Assembly:
             estimate=none,
             line_of_sight_sigma_rad=sigma_rad,
             band_irradiance_w_m2=sightings.band_irradiance_w_m2,
+            type_log_probability=log_probability,
         )
 
-    def _reported_type(self, sightings: Sightings, hits: Hits, dice: RowDice) -> NDArray[np.uint8]:
+    def _judged(self, sightings: Sightings, hits: Hits, dice: RowDice) -> tuple[NDArray[np.uint8], FloatArray]:
         if self._pair_type is None:
-            return self._plan.classifier.reported_type(sightings, dice)
-        return self._pair_type.take(hits.pair)
+            return judged(self._plan.classifier, sightings, dice)
+        return self._pair_type.take(hits.pair), np.empty((len(hits), 0))
+
+
+class Posterior(Protocol):
+    """What classifiers also have that give probabilities: the engine asks those that have `log_posterior`."""
+
+    def log_posterior(self, sightings: Sightings) -> FloatArray:
+        """Return ln P (n, 4) over `REPORTED_TYPES`."""
+
+    def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
+        """Return posteriors (n, 4) to which the motion of tracks has added its own, (n, 4)."""
+
+    def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
+        """Return the codes (n,) that posteriors (n, 4) lead to."""
+
+
+def judged(classifier: Any, sightings: Sightings, dice: Dice) -> tuple[NDArray[np.uint8], FloatArray]:
+    """Return reported types (n,), and ln of the probabilities (n, 4) of a classifier that gives them, or (n, 0)."""
+    if not hasattr(classifier, "log_posterior"):
+        return classifier.reported_type(sightings, dice), np.empty((len(sightings), 0))
+    posterior: Posterior = classifier
+    log_probability = posterior.log_posterior(sightings)
+    return posterior.reported(log_probability), log_probability
+
+
+def with_tracks(classifier: Any, detections: Detections, estimates: Tracks) -> Detections:
+    """Return detections with what their tracks' motion says of the type.
+
+    Tracks that tell a burnout have their types from motion; those of others may be made of the very reports.
+    """
+    if not detections.type_log_probability.shape[1] or not len(estimates):
+        return detections
+    moved: BoolArray = np.all(np.isfinite(estimates.burnout), axis=1)
+    rows = np.flatnonzero((detections.estimate >= 0) & moved[detections.estimate])
+    if not len(rows):
+        return detections
+    posterior: Posterior = classifier
+    of_track = estimates.type_probability[detections.estimate[rows]]
+    log_probability, reported = detections.type_log_probability.copy(), detections.reported_type.copy()
+    log_probability[rows] = posterior.revised(log_probability[rows], of_track)
+    reported[rows] = posterior.reported(log_probability[rows])
+    return evolve(detections, type_log_probability=log_probability, reported_type=reported)
 
 
 def measured_lines_of_sight(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from opir_core.assembly import Assembly, Hits
+from opir_core.assembly import Assembly, Hits, with_tracks
 from opir_core.columns import Filling
 from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.errors import ModelError
@@ -66,7 +66,7 @@ class Engine:
             start_s=start_ns * 1e-9,
             end_s=end_ns * 1e-9,
             looks=len(looks.pair),
-            detections=tracked.detections.freeze(),
+            detections=with_tracks(self.plan.classifier, tracked.detections, tracked.estimates).freeze(),
             truth=truth.freeze(),
             tracks=tracked.tracks,
             estimates=tracked.estimates,

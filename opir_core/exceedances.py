@@ -12,6 +12,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.assembly import judged
 from opir_core.columns import names_of
 from opir_core.dice import Words
 from opir_core.errors import ModelError
@@ -101,12 +102,13 @@ class NoiseMaker:
         rows = len(noise.time_ns)
         none, unknown = np.full(rows, -1, dtype=np.int64), np.full(rows, np.nan)
         sigma_rad = measured.line_of_sight_sigma_rad
+        reported_type, log_probability = self._judged(sightings)
         detections = Detections(
             time_ns=noise.time_ns,
             sensor=noise.sensor,
             scan=noise.scan,
             detection_id=noise.detection_id,
-            reported_type=self._reported_type(sightings),
+            reported_type=reported_type,
             bands=measured.bands,
             detection_count=sightings.detection_count,
             confidence=self._plan.confidence.confidence(sightings),
@@ -117,6 +119,7 @@ class NoiseMaker:
             estimate=none,
             line_of_sight_sigma_rad=self._sites.sigma_rad[noise.sensor] if sigma_rad is None else sigma_rad,
             band_irradiance_w_m2=sightings.band_irradiance_w_m2,
+            type_log_probability=log_probability,
         )
         truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, unknown)
         return Noise(detections, truth)
@@ -143,14 +146,15 @@ class NoiseMaker:
             detection_count=np.ones(rows, dtype=np.int32),
             snr=measured.snr,
             band_irradiance_w_m2=np.empty((rows, 0)) if irradiance is None else irradiance,
+            band_noise_w_m2=np.empty((rows, 0)) if measured.band_noise_w_m2 is None else measured.band_noise_w_m2,
         )
 
-    def _reported_type(self, sightings: Sightings) -> NDArray[np.uint8]:
+    def _judged(self, sightings: Sightings) -> tuple[NDArray[np.uint8], FloatArray]:
         """Return what classifiers say that judge by measurements; those that go by pairs know no such pair."""
         nobody = np.empty(0, dtype=np.int32)
         if self._plan.classifier.pair_type(nobody, nobody, _NoDice()) is not None:
-            return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
-        return self._plan.classifier.reported_type(sightings, _NoDice(len(sightings)))
+            return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8), np.empty((len(sightings), 0))
+        return judged(self._plan.classifier, sightings, _NoDice(len(sightings)))
 
 
 @frozen

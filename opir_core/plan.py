@@ -72,6 +72,8 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
     context = _model_context(scene, host, sensors, targets, sources)
+    detection = built(host, scene.detection, context)
+    context = evolve(context, detection=detection)
     tracked = TrackerContext(
         sensors=sensors,
         epoch_us=scene.epoch_us,
@@ -86,7 +88,7 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         targets=targets,
         pairs=pairs,
         sightlines=sightlines,
-        detection=built(host, scene.detection, context),
+        detection=detection,
         classifier=built(host, scene.classification, context),
         confidence=built(host, scene.confidence, context),
         tracker=built(host, scene.tracker, tracked),
@@ -99,12 +101,14 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
     """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
     scene, context = plan.scene, _model_context(plan.scene, plan.host, plan.sensors, targets, plan.sources)
+    detection = built(plan.host, scene.detection, context)
+    context = evolve(context, detection=detection)
     return evolve(
         plan,
         targets=targets,
         pairs=pairs,
         sightlines=sightlines,
-        detection=built(plan.host, scene.detection, context),
+        detection=detection,
         classifier=built(plan.host, scene.classification, context),
         confidence=built(plan.host, scene.confidence, context),
     )

@@ -142,12 +142,13 @@ class Dice(Protocol):
 
 @frozen(eq=False)
 class Measured(Columns):
-    """Of looks that detected: as in `Detections`; None for sensors' own sigmas and where no irradiance is measured."""
+    """Of looks that detected: as in `Detections`, `Sightings`; None for sensors' own sigmas, and where not measured."""
 
     bands: NDArray[np.uint8]
     snr: FloatArray
     line_of_sight_sigma_rad: FloatArray | None = None
     band_irradiance_w_m2: FloatArray | None = None
+    band_noise_w_m2: FloatArray | None = None
 
 
 class DetectionProbability(Protocol):
@@ -275,12 +276,12 @@ class TargetContext:
 
 @frozen(kw_only=True)
 class ModelContext:
-    """What detection, classification and confidence models are built with; scenery is made when asked for."""
+    """What detection models are built with and, with the built `detection`, those of classification and confidence."""
 
     sensors: tuple[Sensor, ...]
-    #: Codes into `EMITTER_TYPES` of the plan's targets: the scene's launches, then its other hot sources.
-    target_type_code: NDArray[np.uint8] = field(eq=False)
+    target_type_code: NDArray[np.uint8] = field(eq=False)  #: into `EMITTER_TYPES`: launches, then other hot sources
     make_scenery: "Callable[[], Scenery] | None" = field(default=None, eq=False)
+    detection: "DetectionProbability | None" = field(default=None, eq=False)
 
 
 @frozen(kw_only=True)

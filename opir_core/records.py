@@ -56,7 +56,8 @@ class Sightings(Columns):
     `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of the sensor's elevation
     above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is how often this sensor
     has detected this target so far, this one included; `snr` is nan where the detection model has none;
-    `band_irradiance_w_m2` (n, B) as in `Detections`.
+    `band_irradiance_w_m2` (n, B) as in `Detections`, and `band_noise_w_m2` its standard deviation, (n, 0) where the
+    detection model does not say it.
     """
 
     time_s: FloatArray
@@ -70,6 +71,7 @@ class Sightings(Columns):
     detection_count: IndexArray
     snr: FloatArray
     band_irradiance_w_m2: FloatArray
+    band_noise_w_m2: FloatArray = field(default=Factory(lambda rows: np.empty((len(rows.time_s), 0)), takes_self=True))
 
     @property
     def elevation_rad(self) -> FloatArray:
@@ -92,7 +94,8 @@ class Detections(Columns):
     `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis across it, apart from
     the bias that all lines of sight of a sensor share. `band_irradiance_w_m2` (n, B) is measured at the aperture, nan
     beyond the sensor's own bands; B is the largest number of bands of the run's sensors where the detection model
-    measures irradiance, and 0 where it does not or where there are no rows.
+    measures irradiance, and 0 where it does not or where there are no rows. `type_log_probability` (n, 4) is over
+    `REPORTED_TYPES`, (n, 0) where the classifier gives no probabilities.
 
     `time_s`, `azimuth_rad` and `elevation_rad` are not stored: each is computed anew whenever it is asked for, so a run
     that never asks never pays. Who wants both angles asks once, for `angles()`.
@@ -113,6 +116,14 @@ class Detections(Columns):
     estimate: IntArray
     line_of_sight_sigma_rad: FloatArray
     band_irradiance_w_m2: FloatArray
+    type_log_probability: FloatArray = field(
+        default=Factory(lambda rows: np.empty((len(rows.time_ns), 0)), takes_self=True)
+    )
+
+    @property
+    def type_probability(self) -> FloatArray:
+        """Return the probabilities (n, 4) over `REPORTED_TYPES`, or (n, 0); computed at each call."""
+        return np.exp(self.type_log_probability)
 
     @property
     def time_s(self) -> FloatArray:
@@ -247,6 +258,7 @@ _DETECTION_SHAPES: _Shapes = {
     "track": (np.int64, ()),
     "estimate": (np.int64, ()),
     "band_irradiance_w_m2": (np.float64, (0,)),
+    "type_log_probability": (np.float64, (0,)),
 }
 _TRUTH_SHAPES: _Shapes = {"target": (np.int32, ())}
 _TRACK_SHAPES: _Shapes = {

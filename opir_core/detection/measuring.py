@@ -17,15 +17,17 @@ class MeasuredColumns:
     snr: FloatArray
     sigma_rad: FloatArray
     irradiance_w_m2: FloatArray
+    noise_w_m2: FloatArray
 
     @classmethod
     def of(cls, rows: int, width: int) -> "MeasuredColumns":
         """Return columns of so many rows, still to be filled."""
-        return cls(np.empty(rows, np.uint8), np.empty(rows), np.empty(rows), np.full((rows, width), np.nan))
+        beyond = np.full((rows, width), np.nan)
+        return cls(np.empty(rows, np.uint8), np.empty(rows), np.empty(rows), beyond, beyond.copy())
 
     def measured(self) -> Measured:
         """Return what was filled in."""
-        return Measured(self.bands, self.snr, self.sigma_rad, self.irradiance_w_m2)
+        return Measured(self.bands, self.snr, self.sigma_rad, self.irradiance_w_m2, self.noise_w_m2)
 
     def put(
         self,
@@ -46,3 +48,4 @@ class MeasuredColumns:
         spread = footprint_rad / best
         self.sigma_rad[rows] = np.sqrt(floor_rad * floor_rad + spread * spread)
         self.irradiance_w_m2[rows, : measured.shape[1]] = measured * noise
+        self.noise_w_m2[rows, : measured.shape[1]] = noise

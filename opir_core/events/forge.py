@@ -36,6 +36,7 @@ _TRACK = b',"schema_version":"%b","track_id":%b,"azimuth_deg":'
 _SIGMA = b',"line_of_sight_sigma_urad":'
 _BANDS = b',"bands":%b,"snr":'
 _POSITION = b',"sensor_position_ecef_m":[%b],'
+_TYPES = [b'"type_probability":{"ICBM":', *(b',"%b":' % name.encode() for name in REPORTED_TYPES[1:])]
 _NOWHERE = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
 
 _URAD_PER_RAD = 1e6
@@ -81,6 +82,7 @@ class ForgeEncoder:
                 *self._looks(detections, sensor),
                 number_texts(rounded(detections.snr, RATIO_DECIMALS)),
                 _sensor_positions(viewpoints),
+                *_type_probabilities(detections),
                 *_whereabouts(window),
             ],
         )
@@ -141,6 +143,14 @@ def _tracks(track: IntArray) -> Piece:
 def _sensor_positions(viewpoints: Viewpoints) -> Piece:
     places = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
     return taken(piece_table(_POSITION % place for place in places), viewpoints.of_row)
+
+
+def _type_probabilities(detections: Detections) -> list[Piece]:
+    """Return the probabilities of the types, where the classifier gives them."""
+    if not detections.type_log_probability.shape[1]:
+        return []
+    columns = [number_texts(rounded(column, RATIO_DECIMALS)) for column in detections.type_probability.T]
+    return [piece for both in zip(_TYPES, columns, strict=True) for piece in both] + [b"},"]
 
 
 def _whereabouts(window: Window) -> list[Piece]:

@@ -52,6 +52,7 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
         ),
     ),
     "detection": ("opir_core.detection.plugin", frozenset({("opir_detection_models", "snr")})),
+    "classification": ("opir_core.classification.plugin", frozenset({("opir_classifiers", "spectral")})),
 }
 
 _VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\w+)*))?\s*(?:\[.*\])?")

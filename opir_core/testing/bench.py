@@ -176,4 +176,5 @@ def sightings_of(plan: Plan, looks: LookTable) -> Sightings:
         band_irradiance_w_m2=np.where(
             np.arange(totals.max()) < totals[:, None], 1e-12 * (1.0 + rows[:, None] % 5), np.nan
         ),
+        band_noise_w_m2=np.where(np.arange(totals.max()) < totals[:, None], 1e-13 * (1.0 + rows[:, None] % 7), 1.0),
     ).freeze()

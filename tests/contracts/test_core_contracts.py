@@ -64,6 +64,11 @@ class TestConfusionClassifier(ClassifierContract):
     name = "paper"
 
 
+class TestSpectralClassifier(ClassifierContract):
+    name = "spectral"
+    settings: ClassVar[Mapping[str, Any]] = {"launches": 16}
+
+
 class TestTrueType(ClassifierContract):
     name = "always"
 

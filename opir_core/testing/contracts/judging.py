@@ -73,7 +73,9 @@ class ClassifierContract(SceneContract):
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
         """Return the bench's scene with the classifier."""
-        return bench_scene(**{"classification": {"model": cls.name, **cls.block()}, **changes})
+        detection = "snr" if getattr(cls.component().config, "needs_irradiance", False) else "constant"
+        chosen = {"detection": detection, "classification": {"model": cls.name, **cls.block()}}
+        return bench_scene(**{**chosen, **changes})
 
     @classmethod
     @cache

@@ -1,0 +1,125 @@
+"""Mixtures of normal densities, in the log domain: of measurements in independent noise, and of one number beside.
+
+A component is normal in x = (s, m): in-band signals s (B,) and one more quantity m, a count, which is measured without
+noise. A measurement y = s + noise, with variances v (B,) of its own, then has the density N(mean_s, C_ss + diag v), and
+the count given y that of a normal number too. Both come out of one elimination by bands, element by element.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.records import FloatArray, IntArray
+
+#: The least variance, in squared units of the signals: no band without signal and noise makes a density singular.
+_LEAST_VARIANCE = 1e-12
+
+_LOG_TWO_PI = float(np.log(2.0 * np.pi))
+
+
+@frozen(eq=False)
+class Components:
+    """K components: logarithms of their weights (K,), means (K, D) and covariances (K, D, D)."""
+
+    log_weight: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+
+
+@frozen(eq=False)
+class Mixture:
+    """Components for each of several places: weights (places, K), means (D, places, K), covariances (D, D, places, K).
+
+    Components `edges[c]` to `edges[c + 1]` are those of class c; what a class has too few of has the weight 0.
+    """
+
+    log_weight: FloatArray
+    mean: FloatArray
+    covariance: FloatArray
+    edges: IntArray
+
+    @classmethod
+    def of(cls, places: Sequence[Sequence[Components]]) -> "Mixture":
+        """Return the mixture of the classes' components at each place."""
+        widths = [max(1, *(len(part.log_weight) for part in parts)) for parts in zip(*places, strict=True)]
+        edges = np.cumsum([0, *widths])
+        size = places[0][0].mean.shape[1]
+        log_weight = np.full((len(places), edges[-1]), -np.inf)
+        mean = np.zeros((size, len(places), edges[-1]))
+        covariance = np.zeros((size, size, len(places), edges[-1])) + np.eye(size)[:, :, None, None]
+        for place, parts in enumerate(places):
+            for start, part in zip(edges[:-1].tolist(), parts, strict=True):
+                own = slice(start, start + len(part.log_weight))
+                log_weight[place, own] = part.log_weight
+                mean[:, place, own] = part.mean.T
+                covariance[:, :, place, own] = part.covariance.transpose(1, 2, 0)
+        return cls(log_weight, mean, covariance, edges)
+
+    def log_densities(
+        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return ln weight · p(y) and ln p(count | y), (n, K) each.
+
+        `place` (n,) says where each row belongs; signals and variances are (n, B), counts (n,).
+        """
+        bands, size = signal.shape[1], signal.shape[1] + 1
+        work = np.empty((size, size + 1, len(signal), self.log_weight.shape[1]))
+        work[:, :size] = self.covariance[:, :, place]
+        band = np.arange(bands)
+        work[band, band] += variance.T[:, :, None]
+        work[:, size] = np.concatenate([signal, count[:, None]], axis=1).T[:, :, None] - self.mean[:, place]
+        log_density = self.log_weight[place]
+        for row in range(bands):
+            log_density += self._eliminated(work, row)
+        return log_density, self._eliminated(work, bands)
+
+    def _eliminated(self, work: FloatArray, row: int) -> FloatArray:
+        """Return the log density of one number given those before it, and take it out of those after it."""
+        pivot, residual = np.maximum(work[row, row], _LEAST_VARIANCE), work[row, -1]
+        factors = work[row + 1 :, row] / pivot
+        work[row + 1 :, row + 1 :] -= factors[:, None] * work[row, row + 1 :]
+        log_normal: FloatArray = -0.5 * (residual * residual / pivot + np.log(pivot) + _LOG_TWO_PI)
+        return log_normal
+
+    def by_class(self, log_densities: FloatArray) -> FloatArray:
+        """Return ln of the sums (n, classes) of densities (n, K)."""
+        starts, widths = self.edges[:-1], self.edges[1:] - self.edges[:-1]
+        most = np.maximum.reduceat(log_densities, starts, axis=1)
+        at = np.where(most > -np.inf, most, 0.0)
+        shares = np.exp(log_densities - np.repeat(at, widths, axis=1))
+        return most + np.log(np.maximum(np.add.reduceat(shares, starts, axis=1), 1.0))
+
+
+def log_sum(values: FloatArray) -> FloatArray:
+    """Return ln Σ exp (n,) of rows (n, m), m > 0; -inf of what is all -inf."""
+    most = values.max(axis=-1)
+    at = np.where(most > -np.inf, most, 0.0)
+    # The largest is 1 here: a sum below it is one of nothing.
+    total: FloatArray = most + np.log(np.maximum(np.exp(values - at[..., None]).sum(axis=-1), 1.0))
+    return total
+
+
+def log_shares(values: FloatArray) -> FloatArray:
+    """Return the logarithms (n, m) of shares that exp(values) have of their row; however large values are, they add up.
+
+    A row that is all -inf is nan.
+    """
+    with np.errstate(invalid="ignore"):
+        off = values - values.max(axis=-1, keepdims=True)
+    shares: FloatArray = off - np.log(np.exp(off).sum(axis=-1, keepdims=True))
+    return shares
+
+
+def gathered(
+    signal: FloatArray, count: FloatArray, weight: FloatArray, cell: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the weights (K,), means (K, B + 1) and covariances (K, B + 1, B + 1) of samples (n,) cell by cell."""
+    x = np.concatenate([signal, count[:, None]], axis=1)
+    _, row = np.unique(cell, return_inverse=True)
+    total = np.bincount(row, weight).astype(np.float64)
+    mean = np.stack([np.bincount(row, weight * column) for column in x.T], axis=1) / total[:, None]
+    off = x - mean[row]
+    products = (weight[:, None, None] * off[:, :, None] * off[:, None, :]).reshape(len(x), -1)
+    spread = np.stack([np.bincount(row, column) for column in products.T], axis=1) / total[:, None]
+    return total, mean, spread.reshape(-1, x.shape[1], x.shape[1])

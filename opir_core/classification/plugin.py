@@ -1,0 +1,31 @@
+"""Core's plugin of classification by measured light; imported for scenes that name it.
+
+What it offers is listed in `opir_core.plugin.discovery.CORE_PLUGINS`.
+"""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from opir_core.classification.configs import SpectralConfig
+from opir_core.plugin.components import ClassifierModel
+from opir_core.plugin.hookspecs import hookimpl
+
+if TYPE_CHECKING:
+    from opir_core.protocols import Classifier, ModelContext
+
+
+def _spectral(config: SpectralConfig, context: "ModelContext") -> "Classifier":
+    from opir_core.classification.spectral import spectral_classifier
+
+    return spectral_classifier(config, context)
+
+
+@hookimpl
+def opir_classifiers() -> Iterable[ClassifierModel]:
+    """Yield `spectral`."""
+    yield ClassifierModel(
+        name="spectral",
+        summary="probabilities of each type from measured band intensities, for detection: snr",
+        config=SpectralConfig,
+        build=_spectral,
+    )

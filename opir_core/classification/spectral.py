@@ -1,0 +1,144 @@
+"""The classifier `spectral`: types as a posterior from what bands measure; see docs/explanation/classification.md."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.classification.bank import Bank, bank_of, canonical_radius_m, elevation_bin, imagination
+from opir_core.classification.configs import SpectralConfig
+from opir_core.classification.mixture import log_shares, log_sum
+from opir_core.errors import ModelError
+from opir_core.protocols import Dice, ModelContext, Sensor
+from opir_core.records import FloatArray, IndexArray, IntArray, Sightings
+from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+
+#: Rows that are judged at once.
+_ROWS = 256
+
+#: The chance that a count tells nothing: of another object, or of a sensor that looked away.
+_ASTRAY = 0.01
+
+
+class Evidence(NamedTuple):
+    """Of detections (n,): ln of the likelihood ratio of a plume over anything else, and ln P(type | plume) (n, 3)."""
+
+    log_ratio: FloatArray
+    log_type: FloatArray
+
+
+@frozen(eq=False)
+class SpectralClassifier:
+    """Bayes' rule over imagined launches and hot sources; `bank_of_sensor` (sensors,) says whose bank is whose."""
+
+    banks: tuple[Bank, ...]
+    bank_of_sensor: IntArray
+    log_prior: FloatArray
+    confidence: float
+    least_log_ratio: float
+
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8] | None:
+        """Return None: types vary from detection to detection."""
+        return None
+
+    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+        """Return codes (n,) into `REPORTED_TYPES`; no dice are thrown."""
+        return self.reported(self.log_posterior(sightings))
+
+    def log_posterior(self, sightings: Sightings) -> FloatArray:
+        """Return ln P (n, 4) over `REPORTED_TYPES`, UNKNOWN standing for what is no missile."""
+        evidence = self.evidence(sightings)
+        return log_posterior(evidence, self.log_prior)
+
+    def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
+        """Return posteriors (n, 4) with those of tracks, (n, 4), in the place of the prior; nan rows change nothing."""
+        with np.errstate(divide="ignore"):
+            turned = np.log(type_probability[:, :UNKNOWN_TYPE]) - self.log_prior[:UNKNOWN_TYPE]
+        split = log_posterior[:, :UNKNOWN_TYPE] + turned
+        known = np.isfinite(split.max(axis=1))
+        plume = log_sum(log_posterior[known, :UNKNOWN_TYPE])
+        revised = log_posterior.copy()
+        revised[known, :UNKNOWN_TYPE] = log_shares(split[known]) + plume[:, None]
+        return revised
+
+    def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
+        """Return codes (n,): the likeliest type where it is likely enough, and the plume as well; else UNKNOWN."""
+        best = np.argmax(log_posterior[:, :UNKNOWN_TYPE], axis=1).astype(np.uint8)
+        chance = np.exp(np.take_along_axis(log_posterior, best[:, None].astype(np.int64), axis=1)[:, 0])
+        is_told = (chance >= self.confidence) & (self.log_ratio(log_posterior) >= self.least_log_ratio)
+        return np.where(is_told, best, np.uint8(UNKNOWN_TYPE))
+
+    def log_ratio(self, log_posterior: FloatArray) -> FloatArray:
+        """Return ln of the likelihood ratio (n,), a plume over anything else, that posteriors (n, 4) come from."""
+        odds = log_sum(self.log_prior[:UNKNOWN_TYPE]) - self.log_prior[UNKNOWN_TYPE]
+        ratio: FloatArray = log_sum(log_posterior[:, :UNKNOWN_TYPE]) - log_posterior[:, UNKNOWN_TYPE] - odds
+        return ratio
+
+    def evidence(self, sightings: Sightings) -> Evidence:
+        """Return what measured intensities and counts say; each row by itself."""
+        if sightings.band_noise_w_m2.shape != sightings.band_irradiance_w_m2.shape:
+            raise ModelError("the detection model does not say how noisy its irradiances are; spectral needs that")
+        ratio, split = np.empty(len(sightings)), np.empty((len(sightings), len(TARGET_TYPES)))
+        whose = self.bank_of_sensor[sightings.sensor]
+        for number in np.unique(whose).tolist():
+            rows = np.flatnonzero(whose == number)
+            for start in range(0, len(rows), _ROWS):
+                block = rows[start : start + _ROWS]
+                ratio[block], split[block] = self._judged(self.banks[number], sightings, block)
+        return Evidence(ratio, split)
+
+    def _judged(self, bank: Bank, seen: Sightings, rows: IntArray) -> Evidence:
+        """Return the evidence of sightings that one bank is for; intensities are apparent, as if through no air."""
+        place, area = elevation_bin(seen.elevation_sine[rows]), np.square(seen.range_m[rows])[:, None]
+        intensity = seen.band_irradiance_w_m2[rows, : bank.width] * area
+        variance = np.square(seen.band_noise_w_m2[rows, : bank.width] * area)
+        columns = place, intensity, variance, seen.detection_count[rows].astype(np.float64)
+        density, counted = bank.plumes.log_densities(*columns)
+        counted = np.maximum(counted, np.log(_ASTRAY / bank.most_looks))
+        prior = self.log_prior[:UNKNOWN_TYPE]
+        plume = log_sum(bank.plumes.by_class(density) + prior) - log_sum(bank.log_seen_s[place] + prior)
+        split = bank.plumes.by_class(density + counted) + prior
+        other = log_sum(bank.others.log_densities(*columns)[0])
+        return Evidence(plume - other, log_shares(split))
+
+
+def log_posterior(evidence: Evidence, log_prior: FloatArray) -> FloatArray:
+    """Return ln P (n, 4) over the types and UNKNOWN; `log_prior` (4,)."""
+    odds = evidence.log_ratio + log_sum(log_prior[:UNKNOWN_TYPE]) - log_prior[UNKNOWN_TYPE]
+    plume, other = -np.logaddexp(0.0, -odds), -np.logaddexp(0.0, odds)
+    return np.concatenate([evidence.log_type + plume[:, None], other[:, None]], axis=1)
+
+
+def spectral_classifier(config: SpectralConfig, context: ModelContext) -> SpectralClassifier:
+    """Return the classifier `spectral`; raises `ModelError` beside a detection model that reckons without light."""
+    detection: Any = context.detection
+    if not (hasattr(detection, "scenery") and hasattr(detection, "response")):
+        raise ModelError(
+            "classification: spectral judges by measured band intensities, which the scene's detection model does not"
+            " measure; choose detection: snr, or classification: paper"
+        )
+    keys = [_key(detection, number, sensor) for number, sensor in enumerate(context.sensors)]
+    number_of = dict[tuple[Any, ...], int]()
+    for number, key in enumerate(keys):
+        number_of.setdefault(key, number)
+    chosen = list(number_of.values())
+    imagined = imagination(detection.scenery.bands, config.launches)
+    return SpectralClassifier(
+        banks=tuple(bank_of(detection, number, context.sensors[number], config, imagined) for number in chosen),
+        bank_of_sensor=np.array([chosen.index(number_of[key]) for key in keys], dtype=np.int64),
+        log_prior=np.log([config.prior[name] for name in REPORTED_TYPES]),
+        confidence=config.confidence,
+        least_log_ratio=-np.inf if config.least_log_ratio is None else config.least_log_ratio,
+    )
+
+
+def _key(detection: Any, number: int, sensor: Sensor) -> tuple[Any, ...]:
+    """Return what sensors share that one bank is for."""
+    return (
+        detection.receivers[number].kind,
+        sensor.scan.period_ns,
+        sensor.field_of_regard_half_angle_rad,
+        sensor.minimum_elevation_rad,
+        canonical_radius_m(sensor),
+    )
