@@ -9,8 +9,8 @@ from attrs import frozen
 
 from opir_core.columns import Columns
 from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Rays, Sights, along, axes_across, emission_s, turned
-from opir_core.tracking.switching_filter import Outlook
 
 #: Bits of each of three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
 _BITS = 18
@@ -168,9 +168,10 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
     likely = np.flatnonzero((np.sum(seen * seen, axis=1) <= gate * gate * widest) & (local[:, 2] > 0.0))
     track, ray, time_s, origin = track[likely], ray[likely], time_s[likely], origin[likely]
     axes, seen, range_m = axes[likely], seen[likely], range_m[likely]
-    side = (axes[:, :2] @ outlook.position_sides(track, time_s)) / range_m[:, None, None]
     sigma = rays.sigma_rad[ray]
-    spread = side @ side.transpose(0, 2, 1)
+    rows = axes[:, :2] / range_m[:, None, None]
+    spread = (rows @ outlook.position_covariances(track, time_s)) @ rows.transpose(0, 2, 1)
+    spread[:, 1, 0] = spread[:, 0, 1]
     spread[:, [0, 1], [0, 1]] += (sigma * sigma)[:, None]
     determinant = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] ** 2
     distance = (

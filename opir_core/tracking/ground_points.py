@@ -7,8 +7,8 @@ import numpy as np
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import along, turned
-from opir_core.tracking.switching_filter import Outlook
 
 #: How far back a path is followed to the ground, s, and in what steps.
 _BACK_S, _STEP_S = 30.0, 0.25

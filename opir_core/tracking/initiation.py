@@ -89,11 +89,10 @@ def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> Int
     from scipy.sparse.csgraph import connected_components
 
     bins = np.floor((direction + 1.0) / width[which][:, None]).astype(np.int64) + 1
-    cell, of_row = np.unique(np.concatenate([which[:, None], bins], axis=1), axis=0, return_inverse=True)
     size = int(bins.max(initial=0)) + 2
     if size >= 2**18:
         raise ValueError("line-of-sight errors below 1 µrad leave no room for bins of directions")
-    key = ((cell[:, 0] * size + cell[:, 1]) * size + cell[:, 2]) * size + cell[:, 3]
+    key, of_row = np.unique(((which * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2], return_inverse=True)
     first, second = [], []
     for dx, dy, dz in _FORWARD:
         sought = key + (dx * size + dy) * size + dz

@@ -74,18 +74,14 @@ class Motion:
 
     def transition(self, position_m: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return the transition matrices (n, d, d) of steps (n,): the exponential series with a constant gradient."""
-        gradient = self.gradient(position_m)
-        blocks = self.size // 3
-        matrix = np.zeros((len(step_s), self.size, self.size))
-        for row in range(blocks):
-            for column in range(row, blocks):
-                power = step_s ** (column - row) / factorial(column - row)
-                _block(matrix, row, column)[...] = power[:, None, None] * _UNIT
-        for row, column, order in _GRADIENT_TERMS:
-            if column < blocks:
-                _block(matrix, row, column)[...] += (step_s**order / factorial(order))[:, None, None] * gradient
-        _block(matrix, 0, 0)[...] += (step_s**4 / 24.0)[:, None, None] * (gradient @ gradient)
-        return matrix
+        gradient, blocks = self.gradient(position_m), self.size // 3
+        power = np.concatenate([weights_at(step_s), np.zeros((len(step_s), 1))], axis=1)
+        straight, bent = (power[:, table[:blocks, :blocks]] for table in (_STRAIGHT, _BENT))
+        matrix = (
+            straight[:, :, None, :, None] * _UNIT[:, None, :] + bent[:, :, None, :, None] * gradient[:, None, :, None]
+        )
+        matrix[:, 0, :, 0] += power[:, 4, None, None] * (gradient @ gradient)
+        return matrix.reshape(len(step_s), self.size, self.size)
 
     def noise_root(self, step_s: FloatArray) -> FloatArray | None:
         """Return L (n, d, d) with L Lᵀ the covariance of the noise gathered in steps (n,); None where there is none."""
@@ -122,12 +118,9 @@ class Motion:
         return rate
 
 
-#: Where the gradient enters the exponential series: block row, block column, power of time.
-_GRADIENT_TERMS = ((0, 0, 2), (0, 1, 3), (0, 2, 4), (1, 0, 1), (1, 1, 2), (1, 2, 3), (1, 3, 4))
-
-
-def _block(matrix: FloatArray, row: int, column: int) -> FloatArray:
-    return matrix[:, 3 * row : 3 * row + 3, 3 * column : 3 * column + 3]
+#: The power of time with which the unit matrix and the gradient enter the blocks of the exponential series; 5 for none.
+_STRAIGHT = np.array([[0, 1, 2, 3], [5, 0, 1, 2], [5, 5, 0, 1], [5, 5, 5, 0]])
+_BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
 
 
 def _dot(first: FloatArray, second: FloatArray) -> FloatArray:

@@ -4,10 +4,11 @@ What is known is one frozen `Situation`; a step makes a new one. So late detecti
 situation before them and stepping forward again: the result is that of their having been in time.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve, field, frozen
 
 from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.flight.forces import Forces, forces_of
@@ -28,9 +29,10 @@ from opir_core.tracking.association import (
 from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.ghosts import RANGE_M, Slice, without_ghosts
 from opir_core.tracking.ground_points import GroundPoints, launches, surer
+from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_report import estimates, evidence_of
-from opir_core.tracking.switching_filter import Bank, Outlook, SwitchingFilter
+from opir_core.tracking.switching_filter import Bank, SwitchingFilter
 from opir_core.tracking.track_priors import filter_of, first_bank
 
 #: A settled assignment may reach this much farther than the first gate, in standard deviations.
@@ -43,6 +45,8 @@ _RESTLESS = 0.3
 #: A track's launch is worked out as long as it is no older than this, s.
 _YOUNG_S = 10.0
 
+
+_Answer = TypeVar("_Answer")
 
 _NONE = np.empty(0, dtype=np.int64)
 
@@ -70,6 +74,8 @@ class StereoTracking:
     light_time: bool
     forces: Forces
     evidence: FloatArray
+    #: The last bank moved, and the last one looked out from: labels and estimates ask for the same.
+    last: dict[str, tuple[Bank, float, Any]] = field(factory=dict)
 
     @classmethod
     def of(cls, config: StereoFilterConfig, context: TrackerContext) -> "StereoTracking":
@@ -99,9 +105,22 @@ class StereoTracking:
             now = self._sliced(now, end, Rays.of(part), part.reported_type.astype(np.int64))
         return now
 
+    def _moved(self, bank: Bank, step_s: float) -> Bank:
+        return self._remembered("moved", self.filter.moved, bank, step_s)
+
+    def _outlook(self, bank: Bank, time_s: float) -> Outlook:
+        return self._remembered("outlook", self.filter.outlook, bank, time_s)
+
+    def _remembered(self, name: str, way: Callable[[Bank, float], _Answer], bank: Bank, value: float) -> _Answer:
+        known = self.last.get(name)
+        if known is None or known[0] is not bank or known[1] != value:
+            known = self.last[name] = bank, value, way(bank, value)
+        answer: _Answer = known[2]
+        return answer
+
     def _sliced(self, now: Situation, end_s: float, rays: Rays, reported: IntArray) -> Situation:
         span = end_s - now.time_s
-        bank = self.filter.moved(now.bank, span)
+        bank = self._moved(now.bank, span)
         owner = np.full(len(rays), -1, dtype=np.int64)
         if len(bank) and len(rays):
             bank, owner = self.followed(bank, end_s, rays, span)
@@ -133,7 +152,7 @@ class StereoTracking:
         The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
         near targets a whole slice tells more than one scan does.
         """
-        outlook = self.filter.outlook(bank, end_s)
+        outlook = self._outlook(bank, end_s)
         track, ray = candidates(outlook, rays, span, self.config.gate_sigma, self.light_time)
         pairs = self._gated(outlook, rays, track, ray)
         found = self._associated(pairs, rays)
@@ -268,7 +287,7 @@ class StereoTracking:
         if not len(now.bank) or not len(rays):
             return number
         ahead = now.time_s + self.config.cadence_s
-        outlook = self.filter.outlook(self.filter.moved(now.bank, self.config.cadence_s), ahead)
+        outlook = self._outlook(self._moved(now.bank, self.config.cadence_s), ahead)
         track, ray = candidates(outlook, rays, self.config.cadence_s, self.config.gate_sigma, self.light_time)
         pairs = self._gated(outlook, rays, track, ray)
         sure = now.roster.hits >= 2 * self.config.needed_scans

@@ -6,8 +6,6 @@ interacting multiple model algorithm", IEEE Trans. Automatic Control 33(8), 1988
 start, so that within the slice a target follows one smooth path.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from attrs import evolve, frozen
 
@@ -15,6 +13,7 @@ from opir_core.columns import Columns, names_of
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking import square_root
 from opir_core.tracking.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Sights, along
 
 #: Mode weights stay above this, so that no mode is ever lost.
@@ -62,36 +61,6 @@ class Bank(Columns):
             column[rows] = getattr(part, name)
             columns.append(column)
         return Bank(*columns)
-
-
-class Outlook(NamedTuple):
-    """Tracks about a time: derivatives (n, 5, 3) of the position and the spread S (n, 12, 12) of the state."""
-
-    time_s: float
-    derivative: FloatArray
-    side: FloatArray
-
-    def positions(self, track: IntArray, time_s: FloatArray) -> FloatArray:
-        """Return positions (m, 3) of tracks (m,) at times (m,)."""
-        return followed(self.derivative[track], weights_at(time_s - self.time_s))
-
-    def position_sides(self, track: IntArray, time_s: FloatArray) -> FloatArray:
-        """Return A (m, 3, 12) with A Aᵀ the covariance of the position of tracks (m,) at times (m,)."""
-        weight = weights_at(time_s - self.time_s)[:, :, None, None]
-        blocks = self.side.reshape(len(self.side), 4, 3, BOOST)
-        total: FloatArray = blocks[track, 0]
-        for order in range(1, 4):
-            total += blocks[track, order] * weight[:, order]
-        return total
-
-    def reach_m(self, span_s: float) -> FloatArray:
-        """Return bounds (n,) on the standard deviation of each track's position, all axes together, over a span.
-
-        The span ends at the outlook's time. The spread of each derivative is bounded on its own.
-        """
-        spread = np.sqrt(np.sum(self.side.reshape(len(self.side), 4, -1) ** 2, axis=2))
-        bound: FloatArray = np.sum(spread * weights_at(np.array([span_s]))[:, :4], axis=1)
-        return bound
 
 
 @frozen(eq=False)

@@ -9,9 +9,9 @@ from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 from opir_core.scene import REPORTED_TYPES
 from opir_core.testing.doubles import stub_sensor
 from opir_core.tracking.ground_points import impacts, launches
+from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import turned
 from opir_core.tracking.stereo_report import evidence_of, type_posterior
-from opir_core.tracking.switching_filter import Outlook
 
 STATE = np.array([4.1e6, 3.9e6, 3.3e6, 500.0, 2500.0, 4500.0])
 
