@@ -108,8 +108,6 @@ def axes_across(direction: FloatArray) -> FloatArray:
 
 
 def along(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return the products (n, r) of matrices (n, r, c) and vectors (n, c), added up in order of the columns."""
-    product: FloatArray = matrix[:, :, 0] * vectors[:, :1]
-    for column in range(1, vectors.shape[1]):
-        product += matrix[:, :, column] * vectors[:, column, None]
+    """Return the products (n, r) of matrices (n, r, c) and vectors (n, c), row by row."""
+    product: FloatArray = np.add.reduce(matrix * vectors[:, None, :], axis=2)
     return product

@@ -77,6 +77,11 @@ class SwitchingFilter:
     rounds: int = 4
     memory_s: float = 20.0
 
+    @property
+    def switches(self) -> bool:
+        """Return whether a target ever goes from one mode to the other."""
+        return self.boost_s < np.inf or self.coast_s < np.inf
+
     def moved(self, bank: Bank, step_s: float) -> Bank:
         """Return the bank a step later."""
         if not len(bank):
@@ -99,6 +104,8 @@ class SwitchingFilter:
 
     def _mixed(self, bank: Bank, step_s: float) -> Bank:
         """Return the bank with its modes mixed by the chance of having switched during a step."""
+        if not self.switches:
+            return bank
         leave = -np.expm1(-step_s / np.array([self.boost_s, self.coast_s]))
         switch = np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
         weight = bank.weight @ switch
@@ -126,17 +133,21 @@ class SwitchingFilter:
             return bank
         hits = np.bincount(sights.track, minlength=len(bank)).astype(np.float64)
         seen = np.flatnonzero(hits)
-        place = np.cumsum(hits > 0.0) - 1
-        mine = evolve(sights, track=place[sights.track])
+        used = _in_use(bank, 0), _in_use(bank, 1)
+        mine = sights
+        if len(seen) < len(bank):
+            mine = evolve(sights, track=(np.cumsum(hits > 0.0) - 1)[sights.track])
         change = np.zeros((len(bank), 2))
         boost, boost_root = bank.boost_mean.copy(), bank.boost_root.copy()
         coast, coast_root = bank.coast_mean.copy(), bank.coast_root.copy()
         if len(seen):
             modes = ((self.boost, boost, boost_root), (self.coast, coast, coast_root))
             for number, (motion, mean, root) in enumerate(modes):
-                if _in_use(bank, number):
+                if used[number]:
                     told = self.taken_in(motion, mean[seen], root[seen], time_s, mine)
                     mean[seen], root[seen], change[seen, number] = told
+        if not self.switches and not all(used):
+            return Bank(bank.weight, boost, boost_root, coast, coast_root, bank.pace)
         last_s = np.full(len(bank), time_s - step_s)
         np.maximum.at(last_s, sights.track, sights.time_s)
         missed, pace = self._misses(bank, hits, time_s - last_s, step_s)
@@ -255,19 +266,20 @@ def _bend(sights: Sights, position: FloatArray, step: FloatArray, weight: FloatA
     A point moved by a small angle across and along the ray is off by the square of the angle.
     """
     blocks = step.shape[1] // 3
-    shift = along(step.reshape(len(step), blocks, 3).transpose(0, 2, 1)[sights.track], weight[:, :blocks])
-    apart = position - sights.origin_m
-    angle_square = _square(shift) / _square(apart)
-    return float(np.max(angle_square * np.sqrt(np.sum(sights.whitener**2, axis=(1, 2))), initial=0.0))
+    shift = np.add.reduce(weight[:, :blocks, None] * step.reshape(len(step), blocks, 3)[sights.track], axis=1)
+    sharp = np.add.reduce(np.square(sights.whitener).reshape(len(shift), 4), axis=1)
+    return float(np.max(_square(shift) / _square(position - sights.origin_m) * np.sqrt(sharp), initial=0.0))
 
 
 def _square(vectors: FloatArray) -> FloatArray:
-    length: FloatArray = vectors[:, 0] ** 2 + vectors[:, 1] ** 2 + vectors[:, 2] ** 2
+    length: FloatArray = np.add.reduce(vectors * vectors, axis=1)
     return length
 
 
 def _queued(track: IntArray, count: int) -> tuple[IntArray, int]:
     """Return each sight's place among those of its track, and how many the track with most has."""
+    if count == 1:
+        return np.arange(len(track)), len(track)
     order = np.argsort(track, kind="stable")
     starts = np.concatenate([[0], np.cumsum(np.bincount(track, minlength=count))])
     place = np.empty(len(track), dtype=np.int64)
@@ -281,9 +293,11 @@ def _rows(
     """Return whitened rows (n, 2 depth, d + 1), padded with zeros."""
     residual, slope = sights.residuals(position)
     blocks = weight.shape[1]
-    rows = np.zeros((count, depth, 2, 3 * blocks + 1))
     full = np.empty((len(position), 2, 3 * blocks + 1))
     full[:, :, :-1] = (slope[:, :, None, :] * weight[:, None, :, None]).reshape(len(position), 2, 3 * blocks)
     full[:, :, -1] = residual
+    if count == 1:
+        return full.reshape(1, 2 * depth, 3 * blocks + 1)
+    rows = np.zeros((count, depth, 2, 3 * blocks + 1))
     rows[sights.track, place] = full
     return rows.reshape(count, 2 * depth, 3 * blocks + 1)

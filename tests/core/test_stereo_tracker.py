@@ -13,7 +13,8 @@ from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, Tracks
 from opir_core.testing.doubles import stub_sensor
 from opir_core.testing.windows import stub_window
-from opir_core.tracking.motion import BOOST, COAST, Motion
+from opir_core.tracking.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import axes_across
 from opir_core.tracking.stereo_tracker import StereoTracker, stereo_filter
 
@@ -129,6 +130,37 @@ def test_coasting_is_keplers(step_s: float) -> None:
 
 
 @pytest.mark.parametrize("size", [COAST, BOOST])
+def test_a_state_moves_the_same_to_the_last_bit_alone_and_among_others(size: int) -> None:
+    """Gravity is worked out one by one for a few states, and in columns for many."""
+    motion, rng = Motion(size, 0.3, Forces()), np.random.default_rng(2)
+    state = rng.normal(size=(40, size)) * np.repeat([1e6, 3e3, 20.0, 0.3], 3)[:size]
+    state[:, 2] += 6.5e6
+    steps = rng.uniform(-3.0, 12.0, 40)
+    moved, paths, matrices = (
+        motion.propagated(state, steps / 2),
+        motion.taylor(state),
+        motion.transition(state[:, :3], steps),
+    )
+    for number in range(40):
+        one, step = state[[number]], steps[[number]]
+        assert np.array_equal(motion.propagated(one, step / 2)[0], moved[number])
+        assert np.array_equal(motion.taylor(one)[0], paths[number])
+        assert np.array_equal(motion.transition(one[:, :3], step)[0], matrices[number])
+
+
+def test_the_path_is_the_taylor_series_of_the_motion() -> None:
+    """The fourth derivative closes the gap that the first three leave, and leaves one of the fifth order."""
+    motion = Motion(BOOST, 1.0, KEPLER)
+    state = np.array([[6.6e6, 1e5, 2e5, 500.0, 2000.0, 1000.0, 10.0, 20.0, 5.0, 0.1, -0.2, 0.3]])
+    off = []
+    for step in (8.0, 4.0):
+        end = motion.propagated(state, np.array([step]))[:, :3]
+        off.append(np.abs(followed(motion.taylor(state), weights_at(np.array([step]))) - end).max())
+    assert off[0] < 2e-3
+    assert off[0] / off[1] > 25.0
+
+
+@pytest.mark.parametrize("size", [COAST, BOOST])
 def test_transition_is_the_slope_of_the_motion(size: int) -> None:
     motion, step = Motion(size, 1.0, KEPLER), np.array([2.0])
     state = np.array([[6.6e6, 1e5, 2e5, 500.0, 2000.0, 1000.0, 10.0, 20.0, 5.0, 0.1, -0.2, 0.3]])[:, :size]
@@ -141,3 +173,15 @@ def test_transition_is_the_slope_of_the_motion(size: int) -> None:
         slope = motion.propagated(state + shift, step) - motion.propagated(state - shift, step)
         assert np.allclose(slope[0] / (2.0 * scale[column]), matrix[:, column], rtol=2e-5, atol=1e-7)
     assert np.allclose(matrix @ motion.transition(middle, -step)[0], np.eye(size), atol=1e-9)
+
+
+def test_covariances_of_positions_are_those_of_their_sides() -> None:
+    rng = np.random.default_rng(4)
+    side = rng.normal(size=(5, 12, 12)) * np.repeat([1e3, 300.0, 10.0, 1.0], 3)[:, None]
+    side[1, 6:] = 0.0
+    outlook = Outlook(30.0, np.zeros((5, 5, 3)), side)
+    track, time_s = np.arange(40) % 5, 30.0 + rng.uniform(-2.0, 1.0, 40)
+    told = outlook.position_sides(track, time_s)
+    expected = told @ told.transpose(0, 2, 1)
+    scale = np.sqrt(np.einsum("nii,njj->nij", expected, expected))
+    assert np.all(np.abs(outlook.position_covariances(track, time_s) - expected) < 1e-12 * scale)
