@@ -7,6 +7,7 @@ from typing import Any
 
 from opir_core.commands.tables import table
 from opir_core.errors import Problem, SceneError
+from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.scoring.scorecard import Scorecard, ScoreSettings
 
 Cards = Mapping[str, Scorecard]
@@ -33,64 +34,125 @@ def settings_of(arguments: argparse.Namespace) -> ScoreSettings:
 
 def as_text(cards: Cards) -> str:
     """Return tables of the cards: the whole, then mono and stereo by time since ignition."""
-    runs = next(iter(cards.values())).figures["runs"]
-    bias = "biased" if next(iter(cards.values())).figures["sensors_biased"] else "unbiased"
-    parts = [f"{runs} run{'s' if runs != 1 else ''} of each tracker, {bias} sensors; [95 % intervals]", _whole(cards)]
-    parts += [part for geometry in ("mono", "stereo") if (part := _geometry(cards, geometry))]
-    return "\n\n".join(parts)
+    parts = [_heading(next(iter(cards.values())).figures), _whole(cards), _confusions(cards)]
+    for geometry in ("mono", "stereo"):
+        parts += _geometry(cards, geometry)
+    return "\n\n".join(part for part in [*parts, LEGEND] if part)
+
+
+LEGEND = """\
+/known, /unknown: error over the Cramér-Rao bound with the thrust known, and unknown, where directions tell the place to
+100 km. NEES/6, NIS/2: 1 is honest, more is too sure; p: of a Kolmogorov-Smirnov test against chi-squared. Launch and
+impact are each track's last estimate, the shares those of the truths in its ellipses."""
+
+
+def _heading(figures: Mapping[str, Any]) -> str:
+    runs, seeds, gospa = figures["runs"], figures["seeds"], figures["gospa"]
+    seeded = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
+    bias = "with a bias" if figures["sensors_biased"] else "without bias"
+    return (
+        f"{runs} run{'s' if runs != 1 else ''} of each tracker ({seeded}), sensors {bias}; [95 % intervals];"
+        f" GOSPA: c = {gospa['cutoff_m']:g} m, p = {gospa['order']:g}, alpha = {gospa['alpha']:g}"
+    )
 
 
 def _whole(cards: Cards) -> str:
     rows: Sequence[tuple[str, Callable[[Mapping[str, Any]], str]]] = (
         ("launches tracked", lambda f: _interval(f["launches_tracked"], 3)),
-        ("false tracks a run", lambda f: f"{f['false_tracks_a_run']:.3g}"),
+        ("false tracks a run", lambda f: _interval(f["false_tracks_a_run"], 2)),
         ("purity", lambda f: _interval(f["purity"], 4)),
         ("completeness", lambda f: _interval(f["completeness"], 3)),
         ("first track after, s", lambda f: _interval(f["first_track_after_s"], 2)),
         ("GOSPA a target, m", lambda f: _interval(f["gospa"]["a_target_m"], 0)),
-        ("tracking, us a detection", lambda f: _number(f["tracking_us_a_detection"], 1)),
+        ("  located, missed, false", lambda f: _shares(f["gospa"])),
         ("type told right", lambda f: _right(f["type_confusion"])),
+        ("time a detection, us", lambda f: _interval(f["tracking_us_a_detection"], 1)),
+        ("time a track update, us", lambda f: _interval(f["tracking_us_a_track_update"], 0)),
     )
     return table(("", *cards), [(label, *(told(card.figures) for card in cards.values())) for label, told in rows])
 
 
-def _geometry(cards: Cards, geometry: str) -> str:
-    rows = []
-    for name, card in cards.items():
-        figures = card.figures[geometry]
-        rows += [(name, *_bin_cells(part)) for part in figures["by_time"]]
-    if not rows:
-        return ""
-    head = ("tracker", "since s", "n", "position m", "/bound", "velocity m/s", "/bound", "NEES/6", "99 % band", "p")
-    points = [(name, *_point_cells(card.figures[geometry])) for name, card in cards.items()]
-    point_head = ("tracker", "launch m", "launch s", "impact m", "impact s", "in 50 %", "in 90 %", "in 95 %")
-    return "\n\n".join([geometry, table(head, rows), table(point_head, points)])
+def _confusions(cards: Cards) -> str:
+    rows = [
+        (true, name, *(str(row[told]) for told in REPORTED_TYPES))
+        for true in TARGET_TYPES
+        for name, card in cards.items()
+        if (row := card.figures["type_confusion"].get(true))
+    ]
+    return table(("type", "tracker", *(f"told {told}" for told in REPORTED_TYPES)), rows) if rows else ""
 
 
-def _bin_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
-    since, nees = part["since_ignition_s"], part["nees"]
+def _geometry(cards: Cards, geometry: str) -> list[str]:
+    """Return the tables of one geometry: errors and consistency by time, then of launch and impact."""
+    binned = [
+        (part["since_ignition_s"], name, part)
+        for name, card in cards.items()
+        for part in card.figures[geometry]["by_time"]
+    ]
+    if not binned:
+        return []
+    binned.sort(key=lambda row: row[0][0])
+    errors = ("since s", "tracker", "n", "position m", "/known", "/unknown", "velocity m/s", "/known", "/unknown")
+    honest = ("since s", "tracker", "n", "NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
+    label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
+    figures = [(name, card.figures[geometry]) for name, card in cards.items()]
+    points = ("tracker", "launch m", "launch s", "impact km", "impact s")
+    nominal = [f"{100.0 * part['nominal']:g} %" for part in figures[0][1]["launch_containment"]]
+    return [
+        f"{geometry}, by time since ignition",
+        table((*errors, "impact km"), [(since, name, *_error_cells(part)) for since, name, part in label]),
+        table(honest, [(since, name, *_honest_cells(part)) for since, name, part in label]),
+        f"{geometry}, launch and impact",
+        table(points, [(name, *_point_cells(part)) for name, part in figures]),
+        table(("share in the ellipse of", "tracker", *nominal), _curves(figures)),
+    ]
+
+
+def _error_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
     return (
-        f"{since[0]:g}-{since[1]:g}",
         str(part["samples"]),
         _interval(part["position_m"], 0),
-        _number(part["position_over_bound"], 2),
+        _number(part["position_over_bound"]["value"], 2),
+        _number(part["position_over_free_bound"]["value"], 2),
         _interval(part["velocity_m_s"], 1),
-        _number(part["velocity_over_bound"], 2),
-        _number(nees["mean"], 2),
-        f"{_number(nees['band_99'][0], 2)}-{_number(nees['band_99'][1], 2)}",
-        _number(nees["distribution_p"], 3),
+        _number(part["velocity_over_bound"]["value"], 2),
+        _number(part["velocity_over_free_bound"]["value"], 2),
+        _interval(part["impact_m"], 1, 1e-3),
     )
+
+
+def _honest_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(cell for name in ("nees", "nis") for cell in _consistent_cells(part[name]))
+
+
+def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
+    low, high = figure["band_99"]
+    band = f"{_number(low, 2)}-{_number(high, 2)}" if figure["samples"] else "-"
+    return str(figure["samples"]), _number(figure["mean"], 2), band, _number(figure["distribution_p"], 3)
 
 
 def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
-    contained = (_number(100.0 * part["value"], 1) + " %" for part in figures["impact_containment"])
     return (
         _interval(figures["launch_m"], 0),
         _interval(figures["launch_time_s"], 2),
-        _interval(figures["impact_m"], 0),
+        _interval(figures["impact_m"], 1, 1e-3),
         _interval(figures["impact_time_s"], 2),
-        *contained,
     )
+
+
+def _curves(figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, ...]]:
+    return [
+        (point, name, *(_number(100.0 * part["value"], 1) + " %" for part in told[f"{point}_containment"]))
+        for point in ("launch", "impact")
+        for name, told in figures
+    ]
+
+
+def _shares(gospa: Mapping[str, Any]) -> str:
+    """Return what share of GOSPA's p-th power each part is."""
+    parts = [gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")]
+    total = sum(parts)
+    return ", ".join(f"{100.0 * part / total:.0f} %" for part in parts) if total > 0.0 else "-"
 
 
 def _right(confusion: Mapping[str, Mapping[str, int]]) -> str:
@@ -99,11 +161,11 @@ def _right(confusion: Mapping[str, Mapping[str, int]]) -> str:
     return f"{right} of {total}" if total else "-"
 
 
-def _interval(figure: Mapping[str, Any], digits: int) -> str:
-    low, high = figure["interval_95"]
+def _interval(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
     if not math.isfinite(figure["value"]):
         return "-"
-    return f"{figure['value']:.{digits}f} [{_number(low, digits)}, {_number(high, digits)}]"
+    low, high = (_number(scale * edge, digits) for edge in figure["interval_95"])
+    return f"{scale * figure['value']:.{digits}f} [{low}, {high}]"
 
 
 def _number(value: float, digits: int) -> str:

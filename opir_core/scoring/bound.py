@@ -1,18 +1,31 @@
-"""The Cramér–Rao bound of a target's state: what the looks that detected could tell at best.
+"""Cramér–Rao bounds of a target's state: what the looks that detected could tell at best.
 
-The motion is taken as known up to the state: two-body gravity and the true thrust. A filter that does not know the
-thrust cannot reach this bound; one that is below it had more to go by than directions.
+`state_bound` takes the motion as known up to the state: two-body gravity and the true thrust. A filter that does not
+know the thrust cannot reach it. `free_bound` takes the thrust as unknown: specific force and jerk are part of the
+state, and the jerk wanders. A tracker below it had more to go by than directions: a pad to start from, a profile.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.constants import EARTH_MU_M3_S2
+from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
 from opir_core.records import FloatArray
+from opir_core.tracking.motion import BOOST, Motion, weights_at
+from opir_core.tracking.rays import axes_across
+from opir_core.tracking.square_root import covariance, moved, triangular
 
 #: Before the first look a state is known this poorly: m, m/s. It keeps the information invertible.
 PRIOR_SIGMA = (1e6, 1e6, 1e6, 1e4, 1e4, 1e4)
+
+#: How fast the jerk wanders where the thrust is not known, m/s³/√s (the stereo filter's default; notional), and how
+#: poorly specific force and jerk are known before the first look, m/s² and m/s³.
+JERK_NOISE_M_S3 = 0.3
+FREE_PRIOR_SIGMA = (*PRIOR_SIGMA, 1e2, 1e2, 1e2, 1e1, 1e1, 1e1)
+
+#: Looks are taken in, and the jerk wanders, in slices no longer than this, s.
+_SLICE_S = 0.5
 
 #: The longest step over which the gravity gradient counts as constant, s.
 _STEP_S = 1.0
@@ -46,6 +59,46 @@ def state_bound(
             now = tick
             bounds[number] = np.linalg.inv(information)
     return bounds
+
+
+def free_bound(
+    tick_s: FloatArray,
+    look_s: FloatArray,
+    target_ecef_m: FloatArray,
+    sensor_ecef_m: FloatArray,
+    sigma_rad: FloatArray,
+) -> FloatArray:
+    """Return the bound's covariances (ticks, 6, 6) at ticks where the thrust is not known; arguments as above.
+
+    The posterior bound of Tichavský, Muravchik and Nehorai for a specific force whose rate is a random walk.
+    """
+    bounds = np.full((len(tick_s), 6, 6), np.nan)
+    if not len(look_s):
+        return bounds
+    motion = Motion(BOOST, JERK_NOISE_M_S3, Forces(zonal=()))
+    target, sensor = (ecef_to_eci(position, look_s) for position in (target_ecef_m, sensor_ecef_m))
+    slopes = _slopes(target - sensor, sigma_rad)
+    root = np.diag(1.0 / np.array(FREE_PRIOR_SIGMA))[None]
+    now, row = float(look_s[0]), 0
+    for number, tick in enumerate(tick_s.tolist()):
+        if tick < look_s[0]:
+            continue
+        for end in np.linspace(now, tick, 1 + max(1, int(np.ceil((tick - now) / _SLICE_S))))[1:].tolist():
+            step = np.array([end - now])
+            root = moved(root, motion.transition(target[[min(row, len(target) - 1)]], -step), motion.noise_root(step))
+            last = int(np.searchsorted(look_s, end, side="right"))
+            gained = slopes[row:last, :, None, :] * weights_at(look_s[row:last] - end)[:, None, :4, None]
+            root = triangular(np.concatenate([root[0], gained.reshape(-1, BOOST)])[None])
+            now, row = end, last
+        bounds[number] = covariance(root)[0, :6, :6]
+    return bounds
+
+
+def _slopes(line_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:
+    """Return how directions along lines (n, 3) change with the position, in standard deviations a metre, (n, 2, 3)."""
+    range_m = np.linalg.norm(line_m, axis=1)
+    across: FloatArray = axes_across(line_m / range_m[:, None])[:, :2] / (range_m * sigma_rad)[:, None, None]
+    return across
 
 
 def _directions(line_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:

@@ -3,10 +3,10 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import FloatArray
+from opir_core.records import FloatArray, IntArray
 
-#: Containments that are looked at.
-CONTAINMENTS = (0.5, 0.9, 0.95)
+#: Nominal containments of a containment curve.
+CONTAINMENTS = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
 
 
 @frozen
@@ -84,12 +84,21 @@ def proportion(successes: int, trials: int) -> tuple[float, float, float]:
     return share, float(middle - half), float(middle + half)
 
 
-def root_mean_square(error_m: FloatArray) -> tuple[float, float, float]:
-    """Return the root mean square of errors (n,), and a 95 % interval: 1000 bootstrap samples of a fixed stream."""
-    error_m = error_m[np.isfinite(error_m)]
-    if not len(error_m):
+def root_mean_square(error_m: FloatArray, cluster: IntArray | None = None) -> tuple[float, float, float]:
+    """Return the root mean square of errors (n,), and a 95 % interval: 1000 bootstrap samples of a fixed stream.
+
+    Errors of one `cluster` (n,), as those of a track at its ticks, depend on each other: clusters are drawn as a whole.
+    The interval of one cluster is not known: nan.
+    """
+    known = np.isfinite(error_m)
+    square = np.square(error_m[known])
+    if not len(square):
         return np.nan, np.nan, np.nan
-    square = error_m * error_m
-    drawn = np.random.Generator(np.random.Philox(key=1)).integers(0, len(square), (1000, len(square)))
-    lower, upper = np.quantile(np.sqrt(square[drawn].mean(axis=1)), (0.025, 0.975))
-    return float(np.sqrt(square.mean())), float(lower), float(upper)
+    value = float(np.sqrt(square.mean()))
+    group = np.arange(len(square)) if cluster is None else np.unique(cluster[known], return_inverse=True)[1]
+    total, count = np.bincount(group, square), np.bincount(group)
+    if len(total) < 2:
+        return value, np.nan, np.nan
+    drawn = np.random.Generator(np.random.Philox(key=1)).integers(0, len(total), (1000, len(total)))
+    lower, upper = np.quantile(np.sqrt(total[drawn].sum(axis=1) / count[drawn].sum(axis=1)), (0.025, 0.975))
+    return value, float(lower), float(upper)

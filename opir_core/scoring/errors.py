@@ -1,12 +1,15 @@
 """Errors of tracks, row by row: what was estimated against what was true, at every tick and for every target."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from attrs import frozen
 
 from opir_core.columns import Columns
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
 from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
-from opir_core.scoring.bound import position_and_velocity, state_bound
+from opir_core.scoring.bound import free_bound, position_and_velocity, state_bound
 from opir_core.scoring.consistency import nees
 from opir_core.scoring.evidence import Evidence, true_states
 from opir_core.scoring.ownership import Ownership
@@ -17,7 +20,8 @@ class StateErrors(Columns):
     """One row a tick of a target's best track, while the truth is known.
 
     `since_s` counts from the target's ignition, `seen_s` from its first detection; errors and bounds are in m and m/s;
-    `nees` has six degrees of freedom.
+    `nees` has six degrees of freedom. The bounds are those of a known thrust, the free ones those of an unknown one
+    (`opir_core.scoring.bound`). `impact_m` is that of the impact predicted at the tick, along the ground.
     """
 
     target: IntArray
@@ -29,12 +33,15 @@ class StateErrors(Columns):
     nees: FloatArray
     position_bound_m: FloatArray
     velocity_bound_m_s: FloatArray
+    position_free_bound_m: FloatArray
+    velocity_free_bound_m_s: FloatArray
+    impact_m: FloatArray
 
     @classmethod
     def empty(cls) -> "StateErrors":
         """Return the record of no rows."""
         integer, real = np.empty(0, dtype=np.int64), np.empty(0)
-        return cls(integer, real, real, np.empty(0, dtype=np.bool_), real, real, real, real, real)
+        return cls(integer, real, real, np.empty(0, dtype=np.bool_), *(real for _ in range(8)))
 
 
 @frozen(eq=False)
@@ -77,7 +84,7 @@ def _errors_of(evidence: Evidence, row: int, owners: Ownership) -> StateErrors:
     told, true = told.take(known), true[known]
     error = told.state - true
     looks = np.flatnonzero(evidence.target == target)
-    position_bound, velocity_bound = _bound(evidence, target, looks, told.tick_s)
+    known_thrust, free_thrust = _bounds(evidence, target, looks, told.tick_s)
     return StateErrors(
         target=np.full(len(told), target, dtype=np.int64),
         since_s=told.tick_s - evidence.plan.targets.ignition_s[target],
@@ -86,13 +93,25 @@ def _errors_of(evidence: Evidence, row: int, owners: Ownership) -> StateErrors:
         position_m=np.linalg.norm(error[:, :3], axis=1),
         velocity_m_s=np.linalg.norm(error[:, 3:], axis=1),
         nees=nees(error, told.state_covariance),
-        position_bound_m=position_bound,
-        velocity_bound_m_s=velocity_bound,
+        position_bound_m=known_thrust[0],
+        velocity_bound_m_s=known_thrust[1],
+        position_free_bound_m=free_thrust[0],
+        velocity_free_bound_m_s=free_thrust[1],
+        impact_m=_impact_error(told, evidence.plan.targets.truth()[target]),
     )
 
 
-def _bound(evidence: Evidence, target: int, looks: IntArray, tick_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the bounds (n,) of position and velocity at ticks (n,)."""
+def _impact_error(told: Tracks, truth: Mapping[str, Any]) -> FloatArray:
+    """Return how far predicted impacts are from the true one along the ground, (n,) m; nan where none is told."""
+    place = np.broadcast_to(np.array(_place(truth.get("impact"))), (len(told), 3))
+    error: FloatArray = np.linalg.norm(_ground_error(told.impact, place), axis=1)
+    return error
+
+
+def _bounds(
+    evidence: Evidence, target: int, looks: IntArray, tick_s: FloatArray
+) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+    """Return the bounds (n,) of position and velocity at ticks (n,), the thrust known and not."""
     plan, time_s = evidence.plan, evidence.time_s[looks]
     sensor = np.empty((len(looks), 3))
     for number in np.unique(evidence.sensor[looks]).tolist():
@@ -100,7 +119,8 @@ def _bound(evidence: Evidence, target: int, looks: IntArray, tick_s: FloatArray)
         sensor[rows] = plan.sensors[number].orbit.position_ecef_m(time_s[rows])
     held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
     position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
-    return position_and_velocity(state_bound(tick_s, time_s, position, sensor, evidence.sigma_rad[looks]))
+    seen = (tick_s, time_s, position, sensor, evidence.sigma_rad[looks])
+    return position_and_velocity(state_bound(*seen)), position_and_velocity(free_bound(*seen))
 
 
 def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:

@@ -25,6 +25,9 @@ class Evidence:
     sigma_rad: FloatArray
     track: IntArray
     target: IndexArray
+    #: Measured unit vectors (n, 3), and where the sensors were (n, 3), ECEF.
+    direction_ecef: FloatArray
+    sensor_ecef_m: FloatArray
     #: Time that tracking took, s, or nan where it was not measured.
     tracking_s: float = np.nan
 
@@ -38,7 +41,18 @@ def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> Evidenc
     """Return the evidence of a run in memory; `plan` is that of its scene."""
     found = run.detections
     owner, sigma_rad = final_tracks(run.tracks, found.track), found.line_of_sight_sigma_rad
-    return Evidence(plan, run.tracks, found.time_s, found.sensor, sigma_rad, owner, run.truth.target, tracking_s)
+    return Evidence(
+        plan=plan,
+        tracks=run.tracks,
+        time_s=found.time_s,
+        sensor=found.sensor,
+        sigma_rad=sigma_rad,
+        track=owner,
+        target=run.truth.target,
+        direction_ecef=found.line_of_sight_ecef,
+        sensor_ecef_m=found.sensor_ecef_m,
+        tracking_s=tracking_s,
+    )
 
 
 def final_tracks(tracks: Tracks, track: IntArray) -> IntArray:

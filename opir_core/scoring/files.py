@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from opir_core.errors import Problem, SceneError
+from opir_core.geometry import line_of_sight
 from opir_core.plan import Plan, compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scoring.evidence import Evidence
@@ -20,6 +21,9 @@ class _Event(msgspec.Struct):
     timestamp: str
     sensor_id: str
     line_of_sight_sigma_urad: float
+    azimuth_deg: float
+    elevation_deg: float
+    sensor_position_ecef_m: tuple[float, float, float]
     track_id: int | None = None
 
 
@@ -37,6 +41,8 @@ def evidence_of_files(events: Path, *, truth: Path | None = None) -> Evidence:
         raise _refused(events, "", f"detection {unknown} is not in the truth: the files are of different runs")
     number = {sensor.id: place for place, sensor in enumerate(plan.sensors)}
     known = set(tracks.track.tolist())
+    origin = np.array([row.sensor_position_ecef_m for row in rows], dtype=np.float64).reshape(-1, 3)
+    angles = np.radians([[row.azimuth_deg, row.elevation_deg] for row in rows]).reshape(-1, 2)
     track = np.array([row.track_id if row.track_id in known else -1 for row in rows], dtype=np.int64)
     return Evidence(
         plan=plan,
@@ -46,6 +52,8 @@ def evidence_of_files(events: Path, *, truth: Path | None = None) -> Evidence:
         sigma_rad=np.array([row.line_of_sight_sigma_urad for row in rows]) * 1e-6,
         track=track,
         target=np.array([targets[row.detection_id] for row in rows], dtype=np.int32),
+        direction_ecef=line_of_sight(origin, angles[:, 0], angles[:, 1]),
+        sensor_ecef_m=origin,
     )
 
 

@@ -6,23 +6,22 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import BoolArray, FloatArray
+from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
-from opir_core.scoring.consistency import (
-    CONTAINMENTS,
-    Consistency,
-    consistency,
-    containment,
-    proportion,
-    root_mean_square,
-)
+from opir_core.scoring.consistency import consistency, proportion
 from opir_core.scoring.errors import PointErrors, StateErrors, point_errors, state_errors
 from opir_core.scoring.evidence import Evidence, true_states
+from opir_core.scoring.figures import consistent, contained, mean, over, plain, rms, share
+from opir_core.scoring.innovations import Innovations, innovations
 from opir_core.scoring.ownership import Ownership, ownership
 from opir_core.tracking.metrics import gospa
 
 _STATE_FREEDOM = 6
-_GROUND_FREEDOM = 2
+_DIRECTION_FREEDOM = 2
+#: Errors are held against bounds of the position below this, m: above, directions alone say little of the place.
+TOLD_M = 100e3
+#: More targets than a scene can have.
+_MANY = 10**9
 
 
 @frozen(kw_only=True)
@@ -47,14 +46,13 @@ class Scorecard:
 
     def as_plain(self) -> Any:
         """Return the figures for JSON, where what is not known is null."""
-        return _plain(self.figures)
+        return plain(self.figures)
 
 
 def scorecard(evidences: Iterable[Evidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
     """Return the scorecard of runs of one scene and one tracker; runs are looked at one at a time."""
     judged = [_judged(evidence, settings) for evidence in evidences]
-    states = StateErrors.concatenate(each.states for each in judged)
-    points = PointErrors.concatenate(each.points for each in judged)
+    geometry = {name: _geometry(judged, is_stereo, settings) for name, is_stereo in (("mono", False), ("stereo", True))}
     biased = any(each.is_biased for each in judged)
     return Scorecard(
         {
@@ -62,8 +60,7 @@ def scorecard(evidences: Iterable[Evidence], settings: ScoreSettings = USUAL_SET
             "seeds": [each.seed for each in judged],
             "sensors_biased": biased,
             **_counts(judged),
-            "mono": _geometry(states.take(~states.is_stereo), points.take(~points.is_stereo), settings),
-            "stereo": _geometry(states.take(states.is_stereo), points.take(points.is_stereo), settings),
+            **geometry,
             "gospa": _gospa(judged, settings),
             "type_confusion": _confusion(judged),
         }
@@ -76,6 +73,7 @@ class _Judged:
     is_biased: bool
     states: StateErrors
     points: PointErrors
+    innovations: Innovations
     owners: Ownership
     launches: int
     completeness: FloatArray
@@ -83,6 +81,7 @@ class _Judged:
     gospa_parts: FloatArray
     confusion: FloatArray
     detections: int
+    track_updates: int
     tracking_s: float
 
 
@@ -94,6 +93,7 @@ def _judged(evidence: Evidence, settings: ScoreSettings) -> _Judged:
         is_biased=evidence.plan.bias is not None,
         states=state_errors(evidence, owners),
         points=point_errors(evidence, owners),
+        innovations=innovations(evidence, owners),
         owners=owners,
         launches=len(evidence.plan.scene.targets),
         completeness=completeness,
@@ -101,6 +101,7 @@ def _judged(evidence: Evidence, settings: ScoreSettings) -> _Judged:
         gospa_parts=_gospa_parts(evidence, settings),
         confusion=_types(evidence, owners),
         detections=len(evidence.time_s),
+        track_updates=len(evidence.tracks),
         tracking_s=evidence.tracking_s,
     )
 
@@ -150,50 +151,88 @@ def _types(evidence: Evidence, owners: Ownership) -> FloatArray:
 def _counts(judged: Sequence[_Judged]) -> dict[str, Any]:
     launches = sum(each.launches for each in judged)
     tracked = sum(int(np.count_nonzero(each.owners.is_best & (each.owners.target >= 0))) for each in judged)
-    false = sum(int(np.count_nonzero(each.owners.target < 0)) for each in judged)
     purity = np.concatenate([each.owners.purity[each.owners.target >= 0] for each in judged])
     completeness = np.concatenate([each.completeness for each in judged])
     first = np.concatenate([each.first_track_s for each in judged])
-    detections = sum(each.detections for each in judged)
     return {
-        "launches_tracked": _share(*proportion(tracked, launches)),
-        "false_tracks_a_run": false / max(len(judged), 1),
-        "purity": _mean(purity),
-        "completeness": _mean(completeness),
-        "first_track_after_s": _mean(first),
-        "tracking_us_a_detection": 1e6 * sum(each.tracking_s for each in judged) / max(detections, 1),
+        "launches_tracked": share(*proportion(tracked, launches)),
+        "false_tracks_a_run": mean(np.array([np.count_nonzero(each.owners.target < 0) for each in judged])),
+        "purity": mean(purity, 1.0),
+        "completeness": mean(completeness, 1.0),
+        "first_track_after_s": mean(first),
+        "tracking_us_a_detection": _pace(judged, [each.detections for each in judged]),
+        "tracking_us_a_track_update": _pace(judged, [each.track_updates for each in judged]),
     }
 
 
-def _geometry(states: StateErrors, points: PointErrors, settings: ScoreSettings) -> dict[str, Any]:
-    bins = np.floor(states.since_s / settings.bin_s).astype(np.int64)
+def _pace(judged: Sequence[_Judged], count: Sequence[int]) -> dict[str, Any]:
+    """Return the time of tracking a count, µs, over runs."""
+    taken = np.array([each.tracking_s for each in judged])
+    return mean(1e6 * taken / np.maximum(np.array(count), 1))
+
+
+def _geometry(judged: Sequence[_Judged], is_stereo: bool, settings: ScoreSettings) -> dict[str, Any]:
+    """Return the figures of the targets that one sensor saw, or several."""
+    states = StateErrors.concatenate(each.states for each in judged)
+    points = PointErrors.concatenate(each.points for each in judged)
+    found = Innovations.concatenate(each.innovations for each in judged)
+    run = np.repeat(np.arange(len(judged)), [len(each.states) for each in judged])
+    mine, seen = states.is_stereo == is_stereo, found.is_stereo == is_stereo
+    states, run, points = states.take(mine), run[mine], points.take(points.is_stereo == is_stereo)
+    nis, nis_bin = found.nis[seen], _bins(found.since_s[seen], settings)
+    bins = _bins(states.since_s, settings)
     return {
-        "by_time": [_bin(states.take(bins == number), number, settings) for number in np.unique(bins).tolist()],
-        "launch_m": _rms(points.launch_m),
-        "launch_time_s": _rms(points.launch_time_s),
-        "impact_m": _rms(points.impact_m),
-        "impact_time_s": _rms(points.impact_time_s),
-        "launch_containment": _contained(points.launch_nees),
-        "impact_containment": _contained(points.impact_nees),
+        "by_time": [
+            {
+                "since_ignition_s": [number * settings.bin_s, (number + 1) * settings.bin_s],
+                **_bin(states.take(bins == number), run[bins == number]),
+                "nis": consistent(consistency(nis[nis_bin == number], _DIRECTION_FREEDOM)),
+            }
+            for number in np.unique(bins).tolist()
+        ],
+        "launch_m": rms(points.launch_m),
+        "launch_time_s": rms(points.launch_time_s),
+        "impact_m": rms(points.impact_m),
+        "impact_time_s": rms(points.impact_time_s),
+        "launch_containment": contained(points.launch_nees),
+        "impact_containment": contained(points.impact_nees),
     }
 
 
-def _bin(states: StateErrors, number: int, settings: ScoreSettings) -> dict[str, Any]:
+def _bins(since_s: FloatArray, settings: ScoreSettings) -> IntArray:
+    return np.floor(since_s / settings.bin_s).astype(np.int64)
+
+
+def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
     """Return the figures of one bin of time since ignition; NEES by the last tick of each target in it alone.
 
     Ticks of one target are not independent of each other, which the χ² band takes them to be.
     """
-    position, velocity = _rms(states.position_m), _rms(states.velocity_m_s)
-    bounds = (_rms(states.position_bound_m)["value"], _rms(states.velocity_bound_m_s)["value"])
+    track = run * _MANY + states.target
     return {
-        "since_ignition_s": [number * settings.bin_s, (number + 1) * settings.bin_s],
         "samples": len(states),
-        "position_m": position,
-        "velocity_m_s": velocity,
-        "position_over_bound": position["value"] / bounds[0],
-        "velocity_over_bound": velocity["value"] / bounds[1],
-        "nees": _consistent(consistency(states.nees[_last_of_each(states)], _STATE_FREEDOM)),
+        "position_m": rms(states.position_m, track),
+        "velocity_m_s": rms(states.velocity_m_s, track),
+        **_over_bounds(states, track, "", states.position_bound_m, states.velocity_bound_m_s),
+        **_over_bounds(states, track, "free_", states.position_free_bound_m, states.velocity_free_bound_m_s),
+        "impact_m": rms(states.impact_m, track),
+        "nees": consistent(consistency(states.nees[_last_of_each(states)], _STATE_FREEDOM)),
     }
+
+
+def _over_bounds(
+    states: StateErrors, track: IntArray, name: str, position_m: FloatArray, velocity_m_s: FloatArray
+) -> dict[str, Any]:
+    """Return bounds, and errors over them, at the ticks at which directions tell the place to `TOLD_M`."""
+    told = position_m < TOLD_M
+    figures = {}
+    for what, unit, error, bound in (
+        ("position", "m", states.position_m, position_m),
+        ("velocity", "m_s", states.velocity_m_s, velocity_m_s),
+    ):
+        figures[f"{what}_{name}bound_{unit}"] = rms(bound[told])["value"]
+        figures[f"{what}_over_{name}bound"] = over(rms(error[told], track[told]), rms(bound[told])["value"])
+    return figures
 
 
 def _last_of_each(states: StateErrors) -> BoolArray:
@@ -205,18 +244,24 @@ def _last_of_each(states: StateErrors) -> BoolArray:
 
 
 def _gospa(judged: Sequence[_Judged], settings: ScoreSettings) -> dict[str, Any]:
-    parts = np.concatenate([each.gospa_parts for each in judged])
-    roots = (parts[:, 1:4] / np.maximum(parts[:, 4:], 1.0)).mean(axis=0) if len(parts) else np.full(3, np.nan)
+    """Return the distances, averaged over the ticks of a run, and their parts, which are p-th powers."""
+    means = np.array([_mean_gospa(each.gospa_parts) for each in judged]).reshape(-1, 5)
+    names = ("mean_m", "a_target_m", "localisation_a_target", "missed_a_target", "false_a_target")
     return {
         "cutoff_m": settings.cutoff_m,
         "order": settings.order,
         "alpha": settings.alpha,
-        "mean_m": _mean(parts[:, 0]),
-        "a_target_m": _mean(parts[:, 0] / np.maximum(parts[:, 4], 1.0)),
-        "localisation_a_target": float(roots[0]),
-        "missed_a_target": float(roots[1]),
-        "false_a_target": float(roots[2]),
+        **{name: mean(means[:, column]) for column, name in enumerate(names)},
     }
+
+
+def _mean_gospa(parts: FloatArray) -> FloatArray:
+    """Return a run's mean distance, the same a target, and its three parts a target; nan of a run without tracks."""
+    if not len(parts):
+        return np.full(5, np.nan)
+    burning = np.maximum(parts[:, 4:], 1.0)
+    each: FloatArray = np.concatenate([parts[:, :1], parts[:, :4] / burning], axis=1).mean(axis=0)
+    return each
 
 
 def _confusion(judged: Sequence[_Judged]) -> dict[str, dict[str, int]]:
@@ -226,43 +271,3 @@ def _confusion(judged: Sequence[_Judged]) -> dict[str, dict[str, int]]:
         for row, true in enumerate(TARGET_TYPES)
         if count[row].any()
     }
-
-
-def _contained(values: FloatArray) -> list[dict[str, Any]]:
-    return [{"nominal": nominal, **_share(*containment(values, _GROUND_FREEDOM, nominal))} for nominal in CONTAINMENTS]
-
-
-def _consistent(found: Consistency) -> dict[str, Any]:
-    return {
-        "samples": found.samples,
-        "mean": found.mean / found.freedom,
-        "band_99": [found.lower / found.freedom, found.upper / found.freedom],
-        "distribution_p": found.p_value,
-    }
-
-
-def _rms(error: FloatArray) -> dict[str, Any]:
-    value, lower, upper = root_mean_square(error)
-    return {"value": value, "interval_95": [lower, upper]}
-
-
-def _share(value: float, lower: float, upper: float) -> dict[str, Any]:
-    return {"value": value, "interval_95": [lower, upper]}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {key: _plain(each) for key, each in value.items()}
-    if isinstance(value, list):
-        return [_plain(each) for each in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
-
-
-def _mean(values: FloatArray) -> dict[str, Any]:
-    """Return the mean of what is known, with the 95 % interval of its normal approximation."""
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return {"value": np.nan, "interval_95": [np.nan, np.nan]}
-    mean = float(values.mean())
-    half = 1.96 * float(values.std(ddof=1)) / np.sqrt(len(values)) if len(values) > 1 else np.nan
-    return {"value": mean, "interval_95": [mean - half, mean + half]}

@@ -1,10 +1,12 @@
 """Scores: each figure against a case whose answer is known without it."""
 
 import json
+from math import factorial
 from pathlib import Path
 
 import numpy as np
 import pytest
+from attrs import evolve
 from scipy.stats import chi2
 
 from opir_core.cli import main
@@ -15,10 +17,17 @@ from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.run import run_of_plan
 from opir_core.scoring import evidence_of_run, scorecard
-from opir_core.scoring.bound import position_and_velocity, state_bound
+from opir_core.scoring.bound import (
+    FREE_PRIOR_SIGMA,
+    JERK_NOISE_M_S3,
+    free_bound,
+    position_and_velocity,
+    state_bound,
+)
 from opir_core.scoring.consistency import consistency, containment, nees, proportion, root_mean_square
 from opir_core.scoring.evidence import Evidence, true_states
 from opir_core.scoring.files import evidence_of_files
+from opir_core.scoring.innovations import innovations
 from opir_core.scoring.ownership import ownership
 
 RNG = np.random.default_rng(11)
@@ -91,6 +100,14 @@ def test_a_proportions_interval_is_wilsons():
     assert np.isnan(proportion(0, 0)).all()
 
 
+def test_errors_that_depend_on_each_other_widen_the_interval():
+    error = np.repeat(RNG.normal(size=20), 50)
+    alone, together = root_mean_square(error), root_mean_square(error, np.repeat(np.arange(20), 50))
+    assert alone[0] == together[0]
+    assert together[2] - together[1] > 4.0 * (alone[2] - alone[1])
+    assert np.isnan(root_mean_square(error, np.zeros(1000, dtype=np.int64))[1:]).all()
+
+
 def test_a_root_mean_square_has_its_interval_about_it():
     value, low, high = root_mean_square(RNG.normal(size=500) * 3.0)
     assert low < value < high
@@ -148,6 +165,60 @@ def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
         assert ours == pytest.approx(theirs, rel=1e-3)
 
 
+def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
+    looks = np.arange(0.0, 20.0, 0.4)
+    path = np.array([6.9e6, 0.0, 0.0]) + np.array([0.0, 2000.0, 0.0]) * looks[:, None]
+    target = eci_to_ecef(path, looks)
+    inertial = np.where(np.arange(len(looks))[:, None] % 2, [3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6])
+    sigma = np.full(len(looks), 2e-5)
+    found = free_bound(np.array([19.6]), looks, target, eci_to_ecef(inertial, looks), sigma)[0]
+    covariance = np.diag(np.square(FREE_PRIOR_SIGMA))
+    power = np.array([[0.4 ** (b - a) / factorial(b - a) if b >= a else 0.0 for b in range(4)] for a in range(4)])
+    step = np.kron(power, np.eye(3))
+    orders = [3 - a for a in range(4)]
+    noise = [[0.4 ** (a + b + 1) / (factorial(a) * factorial(b) * (a + b + 1)) for b in orders] for a in orders]
+    noise = JERK_NOISE_M_S3**2 * np.kron(np.array(noise), np.eye(3))
+    for number, (place, sensor) in enumerate(zip(path, inertial, strict=True)):
+        covariance = step @ covariance @ step.T + noise if number else covariance
+        line = place - sensor
+        unit = line / np.linalg.norm(line)
+        across = np.linalg.svd(unit[None])[2][1:] / (np.linalg.norm(line) * 2e-5)
+        slope = np.concatenate([across, np.zeros((2, 9))], axis=1)
+        gain = covariance @ slope.T @ np.linalg.inv(slope @ covariance @ slope.T + np.eye(2))
+        rest = np.eye(12) - gain @ slope
+        covariance = rest @ covariance @ rest.T + gain @ gain.T
+    for ours, theirs in zip(
+        position_and_velocity(found[None]), position_and_velocity(covariance[None, :6, :6]), strict=True
+    ):
+        assert ours == pytest.approx(theirs, rel=1e-5)
+    known = state_bound(np.array([19.6]), looks, target, eci_to_ecef(inertial, looks), sigma)
+    assert (position_and_velocity(known)[0] < position_and_velocity(found[None])[0]).all()
+
+
+def judged_innovations(scale):
+    """Return the innovations of a tracker that errs `scale` times as much as it says."""
+    plan = compile_plan(scene_from_mapping({**SCENE, "duration_s": 130.0}))
+    evidence = evidence_of_run(run_of_plan(plan), plan)
+    told = evidence.tracks.take(evidence.tracks.track == evidence.tracks.track[0])
+    told = told.take((told.tick_s > 30.0) & (told.tick_s < 129.0))
+    rng = np.random.default_rng(2)
+    sigma = np.array([400.0] * 3 + [5.0] * 3)
+    state = true_states(plan, np.zeros(len(told), dtype=np.int32), told.tick_s)
+    state = state + scale * sigma * rng.normal(size=state.shape)
+    told = evolve(told, state=state, state_covariance=np.tile(np.diag(sigma**2), (len(told), 1, 1)))
+    evidence = evolve(evidence, tracks=told)
+    return innovations(evidence, ownership(evidence))
+
+
+def test_innovations_of_an_honest_tracker_are_chi_squared():
+    found = judged_innovations(1.0)
+    assert len(found) > 80
+    honest = consistency(found.nis, 2, 0.999)
+    assert honest.is_inside
+    assert honest.p_value > 0.001
+    assert not consistency(judged_innovations(3.0).nis, 2, 0.999).is_inside
+
+
 def differences(state, span_s):
     """Return how the state a span later differs with the state, by central differences of two-body propagation."""
     steps = np.array([10.0] * 3 + [0.01] * 3)
@@ -180,6 +251,8 @@ def synthetic(track, target):
         sigma_rad=np.full(len(rows), 1e-5),
         track=np.array(track),
         target=np.array(target, dtype=np.int32),
+        direction_ecef=np.zeros((len(rows), 3)),
+        sensor_ecef_m=np.zeros((len(rows), 3)),
     )
 
 
@@ -205,7 +278,11 @@ def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys
     ours, theirs = here["stereo"]["by_time"], there["stereo"]["by_time"]
     assert [part["position_m"] for part in ours] == [part["position_m"] for part in theirs]
     # Events tell sensors' errors to a few digits.
-    assert ours[-1]["position_over_bound"] == pytest.approx(theirs[-1]["position_over_bound"], rel=1e-3)
+    for name in ("position_over_bound", "velocity_over_free_bound"):
+        assert ours[-1][name]["value"] == pytest.approx(theirs[-1][name]["value"], rel=1e-3)
+    # Events tell angles to 1e-9 degrees.
+    assert ours[1]["nis"]["samples"] > 10
+    assert ours[1]["nis"]["mean"] == pytest.approx(theirs[1]["nis"]["mean"], rel=1e-3)
     capsys.readouterr()
     assert main(["score", str(tmp_path / "events.jsonl")]) == 0
     told = capsys.readouterr().out
@@ -221,7 +298,21 @@ def test_compare_tells_every_tracker(tmp_path, capsys):
     told = json.loads(capsys.readouterr().out)
     assert list(told) == ["stereo-filter", "{model: stereo-filter, motion: boost}"]
     assert told["stereo-filter"]["seeds"] == [7, 8]
-    assert told["stereo-filter"]["tracking_us_a_detection"] > 0.0
+    assert told["stereo-filter"]["tracking_us_a_detection"]["value"] > 0.0
+    assert told["stereo-filter"]["tracking_us_a_track_update"]["value"] > 0.0
+
+
+def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
+    words = ["compare", str(scene), "--runs", "2", "--tracker", "kepler-arc", "--tracker", "stereo-filter"]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("2 runs of each tracker (seeds 7 to 8), sensors without bias; [95 % intervals]; GOSPA: c")
+    bins = [line.split()[:2] for line in told.splitlines() if line.startswith("0-20")]
+    assert bins == [["0-20", "kepler-arc"], ["0-20", "stereo-filter"]] * 2
+    for figure in ("/known", "/unknown", "NEES/6", "NIS/2", "impact km", "told SRBM", "located, missed, false"):
+        assert figure in told
 
 
 @pytest.mark.parametrize(
