@@ -25,6 +25,8 @@ _PANELS, _MOST_DOUBLINGS = 3, 5
 #: Steps of the search for the peak, each by the golden section; the second number goes where it is sought far and wide.
 _SECTIONS, _MOST_SECTIONS, _WIDE = 36, 80, 100.0
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0
+#: So often is the way halved that a density takes to fall to nothing.
+_REACHES = 40
 #: With gates shut by no more than this, the density is still all but within the panels about where it would be open.
 _AJAR = -2.0
 _LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
@@ -150,8 +152,20 @@ class RatioGates:
         # At the peak a normal density falls by exp(-_DROP) on this way; at the threshold it may be falling already.
         falling = np.where(peak <= first, np.maximum(peak - reference, 0.0), 0.0)
         reach = 2.0 * _DROP / (np.sqrt(falling * falling + 2.0 * _DROP) + falling)
+        # Where gates have only just opened at the peak they fall too, and may do so much faster.
+        edge = shut[peak[shut] - first[shut] < reach[shut]]
+        reach[edge] = self._fallen(peak[edge], reach[edge], snr[edge], noise[edge])
         start = np.maximum(first, peak - np.sqrt(2.0 * _DROP))
         return Panels.over(start, np.maximum(peak + reach, start), count, self._kinks(noise))
+
+    def _fallen(self, peak: FloatArray, reach: FloatArray, snr: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return how far (n,) beyond their peaks densities have fallen to nothing, to a factor of 2, within `reach`."""
+        ways = reach[:, None] * np.exp2(-np.arange(_REACHES))
+        base, gates = self._log_density(np.concatenate([peak[:, None], peak[:, None] + ways], axis=1), snr, noise)
+        height = base + gates
+        times = (height[:, 1:] < height[:, :1] - _DROP).sum(axis=1)
+        fallen: FloatArray = reach * np.exp2(-np.maximum(times - 1, 0))
+        return fallen
 
     def _first_open(self, noise: FloatArray) -> FloatArray:
         """Return the least signal of the reference band, at the threshold or above, for which all gates are open."""
