@@ -1,0 +1,189 @@
+"""What the engine draws, counted against exact laws: detections by SNR, first detections, noise, lines of sight.
+
+Every bound holds at 99.9 % for all comparisons of its test together (Bonferroni). Seeds are fixed;
+`OPIR_CHANCE_TARGETS=500` repeats each launch that often; benchmarks/first_detection.py has all climates and clouds.
+"""
+
+import itertools
+import os
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import chi2, norm, poisson
+
+import opir_core as opir
+from opir_core.engine import Engine
+from opir_core.looks import Looks, exposures
+from opir_core.records import Detections, DetectionTruth
+from opir_core.sites import Sites
+
+TARGETS = int(os.environ.get("OPIR_CHANCE_TARGETS", "40"))
+RISK = 0.001
+CLASSES = {"SRBM": (38.0, -108.0), "IRBM": (50.0, -85.0), "ICBM": (60.0, 60.0)}
+SENSORS = {"DSP": -95.0, "SBIRS-GEO": -105.0, "NEXTGEN-GEO": -115.0}
+BINS = 20
+
+
+def scene(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> opir.Scene:
+    """Return a scene in which each class is launched so often from one place, at one time."""
+    targets = [
+        {
+            "id": f"{kind}-{number}",
+            "type": kind,
+            "launch": {"lat_deg": 35.0, "lon_deg": -110.0, "time_s": 2.0},
+            "aim": {"lat_deg": aim[0], "lon_deg": aim[1]},
+        }
+        for kind, aim in CLASSES.items()
+        for number in range(repeats)
+    ]
+    mapping = {
+        "scene": "chance",
+        "epoch": "2026-04-01T19:00:00Z",
+        "duration_s": 90.0,
+        "seed": 11,
+        "sensors": sensors,
+        "targets": targets,
+        "detection": {"model": "snr"},
+        "outputs": [],
+    }
+    return opir.scene_from_mapping({**mapping, **changes})
+
+
+def fleet(**settings: Any) -> list[dict[str, Any]]:
+    return [{"model": model, "id": model, "orbital_slot_deg": slot, **settings} for model, slot in SENSORS.items()]
+
+
+def drawn(plan: Any) -> tuple[Detections, DetectionTruth]:
+    """Return a run's detections and truth."""
+    engine = Engine(plan)
+    window = engine.advance(plan.end_ns)
+    return window.detections, window.truth
+
+
+class Story(NamedTuple):
+    """Exact chances and SNR of one launch's looks, and the scans in which the launches of its class were detected."""
+
+    scan: np.ndarray
+    chance: np.ndarray
+    snr: np.ndarray
+    found: list[np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def stories() -> dict[tuple[str, str], Story]:
+    """Return what becomes of each class before each sensor, through humid air, before the sunlit Earth."""
+    sky = {"atmosphere": {"model": "lowtran", "climate": "tropical"}, "background": "earth"}
+    one = opir.compile_plan(scene(1, fleet(), **sky))
+    looks = Looks.between(one.pairs, 0, one.end_ns)
+    exposed = exposures(one, Sites.of(one.sensors), looks.pair, looks.scan, geometry=True)
+    chance, snr = one.detection.probability(exposed), one.detection.response(exposed).snr[:, 0]
+    detections, truth = drawn(opir.compile_plan(scene(TARGETS, fleet(), **sky)))
+    told = {}
+    for sensor, model in enumerate(SENSORS):
+        for number, kind in enumerate(CLASSES):
+            rows = (exposed.sensor == sensor) & (exposed.target == number)
+            own = [(detections.sensor == sensor) & (truth.target == number * TARGETS + each) for each in range(TARGETS)]
+            found = [np.sort(detections.scan[each]) for each in own]
+            told[model, kind] = Story(exposed.scan[rows], chance[rows], snr[rows], found)
+    return told
+
+
+@pytest.mark.parametrize("model", SENSORS)
+def test_detections_come_as_often_as_the_formula_says_in_20_bins_of_snr(
+    stories: dict[tuple[str, str], Story], model: str
+) -> None:
+    parts = [stories[model, kind] for kind in CLASSES]
+    snr, chance = (np.concatenate([getattr(part, name) for part in parts]) for name in ("snr", "chance"))
+    hits = np.concatenate(
+        [np.isin(part.scan, each) for part in parts for each in part.found]
+    )  # Class by class, launch by launch.
+    bins = np.searchsorted(np.quantile(snr, np.linspace(0.0, 1.0, BINS + 1)[1:-1]), snr)
+    edges = np.cumsum([0, *(len(part.scan) for part in parts)])
+    of_hits = np.concatenate([np.tile(bins[a:b], TARGETS) for a, b in itertools.pairwise(edges)])
+    counted = np.bincount(of_hits, hits, minlength=BINS)
+    expected = TARGETS * np.bincount(bins, chance, minlength=BINS)
+    spread = np.sqrt(TARGETS * np.bincount(bins, chance * (1.0 - chance), minlength=BINS))
+    # Interpolation between knots may move each chance by the default tolerance, 1e-4, and counts are whole.
+    allowance = 1.0 + 1e-4 * TARGETS * np.bincount(bins, minlength=BINS)
+    limit = norm.isf(0.5 * RISK / (BINS * len(SENSORS)))
+    assert counted.sum() > 5 * BINS
+    assert (np.abs(counted - expected) <= limit * spread + allowance).all()
+
+
+def test_first_detections_follow_the_product_of_misses(stories: dict[tuple[str, str], Story]) -> None:
+    """The bound of Dvoretzky, Kiefer, Wolfowitz and Massart on shares detected until each look, for all nine cells."""
+    bound = np.sqrt(np.log(2.0 * len(stories) / RISK) / (2.0 * TARGETS))
+    shares = {}
+    for key, story in stories.items():
+        missed = np.cumprod(1.0 - story.chance)
+        first = np.sort([each[0] for each in story.found if len(each)])
+        until = np.searchsorted(first, story.scan, side="right") / TARGETS
+        assert np.abs(until - (1.0 - missed)).max() <= bound, key
+        shares[key] = 1.0 - missed[-1]
+    assert max(shares.values()) > 0.999
+    assert min(shares.values()) < 0.999
+
+
+def noise_chance(sensor: Any) -> float:
+    """Return the chance that noise alone passes a sensor's rule, by SciPy's quadrature of its definition."""
+    light = sensor.radiometer
+    if sensor.spectral_discrimination == "none":
+        return float(-np.expm1(len(sensor.bands) * norm.logcdf(light.threshold)))
+
+    def density(y: float) -> float:
+        value = norm.pdf(y)
+        for band in range(1, len(sensor.bands)):
+            steep = light.nei_w_m2[0] / light.nei_w_m2[band]
+            low, high = max(light.ratios[band][0] * steep * y, light.coincidence), light.ratios[band][1] * steep * y
+            value *= max(norm.sf(low) - norm.sf(high), 0.0)
+        return float(value)
+
+    return float(quad(density, light.threshold, light.threshold + 8.0, epsabs=0.0, epsrel=1e-9, limit=500)[0])
+
+
+def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold() -> None:
+    low = {"threshold_sigma": 4.2, "coincidence_sigma": 1.0}
+    plan = opir.compile_plan(scene(0, fleet(**low), duration_s=120.0))
+    detections, truth = drawn(plan)
+    assert (truth.target < 0).all()
+    for number, sensor in enumerate(plan.sensors):
+        cells = (
+            4.0 * np.pi * (np.sin(0.5 * sensor.field_of_regard_half_angle_rad) / sensor.radiometer.footprint_rad) ** 2
+        )
+        scans = round(120e9 / sensor.scan.period_ns)
+        mean = noise_chance(sensor) * cells * scans
+        times = detections.time_ns[detections.sensor == number]
+        assert mean > 200.0, sensor.id
+        # Two comparisons a sensor: the count, and how counts of a second spread.
+        risk = RISK / (2 * len(plan.sensors))
+        least, most = poisson.interval(1.0 - risk, mean)
+        assert least <= len(times) <= most, sensor.id
+        by_second = np.bincount(times // 10**9, minlength=120)
+        spread = ((by_second - mean / 120.0) ** 2).sum() / (mean / 120.0)
+        assert chi2.isf(1.0 - 0.5 * risk, 120) <= spread <= chi2.isf(0.5 * risk, 120), sensor.id
+
+
+@pytest.mark.parametrize("bias_urad", [0.0, 40.0])
+def test_residuals_of_lines_of_sight_are_chi_squared_but_for_the_bias_that_is_reported(bias_urad: float) -> None:
+    plan = opir.compile_plan(scene(4, fleet(line_of_sight_bias_sigma_urad=bias_urad)))
+    detections, truth = drawn(plan)
+    real = truth.target >= 0
+    detections, truth = detections.take(real), truth.take(real)
+    at = plan.targets.position_ecef_m(truth.target, truth.emission_time_s) - detections.sensor_ecef_m
+    true = at / np.linalg.norm(at, axis=1)[:, None]
+    turned = true
+    if plan.bias is not None:
+        turned = np.stack(plan.bias.applied(*true.T, detections.sensor, detections.sensor_ecef_m), axis=1)
+    assert (plan.bias is None) == (bias_urad == 0.0)
+    for number in range(len(SENSORS)):
+        rows = detections.sensor == number
+        for direction, is_right in ((true, bias_urad == 0.0), (turned, True)):
+            off = (detections.line_of_sight_ecef - direction)[rows] / detections.line_of_sight_sigma_rad[rows, None]
+            shares = np.sort(chi2.cdf(np.square(off).sum(axis=1), 2))
+            count = len(shares)
+            assert count > 100
+            distance = np.abs(shares - (np.arange(count) + 0.5) / count).max() + 0.5 / count
+            limit = np.sqrt(np.log(2.0 * 12 / RISK) / (2.0 * count))
+            assert (distance <= limit) == is_right, (number, bias_urad)
