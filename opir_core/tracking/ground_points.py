@@ -6,21 +6,8 @@ import numpy as np
 
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_geodetic, local_axes
-from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import along, turned
-
-#: How far back a path is followed to the ground, s, and in what steps.
-_BACK_S, _STEP_S = 30.0, 0.25
-
-#: A path that does not reach the ground going back began where it is lowest, if that is no higher, m.
-_LOW_M = 2000.0
-
-#: Slower than this a launch is taken to go straight up: how fast it drifts is not known, m/s.
-_SLOW_M_S = 5.0
-
-#: No path leaves the ground slower than this, m/s.
-_SLOWEST_M_S = 1.0
+from opir_core.records import FloatArray
+from opir_core.tracking.rays import turned
 
 
 class GroundPoints(NamedTuple):
@@ -56,55 +43,6 @@ def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Fo
     plane = apart @ local_axes(ground)[:, :2].transpose(0, 2, 1)
     later = 0.5 * (flight[:, 0] - flight[:, 1])
     return _told(ground, time_s + duration, np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
-
-
-def launches(outlook: Outlook) -> GroundPoints:
-    """Return where boosts began: where each path, followed back as its Taylor series, reaches the ground.
-
-    The covariance is that of the position there, less what moving along the path takes up; its height, over the
-    speed of the climb, is the time's.
-    """
-    count = len(outlook.side)
-    if not count:
-        return GroundPoints.nowhere(0)
-    back = -np.arange(0.0, _BACK_S + _STEP_S, _STEP_S)
-    track, when = np.repeat(np.arange(count), len(back)), outlook.time_s + np.tile(back, count)
-    path = turned(outlook.positions(track, when), -when)
-    height = ecef_to_geodetic(path).height_m.reshape(count, -1)
-    below = height <= 0.0
-    lowest = np.where(below.any(axis=1), np.argmax(below, axis=1), np.argmin(height, axis=1))
-    begun_s = back[lowest]
-    known = np.flatnonzero((height[np.arange(count), lowest] < _LOW_M) & (lowest > 0))
-    points = GroundPoints.nowhere(count)
-    if len(known):
-        found = _launched(outlook, known, outlook.time_s + begun_s[known])
-        points.place[known], points.covariance[known] = found
-    return points
-
-
-def _launched(outlook: Outlook, rows: IntArray, when: FloatArray) -> GroundPoints:
-    ground = turned(outlook.positions(rows, when), -when)
-    later, latest = (turned(outlook.positions(rows, t), -t) for t in (when + _STEP_S, when + 2.0 * _STEP_S))
-    axes = local_axes(ground)
-    east, north, up = along(axes, (later - ground) / _STEP_S).T
-    gain = along(axes, (latest - 2.0 * later + ground) / _STEP_S**2)[:, 2]
-    inertial = np.stack([turned(axes[:, row], when) for row in range(3)], axis=1)
-    side = inertial @ outlook.position_sides(rows, when)
-    climb = np.where(up > _SLOW_M_S, up, np.inf)
-    plane = side[:, :2] - (np.stack([east, north], axis=1) / climb[:, None])[:, :, None] * side[:, 2:]
-    delay = -side[:, 2:] / _rise_pace(side[:, 2], up, gain)[:, None, None]
-    return _told(ground, when, np.concatenate([plane, delay], axis=1))
-
-
-def _rise_pace(side: FloatArray, up_m_s: FloatArray, gain_m_s2: FloatArray) -> FloatArray:
-    """Return the mean speed (n,) of the climb through one standard deviation of height, from rows (n, k) of its side.
-
-    A path that leaves the ground from rest has no speed to divide by there, and gains it on the way.
-    """
-    rise = np.sqrt(np.sum(side * side, axis=1))
-    begun = np.maximum(up_m_s, 0.0)
-    pace: FloatArray = 0.5 * (begun + np.sqrt(begun * begun + 2.0 * np.maximum(gain_m_s2, 0.0) * rise))
-    return np.maximum(pace, _SLOWEST_M_S)
 
 
 def _told(ground: FloatArray, when: FloatArray, plane: FloatArray) -> GroundPoints:

@@ -28,7 +28,8 @@ from opir_core.tracking.association import (
 )
 from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.ghosts import RANGE_M, Slice, without_ghosts
-from opir_core.tracking.ground_points import GroundPoints, launches, surer
+from opir_core.tracking.ground_points import GroundPoints, surer
+from opir_core.tracking.launch_points import launches
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_report import estimates, evidence_of
@@ -140,7 +141,8 @@ class StereoTracking:
         if not len(young):
             return now
         told = now.roster.take(young)
-        fresh = launches(self.filter.outlook(now.bank.take(young), now.time_s))
+        outlook = self.filter.outlook(now.bank.take(young), now.time_s)
+        fresh = launches(outlook, told.first_s, self._slowest(told), self.filter.boost.noise)
         best = surer(GroundPoints(told.launch, told.launch_covariance), fresh)
         launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
         launch[young], covariance[young] = best

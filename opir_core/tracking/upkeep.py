@@ -21,7 +21,7 @@ _ENOUGH_SCANS = 4
 
 @frozen(eq=False)
 class Roster(Columns):
-    """What is kept of tracks beside their estimates: number, when begun and last seen, how many rays, from where.
+    """What is kept of tracks beside their estimates: number, when begun, first and last seen, how many rays, whence.
 
     `reports` (n, sensors) are the types that each sensor last reported, codes into `REPORTED_TYPES`, -1 for none;
     `launch` (n, 3) and `launch_covariance` (n, 3, 3) are as in `Tracks`.
@@ -29,6 +29,7 @@ class Roster(Columns):
 
     number: IntArray
     begun_s: FloatArray
+    first_s: FloatArray
     seen_s: FloatArray
     hits: IntArray
     reports: IntArray
@@ -48,6 +49,7 @@ class Roster(Columns):
         return cls(
             number=number,
             begun_s=np.full(count, now_s),
+            first_s=np.full(count, np.inf),
             seen_s=np.full(count, -np.inf),
             hits=np.zeros(count, dtype=np.int64),
             reports=np.full((count, sensors), -1, dtype=np.int64),
@@ -61,9 +63,11 @@ class Roster(Columns):
         row = owner[mine]
         seen_s, reports = self.seen_s.copy(), self.reports.copy()
         np.maximum.at(seen_s, row, time_s[mine])
+        first_s = self.first_s.copy()
+        np.minimum.at(first_s, row, time_s[mine])
         reports[row, sensor[mine]] = reported[mine]
         hits = self.hits + np.bincount(row, minlength=len(self))
-        return evolve(self, seen_s=seen_s, hits=hits, reports=reports)
+        return evolve(self, first_s=first_s, seen_s=seen_s, hits=hits, reports=reports)
 
 
 def doubles(

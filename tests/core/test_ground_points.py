@@ -8,7 +8,8 @@ from opir_core.flight.impact_event import impact
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 from opir_core.scene import REPORTED_TYPES
 from opir_core.testing.doubles import stub_sensor
-from opir_core.tracking.ground_points import impacts, launches
+from opir_core.tracking.ground_points import impacts
+from opir_core.tracking.launch_points import launches
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import turned
 from opir_core.tracking.stereo_report import evidence_of, type_posterior
@@ -36,26 +37,55 @@ def test_impacts_spread_as_a_cloud_of_states_does(forces: Forces) -> None:
     assert points.place[0] == pytest.approx([where.latitude_rad[0], where.longitude_rad[0], time_s + float(exact)])
 
 
+SITE = geodetic_to_ecef(np.radians(5.0), np.radians(20.0), 0.0)
+EAST, NORTH, UP = local_axes(SITE)
+SPIN = 7.292115e-5 * np.array([-SITE[1], SITE[0], 0.0])
+PULL = -(7.292115e-5**2) * np.array([SITE[0], SITE[1], 0.0])
+
+
+def risen(since: float) -> np.ndarray:
+    """Return the derivatives (5, 3) of a path that left the site from rest, with 12 m/s² upward and 2 eastward."""
+    gain = 12.0 * UP + 2.0 * EAST + PULL
+    place = SITE + SPIN * since + 0.5 * gain * since**2
+    return np.stack([place, SPIN + gain * since, gain, np.zeros(3), np.zeros(3)])
+
+
 def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
-    site = geodetic_to_ecef(np.radians(5.0), np.radians(20.0), 0.0)
-    east, _, up = local_axes(site)
-    since = 8.0
-    derivative = np.zeros((1, 5, 3))
-    spin = 7.292115e-5 * np.array([-site[1], site[0], 0.0])
-    derivative[0, 0] = site + spin * since + (6.0 * up + 1.0 * east) * since**2
-    derivative[0, 1] = spin + 2.0 * (6.0 * up + 1.0 * east) * since
-    derivative[0, 2] = 2.0 * (6.0 * up + 1.0 * east)
+    """Its velocity is known, so it gives the time of the launch; what is not known of the place stays."""
     side = np.zeros((1, 12, 12))
     side[0, :3, :3] = 100.0 * np.eye(3)
-    found = launches(Outlook(since, derivative, side))
+    seen, pause = np.array([2.0]), np.array([0.1])
+    found = launches(Outlook(8.0, risen(8.0)[None], side), seen, pause, 0.0)
     assert np.degrees(found.place[0, :2]) == pytest.approx([5.0, 20.0], abs=2e-4)
-    assert found.place[0, 2] == pytest.approx(0.0, abs=1.5)
-    assert np.sqrt(np.diag(found.covariance[0])[:2]).min() > 99.0
-    # To rise by 100 m from rest at 12 m/s² takes 4.08 s; the path was found some tenths of a second after its start.
-    assert np.sqrt(found.covariance[0, 2, 2]) == pytest.approx(np.sqrt(2.0 * 100.0 / 12.0), rel=0.25)
+    assert found.place[0, 2] == pytest.approx(0.0, abs=0.1)
+    assert np.sqrt(np.diag(found.covariance[0])[:2]) == pytest.approx(100.0, rel=0.01)
+    # A speed known to 1 m/s at 12 m/s² is a time known to 0.08 s; times are 0.4 s apart here.
+    assert 0.08 < np.sqrt(found.covariance[0, 2, 2]) < 0.3
     assert np.linalg.eigvalsh(found.covariance[0]).min() > 0.0
-    high = Outlook(since, derivative + np.array([300e3 * up, *np.zeros((4, 3))]), side)
-    assert np.isnan(launches(high).place).all()
+    high = Outlook(8.0, (risen(8.0) + np.array([300e3 * UP, *np.zeros((4, 3))]))[None], side)
+    assert np.isnan(launches(high, seen, pause, 0.0).place).all()
+
+
+def test_launches_are_as_sure_as_they_say() -> None:
+    """3000 from 100 m about the ellipsoid and 1 m/s about rest, seen at once or up to 40 s late."""
+    rng, runs, now_s, pause_s = np.random.default_rng(8), 3000, 50.0, 0.4
+    first_s = np.where(rng.random(runs) < 0.5, rng.exponential(pause_s, runs), rng.uniform(0.0, 40.0, runs))
+    sigma = np.repeat([60.0, 10.0, 0.1, 0.005], 3)
+    path = np.tile(risen(now_s), (runs, 1, 1))
+    drift = rng.normal(size=(runs, 3))
+    path[:, 0] += 100.0 * rng.normal(size=(runs, 1)) * UP + drift * now_s
+    path[:, 1] += drift
+    path[:, :4] += (sigma * rng.normal(size=(runs, 12))).reshape(runs, 4, 3)
+    found = launches(Outlook(now_s, path, np.tile(np.diag(sigma), (runs, 1, 1))), first_s, np.full(runs, pause_s), 0.0)
+    known = np.isfinite(found.place[:, 2])
+    assert known.mean() > 0.999
+    off = found.place[known, 2] / np.sqrt(found.covariance[known, 2, 2])
+    assert np.abs(off.mean()) < 3.3 / np.sqrt(runs)
+    assert np.mean(off**2) == pytest.approx(1.0, abs=0.15)
+    plane = (geodetic_to_ecef(*found.place[known, :2].T, 0.0) - SITE) @ np.stack([EAST, NORTH]).T
+    square = np.einsum("ni,nij,nj->n", plane, np.linalg.inv(found.covariance[known][:, :2, :2]), plane)
+    assert np.mean(square) / 2.0 == pytest.approx(1.0, abs=0.1)
+    assert np.mean(square < 5.99) == pytest.approx(0.95, abs=3.3 * np.sqrt(0.95 * 0.05 / runs))
 
 
 def test_each_sensor_counts_once_for_the_type() -> None:

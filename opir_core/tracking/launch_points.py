@@ -1,0 +1,135 @@
+"""Where and when tracks were launched: their paths, followed back, must have left the ground from rest.
+
+A path's speed there is small and its height flat, so that where it crosses the ground says little of when it left. That
+it left from rest, on ground near the ellipsoid, and was not seen before, says more: the time of the launch is weighed
+over all times before the first look that saw it, and the place follows for each.
+"""
+
+import numpy as np
+
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.geometry import ecef_to_geodetic, local_axes
+from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.ground_points import GroundPoints
+from opir_core.tracking.motion import BOOST, followed, weights_at
+from opir_core.tracking.outlook import Outlook
+from opir_core.tracking.rays import turned
+
+#: A launch is sought so long before the first look that saw it, s, at so many times, denser towards that look.
+_BEFORE_S, _TIMES = 40.0, 48
+
+#: So many launches are seen from the ground on, as soon as a look comes; clouds hide the others for a time.
+_AT_ONCE = 0.5
+
+#: Sites lie this near the ellipsoid, m, and targets leave them this near to rest, m/s: standard deviations.
+_SITE_M, _REST_M_S = 100.0, 1.0
+
+#: A start from rest that no time explains better than this squared distance (4 degrees of freedom) did not happen.
+_LAUNCHED = 25.0
+
+_SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+
+def launches(outlook: Outlook, first_s: FloatArray, pause_s: FloatArray, noise: float) -> GroundPoints:
+    """Return where boosts began, from rest on the ground at an unknown time before `first_s` (n,); nan for nowhere.
+
+    `noise` is the intensity of the noise in the rate of the specific force, m/s³/√s. Beforehand a launch was as likely
+    as not seen at once, after an exponential time of mean `pause_s` (n,); if not, then after any time up to 40 s. Mean
+    and covariance are those of the mixture over times.
+    """
+    points, count = GroundPoints.nowhere(len(outlook.side)), len(outlook.side)
+    if not count:
+        return points
+    edges = _BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
+    since = 0.5 * (edges[1:] + edges[:-1])
+    track = np.repeat(np.arange(count), _TIMES)
+    when = np.repeat(first_s, _TIMES) - np.tile(since, count)
+    place, covariance, misfit, log = _from_rest(outlook, track, when, noise)
+    soon = -np.diff(np.exp(-edges / pause_s[:, None]), axis=1)
+    log = (log - 0.5 * misfit).reshape(count, _TIMES)
+    log += np.log(_AT_ONCE * soon + (1.0 - _AT_ONCE) * np.diff(edges) / _BEFORE_S)
+    chance = np.exp(log - log.max(axis=1, keepdims=True))
+    chance /= chance.sum(axis=1, keepdims=True)
+    known = np.flatnonzero(misfit.reshape(count, _TIMES).min(axis=1) < _LAUNCHED)
+    told = _blended(place, covariance, when, chance)
+    told[1][:, 2, 2] += np.sum(chance * np.diff(edges) ** 2, axis=1) / 12.0
+    points.place[known], points.covariance[known] = told[0][known], told[1][known]
+    return points
+
+
+def _from_rest(
+    outlook: Outlook, track: IntArray, when: FloatArray, noise: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return ECEF places (m, 3), covariances (m, 3, 3), squared distances (m,) and log densities (m,) of starts."""
+    weight = weights_at(when - outlook.time_s)
+    path = outlook.derivative[track]
+    position, velocity = followed(path, weight), _speeds(path, weight)
+    up = _up(position, when)
+    covariance = _covariances(outlook, track, weight, noise * noise, outlook.time_s - when)
+    gain = np.zeros((len(track), 4, 6))
+    gain[:, 0, :3], gain[:, 1:, :3], gain[:, 1:, 3:] = up, -_SPIN, np.eye(3)
+    height = ecef_to_geodetic(turned(position, -when)).height_m
+    off = np.concatenate([height[:, None], velocity - position @ _SPIN.T], axis=1)
+    crossed = gain @ covariance
+    spread = crossed @ gain.transpose(0, 2, 1) + np.diag(np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S]))
+    side = np.linalg.cholesky(spread)
+    white = np.linalg.solve(side, np.concatenate([crossed[:, :, :3], off[:, :, None]], axis=2))
+    place = position - np.sum(white[:, :, :3] * white[:, :, 3:], axis=1)
+    left = covariance[:, :3, :3] - white[:, :, :3].transpose(0, 2, 1) @ white[:, :, :3]
+    turn = np.stack(
+        [turned(column, -when) for column in np.broadcast_to(np.eye(3)[:, None], (3, len(when), 3))], axis=2
+    )
+    log = -np.log(np.diagonal(side, axis1=1, axis2=2)).sum(axis=1)
+    misfit = np.sum(white[:, :, 3] ** 2, axis=1)
+    return turned(place, -when), turn @ left @ turn.transpose(0, 2, 1), misfit, log
+
+
+def _speeds(path: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return velocities (m, 3) from derivatives (m, 5, 3) of positions and weights of times (m, 5)."""
+    velocity = path[:, 1].copy()
+    for order in range(2, 5):
+        velocity += path[:, order] * weight[:, order - 1, None]
+    return velocity
+
+
+def _up(position: FloatArray, when: FloatArray) -> FloatArray:
+    """Return the inertial directions (m, 3) in which height grows."""
+    return turned(local_axes(turned(position, -when))[:, 2], when)
+
+
+def _covariances(
+    outlook: Outlook, track: IntArray, weight: FloatArray, intensity: float, span_s: FloatArray
+) -> FloatArray:
+    """Return the covariances (m, 6, 6) of position and velocity at earlier times, with the noise gathered since."""
+    blocks = outlook.side.reshape(len(outlook.side), 4, 3, BOOST)
+    place = outlook.position_sides(track, outlook.time_s + weight[:, 1])
+    speed = blocks[track, 1].copy()
+    for order in (2, 3):
+        speed += blocks[track, order] * weight[:, order - 1, None, None]
+    side = np.concatenate([place, speed], axis=1)
+    covariance: FloatArray = side @ side.transpose(0, 2, 1)
+    for row, column, term in (
+        (0, 0, span_s**7 / 252.0),
+        (0, 3, -(span_s**6) / 72.0),
+        (3, 0, -(span_s**6) / 72.0),
+        (3, 3, span_s**5 / 20.0),
+    ):
+        covariance[:, np.arange(row, row + 3), np.arange(column, column + 3)] += (intensity * term)[:, None]
+    return covariance
+
+
+def _blended(
+    place: FloatArray, covariance: FloatArray, when: FloatArray, chance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of mixtures over times."""
+    count, times = chance.shape
+    each = np.concatenate([place, when[:, None]], axis=1).reshape(count, times, 4)
+    mean = np.sum(chance[:, :, None] * each, axis=1)
+    apart = each - mean[:, None]
+    total = np.sum(chance[:, :, None, None] * apart[:, :, :, None] * apart[:, :, None, :], axis=1)
+    total[:, :3, :3] += np.sum(chance[:, :, None, None] * covariance.reshape(count, times, 3, 3), axis=1)
+    flat = np.zeros((count, 3, 4))
+    flat[:, :2, :3], flat[:, 2, 3] = local_axes(mean[:, :3])[:, :2], 1.0
+    where = ecef_to_geodetic(mean[:, :3])
+    told = np.stack([where.latitude_rad, where.longitude_rad, mean[:, 3]], axis=1)
+    return told, flat @ total @ flat.transpose(0, 2, 1)
