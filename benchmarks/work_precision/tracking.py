@@ -19,6 +19,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import tracking_peers as peers
+import tracking_scene
 from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
 from tracking_problems import problem as made
 
@@ -251,9 +252,11 @@ def main() -> None:
     parser.add_argument("--peer-runs", type=int, default=4)
     parser.add_argument("--seconds", type=int, default=300)
     parser.add_argument("--raid-seconds", type=int, default=6)
+    parser.add_argument("--scene-runs", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--write", type=Path)
     chosen = parser.parse_args()
+    tracking_scene.written(chosen.scene_runs, chosen.write)
     case = made(chosen.runs, chosen.seconds, chosen.seed, 5e4, 1.0, 0)
     lines = list(single_lines(case, chosen.peer_runs))
     single = single_table(lines)

@@ -33,19 +33,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run and judge every tracker."""
+    from opir_core.commands.progress import run_progress
     from opir_core.commands.scores import as_text, settings_of
     from opir_core.errors import Problem, SceneError
     from opir_core.scoring.comparison import compared
 
     if arguments.runs < 1:
         raise SceneError([Problem("--runs", f"{arguments.runs} is not a number of runs; give 1 or more")])
-    cards = compared(
-        arguments.scene,
-        trackers=arguments.trackers,
-        runs=arguments.runs,
-        overrides=arguments.overrides,
-        settings=settings_of(arguments),
-    )
+    with run_progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
+        cards = compared(
+            arguments.scene,
+            trackers=arguments.trackers,
+            runs=arguments.runs,
+            overrides=arguments.overrides,
+            settings=settings_of(arguments),
+            on_run=on_run,
+        )
     plain = {name: card.as_plain() for name, card in cards.items()}
     sys.stdout.write((json.dumps(plain, indent=2) if arguments.json else as_text(cards)) + "\n")
     return 0

@@ -142,7 +142,7 @@ def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _curves(figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, ...]]:
     return [
-        (point, name, *(_number(100.0 * part["value"], 1) + " %" for part in told[f"{point}_containment"]))
+        (point, name, *(_per_cent(part["value"]) for part in told[f"{point}_containment"]))
         for point in ("launch", "impact")
         for name, told in figures
     ]
@@ -153,6 +153,10 @@ def _shares(gospa: Mapping[str, Any]) -> str:
     parts = [gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")]
     total = sum(parts)
     return ", ".join(f"{100.0 * part / total:.0f} %" for part in parts) if total > 0.0 else "-"
+
+
+def _per_cent(value: float) -> str:
+    return f"{100.0 * value:.1f} %" if math.isfinite(value) else "-"
 
 
 def _right(confusion: Mapping[str, Mapping[str, int]]) -> str:

@@ -1,7 +1,10 @@
 """Many runs of one scene with several trackers: the same detections to each, run by run."""
 
+import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 
 from attrs import evolve
 
@@ -17,7 +20,7 @@ from opir_core.scoring.scorecard import USUAL_SETTINGS, Scorecard, ScoreSettings
 
 
 class TimedTracker:
-    """A tracker whose time is taken."""
+    """A tracker whose time is taken; calls that import something, as the first of a process do, are not counted."""
 
     def __init__(self, tracker: Tracker) -> None:
         self._tracker = tracker
@@ -30,17 +33,20 @@ class TimedTracker:
 
     def associate(self, detections: Detections) -> IntArray:
         """Return the track numbers of detections."""
-        start = time.process_time()
-        found = self._tracker.associate(detections)
-        self.seconds += time.process_time() - start
-        return found
+        with self._timed():
+            return self._tracker.associate(detections)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at a tick."""
-        start = time.process_time()
-        told = self._tracker.step(tick_s, detections)
-        self.seconds += time.process_time() - start
-        return told
+        with self._timed():
+            return self._tracker.step(tick_s, detections)
+
+    @contextmanager
+    def _timed(self) -> Iterator[None]:
+        known, start = len(sys.modules), time.process_time()
+        yield
+        if len(sys.modules) == known:
+            self.seconds += time.process_time() - start
 
 
 def compared(
@@ -50,25 +56,30 @@ def compared(
     runs: int,
     overrides: Sequence[str] = (),
     settings: ScoreSettings = USUAL_SETTINGS,
+    on_run: Callable[[str, int], None] = lambda _tracker, _number: None,
 ) -> Mapping[str, Scorecard]:
     """Return the scorecard of each tracker over `runs` runs of a scene file; run k has the scene's seed plus k.
 
     `trackers` are what a scene may write after `tracker:`; None takes the scene's own. A scene without a tracker, and
-    no tracker given, is a `SceneError`.
+    no tracker given, is a `SceneError`. `on_run` is told of each run that is done: whose, and how many now.
     """
     host = Host.discover()
     named = list(trackers) if trackers else [None]
-    return {
-        _label(path, name, overrides, host): scorecard(_evidences(path, name, runs, overrides, host), settings)
-        for name in named
-    }
+    cards = {}
+    for name in named:
+        label = _label(path, name, overrides, host)
+        evidences = _evidences(path, name, runs, overrides, host, partial(on_run, label))
+        cards[label] = scorecard(evidences, settings)
+    return cards
 
 
 def _label(path: str, name: str | None, overrides: Sequence[str], host: Host) -> str:
     return name or load_scene(path, overrides=overrides, host=host).tracker.name
 
 
-def _evidences(path: str, name: str | None, runs: int, overrides: Sequence[str], host: Host) -> Iterator[Evidence]:
+def _evidences(
+    path: str, name: str | None, runs: int, overrides: Sequence[str], host: Host, on_run: Callable[[int], None]
+) -> Iterator[Evidence]:
     chosen = [] if name is None else [f"tracker={name}"]
     scene = load_scene(path, overrides=[*overrides, *chosen], host=host)
     for number in range(runs):
@@ -76,6 +87,7 @@ def _evidences(path: str, name: str | None, runs: int, overrides: Sequence[str],
         if plan.tracker.cadence_s is None:
             raise SceneError([Problem("tracker", f"{scene.tracker.name} makes no tracks to judge")], source=path)
         yield _evidence(plan)
+        on_run(number + 1)
 
 
 def _evidence(plan: Plan) -> Evidence:

@@ -149,9 +149,9 @@ def taken_in(
 ) -> Arcs:
     """Return the arcs with rays (m,) in order of time taken in; those that are not determined are without a state."""
     before = moved = arcs
-    added = arcs
-    for _ in range(rounds):
-        left_s = _left_s(moved, rays, owner, light_time)
+    added, left_s = arcs, rays.time_s
+    for turn in range(rounds):
+        left_s = _left_s(moved, rays, owner, left_s, light_time, 1 if turn else 2)
         paths = kepler_paths(moved.state, moved.epoch_s, owner, left_s)
         trial = evolve(before, state=moved.state)
         added = _added(trial, rays, owner, left_s, paths, launch_s, climb_m_s2)
@@ -165,10 +165,9 @@ def taken_in(
     return evolve(added, state=moved.state, last_s=last_s, seen=seen, looks=looks)
 
 
-def _left_s(arcs: Arcs, rays: Rays, owner: IntArray, light_time: bool) -> FloatArray:
-    """Return when the light of rays left their arcs, (m,) s."""
-    left_s = rays.time_s
-    for _ in range(2 if light_time else 0):
+def _left_s(arcs: Arcs, rays: Rays, owner: IntArray, left_s: FloatArray, light_time: bool, passes: int) -> FloatArray:
+    """Return when the light of rays left their arcs, (m,) s, from a guess."""
+    for _ in range(passes if light_time else 0):
         apart = _followed(arcs.state[:, None], arcs.epoch_s, owner, left_s)[:, 0] - turned(rays.origin_ecef_m, left_s)
         left_s = emission_s(rays.time_s, np.sqrt(np.sum(apart * apart, axis=1)), light_time)
     return left_s
