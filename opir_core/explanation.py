@@ -8,6 +8,7 @@ import numpy as np
 from opir_core.looks import look_times_ns
 from opir_core.manifest import components_used
 from opir_core.plan import Plan
+from opir_core.responses import Exceedances
 from opir_core.sightlines import Blocked
 from opir_core.windowing import window_edges_ns
 
@@ -20,7 +21,7 @@ _REASONS = {
 
 
 def explained(plan: Plan) -> Mapping[str, Any]:
-    """Return the plan as plain values: components, pairs with their looks, skipped pairs, and what is not computed."""
+    """Return the plan as plain values: components, pairs and looks, skipped pairs, noise, and what is not computed."""
     looking = np.flatnonzero(plan.pairs.looks > 0)
     return {
         "scene": plan.scene.name,
@@ -30,6 +31,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "windows": len(window_edges_ns(plan)),
         "pairs": [_pair(plan, row) for row in looking.tolist()],
         "skipped": [_skipped(plan, row) for row in np.flatnonzero(plan.pairs.looks == 0).tolist()],
+        "noise": _noise(plan),
         "not_computed": _not_computed(plan),
     }
 
@@ -51,6 +53,17 @@ def _pair(plan: Plan, row: int) -> Mapping[str, Any]:
 def _skipped(plan: Plan, row: int) -> Mapping[str, Any]:
     part = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
     return {**_names(plan, row), "reason": _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=part)}
+
+
+def _noise(plan: Plan) -> list[Mapping[str, Any]]:
+    """Return how often noise alone detects, sensor by sensor; nothing for models without noise."""
+    if not isinstance(plan.detection, Exceedances):
+        return []
+    both = zip(plan.sensors, plan.detection.rate_per_scan.tolist(), strict=True)
+    return [
+        {"sensor_id": sensor.id, "per_scan": rate, "per_hour": rate * 3600e9 / sensor.scan.period_ns}
+        for sensor, rate in both
+    ]
 
 
 def _names(plan: Plan, row: int) -> Mapping[str, str]:

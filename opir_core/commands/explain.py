@@ -38,6 +38,9 @@ def _as_text(told: Mapping[str, Any]) -> str:
     ]
     if skipped:
         parts.append(table(("sensor", "target", "skipped because"), skipped))
+    if told["noise"]:
+        noise = [(row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_hour']:.3g}") for row in told["noise"]]
+        parts.append(table(("sensor", "detections of noise alone: a scan", "an hour"), noise, numbers=(1, 2)))
     return "\n\n".join([*parts, "\n".join(f"not computed: {line}" for line in told["not_computed"])])
 
 

@@ -12,8 +12,10 @@ import pytest
 from scipy.special import log_ndtr, ndtr
 
 import opir_core as opir
+from opir_core.engine import Engine
 from opir_core.errors import SceneError
-from opir_core.geometry import elevation_rad, geodetic_to_ecef
+from opir_core.geometry import ecef_to_geodetic, elevation_rad, geodetic_to_ecef
+from opir_core.radiometry.lowtran import LowtranAtmosphere
 from opir_core.records import Exposures
 
 SENSORS = {
@@ -179,3 +181,23 @@ def test_a_band_of_no_width_is_refused_and_one_of_a_hair_shows_noise_alone() -> 
         assembled([{**SENSORS["DSP"], "bands": {"Z": [4.0, 4.0]}}])
     plan = assembled([{**SENSORS["DSP"], "bands": {"Z": [4.0, 4.0 + 1e-12]}}])
     assert chances(plan, looks_at(HEIGHTS_M, 40.0)) == pytest.approx(float(ndtr(-5.0)), rel=1e-6)
+
+
+def test_in_a_whole_run_nothing_is_looked_up_above_100_km(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+    inner = LowtranAtmosphere._looked_up
+
+    def counting(self: Any, band: int, height_m: np.ndarray, elevation_sine: np.ndarray) -> np.ndarray:
+        asked.extend(height_m.tolist())
+        return inner(self, band, height_m, elevation_sine)
+
+    monkeypatch.setattr(LowtranAtmosphere, "_looked_up", counting)
+    launch = {"lat_deg": 0.0, "lon_deg": 10.0, "time_s": 0.0}
+    target = {"id": "T", "type": "ICBM", "launch": launch, "aim": {"lat_deg": 60.0, "lon_deg": 60.0}}
+    scene = {"sources": [], "targets": [target], "duration_s": 170.0, "atmosphere": "lowtran"}
+    plan = assembled(list(SENSORS.values()), **scene)
+    window = Engine(plan).advance(plan.end_ns)
+    truth = window.truth.take(window.truth.target >= 0)
+    found = plan.targets.position_ecef_m(truth.target, truth.emission_time_s)
+    assert ecef_to_geodetic(found).height_m.max() > 110e3
+    assert 90e3 < max(asked) < 100e3

@@ -148,6 +148,10 @@ def test_explain_tells_pairs_and_what_is_skipped(tmp_path: Path) -> None:
     text = opir(tmp_path, "explain", PACIFIC)
     assert text.returncode == 0
     assert "skipped because" in text.stdout
+    assert told["noise"] == []
+    noisy = json.loads(opir(tmp_path, "explain", PACIFIC, "--set", "detection=snr", "--json").stdout)["noise"]
+    rates = {row["sensor_id"]: row["per_scan"] for row in noisy}
+    assert max(rates.values()) == pytest.approx(8.73, rel=1e-3)
 
 
 def test_plugins_are_listed_with_their_versions(tmp_path: Path) -> None:
