@@ -66,7 +66,7 @@ PARTS = (
         "Long paths: across the limb, to sensors below the target's horizon",
         "computed",
         "twice the way from the lowest point, less the way behind the target (`opir_core.radiometry.lowtran_table`): up"
-        " to 0.05 from LOWTRAN7 within a degree below the horizon, up to 0.2 farther down",
+        " to 0.06 from LOWTRAN7 within a degree below the horizon, up to 0.2 farther down",
         "refraction, which lowers a grazing ray by up to 2 km; the growth of band means along such a way",
     ),
     Part(

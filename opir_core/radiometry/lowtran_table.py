@@ -4,7 +4,7 @@ Between the table's heights and zenith angles τ is interpolated in the fourth r
 curves in height, then in the logarithm of an air mass, from the zenith to the horizon. Towards a sensor below the
 target's horizon light first descends to its lowest height and rises from there: twice the optical depth of a level path
 from the lowest height, less that of the path away from the sensor. That is a rule of opir, not LOWTRAN's, which bends
-rays too: within a degree below the horizon it is 0.05 off at most, farther down up to 0.2.
+rays too: within a degree below the horizon it is 0.06 off at most, farther down up to 0.2.
 """
 
 import math
