@@ -65,9 +65,10 @@ PARTS = (
     Part(
         "Long paths: across the limb, to sensors below the target's horizon",
         "computed",
-        "twice the way from the lowest point, less the way behind the target (`opir_core.radiometry.lowtran_table`): up"
-        " to 0.06 from LOWTRAN7 within a degree below the horizon, up to 0.2 farther down",
-        "refraction, which lowers a grazing ray by up to 2 km; the growth of band means along such a way",
+        "there and back from the lowest height, less the way on from the target, by the power with which optical depth"
+        " grows towards the horizon (`opir_core.radiometry.lowtran_table`): from LOWTRAN7 0.016 off as a rule, 0.15 at"
+        " most, at 180 places",
+        "refraction, which lowers a grazing ray by up to 2 km",
     ),
     Part(
         "Cloud",

