@@ -167,7 +167,7 @@ class LiveRun:
         The time counts from the scene's epoch; left out, it is as soon as can be. Raises `SceneError`, `PluginError` or
         `ModelError` for what is wrong with it, `RefusedError` where the run cannot take it.
         """
-        with self._change():
+        with self._change() as give_up_s:
             if self.status().targets >= self.settings.maximum_targets:
                 raise BusyError(f"{self.settings.maximum_targets} targets are in the run, the most it takes at a time")
             self._launched += 1
@@ -176,11 +176,11 @@ class LiveRun:
                 place = self._place
                 timed, is_ours = self._timed(place, block, cycles)
                 if is_ours and timed["launch"]["time_s"] >= place.engine.plan.scene.duration_s:
-                    self._await_lap_after(place.lap)
+                    self._await_lap_after(place.lap, give_up_s)
                     continue
                 draft = drafted_launch(place.engine.plan, timed, place.engine.time_ns, place.lap)
                 try:
-                    cycle = self._taken(draft)
+                    cycle = self._taken(draft, give_up_s)
                 except PastError:
                     if not is_ours:
                         raise
@@ -195,12 +195,12 @@ class LiveRun:
         `mapping` is laid out as `settings_mapping` gives it. Raises `SceneError`, `PluginError`, `ModelError` for what
         is wrong with it, `RestartError` for what a running scene cannot change, `RefusedError` where the run has ended.
         """
-        with self._change():
+        with self._change() as give_up_s:
             for _ in range(_TRIES):
                 place = self._place
                 draft = drafted_settings(place.engine.plan, mapping, place.lap, self.scene)
                 try:
-                    return self._taken(draft)
+                    return self._taken(draft, give_up_s)
                 except PastError:
                     continue
             raise BusyError("the run's laps are too short to change it")
@@ -224,24 +224,23 @@ class LiveRun:
             timed["launch"] = {**launch, "time_s": time_s - before_ns / _NS}
         return timed, False
 
-    def _await_lap_after(self, lap: int) -> None:
+    def _await_lap_after(self, lap: int, give_up_s: float) -> None:
         """Wait for the lap after one that is all but over; raises `RefusedError` where there is none."""
         if self._laps is None:
             raise RefusedError("the scene ends before it could go up: start it again, or start it with --loop")
-        waited = waited_for(lambda: self._place.lap != lap or self._state != "running", self._stopping)
-        if not waited:
+        if not waited_for(lambda: self._place.lap != lap or self._state != "running", self._stopping, give_up_s):
             raise BusyError("the run is held up; try again")
 
     def _past(self) -> str:
         return f"launch.time_s is past: the scene's clock is at {self.time_ns / _NS:.3f} s; leave it out for now"
 
-    def _taken(self, draft: Draft) -> int:
+    def _taken(self, draft: Draft, give_up_s: float) -> int:
         """Return the cycle at whose start a draft took over."""
         answer: Future[int] = Future()
         if self._state != "running":
             raise RefusedError(f"the run has {self._state}: start it again, or start it with --loop")
         self._drafts.put_nowait((draft, answer))
-        return answered(answer, self._stopping)
+        return answered(answer, self._stopping, give_up_s)
 
     def _work(self) -> None:
         try:

@@ -7,7 +7,8 @@ from concurrent.futures import Future, wait
 
 from opir_core.errors import OpirError
 
-_ANSWER_S = 10.0
+#: How long a change may wait, in all, for its turn and for the run to take it.
+_CHANGE_S = 8.0
 _POLL_S = 0.1
 _LOOK_S = 0.005
 
@@ -25,27 +26,33 @@ class PastError(RefusedError):
 
 
 class Turn:
-    """The turn of one who changes the run; raises `BusyError` where too many wait for theirs."""
+    """The turn of one who changes the run: a context that gives the moment, of the steady clock, to give up at.
+
+    Raises `BusyError` where too many wait for theirs, or it does not come.
+    """
 
     def __init__(self, waiting: threading.BoundedSemaphore, changing: threading.Lock) -> None:
         self._waiting, self._changing = waiting, changing
 
-    def __enter__(self) -> None:
+    def __enter__(self) -> float:
         if not self._waiting.acquire(blocking=False):
             raise BusyError("too many changes wait for their turn; try again")
-        self._changing.acquire()
+        give_up_s = time.monotonic() + _CHANGE_S
+        if not self._changing.acquire(timeout=_CHANGE_S):
+            self._waiting.release()
+            raise BusyError("other changes take their time; try again")
+        return give_up_s
 
     def __exit__(self, _kind: object, _error: object, _trace: object) -> None:
         self._changing.release()
         self._waiting.release()
 
 
-def answered(answer: "Future[int]", stopping: threading.Event) -> int:
+def answered(answer: "Future[int]", stopping: threading.Event, give_up_s: float) -> int:
     """Return the answer to a change; one that the run has not taken up by then is withdrawn.
 
-    Raises `BusyError` where the run takes up nothing for long, `RefusedError` where it is being stopped.
+    Raises `BusyError` where the run takes up nothing until `give_up_s`, `RefusedError` where it is being stopped.
     """
-    give_up_s = time.monotonic() + _ANSWER_S
     while not wait([answer], _POLL_S).done:
         if stopping.is_set() and answer.cancel():
             raise RefusedError("the run is being stopped")
@@ -54,9 +61,8 @@ def answered(answer: "Future[int]", stopping: threading.Event) -> int:
     return answer.result()
 
 
-def waited_for(is_so: Callable[[], bool], stopping: threading.Event) -> bool:
-    """Return whether something came to be so; waits for it as long as for an answer, or until the run is stopped."""
-    give_up_s = time.monotonic() + _ANSWER_S
+def waited_for(is_so: Callable[[], bool], stopping: threading.Event, give_up_s: float) -> bool:
+    """Return whether something came to be so; waits for it until `give_up_s`, or until the run is stopped."""
     while not is_so():
         if stopping.wait(_LOOK_S) or time.monotonic() >= give_up_s:
             return False

@@ -95,7 +95,7 @@ class Gate:
             if wait_s:
                 raise ProblemError(429, "too many requests", headers={"Retry-After": str(int(wait_s) + 1)})
         if (scope["method"], scope["path"]) in _TAKE_BODIES and not _is_json(headers.get(b"content-type", b"")):
-            raise ProblemError(415, "send application/json, in UTF-8")
+            raise ProblemError(415, "send application/json, in UTF-8 (curl: -H 'Content-Type: application/json')")
         return await _body(headers, receive)
 
     def _check_host(self, host: bytes) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 from opir_core.commands.scene_arguments import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError
 from opir_core.live.running import LiveRun, LiveSettings
+from opir_core.live.steady import steady_process
 from opir_core.live.telling import LiveStatus
 from opir_core.plugin.host import Host
 from opir_http.gate import LOOPBACK, Gate
@@ -43,6 +44,7 @@ def serve(arguments: argparse.Namespace) -> int:
     token = token_of(arguments)
     service = service_of(arguments)
     with _bound(arguments) as listening:
+        steady_process()
         service.run.start()
         asked_at_s = None
         try:
