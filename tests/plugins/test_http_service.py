@@ -14,7 +14,7 @@ from typing import Any
 import jsonschema
 import pytest
 from attrs import evolve
-from http_stand import LAUNCH, Stand, serving
+from http_stand import LAUNCH, SCENE, Stand, serving
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from opir_http import gate, server, service
@@ -208,6 +208,56 @@ def test_a_body_that_is_wrong_is_refused_and_changes_nothing(stand: Stand, body:
         assert "Traceback" not in answer.body.decode()
         assert "/work" not in answer.body.decode()
         assert ".py" not in answer.body.decode()
+
+
+SECRETS = {
+    "a table": {"model": "table", "type": "ICBM", "file": "/etc/passwd"},
+    "a table that never ends": {"model": "table", "type": "ICBM", "file": "/dev/zero"},
+    "a signature": LAUNCH | {"signature": [{"table": {"path": "/etc/passwd"}}]},
+    "very deep": LAUNCH | {"signature": json.loads('{"a":' * 300 + '{"file": "x"}' + "}" * 300)},
+}
+
+
+@pytest.mark.parametrize("body", SECRETS.values(), ids=SECRETS)
+def test_no_launch_has_a_file_of_the_machine_read(stand: Stand, body: Any) -> None:
+    answer = stand.ask("POST", "/trigger", body)
+    assert answer.status == 422
+    assert b"root:" not in answer.body
+    assert answer.json["errors"][0]["message"] == "a request names no file and no variable; a scene may"
+
+
+OUTPUT = """
+  - jsonl: {path: PATH, spool: {path: SPOOL}}
+  - kafka:
+      bootstrap_servers: "127.0.0.1:1"
+      topic: t
+      security: {protocol: SASL_PLAINTEXT, username: me, password_variable: OPIR_TEST_PASSWORD}
+"""
+
+
+def test_no_configuration_names_another_file_or_sends_a_secret_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPIR_TEST_PASSWORD", "the-word-itself")
+    outputs = OUTPUT.replace("PATH", str(tmp_path / "a.jsonl")).replace("SPOOL", str(tmp_path / "spool"))
+    with serving(tmp_path, scene=SCENE.replace('outputs: ["null"]', f"outputs:{outputs}")) as running:
+        config = running.ask("GET", "/config")
+        assert b"the-word-itself" not in config.body + running.ask("GET", "/status").body
+        places = {
+            "outputs[0].jsonl.path": lambda whole: whole["outputs"][0]["jsonl"].update(path=str(tmp_path / "evil")),
+            "outputs[0].jsonl.spool.path": lambda whole: whole["outputs"][0]["jsonl"]["spool"].update(path="evil"),
+            "outputs[1]": lambda whole: whole["outputs"][1]["kafka"].update(bootstrap_servers="evil.example:9092"),
+            "outputs[1].kafka.security.password_variable": lambda whole: whole["outputs"][1]["kafka"][
+                "security"
+            ].update(password_variable="HOME"),
+        }
+        for place, change in places.items():
+            wanted = config.json
+            change(wanted)
+            answer = running.ask("PUT", "/config", wanted, {"If-Match": "*"})
+            assert (answer.status, place in [error["path"] for error in answer.json["errors"]]) == (409, True)
+        assert running.ask("PUT", "/config", config.json, {"If-Match": "*"}).status == 200
+        assert not list(tmp_path.glob("evil*"))
 
 
 def test_a_launch_that_is_past_is_told_the_clock(stand: Stand) -> None:

@@ -16,6 +16,7 @@ from opir_core.events.timestamps import timestamp_text
 from opir_core.live.outlets import OutletStatus
 from opir_core.live.running import LiveRun
 from opir_core.live.telling import LiveStatus
+from opir_http.confined import refuse_names, refuse_other_names
 from opir_http.feed import Feed
 from opir_http.problems import ProblemError, problem_of
 from opir_http.settings import LIVE, HttpSettings
@@ -86,6 +87,7 @@ class Service:
             if if_match not in ("*", self.etag()):
                 raise ProblemError(412, "it is not the one of If-Match; get it again")
             scene = dict(wanted)
+            refuse_other_names(self.run.settings_mapping(), scene)
             http = self._http(scene.pop("http", None))
             try:
                 cycle = self.run.configure(scene)
@@ -97,6 +99,7 @@ class Service:
 
     def launch(self, block: Mapping[str, Any]) -> dict[str, Any]:
         """Add a launch to the run and return the answer to who asked."""
+        refuse_names(block)
         try:
             taken = self.run.launch(block)
         except OpirError as error:

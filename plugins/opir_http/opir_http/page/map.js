@@ -8,6 +8,7 @@ const WIDEST_M = 2.5e6;
 export class WorldMap {
   constructor(canvas) {
     this.canvas = canvas;
+    this.middle = 0; this.isCentred = false;
     this.sensors = []; this.hits = []; this.tracks = new Map(); this.rings = [];
     fetch("/page/coast.json").then((answer) => answer.json()).then((coast) => { this.rings = coast.rings; this.resize(); });
     new ResizeObserver(() => this.resize()).observe(canvas);
@@ -23,8 +24,16 @@ export class WorldMap {
     const place = event.latitude_deg === null
       ? seenFrom(event.sensor_position_ecef_m, event.azimuth_deg, event.elevation_deg)
       : { lat: event.latitude_deg, lon: event.longitude_deg };
+    if (place) this.centre(place.lon);
     if (place) this.hits.push({ ...place, at: performance.now(), sensor: event.sensor_id });
     if (this.hits.length > MOST_HITS) this.hits.splice(0, this.hits.length - MOST_HITS);
+  }
+
+  // The map is cut in the Pacific, or, where the first detection is there, along the meridian of Greenwich.
+  centre(lon) {
+    if (this.isCentred) return;
+    this.isCentred = true;
+    if (Math.abs(lon) > 110) { this.middle = 180; this.resize(); }
   }
 
   setTrack(track) {
@@ -45,7 +54,8 @@ export class WorldMap {
     this.ground = this.drawnGround();
   }
 
-  x(lon) { return this.left + (lon + 180) * this.scale; }
+  x(lon) { return this.left + (this.fromMiddle(lon) + 180) * this.scale; }
+  fromMiddle(lon) { return ((((lon - this.middle + 180) % 360) + 360) % 360) - 180; }
   y(lat) { return this.top + (90 - lat) * this.scale; }
 
   drawnGround() {
@@ -53,7 +63,7 @@ export class WorldMap {
     ground.width = this.canvas.width; ground.height = this.canvas.height;
     pen.scale(this.ratio, this.ratio);
     pen.strokeStyle = this.colour.line; pen.lineWidth = 0.5;
-    for (let lon = -150; lon < 180; lon += 30) this.path(pen, [{ lon, lat: 90 }, { lon, lat: -90 }]);
+    for (let lon = -180; lon < 180; lon += 30) this.path(pen, [{ lon, lat: 90 }, { lon, lat: -90 }]);
     for (let lat = -60; lat < 90; lat += 30) this.path(pen, [{ lon: -180, lat }, { lon: 180, lat }]);
     pen.fillStyle = this.colour.land; pen.strokeStyle = this.colour.shore; pen.lineWidth = 0.6;
     pen.beginPath(); pen.rect(this.left, this.top, 360 * this.scale, 180 * this.scale); pen.clip();
@@ -68,7 +78,7 @@ export class WorldMap {
     for (let at = 0; at < ring.length; at += 2) {
       if (Math.abs(ring[at] - before) > 1800 && Math.abs(ring[at + 1]) < 890) shift += ring[at] < before ? 3600 : -3600;
       before = ring[at];
-      pen.lineTo(this.x((ring[at] + shift) / 10), this.y(ring[at + 1] / 10));
+      pen.lineTo(this.left + ((ring[at] + shift) / 10 - this.middle + 180) * this.scale, this.y(ring[at + 1] / 10));
     }
     pen.closePath(); pen.fill(); pen.stroke();
   }
@@ -77,9 +87,10 @@ export class WorldMap {
     pen.beginPath();
     let before = null;
     for (const place of places) {
-      if (before === null || (Math.abs(place.lon - before) > 180)) pen.moveTo(this.x(place.lon), this.y(place.lat));
+      const lon = this.fromMiddle(place.lon);
+      if (before === null || Math.abs(lon - before) > 180) pen.moveTo(this.x(place.lon), this.y(place.lat));
       else pen.lineTo(this.x(place.lon), this.y(place.lat));
-      before = place.lon;
+      before = lon;
     }
     pen.stroke();
   }
