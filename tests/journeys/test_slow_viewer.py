@@ -1,0 +1,52 @@
+"""A viewer that does not read: it loses the oldest and is told, and neither run, sink nor other viewers wait for it."""
+
+import re
+import socket
+import time
+from pathlib import Path
+from typing import Any
+
+from http_stand import Stand, serving
+
+
+def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:
+    with serving(tmp_path, "--speed", "max", "--loop") as running, viewer(running) as idle, viewer(running) as busy:
+        give_up_at = time.monotonic() + 60.0
+        received = bytearray()
+        while not dropped(running):
+            assert time.monotonic() < give_up_at
+            received += busy.recv(1 << 20)
+        before = running.ask("GET", "/status", timeout_s=5.0).json
+        busy_for(busy, received, 1.0)
+        after = running.ask("GET", "/status", timeout_s=5.0).json
+        assert after["clock"]["cycle"] > before["clock"]["cycle"]
+        assert after["sinks"][0]["delivered"] > before["sinks"][0]["delivered"]
+        assert after["sinks"][0]["dropped"] == 0
+        late, told = bytearray(), None
+        while told is None:
+            assert time.monotonic() < give_up_at
+            late += idle.recv(1 << 20)
+            told = re.search(rb'event: dropped\ndata: \{"frames":(\d+)\}', bytes(late))
+        assert int(told[1]) > 0
+        assert b"event: detections" in received
+
+
+def viewer(running: Stand) -> socket.socket:
+    """Return a connection to the stream, with little room for what is not read."""
+    made = socket.socket()
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 14)
+    made.settimeout(20.0)
+    made.connect(("127.0.0.1", running.port))
+    made.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    return made
+
+
+def dropped(running: Stand) -> int:
+    told: Any = running.ask("GET", "/status", timeout_s=5.0).json["viewers"]
+    return int(told["dropped_frames"])
+
+
+def busy_for(busy: socket.socket, received: bytearray, seconds: float) -> None:
+    end_at = time.monotonic() + seconds
+    while time.monotonic() < end_at:
+        received += busy.recv(1 << 20)
