@@ -25,6 +25,8 @@ from opir_core.spool.settings import DROP_NEWEST, DROP_OLDEST, WAIT
 AHEAD_BYTES = 8 << 20
 #: How long the feeding thread sleeps when nothing wakes it; only retries on a full disk depend on it.
 _NAP_S = 0.25
+#: How long what has arrived may go without being struck off while more is handed over.
+_SETTLE_S = 0.1
 #: How long a carrier may take to let go.
 _CARRIER_S = 2.0
 
@@ -201,9 +203,16 @@ class Dispatch:
     def _step(self) -> bool:
         """Strike off what arrived, hand over what there is room for; return whether there is nothing left to do."""
         self._settle()
-        while self._ahead_bytes < AHEAD_BYTES and (found := self._next()):
+        settle_at = time.monotonic() + _SETTLE_S
+        while self._ahead_bytes < AHEAD_BYTES and not self._is_to_leave() and (found := self._next()):
             self._hand_over(*found)
+            if time.monotonic() >= settle_at:  # of a carrier that takes its time in `carry` itself, too
+                self._settle()
+                settle_at = time.monotonic() + _SETTLE_S
         return self._closing_since is not None and (not self._backlog.waiting or self._is_out_of_time())
+
+    def _is_to_leave(self) -> bool:
+        return self._closing_since is not None and self._is_out_of_time()
 
     def _is_out_of_time(self) -> bool:
         since = self._closing_since or 0.0

@@ -419,3 +419,24 @@ def until(is_so: Any) -> None:
     while not is_so():
         assert time.monotonic() < give_up_at
         time.sleep(0.005)
+
+
+def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(tmp_path: Path) -> None:
+    journal = Journal(str(tmp_path / "spool"), 8 * MIB)
+    sink = Dispatch(
+        "stub", Appending(tmp_path / "lines", 0.02), journal, Packer(ENCODER, SENSORS), Policy(stall_s=60.0)
+    )
+    for first in range(300):
+        sink.write(window(1, first))
+    give_up_at = time.monotonic() + 30.0
+    while not sink.standing().delivered:
+        assert time.monotonic() < give_up_at
+        time.sleep(0.01)
+    assert sink.standing().spooled > 0
+    began = time.monotonic()
+    sink.hurry(began + 2.2)
+    told = sink.close()
+    assert time.monotonic() - began < 5.0
+    assert told.delivered + told.spooled == 300
+    assert told.delivered == (tmp_path / "lines").read_bytes().count(b"\n")
+    assert told.spooled > 0

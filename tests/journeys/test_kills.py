@@ -56,12 +56,12 @@ class Viewer(threading.Thread):
 
     def __init__(self, port: int) -> None:
         super().__init__(daemon=True)
-        self._port = port
+        self.port = port
         self._received = bytearray()
         self.start()
 
     def run(self) -> None:
-        connection = http.client.HTTPConnection("127.0.0.1", self._port, timeout=30.0)
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30.0)
         try:
             connection.request("GET", "/stream")
             response = connection.getresponse()
@@ -77,8 +77,17 @@ class Viewer(threading.Thread):
         return {found.decode() for found in re.findall(rb'"detection_id":"([0-9a-f-]{36})"', bytes(self._received))}
 
 
+def status(port: int) -> Any:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0)
+    try:
+        connection.request("GET", "/status")
+        return json.loads(connection.getresponse().read())
+    finally:
+        connection.close()
+
+
 def until(is_so: Callable[[], Any]) -> None:
-    give_up_at = time.monotonic() + 30.0
+    give_up_at = time.monotonic() + 60.0
     while not is_so():
         assert time.monotonic() < give_up_at
         time.sleep(0.005)
@@ -110,6 +119,7 @@ def test_what_a_viewer_has_seen_of_a_service_that_is_killed_arrives(nurse: Nurse
                 killed(number)
                 viewer.join()
                 seen.append(viewer.ids())
+        until(lambda: all(sink["delivered"] > sink["recovered"] for sink in status(viewer.port)["sinks"]))
         os.kill(number, signal.SIGTERM)
         until(lambda: not is_alive(number))
         assert log.read_text(encoding="utf-8").count(" 0 spooled, 0 dropped") == 2, log.read_text(encoding="utf-8")
