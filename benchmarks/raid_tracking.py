@@ -152,7 +152,7 @@ def main() -> None:
         "| seed | tracked of 100 | false tracks | purity | detections labelled | times real time | median error, m |",
         "|---|---|---|---|---|---|---|",
     ]
-    outcome(99, 15, chosen.false_alarms, {})  # what is imported at the first use is not counted
+    outcome(99, 25, chosen.false_alarms, {})  # what is imported at the first use is not counted
     outcomes = [outcome(100 + run, chosen.duration, chosen.false_alarms, {}) for run in range(chosen.runs)]
     for one in outcomes:
         figures = f"{one.purity:.4f} | {one.labelled:.3f} | {one.times_real:.1f} | {one.median_m:.0f}"

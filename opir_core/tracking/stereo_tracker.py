@@ -22,7 +22,8 @@ class StereoTracker:
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
-        return self._tracking.nearest(self._now, Rays.of(detections))
+        rays = self._tracking.biases.widened(Rays.of(detections))
+        return self._tracking.nearest(self._now, rays)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Take in the detections since the last tick, and late ones, and return the estimates at this tick."""

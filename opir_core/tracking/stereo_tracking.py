@@ -26,6 +26,7 @@ from opir_core.tracking.association import (
     related,
     scan_numbers,
 )
+from opir_core.tracking.biases import Biases
 from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.ghosts import RANGE_M, Slice, without_ghosts
 from opir_core.tracking.ground_points import GroundPoints, surer
@@ -72,6 +73,7 @@ class StereoTracking:
     filter: SwitchingFilter
     chances: Chances
     period_s: FloatArray
+    biases: Biases
     light_time: bool
     forces: Forces
     evidence: FloatArray
@@ -87,6 +89,7 @@ class StereoTracking:
             filter=filter_of(config, context),
             chances=Chances(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr),
             period_s=np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors]),
+            biases=Biases.of(context.sensors),
             light_time=context.light_time,
             forces=forces_of(context.forces),
             evidence=evidence_of(context.sensors),
@@ -103,7 +106,7 @@ class StereoTracking:
         for end in _slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)):
             rows = slice(*np.searchsorted(time_s, [now.time_s, end if end < tick_s else np.inf]))
             part = detections.take(rows)
-            now = self._sliced(now, end, Rays.of(part), part.reported_type.astype(np.int64))
+            now = self._sliced(now, end, self.biases.widened(Rays.of(part)), part.reported_type.astype(np.int64))
         return now
 
     def _moved(self, bank: Bank, step_s: float) -> Bank:
@@ -277,7 +280,8 @@ class StereoTracking:
         """Return what is told of the tracks seen often enough."""
         sure = np.flatnonzero(now.roster.hits >= 2 * self.config.needed_scans)
         bank, roster = now.bank.take(sure), now.roster.take(sure)
-        return estimates(self.filter, bank, roster, now.time_s, self.forces, self.evidence)
+        biased = self.biases.covariance(bank.likelier_position_m, now.time_s, roster.reports >= 0)
+        return estimates(self.filter, bank, roster, now.time_s, self.forces, self.evidence, biased)
 
     def nearest(self, now: Situation, rays: Rays) -> IntArray:
         """Return the number of the track (n,) that each ray is likeliest to belong to; -1 for none.
