@@ -13,6 +13,7 @@ from attrs import frozen
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity import Gravity
 from opir_core.records import FloatArray
+from opir_core.tracking.rays import dot
 
 #: Sizes of the states.
 BOOST, COAST = 12, 6
@@ -48,7 +49,7 @@ class Motion:
 
     def gradient(self, position_m: FloatArray) -> FloatArray:
         """Return the gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of it, is left out."""
-        square = _dot(position_m, position_m)
+        square = dot(position_m, position_m)
         scale = self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square))
         weighed = position_m * (3.0 * scale / square)[:, None]
         gradient: FloatArray = weighed[:, :, None] * position_m[:, None, :] - scale[:, None, None] * _UNIT
@@ -105,7 +106,7 @@ class Motion:
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
         position, velocity = state[:, :3], state[:, 3:6]
-        square = _dot(position, position)
+        square = dot(position, position)
         scale = (self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square)))[:, None]
         derivative = np.empty((len(state), 5, 3))
         derivative[:, 0], derivative[:, 1], derivative[:, 2] = position, velocity, self.gravity(position)
@@ -114,12 +115,12 @@ class Motion:
         fall = derivative[:, 2]
         # The gradient times a vector u is scale (3 (r·u) r / r² - u); what it gains along the way, times the velocity,
         # is 3 scale / r² (v² r + 2 (r·v) v - 5 (r·v)²/r² r).
-        climb = _dot(position, velocity)
+        climb = dot(position, velocity)
         share = climb / square
         derivative[:, 3] = scale * ((3.0 * share)[:, None] * position - velocity)
         if self.size == BOOST:
             derivative[:, 3] += state[:, 9:12]
-        inward = (_dot(position, fall) + _dot(velocity, velocity) - 5.0 * climb * share) / square
+        inward = (dot(position, fall) + dot(velocity, velocity) - 5.0 * climb * share) / square
         derivative[:, 4] = scale * ((3.0 * inward)[:, None] * position + (6.0 * share)[:, None] * velocity - fall)
         return derivative
 
@@ -127,11 +128,6 @@ class Motion:
 #: The power of time with which the unit matrix and the gradient enter the blocks of the exponential series; 5 for none.
 _STRAIGHT = np.array([[0, 1, 2, 3], [5, 0, 1, 2], [5, 5, 0, 1], [5, 5, 5, 0]])
 _BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
-
-
-def _dot(first: FloatArray, second: FloatArray) -> FloatArray:
-    total: FloatArray = np.add.reduce(first * second, axis=1)
-    return total
 
 
 def _integrator_noise(blocks: int) -> FloatArray:

@@ -14,7 +14,7 @@ from opir_core.records import FloatArray, IntArray
 from opir_core.tracking import square_root
 from opir_core.tracking.motion import BOOST, COAST, Motion, followed, weights_at
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Sights, along
+from opir_core.tracking.rays import Sights, along, dot
 
 #: Mode weights stay above this, so that no mode is ever lost.
 _LEAST_WEIGHT = 1e-6
@@ -218,7 +218,7 @@ class SwitchingFilter:
 
 
 def _in_use(bank: Bank, mode: int) -> bool:
-    return bool(np.any(bank.weight[:, mode] > 0.0))
+    return bool((bank.weight[:, mode] > 0.0).any())
 
 
 def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
@@ -267,13 +267,9 @@ def _bend(sights: Sights, position: FloatArray, step: FloatArray, weight: FloatA
     """
     blocks = step.shape[1] // 3
     shift = np.add.reduce(weight[:, :blocks, None] * step.reshape(len(step), blocks, 3)[sights.track], axis=1)
+    apart = position - sights.origin_m
     sharp = np.add.reduce(np.square(sights.whitener).reshape(len(shift), 4), axis=1)
-    return float(np.max(_square(shift) / _square(position - sights.origin_m) * np.sqrt(sharp), initial=0.0))
-
-
-def _square(vectors: FloatArray) -> FloatArray:
-    length: FloatArray = np.add.reduce(vectors * vectors, axis=1)
-    return length
+    return float(np.max(dot(shift, shift) / dot(apart, apart) * np.sqrt(sharp), initial=0.0))
 
 
 def _queued(track: IntArray, count: int) -> tuple[IntArray, int]:

@@ -164,15 +164,15 @@ def test_coasting_is_keplers(step_s: float) -> None:
 def test_a_state_moves_the_same_to_the_last_bit_alone_and_among_others(size: int) -> None:
     """Gravity is worked out one by one for a few states, and in columns for many."""
     motion, rng = Motion(size, 0.3, Forces()), np.random.default_rng(2)
-    state = rng.normal(size=(40, size)) * np.repeat([1e6, 3e3, 20.0, 0.3], 3)[:size]
+    state = rng.normal(size=(100, size)) * np.repeat([1e6, 3e3, 20.0, 0.3], 3)[:size]
     state[:, 2] += 6.5e6
-    steps = rng.uniform(-3.0, 12.0, 40)
+    steps = rng.uniform(-3.0, 12.0, 100)
     moved, paths, matrices = (
         motion.propagated(state, steps / 2),
         motion.taylor(state),
         motion.transition(state[:, :3], steps),
     )
-    for number in range(40):
+    for number in range(100):
         one, step = state[[number]], steps[[number]]
         assert np.array_equal(motion.propagated(one, step / 2)[0], moved[number])
         assert np.array_equal(motion.taylor(one)[0], paths[number])
