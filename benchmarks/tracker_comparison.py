@@ -25,12 +25,12 @@ The paper's [kepler-arc](kepler-arc.md), the [stereo-filter](association.md) wit
 fleet of SBIRS-GEO. Made by `python benchmarks/tracker_comparison.py --write docs/explanation`, which runs
 
 ```
-opir compare {scene} --set "{sensors}" \\\\
+opir compare {scene} --set "{sensors}" \\
 {words} --runs {runs}
 ```
 
-All four lines get the same detections and the same association, so they differ by their estimates alone. `memory_s:
-5` lets kepler-arc forget: it is no longer the paper's.
+All four lines get the same detections and the same association, so they differ by their estimates alone. With a
+`memory_s` kepler-arc forgets: it is no longer the paper's.
 
 ## What came out
 
@@ -53,8 +53,7 @@ All four lines get the same detections and the same association, so they differ 
   tells an impact once the target coasts; until then where it comes down depends on when its burn ends, which is not
   in the directions.
 * **boost-profile** is below that bound, for it knows what boosts of the generic classes look like; here its targets
-  are such boosts. It tells impacts while they burn. Truth of another family is the test of its covariances, and is
-  not on this page.
+  are such boosts. Truth of another family is the test of its covariances, and is not on this page.
 
 What each figure is: [score tracks](../how-to/score-tracks.md).
 """

@@ -75,7 +75,8 @@ SBIRS-GEO (10 looks a second each, P_d 0.8), the same {detections} detections fo
 s, seeds {seeds}; processor time of one core, of the tracker alone. Errors are the RMSE of position and velocity at
 ticks from {start:g} s after ignition on, with 95 % intervals over runs, over the Cramér–Rao bound: *known* with the
 thrust known, *unknown* with specific force and jerk in the state and a jerk that wanders
-([bounds](../how-to/score-tracks.md)). A tracker below 1 of the second had more to go by than directions.
+([bounds](../how-to/score-tracks.md)). The machine had other work: ratios count,
+not times. A tracker below 1 of the second had more to go by than directions.
 
 {table}
 

@@ -168,8 +168,10 @@ def _right(confusion: Mapping[str, Mapping[str, int]]) -> str:
 def _interval(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
     if not math.isfinite(figure["value"]):
         return "-"
-    low, high = (_number(scale * edge, digits) for edge in figure["interval_95"])
-    return f"{scale * figure['value']:.{digits}f} [{low}, {high}]"
+    value = f"{scale * figure['value']:.{digits}f}"
+    low, high = (scale * edge for edge in figure["interval_95"])
+    # A single run, or track, has no interval.
+    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if math.isfinite(low) else value
 
 
 def _number(value: float, digits: int) -> str:
