@@ -98,7 +98,7 @@ def _judged(evidence: Evidence, settings: ScoreSettings) -> _Judged:
         launches=len(evidence.plan.scene.targets),
         completeness=completeness,
         first_track_s=first_track_s,
-        gospa_parts=_gospa_parts(evidence, settings),
+        gospa_parts=_gospa_parts(evidence, owners, settings),
         confusion=_types(evidence, owners),
         detections=len(evidence.time_s),
         track_updates=len(evidence.tracks),
@@ -122,19 +122,24 @@ def _coverage(evidence: Evidence, owners: Ownership) -> tuple[FloatArray, FloatA
     return np.array(shares), np.array(firsts)
 
 
-def _gospa_parts(evidence: Evidence, settings: ScoreSettings) -> FloatArray:
-    """Return (ticks, 5): distance, the three p-th powers, and how many launches burn."""
+def _gospa_parts(evidence: Evidence, owners: Ownership, settings: ScoreSettings) -> FloatArray:
+    """Return (ticks, 5): distance, the three p-th powers, and how many launches there are whose truth is known.
+
+    A track of a launch whose truth is no longer known, as after burnout, is neither found nor false: it is left out.
+    """
     targets, tracks = evidence.plan.targets, evidence.tracks
     launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
+    owner = owners.target[np.searchsorted(owners.track, tracks.track)]
     rows = []
     for tick_s in np.unique(tracks.tick_s).tolist():
-        burning = launches[(targets.ignition_s[launches] <= tick_s) & (targets.burnout_s[launches] >= tick_s)]
-        if not len(burning):
+        known = launches[(targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)]
+        if not len(known):
             continue
-        true = true_states(evidence.plan, burning, np.full(len(burning), tick_s))[:, :3]
-        told = tracks.state[(tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0]), :3]
+        true = true_states(evidence.plan, known, np.full(len(known), tick_s))[:, :3]
+        judged = (tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0])
+        told = tracks.state[judged & ((owner < 0) | np.isin(owner, known)), :3]
         found = gospa(told, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha)
-        rows.append((found.distance, found.localisation, found.missed, found.false, len(burning)))
+        rows.append((found.distance, found.localisation, found.missed, found.false, len(known)))
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 

@@ -29,6 +29,7 @@ from opir_core.scoring.evidence import Evidence, true_states
 from opir_core.scoring.files import evidence_of_files
 from opir_core.scoring.innovations import innovations
 from opir_core.scoring.ownership import ownership
+from opir_core.scoring.scorecard import ScoreSettings
 
 RNG = np.random.default_rng(11)
 
@@ -288,6 +289,22 @@ def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys
     told = capsys.readouterr().out
     assert "launches tracked" in told
     assert "stereo" in told
+
+
+def test_tracks_of_burnt_out_launches_are_not_false():
+    srbm = {
+        "id": "T2",
+        "type": "SRBM",
+        "launch": {"lat_deg": 36.0, "lon_deg": -115.0, "time_s": 2.0},
+        "aim": {"lat_deg": 38.0, "lon_deg": -114.0},
+    }
+    plan = compile_plan(scene_from_mapping({**SCENE, "duration_s": 80.0, "targets": [*SCENE["targets"], srbm]}))
+    run = run_of_plan(plan)
+    assert plan.targets.burnout_s[1] < 75.0
+    assert np.count_nonzero(run.tracks.tick_s > 75.0) > 5
+    found = scorecard([evidence_of_run(run, plan)], ScoreSettings(cutoff_m=5e4)).figures["gospa"]
+    assert found["false_a_target"]["value"] == 0.0
+    assert found["localisation_a_target"]["value"] > 0.0
 
 
 def test_compare_tells_every_tracker(tmp_path, capsys):
