@@ -107,7 +107,7 @@ class Engine:
         """Return the looks that detect, sorted by sensor, then target, then time."""
         probability = self._probability(looks, spans)
         # Looks that detect for certain, or never, need no die: 0 will do.
-        cast = numbers.words("detection", None if spans is None else spans.undecided(looks))
+        cast = numbers.words("detection", None if spans is None else spans.undecided())
         row = np.flatnonzero(uniforms_of(cast) < probability)
         pair = looks.pair[row]
         words = numbers.words("line-of-sight", None if spans is None else np.isin(looks.active, pair))[row]

@@ -60,14 +60,11 @@ class Noise:
 
         At the same moment a sensor's own targets come first.
         """
-        own_ns, own_sensor = self.detections.time_ns, self.detections.sensor
-        before = np.searchsorted(time_ns, own_ns, side="right")
-        late = np.flatnonzero(before > 0)
-        while late.size:
-            last = before[late] - 1
-            late = late[(time_ns[last] == own_ns[late]) & (sensor[last] > own_sensor[late])]
-            before[late] -= 1
-            late = late[before[late] > 0]
+        own = self.detections
+        start_ns = min(int(time_ns[0]), int(own.time_ns[0]))
+        sensors = max(int(sensor.max()), int(own.sensor.max())) + 1
+        keys = (time_ns - start_ns) * sensors + sensor
+        before = np.searchsorted(keys, (own.time_ns - start_ns) * sensors + own.sensor, side="right")
         places: IntArray = before + np.arange(len(before))
         return places
 

@@ -1,116 +1,128 @@
 """Looks that share their reckoning: detection models are asked at knots along each pair's looks, and not between them.
 
-Signals vary slowly along a track. Between knots the quantile of the probability of detection, and each band's signal
-and noise, are straight lines over the number of the scan. A stretch is halved until what the line misses the quantile
-by at its middle, which becomes a knot too, would cost a quarter of the tolerance at most wherever in the stretch the
-density is highest, and signals are missed by no more than `SIGNAL_SHARE` of themselves or `SIGNAL_SIGMA` of the noise;
-where they jump, halving ends at neighbouring scans, which are exact. Knots belong to pairs and scans, so no slicing of
-time moves them.
+Signals vary slowly along a track, but for moments at which plumes or the air bend them, which models may know
+(`opir_core.responses.Kinked`). Pieces between these have five knots each (`opir_core.weaving`): through them goes the
+quantile of the probability of detection, a polynomial over the number of the scan; each band's signal and noise are
+straight lines from knot to knot. A piece is halved until what the curve is judged to miss would cost the tolerance at
+most wherever in the piece the density is highest; where quantiles jump, halving ends at neighbouring scans, which are
+exact. Knots belong to pairs and scans, so no slicing of time moves them.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
 
-from opir_core.looks import Looks, blocks, exposures
+from opir_core.curves import Curves
+from opir_core.looks import Looks
 from opir_core.plan import Plan
 from opir_core.protocols import Dice, Measured
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response, Responsive
 from opir_core.sites import Sites
+from opir_core.weaving import KNOTS, Pieces, Weaver, judged_error
 
-#: Stretches a pair's looks are cut into at first: as long as this, s, but no more of them than that.
-FIRST_STRETCH_S, MOST_FIRST_STRETCHES = 8.0, 64
+#: Beyond these quantiles a look is taken for certain, or for hopeless: chances of 1 to the last bit, and of 1e-12.
+_CERTAIN, _HOPELESS = 8.3, -7.0
 
-#: How far signals and noise may be off at the middle of a stretch, as a share of them or in deviations of the noise.
-SIGNAL_SHARE, SIGNAL_SIGMA = 0.01, 0.05
-
-#: Of the tolerance, what single evaluations may be off.
-_SLACK_SHARE = 0.01
-
-#: Of the tolerance, what a line may be off at the middle of its stretch: beside it, at a kink, it may be off by more.
-_MIDDLE_SHARE = 0.25
-
-#: Quantiles are held within it; beyond 8.3 a probability is 1 to the last bit, and below -38 no double.
-_FARTHEST = 40.0
-_CERTAIN = 8.3
-
-_SCAN_BITS = 40
+#: Rows whose curves are evaluated at once.
+_ROWS = 8192
 
 
 class _Stretches(NamedTuple):
-    """Stretches of looks between two knots each: their pairs, first and last scans, and rows among the knots."""
+    """Stretches of pairs' looks, sorted by pair and scan: pairs, first scans, and the scans behind the last ones."""
 
     pair: IntArray
     first: IntArray
-    last: IntArray
-    first_row: IntArray
-    last_row: IntArray
+    behind: IntArray
 
-    def take(self, rows: Any) -> "_Stretches":
-        return _Stretches(*(column[rows] for column in self))
+    @classmethod
+    def of(cls, plan: Plan, pair: IntArray, first: IntArray) -> "_Stretches":
+        """Return stretches, sorted, each of which ends where the pair's next one begins."""
+        is_last = np.diff(pair, append=-1) != 0
+        behind = np.where(is_last, plan.pairs.last_scan[pair] + 1, np.append(first[1:], 0))
+        return cls(pair, first, behind)
+
+    def rows(self, looks: Looks) -> tuple[IntArray, IntArray]:
+        """Return the row of a window's looks at which each stretch starts, and how many looks it has there."""
+        most = max(int(self.pair.max(initial=0)), int(looks.active.max(initial=0))) + 1
+        first_scan, scans, offset = (np.zeros(most, dtype=np.int64) for _ in range(3))
+        first_scan[looks.active], scans[looks.active] = looks.first_scan, looks.scans
+        offset[looks.active] = np.cumsum(looks.scans) - looks.scans
+        known, most_scans = first_scan[self.pair], scans[self.pair]
+        start = np.clip(self.first - known, 0, most_scans)
+        count: IntArray = np.clip(self.behind - known, 0, most_scans) - start
+        return offset[self.pair] + start, count
 
 
 @frozen(eq=False)
 class Knots:
-    """Straight lines over scans, one a stretch, sorted by pair and scan.
+    """Curves of quantiles, one a piece, and straight lines of signals, one a stretch from knot to knot.
 
-    `key` (k,) is the pair's number and the stretch's first scan in one; `at` and `rise` (1 + 2 B, k) the quantile,
-    signals and noise at that scan and by how much they rise a scan.
+    `sure` (p,) is the probability of pieces whose looks are certain or hopeless, nan of others. `at` and `rise`
+    (1 + 2 B, k) are the quantile, signals and noise at a stretch's first scan, and by how much they rise a scan.
     """
 
-    key: IntArray
-    first: IntArray
+    pieces: _Stretches
+    curves: Curves
+    sure: FloatArray
+    stretches: _Stretches
     at: FloatArray
     rise: FloatArray
     width: int
-    is_doubtful: BoolArray
 
     @classmethod
     def of(cls, plan: Plan, sites: Sites, tolerance: float) -> "Knots":
         """Return the knots of all pairs that have looks."""
         model = plan.detection
         assert isinstance(model, Responsive)
-        return _Weaver(plan, sites, model, tolerance).knots()
+        woven, values = Weaver(plan, sites, model, tolerance).pieces()
+        pieces, curves, sure = _curved(plan, woven, values[0])
+        place, piece = _straight(woven)
+        first, last = woven.row[place, piece], woven.row[place + 1, piece]
+        run = np.maximum(woven.scan[place + 1, piece] - woven.scan[place, piece], 1)
+        at = values[:, first]
+        stretches = _Stretches.of(plan, woven.pair[piece], woven.scan[place, piece])
+        return cls(pieces, curves, sure, stretches, at, (values[:, last] - at) / run, (len(values) - 1) // 2)
 
     def over(self, looks: Looks) -> "Spans":
-        """Return which stretch each of a window's looks falls in."""
-        keys = (looks.pair << _SCAN_BITS) | looks.scan
-        starts = np.searchsorted(keys, self.key)
-        counts = np.diff(starts, append=len(keys))
-        used = np.flatnonzero(counts)
-        return Spans(self, used, counts[used], starts[used] + counts[used], looks.scan)
+        """Return which pieces and stretches a window's looks fall in."""
+        return Spans(self, looks)
 
 
-@frozen(eq=False)
 class Spans:
-    """The stretches of a window's looks: `used` (m,) of the knots, how many looks each has, and the row behind them."""
+    """The knots of a window's looks."""
 
-    knots: Knots
-    used: IntArray
-    counts: IntArray
-    ends: IntArray
-    scan: IntArray
+    def __init__(self, knots: Knots, looks: Looks) -> None:
+        self._knots, self._looks = knots, looks
+        start, count = knots.stretches.rows(looks)
+        self._used = np.flatnonzero(count)
+        self._ends = (start + count)[self._used]
+        start, count = knots.pieces.rows(looks)
+        self._pieces = np.flatnonzero(count)
+        self._starts, self._counts = start[self._pieces], count[self._pieces]
 
     def probability(self) -> FloatArray:
         """Return the probability of detection (n,) of each look."""
         from scipy.special import ndtr
 
-        at, rise = self.knots.at[0, self.used], self.knots.rise[0, self.used]
-        quantile = np.repeat(at - rise * self.knots.first[self.used], self.counts)
-        quantile += np.repeat(rise, self.counts) * self.scan
-        probability = np.ones(len(quantile))
-        doubtful = np.flatnonzero(quantile < _CERTAIN)
-        probability[doubtful] = ndtr(quantile[doubtful])
+        sure = self._knots.sure[self._pieces]
+        probability = np.repeat(sure, self._counts)
+        open_ = np.flatnonzero(np.isnan(sure))
+        passed = np.cumsum(self._counts[open_])
+        edges = np.searchsorted(passed, np.arange(0, passed[-1] if len(passed) else 0, _ROWS), side="right")
+        for part in np.split(open_, np.unique(edges[1:])):
+            times = self._counts[part]
+            row = np.arange(times.sum()) + np.repeat(self._starts[part] - (np.cumsum(times) - times), times)
+            probability[row] = ndtr(self._knots.curves.at(self._pieces[part], times, self._looks.scan[row]))
         return probability
 
-    def undecided(self, looks: Looks) -> BoolArray:
+    def undecided(self) -> BoolArray:
         """Return of which active pairs a look of the window may go either way."""
-        doubtful = np.zeros(len(looks.active), dtype=np.bool_)
-        pair = self.knots.key[self.used] >> _SCAN_BITS
-        doubtful[np.searchsorted(looks.active, pair[self.knots.is_doubtful[self.used]])] = True
-        return doubtful
+        undecided = np.zeros(len(self._looks.active), dtype=np.bool_)
+        open_ = self._pieces[np.isnan(self._knots.sure[self._pieces])]
+        undecided[np.searchsorted(self._looks.active, self._knots.pieces.pair[open_])] = True
+        return undecided
 
     def measured(self, model: object, row: IntArray, sensor: IndexArray, dice: Dice) -> Measured:
         """Return what is measured in looks (n,) that detected, given by their rows in the window, in order."""
@@ -119,103 +131,38 @@ class Spans:
 
     def response(self, row: IntArray) -> Response:
         """Return what looks (n,), given by their rows in the window, in order, would measure."""
-        knots = self.knots
-        first, last = np.searchsorted(self.ends, row[[0, -1]], side="right")
-        used = self.used[first : last + 1]
-        times = np.diff(np.searchsorted(row, self.ends[first : last + 1]), prepend=0)
-        since = (self.scan[row] - np.repeat(knots.first[used], times)).astype(np.float64)
+        knots = self._knots
+        first, last = np.searchsorted(self._ends, row[[0, -1]], side="right")
+        used = self._used[first : last + 1]
+        times = np.diff(np.searchsorted(row, self._ends[first : last + 1]), prepend=0)
+        since = (self._looks.scan[row] - np.repeat(knots.stretches.first[used], times)).astype(np.float64)
         columns = np.repeat(knots.rise[:, used], times, axis=1)
         columns *= since
         columns += np.repeat(knots.at[:, used], times, axis=1)
         return Response(columns[0], columns[1 : 1 + knots.width].T, columns[1 + knots.width :].T)
 
 
-class _Weaver:
-    """Lays knots: all pairs together, one halving of all that need it at a time."""
-
-    def __init__(self, plan: Plan, sites: Sites, model: Responsive, tolerance: float) -> None:
-        self._plan, self._sites, self._model, self._tolerance = plan, sites, model, tolerance
-        self._values: list[FloatArray] = []
-        self._count = 0
-        self._width = 0
-
-    def knots(self) -> Knots:
-        stretches = self._first_stretches()
-        done = [stretches.take(slice(0, 0))]
-        while len(stretches.pair):
-            middle = (stretches.first + stretches.last) // 2
-            is_short = middle == stretches.first  # Neighbouring scans, or one.
-            done.append(stretches.take(is_short))
-            stretches, middle = stretches.take(~is_short), middle[~is_short]
-            row = self._asked(stretches.pair, middle)
-            halves = _halved(stretches, middle, row)
-            is_fine = np.tile(self._is_fine(stretches, middle, row), 2)
-            done.append(halves.take(is_fine))
-            stretches = halves.take(~is_fine)
-        return self._lines(_Stretches(*(np.concatenate(columns) for columns in zip(*done, strict=True))))
-
-    def _first_stretches(self) -> _Stretches:
-        pairs = self._plan.pairs
-        looking = np.flatnonzero(pairs.looks > 0)
-        scans, period_s = pairs.looks[looking] - 1, pairs.period_ns[looking] * 1e-9
-        wanted = np.clip(np.ceil(scans * period_s / FIRST_STRETCH_S), 1, MOST_FIRST_STRETCHES).astype(np.int64)
-        count = np.minimum(wanted, np.maximum(scans, 1))
-        pair = np.repeat(looking, count + 1)
-        number = np.arange(len(pair)) - np.repeat(np.cumsum(count + 1) - (count + 1), count + 1)
-        share = np.repeat(scans, count + 1) * number // np.repeat(count, count + 1)
-        scan = pairs.first_scan[pair] + share
-        row = self._asked(pair, scan)
-        inner = np.flatnonzero(number[1:] > 0)
-        return _Stretches(pair[inner], scan[inner], scan[inner + 1], row[inner], row[inner + 1])
-
-    def _asked(self, pair: IntArray, scan: IntArray) -> IntArray:
-        """Evaluate looks and return the rows they have among all evaluated."""
-        slack = self._tolerance * _SLACK_SHARE
-        for rows in blocks(len(pair)):
-            exposed = exposures(self._plan, self._sites, pair[rows], scan[rows], geometry=True)
-            response = self._model.response(exposed, slack=slack)
-            quantile = np.clip(response.probit, -_FARTHEST, _FARTHEST)
-            self._width = response.snr.shape[1]
-            self._values.append(np.concatenate([quantile[:, None], response.snr, response.noise_w_m2], axis=1))
-        first, self._count = self._count, self._count + len(pair)
-        return first + np.arange(len(pair))
-
-    def _all_values(self) -> FloatArray:
-        self._values = [np.concatenate(self._values)] if self._values else [np.empty((0, 1))]
-        return self._values[0]
-
-    def _is_fine(self, stretches: _Stretches, middle: IntArray, row: IntArray) -> BoolArray:
-        """Return where the line between the ends of stretches says what their middles are."""
-        values, width = self._all_values(), self._width
-        share = ((middle - stretches.first) / np.maximum(stretches.last - stretches.first, 1))[:, None]
-        start, true = values[stretches.first_row], values[row]
-        line = start + (values[stretches.last_row] - start) * share
-        off, size = np.abs(line - true), np.abs(true)
-        ends = start[:, 0], values[stretches.last_row, 0]
-        # Probabilities differ by the quantiles' difference times a density, which is highest nearest to the quantile 0.
-        least, most = np.minimum(*ends), np.maximum(*ends)
-        nearest = np.clip(0.0, np.minimum(least, true[:, 0]), np.maximum(most, true[:, 0]))
-        density = np.exp(-0.5 * nearest * nearest) / np.sqrt(2.0 * np.pi)
-        fine: BoolArray = off[:, 0] * density <= _MIDDLE_SHARE * self._tolerance
-        for band in range(width):
-            fine &= off[:, 1 + band] <= np.maximum(SIGNAL_SHARE * size[:, 1 + band], SIGNAL_SIGMA)
-            fine &= off[:, 1 + width + band] <= SIGNAL_SHARE * size[:, 1 + width + band]
-        return fine
-
-    def _lines(self, stretches: _Stretches) -> Knots:
-        values = self._all_values()
-        order = np.lexsort((stretches.first, stretches.pair))
-        pair, first, last, first_row, last_row = stretches.take(order)
-        at = values[first_row]
-        rise = (values[last_row] - at) / np.maximum(last - first, 1)[:, None]
-        # The last look of a pair belongs to the stretch that ends there; a pair's only look has one of no length.
-        ends = np.stack([at[:, 0], values[last_row, 0]])
-        is_doubtful = (ends.min(axis=0) < _CERTAIN) & (ends.max(axis=0) > -_FARTHEST)
-        return Knots((pair << _SCAN_BITS) | first, first, at.T.copy(), rise.T.copy(), self._width, is_doubtful)
+def _curved(plan: Plan, woven: Pieces, quantile: FloatArray) -> tuple[_Stretches, Curves, FloatArray]:
+    """Return pieces with their curves and what is sure of them; where all looks are knots, lines from look to look."""
+    is_dense = np.all(np.diff(woven.scan, axis=0) <= 1, axis=0)
+    dense, smooth = woven.take(is_dense), woven.take(~is_dense)
+    place, piece = _straight(dense)
+    scan = np.stack([dense.scan[place, piece], dense.scan[place + 1, piece]])
+    ends = quantile[np.stack([dense.row[place, piece], dense.row[place + 1, piece]])]
+    inner = quantile[smooth.row]
+    pair, first = np.concatenate([smooth.pair, dense.pair[piece]]), np.concatenate([smooth.scan[0], scan[0]])
+    order = np.lexsort((first, pair))
+    curves = Curves.through(smooth.scan, inner).joined(Curves.straight(scan, ends, KNOTS), order)
+    judged = judged_error(smooth.scan.astype(np.float64), inner)
+    least = np.concatenate([inner.min(axis=0) - judged, ends.min(axis=0)])[order]
+    most = np.concatenate([inner.max(axis=0) + judged, ends.max(axis=0)])[order]
+    sure = np.where(least > _CERTAIN, 1.0, np.where(most < _HOPELESS, 0.0, np.nan))
+    return _Stretches.of(plan, pair[order], first[order]), curves, sure
 
 
-def _halved(stretches: _Stretches, middle: IntArray, row: IntArray) -> _Stretches:
-    """Return all first halves, then all second ones."""
-    early = stretches._replace(last=middle, last_row=row)
-    late = stretches._replace(first=middle, first_row=row)
-    return _Stretches(*(np.concatenate(both) for both in zip(early, late, strict=True)))
+def _straight(woven: Pieces) -> tuple[IntArray, IntArray]:
+    """Return the stretches from knot to knot, by the number of the first knot and the piece; one of a lone look."""
+    long = np.diff(woven.scan, axis=0) > 0
+    long[-1, ~long.any(axis=0)] = True
+    piece, place = np.nonzero(long.T)
+    return place, piece

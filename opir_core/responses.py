@@ -42,6 +42,14 @@ class Responsive(Protocol):
 
 
 @runtime_checkable
+class Kinked(Protocol):
+    """What `Responsive` models also have that know when signals jump or bend: knots are laid there at once."""
+
+    def kinks_s(self) -> FloatArray:
+        """Return when (targets, k), by scene time at the target, any of its signals may jump or bend; nan for none."""
+
+
+@runtime_checkable
 class Exceedances(Protocol):
     """How often, and as what, noise alone crosses a sensor's threshold."""
 

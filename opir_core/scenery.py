@@ -11,10 +11,13 @@ from opir_core.geometry import ecef_to_geodetic
 from opir_core.plugin.components import SignatureModel
 from opir_core.plugin.host import Host
 from opir_core.protocols import Band, Sensor
+from opir_core.radiometry.ascents import ascents
 from opir_core.radiometry.protocols import (
     AtmosphereContext,
     Background,
     BackgroundContext,
+    KinkedSignatures,
+    KinkedTransmittance,
     SignatureContext,
     Signatures,
     SourceContext,
@@ -93,6 +96,25 @@ class Scenery:
             columns = (place[rows], since_s[rows], height_m[rows], aspect[rows])
             intensity[rows] = signatures.intensity_w_sr(band, *columns)
         return intensity
+
+    def kinks_s(self) -> FloatArray:
+        """Return when (targets, k), by scene time, intensities or the air above targets may jump or bend; nan for none.
+
+        That is where signatures and the atmosphere say so; what a target bends by its flight is not among them.
+        """
+        everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
+        heights = ascents(self.targets)
+        air = self.atmosphere.altitude_kinks_m if isinstance(self.atmosphere, KinkedTransmittance) else np.empty(0)
+        found = [heights.times_s(np.broadcast_to(air, (len(self.group), len(air))))]
+        for signatures, rows in zip(self.signatures, everyone, strict=True):
+            if isinstance(signatures, KinkedSignatures):
+                place = self.place[rows]
+                levels_m, since_s = signatures.altitude_kinks_m[place], signatures.time_kinks_s[place]
+                own = np.full((len(self.group), levels_m.shape[1] + since_s.shape[1]), np.nan)
+                crossed_s = heights.take(rows).times_s(levels_m)
+                own[rows] = np.concatenate([crossed_s, self.targets.ignition_s[rows, None] + since_s], axis=1)
+                found.append(own)
+        return np.concatenate(found, axis=1)
 
     def _off_flight_rad(self, exposures: Exposures, to_sensor: FloatArray) -> FloatArray:
         """Return the angles between the direction of flight and that to the sensor."""

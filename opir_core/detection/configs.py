@@ -23,6 +23,6 @@ class SnrConfig:
         default=1e-4,
         minimum=1e-12,
         maximum=0.1,
-        help="estimated error of probabilities of detection between the moments at which they are evaluated",
+        help="how far probabilities of detection may be off between the moments at which they are evaluated",
     )
     exact: bool = flag(default=False, source="cost", help="evaluate every look, and interpolate nothing")

@@ -7,17 +7,20 @@ the chance of each band to fall through its gate; it is evaluated on Gauss-Legen
 condition alone already fix the probability, no integral is evaluated.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.detection.panels import Panels
+from opir_core.detection.quick_gates import quick_chances
 from opir_core.detection.truncated import truncated_normals
 from opir_core.records import BoolArray, FloatArray, IntArray
 
 #: Beyond so many standard deviations a normal tail is below the last bit of 1.
 _FAR = 9.0
+#: From such a slack on, the quick way is near enough.
+LEAST_SLACK = 1e-9
 #: By so much, in the exponent, a density may fall before what follows is nothing.
 _DROP = 39.0
 #: Panels for gates no steeper than the noise, and how often they are doubled for steep ones.
@@ -46,7 +49,7 @@ class RatioGates:
     upper: FloatArray
 
     @property
-    def others(self) -> Sequence[int]:
+    def others(self) -> list[int]:
         """Return the bands beside the reference."""
         return [band for band in range(len(self.lower)) if band != self.reference]
 
@@ -66,6 +69,11 @@ class RatioGates:
         sure = (failing - ndtr(-least) <= slack) & (failing < 1.0)
         open_ = np.flatnonzero((least < _FAR) & ~(sure & (slack > 0.0)) & (ndtr(least) >= slack))
         log_hit, log_miss = log_ndtr(least), log_ndtr(-least)
+        if slack >= LEAST_SLACK:
+            chance = quick_chances(self, snr[open_], noise[open_], margins[open_])
+            with np.errstate(divide="ignore"):
+                log_hit[open_], log_miss[open_] = np.log(chance), np.log1p(-chance)
+            return log_hit, log_miss
         steepest = self._steepest(margins, noise)
         for start in range(0, len(open_), _ROWS):
             rows = open_[start : start + _ROWS]
@@ -288,7 +296,7 @@ def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     near, far = np.where(is_left, high, -low), np.where(is_left, low, -high)
     log_near = log_ndtr(near)
     fall = np.full(len(near), -np.inf)
-    close = np.flatnonzero(far - near > -_FAR)
+    close = np.flatnonzero(far > np.minimum(near, 0.0) - _FAR)
     fall[close] = np.minimum(log_ndtr(far[close]) - log_near[close], 0.0)
     with np.errstate(divide="ignore"):
         result[near_edge] = log_near + np.where(fall < _HALF, np.log1p(-np.exp(fall)), np.log(-np.expm1(fall)))

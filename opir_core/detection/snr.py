@@ -65,6 +65,10 @@ class SnrDetection:
             quantile[rows] = probit(*chances)
         return Response(quantile, snr, noise)
 
+    def kinks_s(self) -> FloatArray:
+        """Return when (targets, k), by scene time, signals may jump or bend, as far as the scenery says."""
+        return self.scenery.kinks_s()
+
     def measure(self, exposures: Exposures, dice: Dice) -> Measured:
         """Return what is measured in looks that detected."""
         return self.measure_response(self.response(exposures), exposures.sensor, dice)

@@ -24,7 +24,7 @@ from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import AtmosphereContext, Transmittance
 from opir_core.radiometry.records import Paths
 from opir_core.radiometry.sky_configs import CloudConfig, LowtranConfig
-from opir_core.records import FloatArray
+from opir_core.records import FloatArray, IntArray
 
 #: Edges of bands are the same when they agree to this, µm.
 SAME_EDGE_UM = 1e-6
@@ -38,7 +38,7 @@ class LowtranAtmosphere:
     deck: Deck | None
 
     def transmittance(self, band: int, path: Paths) -> FloatArray:
-        """Return in-band transmittances (n,): between the grid's points straight in height and asinh(sine / 0.05)."""
+        """Return in-band transmittances (n,): cubic in height, straight in asinh(sine / 0.05)."""
         result = np.ones(len(path))
         low = np.flatnonzero(path.height_m < TOP_M)
         if not len(low):
@@ -47,6 +47,11 @@ class LowtranAtmosphere:
         if self.deck is not None:
             result[low[is_hidden(self.deck, path.take(low))]] = 0.0
         return result
+
+    @property
+    def altitude_kinks_m(self) -> FloatArray:
+        """The top of the air, and that of the deck of cloud."""
+        return np.array([TOP_M] if self.deck is None else [TOP_M, self.deck.top_m])
 
     def cloud_top_m(self, point_ecef_m: FloatArray) -> FloatArray:
         """Return the heights (n,) of cloud tops over points (n, 3), m; -inf where there is no cloud."""
@@ -63,13 +68,27 @@ class LowtranAtmosphere:
         row = np.minimum(across.astype(np.int64), slants - 2)
         column = np.minimum(up.astype(np.int64), heights - 2)
         across -= row
-        up -= column
-        at = row * heights + column
-        flat = grid.ravel()
-        lower = flat.take(at) * (1.0 - up) + flat.take(at + 1) * up
-        upper = flat.take(at + heights) * (1.0 - up) + flat.take(at + heights + 1) * up
+        lower = _along(grid, row, column, up - column)
+        upper = _along(grid, row + 1, column, up - column)
         mixed: FloatArray = lower * (1.0 - across) + upper * across
-        return mixed
+        return np.clip(mixed, 0.0, 1.0)
+
+
+def _along(grid: FloatArray, row: IntArray, column: IntArray, up: FloatArray) -> FloatArray:
+    """Return rows of a grid between two columns, by cubics whose slopes are those of their neighbours' chords.
+
+    (Catmull and Rom, 1974.) They have no kinks, which what is interpolated along a track would stumble over.
+    """
+    flat, width = grid.ravel(), grid.shape[1]
+    at = row * width + column
+    here, beyond = flat.take(at), flat.take(at + 1)
+    before = np.where(column > 0, flat.take(at - (column > 0)), 2.0 * here - beyond)
+    last = column == width - 2
+    after = np.where(last, 2.0 * beyond - here, flat.take(at + np.where(last, 1, 2)))
+    rise, bend = 0.5 * (beyond - before), 0.5 * (after - here)
+    cubic = 2.0 * (here - beyond) + rise + bend
+    value: FloatArray = here + up * (rise + up * (beyond - here - rise - cubic + up * cubic))
+    return value
 
 
 def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Transmittance:

@@ -64,6 +64,20 @@ class PlumeSignatures:
         burnt_out = time_since_ignition_s > self.burn_time_s[target]
         return np.where(burnt_out, self.body_w_sr[band][target], plume)
 
+    @property
+    def time_kinks_s(self) -> FloatArray:
+        """The ends of stages, the last of which is burnout, (n, 8) s since ignition."""
+        number = np.arange(1, self.stage_scale.shape[1] + 1)
+        ends: FloatArray = self.burn_time_s[:, None] * np.minimum(number / self.stages[:, None], 1.0)
+        return ends
+
+    @property
+    def altitude_kinks_m(self) -> FloatArray:
+        """The altitudes at which the altitude's factor stands, (n, k) m."""
+        most = max(len(altitude_m) for altitude_m, _ in self.shapes)
+        padded = [np.concatenate([each, np.full(most - len(each), np.nan)]) for each, _ in self.shapes]
+        return np.array(padded)[self.shape]
+
     def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
         """Return None: aspect is measured from the direction of flight."""
         return None

@@ -6,7 +6,7 @@ by element and finite: they do not depend on how rows are grouped into calls.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from attrs import field, frozen
 
@@ -37,6 +37,28 @@ class Signatures(Protocol):
 
         None where that angle is measured from the direction of flight (of the velocity in ECEF), as for plumes.
         """
+
+
+@runtime_checkable
+class KinkedSignatures(Protocol):
+    """What `Signatures` also have that know where their intensities jump or bend; each has as many rows as targets."""
+
+    @property
+    def time_kinks_s(self) -> FloatArray:
+        """Times since ignition (n, k) at which they do, s; nan where there are fewer."""
+
+    @property
+    def altitude_kinks_m(self) -> FloatArray:
+        """Altitudes (n, k) at which they do while the plume burns, m; nan where there are fewer."""
+
+
+@runtime_checkable
+class KinkedTransmittance(Protocol):
+    """What a `Transmittance` also has that jumps or bends at altitudes of its own."""
+
+    @property
+    def altitude_kinks_m(self) -> FloatArray:
+        """Altitudes (k,) of targets at which it does, m."""
 
 
 class Sources(Protocol):

@@ -55,6 +55,28 @@ def test_the_integral_is_that_of_mpmath_far_down_too(snr: list[float], noise: li
     assert log_miss[0] == pytest.approx(float(mpmath.log(1 - exact)), rel=1e-8, abs=1e-15)
 
 
+@pytest.mark.parametrize(
+    ("snr", "noise"),
+    [([21.80359598, 7.7067904], [0.25643526, 1.80133238]), ([8.83413222, 7.73050943], [0.72099044, 2.22613923])],
+)
+def test_a_wide_gate_keeps_its_far_side(snr: list[float], noise: list[float]) -> None:
+    exact = integral(PAIR, snr, noise)
+    for slack, within in ((0.0, 2e-9), (1e-9, 2e-9)):
+        log_hit, _ = PAIR.log_chances(np.array([snr]), np.array([noise]), slack)
+        assert np.exp(log_hit[0]) == pytest.approx(float(exact), abs=within)
+
+
+@pytest.mark.parametrize("rule", [PAIR, TRIPLE], ids=["pair", "triple"])
+@pytest.mark.parametrize("scale", [1.0, 3.0, 30.0])
+def test_the_quick_way_is_as_near_as_it_says(rule: RatioGates, scale: float) -> None:
+    rng, bands = np.random.default_rng(8), len(rule.lower)
+    snr = rng.uniform(0.0, 14.0, (1500, bands)) * np.array([1.0, 1.0, 0.4])[:bands]
+    snr *= rng.choice([1.0, scale], (1500, 1))
+    noise = 10.0 ** rng.uniform(-0.7, 0.7, (1500, bands))
+    exact, quick = (np.exp(rule.log_chances(snr, noise, slack)[0]) for slack in (0.0, 1e-9))
+    assert 0.0 < np.abs(exact - quick).max() <= 1.5e-9
+
+
 def test_a_slack_leaves_probabilities_within_it() -> None:
     snr = np.random.default_rng(3).uniform(0.0, 14.0, (400, 2))
     exact, near = (np.exp(PAIR.log_chances(snr, np.ones((400, 2)), slack)[0]) for slack in (0.0, 1e-5))
@@ -89,7 +111,7 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
 
 @pytest.mark.parametrize("snr", [[6.0, 8.0, 2.5], [1.0, 6.0, 2.0]], ids=["tried again", "inverted"])
 def test_tries_until_one_passes_follow_the_law_of_the_inverse(snr: list[float]) -> None:
-    rng, ones = np.random.default_rng(6), np.ones((20_000, 3))
+    rng, ones = np.random.default_rng(6), np.ones((6_000, 3))
     rows = np.tile(snr, (len(ones), 1))
     chance = np.exp(TRIPLE.log_chances(rows[:1], ones[:1])[0][0])
     assert (chance > LEAST_PROBABLE) == (snr[0] == 6.0)
