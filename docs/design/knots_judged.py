@@ -2,9 +2,9 @@
 
     python docs/design/knots_judged.py
 
-`opir_core.weaving` judges a piece by how far its second and fourth knots are off the parabola through the others. A bend
-that no model told of may stand anywhere between the knots. Printed is the largest ratio of the true error, anywhere on
-the piece, to what is judged, over all places of the bend: `_JUDGED_SHARE` leaves room for it.
+`opir_core.weaving` judges a piece by how far its second and fourth knots are off the parabola through the others. A
+bend that no model told of may stand anywhere between the knots. Printed is the largest ratio of the true error,
+anywhere on the piece, to what is judged, over all places of the bend: `_JUDGED_SHARE` leaves room for it.
 """
 
 import numpy as np
