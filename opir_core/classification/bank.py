@@ -14,6 +14,7 @@ from opir_core.classification.imagined import (
     PROFILE_TYPE,
     ImaginedLooks,
     brightness,
+    class_plumes,
     imagined_launches,
     imagined_sources,
 )
@@ -100,10 +101,11 @@ def canonical_radius_m(sensor: Sensor) -> float:
 
 def imagination(bands: Sequence[Band], launches: int) -> Imagination:
     """Return what gives, by a satellite's distance from the Earth's centre, launches and sources; made once each."""
+    plumes = class_plumes(bands)
 
     @cache
     def imagined(radius_m: float) -> tuple[ImaginedLooks, ImaginedLooks]:
-        return imagined_launches(radius_m, bands, launches), imagined_sources(radius_m, bands, _SOURCES)
+        return imagined_launches(radius_m, plumes, launches), imagined_sources(radius_m, bands, _SOURCES)
 
     return imagined
 

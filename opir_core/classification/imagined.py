@@ -140,7 +140,7 @@ class ImaginedLooks:
     step_s: FloatArray
 
 
-def imagined_launches(radius_m: float, bands: Sequence[Band], launches: int) -> ImaginedLooks:
+def imagined_launches(radius_m: float, plumes: Signatures, launches: int) -> ImaginedLooks:
     """Return looks at launches of every profile below satellites at a distance from the Earth's centre."""
     profiles = [boost_profile(name) for name in PROFILES for _ in range(launches)]
     drawn = evenly_spread(len(profiles), 5)
@@ -155,7 +155,7 @@ def imagined_launches(radius_m: float, bands: Sequence[Band], launches: int) -> 
     return ImaginedLooks(
         exposures=_exposures(launch, time_s, flight.path.state(launch, time_s)[0], sensor_m[launch]),
         signatures=ImaginedPlumes(
-            plumes=_class_plumes(bands),
+            plumes=plumes,
             profile=profile,
             path=flight.path,
         ),
@@ -243,7 +243,7 @@ def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -
     return Geodetic(latitude, longitude, np.zeros(len(angle)))
 
 
-def _class_plumes(bands: Sequence[Band]) -> Signatures:
+def class_plumes(bands: Sequence[Band]) -> Signatures:
     """Return the plumes of the class profiles, with the signature model's defaults."""
     context = SignatureContext(
         bands=tuple(bands),

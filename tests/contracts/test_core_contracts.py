@@ -66,7 +66,7 @@ class TestConfusionClassifier(ClassifierContract):
 
 class TestSpectralClassifier(ClassifierContract):
     name = "spectral"
-    settings: ClassVar[Mapping[str, Any]] = {"launches": 16}
+    settings: ClassVar[Mapping[str, Any]] = {"launches": 8}
 
 
 class TestTrueType(ClassifierContract):
