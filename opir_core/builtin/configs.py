@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from attrs import Factory, frozen
+from attrs import Factory, fields, frozen
 
 from opir_core.fields import nested, number, text
 from opir_core.plugin.confusion import Confusion, confusion_complaint
@@ -215,20 +215,6 @@ class StereoFilterConfig:
 
 
 @frozen(kw_only=True)
-class BoostProfileConfig:
-    """What a scene may set of the tracker `boost-profile`."""
-
-    cadence_s: float = number(
-        default=1.0, unit="s", minimum=0.1, maximum=10.0, help="time between two estimates of a track"
-    )
-    association: str = text(
-        default="nearest",
-        choices=ASSOCIATIONS,
-        help="as that of stereo-filter, which says which detections are whose",
-    )
-
-
-@frozen(kw_only=True)
 class KeplerArcConfig:
     """What a scene may set of the tracker `kepler-arc`."""
 
@@ -272,3 +258,62 @@ class KeplerArcConfig:
         source='opir-simulator paper (2026), section 5.2: "by mid-boost, it converges to tens of kilometers": ln 100',
         help="k in σ = σ₀ exp(-k n/N), with n of N expected detections of the boost in",
     )
+
+
+@frozen(kw_only=True)
+class BoostPriorConfig:
+    """What a tracker takes for granted of a class: medians, and sigmas of their logarithms, of the turn in degrees."""
+
+    burn_s: float = number(unit="s", above=0.0, maximum=2000.0, help="burn time")
+    burn_sigma: float = number(above=0.0, maximum=1.0, help="spread of the burn time")
+    speed_m_s: float = number(unit="m/s", above=0.0, maximum=12000.0, help="burnout speed relative to the Earth")
+    speed_sigma: float = number(above=0.0, maximum=1.0, help="spread of the burnout speed")
+    speed_shape: float = number(above=0.0, maximum=10.0, help="k of a speed that grows like expm1(k t/T)")
+    shape_sigma: float = number(above=0.0, maximum=1.0, help="spread of the speed shape")
+    pitch_exponent: float = number(above=0.0, maximum=5.0, help="n of a flight path angle that goes like u^n")
+    pitch_sigma: float = number(above=0.0, maximum=1.0, help="spread of the pitch exponent")
+    pitch_start_share: float = number(above=0.0, maximum=0.3, help="pitch start over burn time")
+    start_sigma: float = number(above=0.0, maximum=1.0, help="spread of the pitch start")
+    turn_deg: float = number(unit="deg", above=0.0, maximum=90.0, help="burnout angle from the vertical")
+    turn_sigma_deg: float = number(unit="deg", above=0.0, maximum=45.0, help="spread of the burnout angle")
+
+
+def _prior(*values: float) -> BoostPriorConfig:
+    return BoostPriorConfig(**dict(zip((field.name for field in fields(BoostPriorConfig)), values, strict=True)))
+
+
+@frozen(kw_only=True)
+class BoostPriorsConfig:
+    """The priors of the classes."""
+
+    ICBM: BoostPriorConfig = nested(
+        default=_prior(206.0, 0.2, 6800.0, 0.06, 1.8, 0.25, 0.525, 0.15, 0.048, 0.3, 64.0, 5.0), help="intercontinental"
+    )
+    IRBM: BoostPriorConfig = nested(
+        default=_prior(118.0, 0.2, 4000.0, 0.25, 1.45, 0.2, 0.55, 0.15, 0.068, 0.3, 52.0, 6.0), help="intermediate"
+    )
+    SRBM: BoostPriorConfig = nested(
+        default=_prior(65.0, 0.2, 1600.0, 0.3, 0.95, 0.2, 0.85, 0.15, 0.09, 0.3, 48.0, 6.0), help="short range"
+    )
+
+
+@frozen(kw_only=True)
+class BoostProfileConfig:
+    """What a scene may set of the tracker `boost-profile`."""
+
+    cadence_s: float = number(
+        default=1.0, unit="s", minimum=0.1, maximum=10.0, help="time between two estimates of a track"
+    )
+    association: str = text(
+        default="nearest",
+        choices=ASSOCIATIONS,
+        help="as that of stereo-filter, which says which detections are whose",
+    )
+    largest_impact_km: float = number(
+        default=1000.0,
+        unit="km",
+        above=0.0,
+        maximum=20000.0,
+        help="an impact whose 95 % ellipse has a longer semi-axis is not told",
+    )
+    priors: BoostPriorsConfig = nested(default=BoostPriorsConfig(), help="what is taken for granted of each class")

@@ -1,67 +1,65 @@
 """The family of boosts that the tracker `boost-profile` fits: parameters, their priors by class, and the paths.
 
-A path has nine parameters: where (east and north of an anchor on the ground) and when it starts, the turn it makes from
+A path has ten parameters: where (east and north of an anchor on the ground) and when it starts, the turn it makes from
 the vertical as a vector (its length the burnout angle from the vertical, its direction the heading, so that nothing is
-singular while the flight is still vertical), and the logarithms of burnout speed, burn time, speed shape and pitch
-exponent over those of the class.
+singular while the flight is still vertical), and the logarithms of burnout speed, burn time, speed shape, pitch
+exponent and the pitch start's share of the burn over the medians of the class.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.columns import Columns
-from opir_core.flight.ascent import ascent_of_shape
-from opir_core.flight.boost import BoostPath, LaunchSite, boost_path, launch_site
-from opir_core.flight.profiles import PROFILES_BY_TYPE, boost_profiles
+from opir_core.flight.boost import LaunchSite, launch_site
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.records import FloatArray, IntArray
-from opir_core.scene import TARGET_TYPES
+from opir_core.tracking import profile_course as course
+from opir_core.tracking.profile_course import Courses
 
-#: The classes, by name, and the type of each as a code into `TARGET_TYPES`.
-CLASSES = tuple(name for kind in TARGET_TYPES for name in PROFILES_BY_TYPE[kind])
-CLASS_TYPE = np.array([code for code, kind in enumerate(TARGET_TYPES) for _ in PROFILES_BY_TYPE[kind]])
+EAST, NORTH, START, TURN_EAST, TURN_NORTH, SPEED, BURN, SHAPE, PITCH, LIFT = range(10)
+SIZE = 10
 
-EAST, NORTH, START, TURN_EAST, TURN_NORTH, SPEED, BURN, SHAPE, PITCH = range(9)
-SIZE = 9
-
-#: Standard deviations of the prior, notional: place, m; start, s; then logarithms of speed, burn time, speed shape and
-#: pitch exponent. The turn's length has its own, rad; its direction has none.
+#: Standard deviations of the prior of place, m, and start, s: the anchor is below the first line of sight.
 PLACE_SIGMA_M = 50e3
 START_SIGMA_S = 15.0
-SHARE_SIGMA = {SPEED: 0.25, BURN: 0.05, SHAPE: 0.03, PITCH: 0.03}
-TURN_SIGMA_RAD = 0.12
 
 #: The vague prior of each component of the turn, rad.
 VAGUE_TURN_RAD = 2.0
 
+#: A turn shorter than this has no direction to speak of, rad.
+STRAIGHT_RAD = 1e-3
+
+#: Metres to a radian of latitude.
+RADIUS_M = 6.371e6
+
 
 @frozen(eq=False)
-class Shapes(Columns):
-    """The nominal values of the classes of n hypotheses, (n,) each."""
+class Priors(Columns):
+    """Priors of n hypotheses, (n,) each: medians, and standard deviations of logarithms; the turn's is in rad."""
 
     burn_s: FloatArray
-    pitch_start_s: FloatArray
+    speed_m_s: FloatArray
     speed_shape: FloatArray
     pitch_exponent: FloatArray
-    speed_m_s: FloatArray
+    lift: FloatArray
     turn_rad: FloatArray
+    burn_sigma: FloatArray
+    speed_sigma: FloatArray
+    shape_sigma: FloatArray
+    pitch_sigma: FloatArray
+    lift_sigma: FloatArray
+    turn_sigma_rad: FloatArray
 
-    @classmethod
-    def of(cls, number: IntArray) -> "Shapes":
-        """Return the shapes of classes by number."""
-        profiles = [boost_profiles()[CLASSES[each]] for each in number.tolist()]
-        rows = [
-            (
-                profile.burn_time_s,
-                profile.pitch_start_s,
-                profile.speed_shape,
-                profile.pitch_exponent,
-                profile.burnout_speed_m_s,
-                0.5 * np.pi - profile.burnout_flight_path_angle_rad,
-            )
-            for profile in profiles
-        ]
-        return cls(*np.array(rows, dtype=np.float64).reshape(-1, 6).T)
+    def information(self) -> FloatArray:
+        """Return the diagonals (n, 10) of what is linear in the parameters; the turn's length is not."""
+        sigma = np.ones((len(self.burn_s), SIZE))
+        sigma[:, [EAST, NORTH]], sigma[:, START] = PLACE_SIGMA_M, START_SIGMA_S
+        sigma[:, [TURN_EAST, TURN_NORTH]] = VAGUE_TURN_RAD
+        sigma[:, SPEED], sigma[:, BURN], sigma[:, SHAPE] = self.speed_sigma, self.burn_sigma, self.shape_sigma
+        sigma[:, PITCH], sigma[:, LIFT] = self.pitch_sigma, self.lift_sigma
+        return 1.0 / np.square(sigma)
 
 
 @frozen(eq=False)
@@ -80,52 +78,108 @@ class Anchors(Columns):
 
     def places(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return latitudes and longitudes (n,) of starts."""
-        radius = 6.371e6
-        latitude = self.latitude_rad + parameters[:, NORTH] / radius
+        latitude = self.latitude_rad + parameters[:, NORTH] / RADIUS_M
         limit = 0.5 * np.pi - 1e-9
-        across = radius * np.maximum(np.cos(self.latitude_rad), 1e-6)
-        return np.clip(latitude, -limit, limit), self.longitude_rad + parameters[:, EAST] / across
+        return np.clip(latitude, -limit, limit), self.longitude_rad + parameters[:, EAST] / self.across_m()
+
+    def across_m(self) -> FloatArray:
+        """Return metres to a radian of longitude, (n,)."""
+        return RADIUS_M * np.maximum(np.cos(self.latitude_rad), 1e-6)
 
 
-def prior_mean(count: int) -> FloatArray:
-    """Return the means (n, 9) of the priors."""
-    return np.zeros((count, SIZE))
+class Places(NamedTuple):
+    """Where paths are: ECEF positions and velocities (m, 3), and the position's slopes by the parameters (m, 10, 3)."""
+
+    position_m: FloatArray
+    velocity_m_s: FloatArray
+    slope: FloatArray
 
 
-def prior_information() -> FloatArray:
-    """Return the information (9, 9) of the prior that is linear in the parameters; the turn's length is not."""
-    sigma = np.ones(SIZE)
-    sigma[[EAST, NORTH]], sigma[START] = PLACE_SIGMA_M, START_SIGMA_S
-    sigma[[TURN_EAST, TURN_NORTH]] = VAGUE_TURN_RAD
-    for index, share in SHARE_SIGMA.items():
-        sigma[index] = share
-    return np.diag(1.0 / np.square(sigma))
+@frozen(eq=False)
+class Family:
+    """The paths of n hypotheses."""
+
+    courses: Courses
+    site: LaunchSite
+    up: FloatArray
+    heading: FloatArray
+    right: FloatArray
+    radius_m: FloatArray
+    start_s: FloatArray
+    turn_east: FloatArray
+    turn_north: FloatArray
+    across_m: FloatArray
+
+    @classmethod
+    def of(cls, parameters: FloatArray, anchors: Anchors, priors: Priors) -> "Family":
+        """Return the paths of parameters (n, 10)."""
+        turn = np.hypot(parameters[:, TURN_EAST], parameters[:, TURN_NORTH])
+        azimuth = np.arctan2(parameters[:, TURN_EAST], parameters[:, TURN_NORTH])
+        site = launch_site(*anchors.places(parameters), 0.0)
+        plane = site.plane(azimuth)
+        scales = np.exp(parameters[:, SPEED:])
+        courses = Courses.of(
+            priors.speed_m_s * scales[:, 0],
+            priors.burn_s * scales[:, 1],
+            priors.speed_shape * scales[:, 2],
+            priors.pitch_exponent * scales[:, 3],
+            np.maximum(turn, STRAIGHT_RAD),
+            np.minimum(priors.lift * scales[:, 4], _LAST_LIFT),
+            plane.radius_m,
+        )
+        sine, cosine = np.sin(azimuth)[:, None], np.cos(azimuth)[:, None]
+        right = cosine * site.axes[:, 0] - sine * site.axes[:, 1]
+        start_s = anchors.time_s + parameters[:, START]
+        return cls(
+            courses, site, plane.up, plane.heading, right, plane.radius_m, start_s, sine[:, 0], cosine[:, 0],
+            anchors.across_m(),
+        )  # fmt: skip
+
+    @property
+    def burnout_s(self) -> FloatArray:
+        """Return the scene times (n,) at which the burns end."""
+        end_s: FloatArray = self.start_s + self.courses.burn_s
+        return end_s
+
+    def places(self, row: IntArray, time_s: FloatArray) -> Places:
+        """Return where rows (m,) are at scene times (m,): at rest before the start, burning on after the end."""
+        elapsed = time_s - self.start_s[row]
+        read = self.courses.read(row, elapsed)
+        up, heading, right, radius = self.up[row], self.heading[row], self.right[row], self.radius_m[row]
+        sine, cosine = np.sin(read.swept_rad), np.cos(read.swept_rad)
+        half = np.sin(0.5 * read.swept_rad)
+        rise = read.height_m * cosine - 2.0 * radius * half * half
+        along = (radius + read.height_m) * sine
+        position = self.site.launch_m[row] + rise[:, None] * up + along[:, None] * heading
+        tilt = read.lean_rad + read.swept_rad
+        velocity = read.speed_m_s[:, None] * (np.cos(tilt)[:, None] * up + np.sin(tilt)[:, None] * heading)
+        reach = radius + read.height_m
+        rises = read.height_slope * cosine[:, None] - read.swept_slope * (reach * sine)[:, None]
+        alongs = read.height_slope * sine[:, None] + read.swept_slope * (reach * cosine)[:, None]
+        by_course = rises[:, :, None] * up[:, None] + alongs[:, :, None] * heading[:, None]
+        slope = np.empty((len(row), SIZE, 3))
+        slope[:, SPEED : PITCH + 1] = by_course[:, : course.PITCH + 1]
+        slope[:, LIFT] = by_course[:, course.LIFT]
+        slope[:, START] = -velocity
+        sideways = (along / self.courses.turn_rad[row])[:, None] * right
+        to_east, to_north = self.turn_east[row][:, None], self.turn_north[row][:, None]
+        slope[:, TURN_EAST] = to_east * by_course[:, course.TURN] + to_north * sideways
+        slope[:, TURN_NORTH] = to_north * by_course[:, course.TURN] - to_east * sideways
+        self._shift(slope, row, position, rise, along)
+        return Places(position, velocity, slope)
+
+    def _shift(
+        self, slope: FloatArray, row: IntArray, position: FloatArray, rise: FloatArray, along: FloatArray
+    ) -> None:
+        """Write how positions move with the start: with longitude about the Earth's axis, with latitude in a plane."""
+        slope[:, EAST, 0] = -position[:, 1] / self.across_m[row]
+        slope[:, EAST, 1] = position[:, 0] / self.across_m[row]
+        slope[:, EAST, 2] = 0.0
+        north = self.site.axes[row, 1]
+        level = along * self.turn_north[row]
+        by_latitude = (self.site.meridian_radius_m[row] + rise)[:, None] * north - level[:, None] * self.up[row]
+        slope[:, NORTH] = by_latitude / RADIUS_M
 
 
-def paths(parameters: FloatArray, anchors: Anchors, shapes: Shapes) -> BoostPath:
-    """Return the paths of n hypotheses with parameters (n, 9)."""
-    turn = np.hypot(parameters[:, TURN_EAST], parameters[:, TURN_NORTH])
-    azimuth = np.arctan2(parameters[:, TURN_EAST], parameters[:, TURN_NORTH])
-    scale = np.exp(parameters[:, BURN])
-    course = ascent_of_shape(
-        shapes.burn_s * scale,
-        shapes.pitch_start_s * scale,
-        shapes.speed_shape * np.exp(parameters[:, SHAPE]),
-        shapes.pitch_exponent * np.exp(parameters[:, PITCH]),
-        turn,
-    )
-    latitude, longitude = anchors.places(parameters)
-    site: LaunchSite = launch_site(latitude, longitude, 0.0)
-    speed = shapes.speed_m_s * np.exp(parameters[:, SPEED])
-    return boost_path(site, anchors.time_s + parameters[:, START], azimuth, speed, course)
-
-
-def drawn_out(path: BoostPath, row: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities (m, 3) of rows (m,) at any times: at rest before the start, straight after.
-
-    The straight line after burnout bends by 5 m in the first second; what lies after is told by the free flight.
-    """
-    held = np.clip(time_s, path.ignition_s[row], path.burnout_s[row])
-    position, velocity = path.state(row, held)
-    late = np.maximum(time_s - path.burnout_s[row], 0.0)
-    return position + velocity * late[:, None], velocity
+#: No pitch start comes later in the burn than this share.
+_LAST_LIFT = 0.5

@@ -1,50 +1,50 @@
 """The fit of boost profiles: maximum a posteriori, by Gauss and Newton, recursive in time.
 
-Each hypothesis (a track and a class) keeps the normal equations of all its rows, A x = b, linearised where it then
-stood. A new row is linearised at the present estimate and added: that costs the row, not the history. From time to time
-(`profile_tracker`) a hypothesis is reviewed: all rows are linearised anew.
+Each hypothesis (a track, a class and a mode) keeps the normal equations of its rows, linearised where it then stood. A
+new row is linearised at the present estimate and added: that costs the row, not the history. From time to time a
+hypothesis is reviewed (`profile_bank`): all its rows, a bounded number, are linearised anew.
+
+The normal equations are sums of squares and priors, scaled to a unit diagonal before they are solved: nothing is ever
+taken away from them but what biases explain, which the rows themselves put in.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.columns import Columns
-from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.flight.boost import BoostPath
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile_family import (
-    BURN,
     SIZE,
-    START,
+    STRAIGHT_RAD,
     TURN_EAST,
     TURN_NORTH,
-    TURN_SIGMA_RAD,
     Anchors,
-    Shapes,
-    drawn_out,
-    paths,
-    prior_information,
+    Family,
+    Places,
+    Priors,
 )
 from opir_core.tracking.profile_rows import Rows
 
-#: Steps of the differences that make partial derivatives: m, s, rad, and shares.
-STEPS = np.array([20.0, 20.0, 2e-3, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4, 1e-4])
-
 #: The largest change of a parameter in one step.
-LARGEST = np.array([60e3, 60e3, 10.0, 0.4, 0.4, 0.3, 0.1, 0.1, 0.1])
+LARGEST = np.array([60e3, 60e3, 10.0, 0.4, 0.4, 0.3, 0.3, 0.3, 0.3, 0.3])
 
-#: A turn shorter than this has no direction to speak of, rad.
-_STRAIGHT = 1e-3
+#: An estimate stays within so many standard deviations of its prior.
+_WITHIN = 4.0
 
 
 @frozen(eq=False)
 class Hypotheses(Columns):
-    """One row a track and class: the estimate and its normal equations.
+    """One row a track, class and mode: the estimate and its normal equations.
 
-    `normal` (n, 9, 9), `right` (n, 9) and `square` (n,) sum up the rows: Σ HᵀH, Σ Hᵀρ, Σ ρᵀρ with whitened rows
-    ρ = H x; `pull` (n, sensors, 9, 2) is Σ Hᵀ/σ by sensor, through which its bias works; `rows` counts them.
-    `end_s` and `end_sigma_s` (n, sensors) say when each sensor's detections stopped, nan while they go on; `last_s`
-    (n,) when the last light that was detected left.
+    `normal` (n, 10, 10), `right` (n, 10) and `square` (n,) sum up the rows: Σ HᵀH, Σ Hᵀρ, Σ ρᵀρ with whitened rows
+    ρ = H x; `pull` (n, sensors, 10, 2), `pulled` (n, sensors, 2) and `weight` (n, sensors) are Σ Hᵀ/σ, Σ ρ/σ and
+    Σ 1/σ² by sensor, through which its bias works; `rows` counts them. `spread` (n, 10, 10) is the covariance of the
+    estimate and `evidence` (n,) the logarithm of the marginal likelihood; `misfit` (n,) is by how much
+    the rows' squares exceed what their errors explain, 1 where they do not; `stood`
+    (n, 10) is the estimate at the last review. While `is_bent` is False the turn has no
+    direction yet, and its prior none either.
     """
 
     track: IntArray
@@ -57,11 +57,14 @@ class Hypotheses(Columns):
     right: FloatArray
     square: FloatArray
     pull: FloatArray
-    rows: IntArray
-    end_s: FloatArray
-    end_sigma_s: FloatArray
-    last_s: FloatArray
-    log_prior: FloatArray
+    pulled: FloatArray
+    weight: FloatArray
+    rows: FloatArray
+    spread: FloatArray
+    evidence: FloatArray
+    misfit: FloatArray
+    stood: FloatArray
+    is_bent: IntArray
 
     @property
     def anchors(self) -> Anchors:
@@ -70,184 +73,207 @@ class Hypotheses(Columns):
 
     def cleared(self) -> "Hypotheses":
         """Return the hypotheses without their rows."""
-        return evolve(
-            self,
-            normal=np.zeros_like(self.normal),
-            right=np.zeros_like(self.right),
-            square=np.zeros_like(self.square),
-            pull=np.zeros_like(self.pull),
-            rows=np.zeros_like(self.rows),
-        )
+        names = ("normal", "right", "square", "pull", "pulled", "weight", "rows")
+        return evolve(self, **{name: np.zeros_like(getattr(self, name)) for name in names})
+
+    def faded(self, share: FloatArray) -> "Hypotheses":
+        """Return the hypotheses with what their rows say weakened to shares (n,)."""
+        names = ("normal", "right", "square", "pull", "pulled", "weight", "rows")
+        columns = {name: getattr(self, name) for name in names}
+        return evolve(self, **{k: v * share.reshape(-1, *(1,) * (v.ndim - 1)) for k, v in columns.items()})
 
 
-def tiled(hypotheses: Hypotheses) -> tuple[FloatArray, Anchors, Shapes]:
-    """Return the estimates and, below them, each with one parameter moved by its step: 10 n of everything."""
-    count = len(hypotheses)
-    moved = np.repeat(hypotheses.parameters[None], SIZE + 1, axis=0)
-    moved[np.arange(1, SIZE + 1), :, np.arange(SIZE)] += STEPS[:, None]
-    again = np.tile(np.arange(count), SIZE + 1)
-    return moved.reshape(-1, SIZE), hypotheses.anchors.take(again), Shapes.of(hypotheses.kind).take(again)
+def blank(count: int, sensors: int) -> Hypotheses:
+    """Return hypotheses of the first class, without rows, that stand at the middle of their priors."""
+    whole, real, many = np.zeros(count, dtype=np.int64), np.zeros(count), np.zeros((count, sensors))
+    vector, square = np.zeros((count, SIZE)), np.zeros((count, SIZE, SIZE))
+    return Hypotheses(
+        track=whole,
+        kind=whole,
+        anchor_latitude_rad=real,
+        anchor_longitude_rad=real,
+        anchor_s=real,
+        parameters=vector,
+        normal=square,
+        right=vector,
+        square=real,
+        pull=np.zeros((count, sensors, SIZE, 2)),
+        pulled=np.zeros((count, sensors, 2)),
+        weight=many,
+        rows=real,
+        spread=square,
+        evidence=real,
+        misfit=np.ones(count),
+        stood=vector,
+        is_bent=whole,
+    )
 
 
-def with_rows(hypotheses: Hypotheses, rows: Rows, owner: IntArray, light_time: bool) -> Hypotheses:
-    """Return the hypotheses with rows (m,) added, each to the hypothesis `owner`, linearised where that stands."""
+def family_of(hypotheses: Hypotheses, priors: Priors) -> Family:
+    """Return the paths of hypotheses, whose classes have these priors, one row a class."""
+    return Family.of(hypotheses.parameters, hypotheses.anchors, priors.take(hypotheses.kind))
+
+
+def with_rows(hypotheses: Hypotheses, family: Family, rows: Rows, owner: IntArray, share: FloatArray) -> Hypotheses:
+    """Return the hypotheses with rows (m,) added, each to the hypothesis `owner`, linearised where that stands.
+
+    Owners come sorted; `share` (m,) weakens rows. `family` are the paths of the hypotheses.
+    """
     if not len(rows):
         return hypotheses
-    expected, slope = linearised(hypotheses, rows, owner, light_time)
-    per_sigma = 1.0 / rows.sigma_rad
-    slope = slope * per_sigma[:, None, None]
-    wanted = np.einsum("mij,mj->mi", slope, hypotheses.parameters[owner]) - expected * per_sigma[:, None]
-    normal, right, square = hypotheses.normal.copy(), hypotheses.right.copy(), hypotheses.square.copy()
-    pull, counted = hypotheses.pull.copy(), hypotheses.rows.copy()
-    turned = slope.transpose(0, 2, 1)
-    np.add.at(normal, owner, turned @ slope)
-    np.add.at(right, owner, np.einsum("mij,mi->mj", slope, wanted))
-    np.add.at(square, owner, np.sum(wanted * wanted, axis=1))
-    np.add.at(pull, (owner, rows.sensor), turned * per_sigma[:, None, None])
-    np.add.at(counted, owner, 1)
-    return evolve(hypotheses, normal=normal, right=right, square=square, pull=pull, rows=counted)
+    expected, slope = linearised(family, rows, owner)
+    per_sigma = np.sqrt(share) / rows.sigma_rad
+    wanted = _times(slope, hypotheses.parameters[owner]) - expected
+    slope, wanted = slope * per_sigma[:, None, None], wanted * per_sigma[:, None]
+    first = np.flatnonzero(np.append(True, np.diff(owner) != 0))
+    mine = owner[first]
+    added = {
+        "normal": slope[:, 0, :, None] * slope[:, 0, None] + slope[:, 1, :, None] * slope[:, 1, None],
+        "right": slope[:, 0] * wanted[:, :1] + slope[:, 1] * wanted[:, 1:],
+        "square": np.sum(wanted * wanted, axis=1),
+        "rows": np.asarray(share),
+    }
+    columns = {}
+    for name, values in added.items():
+        columns[name] = getattr(hypotheses, name).copy()
+        columns[name][mine] += np.add.reduceat(values, first, axis=0)
+    by_sensor = {
+        "pull": slope.transpose(0, 2, 1) * per_sigma[:, None, None],
+        "pulled": wanted * per_sigma[:, None],
+        "weight": per_sigma * per_sigma,
+    }
+    key = owner * hypotheses.weight.shape[1] + rows.sensor
+    order = np.argsort(key, kind="stable")
+    first = np.flatnonzero(np.append(True, np.diff(key[order]) != 0))
+    mine, sensor = owner[order][first], rows.sensor[order][first]
+    for name, values in by_sensor.items():
+        columns[name] = getattr(hypotheses, name).copy()
+        columns[name][mine, sensor] += np.add.reduceat(values[order], first, axis=0)
+    return evolve(hypotheses, **columns)
 
 
-def linearised(hypotheses: Hypotheses, rows: Rows, owner: IntArray, light_time: bool) -> tuple[FloatArray, FloatArray]:
-    """Return the directions (m, 2) at which rows' hypotheses expect them, from the mean seen, and slopes (m, 2, 9)."""
-    count = len(hypotheses)
-    path = paths(*tiled(hypotheses))
-    time_s = rows.time_s
-    if light_time:
-        position, _ = drawn_out(path, owner, time_s)
-        time_s = time_s - np.linalg.norm(position - rows.origin_ecef_m, axis=1) / SPEED_OF_LIGHT_M_S
-    seen = np.stack([_seen(path, owner + each * count, time_s, rows) for each in range(SIZE + 1)])
-    slope = (seen[1:] - seen[0]).transpose(1, 2, 0) / STEPS
-    return seen[0], slope
+def linearised(family: Family, rows: Rows, owner: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the directions (m, 2) at which rows' paths are expected, from the mean seen, and slopes (m, 2, 10)."""
+    places = _shared(family, rows.time_s, owner)
+    line = places.position_m - rows.origin_ecef_m
+    local = rows.axes[:, :, 0] * line[:, :1] + rows.axes[:, :, 1] * line[:, 1:2] + rows.axes[:, :, 2] * line[:, 2:]
+    seen = local[:, :2] / local[:, 2:]
+    across = (rows.axes[:, :2] - seen[:, :, None] * rows.axes[:, None, 2]) / local[:, 2, None, None]
+    slope = across[:, :, None, 0] * places.slope[:, None, :, 0]
+    for axis in (1, 2):
+        slope += across[:, :, None, axis] * places.slope[:, None, :, axis]
+    return seen, slope
 
 
-def _seen(path: BoostPath, row: IntArray, time_s: FloatArray, rows: Rows) -> FloatArray:
-    position, _ = drawn_out(path, row, time_s)
-    local = np.einsum("mij,mj->mi", rows.axes, position - rows.origin_ecef_m)
-    seen: FloatArray = local[:, :2] / local[:, 2:]
-    return seen
+def _shared(family: Family, time_s: FloatArray, owner: IntArray) -> Places:
+    """Return where paths are at times (m,): read at the middle of a short span for all rows in it, and carried on.
 
-
-def system(hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
-    """Return the whole normal equations (n, 9, 9), (n, 9): rows, priors and the ends of the burn."""
-    normal, right = hypotheses.normal + prior_information(), hypotheses.right.copy()
-    _add_turn(hypotheses, normal, right)
-    _add_ends(hypotheses, normal, right)
-    return normal, right
-
-
-def _add_turn(hypotheses: Hypotheses, normal: FloatArray, right: FloatArray) -> None:
-    """Add the prior of the turn's length, as it looks along its present direction."""
-    turn = hypotheses.parameters[:, [TURN_EAST, TURN_NORTH]]
-    length = np.linalg.norm(turn, axis=1)
-    bent = np.flatnonzero(length > _STRAIGHT)
-    along = np.zeros((len(bent), SIZE))
-    along[:, [TURN_EAST, TURN_NORTH]] = turn[bent] / length[bent, None]
-    nominal = Shapes.of(hypotheses.kind[bent]).turn_rad
-    normal[bent] += along[:, :, None] * along[:, None, :] / TURN_SIGMA_RAD**2
-    right[bent] += along * (nominal / TURN_SIGMA_RAD**2)[:, None]
-
-
-def _add_ends(hypotheses: Hypotheses, normal: FloatArray, right: FloatArray) -> None:
-    """Add when the burn ended: start + burn time is when detections stopped, or later while they go on."""
-    burn_s = Shapes.of(hypotheses.kind).burn_s * np.exp(hypotheses.parameters[:, BURN])
-    expected = hypotheses.anchor_s + hypotheses.parameters[:, START] + burn_s
-    for sensor in range(hypotheses.end_s.shape[1]):
-        ended = np.isfinite(hypotheses.end_s[:, sensor])
-        _add_end(hypotheses, normal, right, ended, hypotheses.end_s[:, sensor] - expected, burn_s, sensor)
-    short = expected < hypotheses.last_s
-    _add_end(hypotheses, normal, right, short, hypotheses.last_s - expected, burn_s, None)
-
-
-def _add_end(
-    hypotheses: Hypotheses,
-    normal: FloatArray,
-    right: FloatArray,
-    holds: BoolArray,
-    missing_s: FloatArray,
-    burn_s: FloatArray,
-    sensor: int | None,
-) -> None:
-    rows = np.flatnonzero(holds)
-    slope = np.zeros((len(rows), SIZE))
-    slope[:, START], slope[:, BURN] = 1.0, burn_s[rows]
-    sigma = np.full(len(rows), _SHORT_SIGMA_S) if sensor is None else hypotheses.end_sigma_s[rows, sensor]
-    wanted = missing_s[rows] + np.sum(slope * hypotheses.parameters[rows], axis=1)
-    normal[rows] += slope[:, :, None] * slope[:, None, :] / np.square(sigma)[:, None, None]
-    right[rows] += slope * (wanted / np.square(sigma))[:, None]
-
-
-#: How sharply a burn is held to last as long as its detections, s.
-_SHORT_SIGMA_S = 0.1
-
-
-def moved(hypotheses: Hypotheses) -> Hypotheses:
-    """Return the hypotheses at the solution of their normal equations, no farther off than a step may go."""
-    normal, right = system(hypotheses)
-    step = scaled_solution(normal, right) - hypotheses.parameters
-    return evolve(hypotheses, parameters=hypotheses.parameters + np.clip(step, -LARGEST, LARGEST))
-
-
-def scaled_solution(normal: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the solutions (n, 9) of normal equations, whose diagonal is scaled to 1 first."""
-    scale = 1.0 / np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
-    scaled = normal * scale[:, :, None] * scale[:, None, :]
-    solution: FloatArray = np.linalg.solve(scaled, (right * scale)[:, :, None])[:, :, 0] * scale
-    return solution
-
-
-def covariance(hypotheses: Hypotheses, bias_sigma_rad: FloatArray) -> FloatArray:
-    """Return the covariances (n, 9, 9) of the estimates, with what sensors' biases (sensors,) add (Schmidt).
-
-    Where the rows fit worse than their errors say, the covariance grows by as much.
+    Sensors see a target at nearly the same times. Half the span's square times half of 100 m/s² is 0.8 m.
     """
-    normal, _ = system(hypotheses)
-    scale = 1.0 / np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
-    inverse = np.linalg.inv(normal * scale[:, :, None] * scale[:, None, :])
-    spread = inverse * scale[:, :, None] * scale[:, None, :]
-    spread *= misfit(hypotheses)[:, None, None]
-    moved_by = spread[:, None] @ hypotheses.pull * bias_sigma_rad[None, :, None, None]
-    spread = spread + np.einsum("nsik,nsjk->nij", moved_by, moved_by)
-    even: FloatArray = 0.5 * (spread + spread.transpose(0, 2, 1))
-    return even
+    span = np.floor(time_s / _SHARED_S).astype(np.int64)
+    low = int(span.min(initial=0))
+    key, place = np.unique(owner * (int(span.max(initial=0)) - low + 1) + span - low, return_inverse=True)
+    lead = np.zeros(len(key), dtype=np.int64)
+    lead[place[::-1]] = np.arange(len(place))[::-1]
+    middle = _SHARED_S * (span[lead].astype(np.float64) + 0.5)
+    places = family.places(owner[lead], middle)
+    away = time_s - middle[place]
+    # Before the start a path rests: what moves it on is its mean velocity over the way.
+    velocity = np.where(middle[place, None] > family.start_s[owner, None], places.velocity_m_s[place], 0.0)
+    return Places(places.position_m[place] + away[:, None] * velocity, velocity, places.slope[place])
 
 
-def misfit(hypotheses: Hypotheses) -> FloatArray:
+#: Rows within such a span share one reading of their path, s.
+_SHARED_S = 0.25
+
+
+class Solved(NamedTuple):
+    """Solutions (n, 10) of the normal equations with priors, covariances (n, 10, 10), evidence (n,), misfit (n,)."""
+
+    parameters: FloatArray
+    spread: FloatArray
+    evidence: FloatArray
+    misfit: FloatArray
+
+
+def solved(hypotheses: Hypotheses, priors: Priors, bias_sigma_rad: FloatArray) -> Solved:
+    """Return the solutions of hypotheses, with sensors' biases (sensors,) of unknown size in them (marginalised)."""
+    normal, right, square = _unbiased(hypotheses, bias_sigma_rad)
+    prior = priors.take(hypotheses.kind)
+    total, wanted, constant, log_prior = _with_priors(hypotheses, prior, normal, right)
+    scale = 1.0 / np.sqrt(np.diagonal(total, axis1=1, axis2=2))
+    scaled = total * scale[:, :, None] * scale[:, None, :]
+    inverse = np.linalg.inv(scaled)
+    spread = 0.5 * (inverse + inverse.transpose(0, 2, 1)) * scale[:, :, None] * scale[:, None, :]
+    parameters = _times(spread, wanted)
+    _, log = np.linalg.slogdet(scaled)
+    log_determinant = log - 2.0 * np.log(scale).sum(axis=1)
+    left = np.maximum(square + constant - np.sum(wanted * parameters, axis=1), 0.0)
+    evidence = log_prior - 0.5 * (left + log_determinant)
+    bent = np.sum(parameters * _times(normal, parameters), axis=1)
+    residual = np.maximum(square - 2.0 * np.sum(right * parameters, axis=1) + bent, 0.0)
+    return Solved(parameters, spread, evidence, _misfit(residual, hypotheses.rows))
+
+
+def _unbiased(hypotheses: Hypotheses, bias_sigma_rad: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return normal equations and sum of squares of which sensors' biases, normal and unknown, are taken out."""
+    normal, right, square = hypotheses.normal, hypotheses.right, hypotheses.square
+    for sensor in np.flatnonzero(bias_sigma_rad > 0.0).tolist():
+        variance = bias_sigma_rad[sensor] ** 2
+        factor = variance / (1.0 + variance * hypotheses.weight[:, sensor])
+        pull, pulled = hypotheses.pull[:, sensor], hypotheses.pulled[:, sensor]
+        normal = normal - factor[:, None, None] * np.einsum("nak,nbk->nab", pull, pull)
+        right = right - factor[:, None] * np.einsum("nak,nk->na", pull, pulled)
+        square = square - factor * np.sum(pulled * pulled, axis=1)
+    return normal, right, square
+
+
+def _with_priors(
+    hypotheses: Hypotheses, prior: Priors, normal: FloatArray, right: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the normal equations with the priors, the priors' sum of squares at 0 and the log of their height.
+
+    The turn's length is normal about the class's along its present direction, which is as likely as any other.
+    """
+    information = prior.information()
+    bent = hypotheses.is_bent > 0
+    information[~bent, TURN_EAST] = information[~bent, TURN_NORTH] = 2.0 / np.square(prior.turn_rad[~bent])
+    normal, right = normal.copy(), right.copy()
+    diagonal = np.arange(SIZE)
+    normal[:, diagonal, diagonal] += information
+    turn = hypotheses.parameters[:, [TURN_EAST, TURN_NORTH]]
+    length = np.maximum(np.hypot(turn[:, 0], turn[:, 1]), STRAIGHT_RAD)
+    along = turn / length[:, None]
+    share = np.where(bent, 1.0 / np.square(prior.turn_sigma_rad), 0.0)
+    for i, row in enumerate((TURN_EAST, TURN_NORTH)):
+        right[:, row] += share * along[:, i] * prior.turn_rad
+        for j, column in enumerate((TURN_EAST, TURN_NORTH)):
+            normal[:, row, column] += share * along[:, i] * along[:, j]
+    constant = share * np.square(prior.turn_rad)
+    ring = -np.log(prior.turn_rad) - np.log(prior.turn_sigma_rad) - 0.5 * np.log(2.0 * np.pi)
+    linear = np.delete(np.log(information), [TURN_EAST, TURN_NORTH], axis=1).sum(axis=1)
+    free = np.log(information[:, [TURN_EAST, TURN_NORTH]]).sum(axis=1)
+    return normal, right, constant, 0.5 * linear + np.where(bent, ring, 0.5 * free)
+
+
+def _misfit(residual_square: FloatArray, rows: FloatArray) -> FloatArray:
     """Return by how much (n,) the mean square residual exceeds what the errors explain; 1 where it does not."""
-    freedom = np.maximum(2.0 * hypotheses.rows - SIZE, 1.0)
+    freedom = np.maximum(2.0 * rows - SIZE, 1.0)
     # A mean of n squares wanders by √(2/n): only what is beyond three times that counts.
-    excess = residual_square(hypotheses) / freedom - 3.0 * np.sqrt(2.0 / freedom)
+    excess = residual_square / freedom - 3.0 * np.sqrt(2.0 / freedom)
     growth: FloatArray = np.maximum(excess, 1.0)
     return growth
 
 
-def residual_square(hypotheses: Hypotheses) -> FloatArray:
-    """Return the sums (n,) of squared whitened residuals of the rows at the estimate."""
-    x = hypotheses.parameters
-    bent = np.einsum("ni,nij,nj->n", x, hypotheses.normal, x)
-    left: FloatArray = np.maximum(hypotheses.square - 2.0 * np.sum(hypotheses.right * x, axis=1) + bent, 0.0)
-    return left
+def moved(hypotheses: Hypotheses, target: FloatArray, priors: Priors) -> FloatArray:
+    """Return the parameters (n, 10) on the way to others, no farther off than a step may go, and near their priors."""
+    step = np.clip(target - hypotheses.parameters, -LARGEST, LARGEST)
+    found = hypotheses.parameters + step
+    limit = _WITHIN / np.sqrt(priors.take(hypotheses.kind).information())
+    return np.clip(found, -limit, limit)
 
 
-def log_evidence(hypotheses: Hypotheses) -> FloatArray:
-    """Return the logarithms (n,) of the marginal likelihoods, by Laplace's approximation, up to a common constant."""
-    normal, _ = system(hypotheses)
-    x, shape = hypotheses.parameters, Shapes.of(hypotheses.kind)
-    prior = np.einsum("ni,ij,nj->n", x, prior_information(), x)
-    length = np.hypot(x[:, TURN_EAST], x[:, TURN_NORTH])
-    prior = prior + np.square((length - shape.turn_rad) / TURN_SIGMA_RAD)
-    scale = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
-    _, log = np.linalg.slogdet(normal / scale[:, :, None] / scale[:, None, :])
-    ends = np.nansum(np.square(_end_misses(hypotheses)), axis=1)
-    determinant = log + 2.0 * np.log(scale).sum(axis=1)
-    evidence: FloatArray = hypotheses.log_prior - 0.5 * (residual_square(hypotheses) + prior + ends + determinant)
-    return evidence
-
-
-def _end_misses(hypotheses: Hypotheses) -> FloatArray:
-    """Return by how many standard deviations (n, sensors + 1) burns end beside what was seen of it."""
-    burn_s = Shapes.of(hypotheses.kind).burn_s * np.exp(hypotheses.parameters[:, BURN])
-    expected = hypotheses.anchor_s + hypotheses.parameters[:, START] + burn_s
-    stopped = (hypotheses.end_s - expected[:, None]) / hypotheses.end_sigma_s
-    short = np.maximum(hypotheses.last_s - expected, 0.0) / _SHORT_SIGMA_S
-    return np.concatenate([stopped, short[:, None]], axis=1)
+def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return the products (n, r) of matrices (n, r, c) and vectors (n, c)."""
+    product: FloatArray = np.sum(matrix * vector[:, None], axis=2)
+    return product

@@ -1,21 +1,34 @@
-"""What a profile fit remembers of detections: one mean line of sight a track, sensor and second."""
+"""What a profile fit remembers of detections: normal points, one a track, sensor and span of time.
+
+A normal point is the mean of what directions differ by from a reference path, laid on the path at their mean time: what
+the path bends by within the span is not lost, and a ray far from the others of its span is told by its residual. (The
+name is that of satellite laser ranging.) As a track ages its normal points are joined to longer ones, so that what is
+remembered stays bounded.
+"""
+
+from collections.abc import Callable
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.geometry import local_axes
-from opir_core.records import FloatArray, IndexArray, IntArray
+from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.rays import Rays
 
-#: Lines of sight of a track and sensor within this time are averaged, s. In a second a boost seen from 36 000 km bends
-#: by 4e-7 rad, and the mean over it by a twelfth of that: far below what a mean of looks is good for.
+#: Rays of a track and sensor within this time make one normal point, s.
 SPAN_S = 1.0
+
+#: Older than this, and later than this after a track's first, normal points are joined over the longer span, s.
+_YOUNG_S, _EARLY_S, LONG_SPAN_S = 6.0, 15.0, 8.0
+
+#: Rays farther than this from the median of their normal point are left out, standard deviations.
+_ASTRAY = 4.5
 
 
 @frozen(eq=False)
 class Rows(Columns):
-    """Mean lines of sight: track (its number), mean time of the looks, sensor, where from, axes, error of the mean.
+    """Lines of sight: track (its number), mean time at which light left, sensor, where from, axes, error of the mean.
 
     `axes` (n, 3, 3) are rows across and along the mean direction, ECEF: the first as near to the sensor's east as it
     can be, the second to its north.
@@ -36,48 +49,106 @@ class Rows(Columns):
         return cls(whole, np.empty(0), np.empty(0, dtype=np.int32), none, np.empty((0, 3, 3)), np.empty(0))
 
 
-def averaged(track: IntArray, rays: Rays) -> Rows:
-    """Return the means of rays (n,), given to tracks by number (n,), by track, sensor and second; weights 1/σ²."""
-    if not len(rays):
-        return Rows.empty()
-    second = np.floor(rays.time_s / SPAN_S).astype(np.int64)
-    keys = np.stack([track, rays.sensor.astype(np.int64), second])
+#: Positions (m, 3) at which rows' tracks are expected.
+Reference = Callable[[Rows], FloatArray]
+
+
+def single(track: IntArray, rays: Rays) -> Rows:
+    """Return rays (n,) of tracks by number (n,) as rows, in their order, as if light took no time."""
+    return Rows(track, rays.time_s, rays.sensor, rays.origin_ecef_m, axes_about(rays), rays.sigma_rad)
+
+
+def axes_about(rays: Rays) -> FloatArray:
+    """Return axes (n, 3, 3) of rays: towards the east and the north of their sensors, and along."""
+    return _axes(rays.origin_ecef_m, rays.direction_ecef)
+
+
+def means(rows: Rows) -> Rows:
+    """Return the means of rows by track, sensor and second, of which no path is known."""
+    group, rows = _grouped(rows, np.floor(rows.time_s / SPAN_S).astype(np.int64))
+    return _averaged(rows, group, rows.axes[:, 2])[0]
+
+
+def normal_points(rows: Rows, reference: Reference, span: IntArray) -> Rows:
+    """Return normal points of rows by track, sensor and span (n,), on the paths that `reference` tells."""
+    if not len(rows):
+        return rows
+    group, rows = _grouped(rows, span)
+    axes, seen = _residuals(rows, reference(rows))
+    kept = _near(group, seen, rows.sigma_rad)
+    rows, group, axes, seen = rows.take(kept), group[kept], axes[kept], seen[kept]
+    points, (east, north) = _averaged(rows, np.unique(group, return_inverse=True)[1], rows.axes[:, 2], seen)
+    axes, _ = _residuals(points, reference(points))
+    direction = axes[:, 2] + east[:, None] * axes[:, 0] + north[:, None] * axes[:, 1]
+    direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
+    return evolve(points, axes=_axes(points.origin_ecef_m, direction))
+
+
+def compressed(rows: Rows, tick_s: float, reference: Reference) -> Rows:
+    """Return rows with those that are neither young nor of a track's first seconds joined over the longer span."""
+    number, row = np.unique(rows.track, return_inverse=True)
+    first = np.full(len(number), np.inf)
+    np.minimum.at(first, row, rows.time_s)
+    span = np.floor(rows.time_s / LONG_SPAN_S).astype(np.int64)
+    old = (rows.time_s < tick_s - _YOUNG_S) & (span * LONG_SPAN_S > first[row] + _EARLY_S)
+    old &= (span + 1) * LONG_SPAN_S < tick_s
+    joined = normal_points(rows.take(np.flatnonzero(old)), reference, span[old])
+    return Rows.concatenate([rows.take(np.flatnonzero(~old)), joined])
+
+
+def _grouped(rows: Rows, span: IntArray) -> tuple[IntArray, Rows]:
+    """Return rows by track, sensor and span, and which group (n,) each belongs to."""
+    keys = np.stack([rows.track, rows.sensor.astype(np.int64), span])
     order = np.lexsort(keys[::-1])
     first = np.append(True, np.any(np.diff(keys[:, order], axis=1) != 0, axis=0))
-    group = np.cumsum(first) - 1
-    weight = 1.0 / np.square(rays.sigma_rad[order])
+    group: IntArray = np.cumsum(first) - 1
+    return group, rows.take(order)
+
+
+def _averaged(
+    rows: Rows, group: IntArray, direction: FloatArray, seen: FloatArray | None = None
+) -> tuple[Rows, tuple[FloatArray, ...]]:
+    """Return the weighted means of groups of rows, and those of two more columns."""
+    weight = 1.0 / np.square(rows.sigma_rad)
     total = np.bincount(group, weight)
 
     def mean(values: FloatArray) -> FloatArray:
-        found: FloatArray = np.bincount(group, weight * values[order]) / total
+        found: FloatArray = np.bincount(group, weight * values) / total
         return found
 
-    origin, direction = (
-        np.stack([mean(vectors[:, axis]) for axis in range(3)], axis=1)
-        for vectors in (rays.origin_ecef_m, rays.direction_ecef)
-    )
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
-    lead = order[first]
-    return Rows(
-        track=track[lead],
-        time_s=mean(rays.time_s),
-        sensor=rays.sensor[lead],
+    origin, along = (np.stack([mean(v[:, axis]) for axis in range(3)], axis=1) for v in (rows.origin_ecef_m, direction))
+    along /= np.sqrt(np.sum(along * along, axis=1))[:, None]
+    lead = np.flatnonzero(np.append(True, np.diff(group) != 0)[: len(group)])
+    points = Rows(
+        track=rows.track[lead],
+        time_s=mean(rows.time_s),
+        sensor=rows.sensor[lead],
         origin_ecef_m=origin,
-        axes=_axes(origin, direction),
+        axes=_axes(origin, along),
         sigma_rad=1.0 / np.sqrt(total),
     )
+    return points, () if seen is None else (mean(seen[:, 0]), mean(seen[:, 1]))
 
 
-def single(track: int, rays: Rays) -> Rows:
-    """Return rays (n,) as rows of one track, each by itself, in their order."""
-    return Rows(
-        track=np.full(len(rays), track, dtype=np.int64),
-        time_s=rays.time_s,
-        sensor=rays.sensor,
-        origin_ecef_m=rays.origin_ecef_m,
-        axes=_axes(rays.origin_ecef_m, rays.direction_ecef),
-        sigma_rad=rays.sigma_rad,
-    )
+def _residuals(rows: Rows, position: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return axes (n, 3, 3) about the directions to positions, and the tangents (n, 2) at which rows stand in them."""
+    line = position - rows.origin_ecef_m
+    axes = _axes(rows.origin_ecef_m, line / np.sqrt(np.sum(line * line, axis=1))[:, None])
+    local = np.sum(axes * rows.axes[:, None, 2], axis=2)
+    return axes, local[:, :2] / local[:, 2:]
+
+
+def _near(group: IntArray, seen: FloatArray, sigma: FloatArray) -> BoolArray:
+    """Return which rows lie near the medians of their groups, of three or more; groups come sorted."""
+    kept = np.ones(len(group), dtype=np.bool_)
+    count = np.bincount(group)
+    first = np.cumsum(count) - count
+    for axis in range(2):
+        ordered = seen[np.lexsort((seen[:, axis], group)), axis]
+        median = 0.5 * (ordered[first + (count - 1) // 2] + ordered[first + count // 2])
+        kept &= np.abs(seen[:, axis] - median[group]) < _ASTRAY * sigma
+    alone = np.bincount(group, kept) < 1.0
+    return kept | (count[group] < 3) | alone[group]
 
 
 def _axes(origin: FloatArray, direction: FloatArray) -> FloatArray:
@@ -85,7 +156,8 @@ def _axes(origin: FloatArray, direction: FloatArray) -> FloatArray:
     north = local_axes(origin)[:, 1]
     across = north - np.sum(north * direction, axis=1)[:, None] * direction
     # Straight along the north any axis will do.
-    size = np.linalg.norm(across, axis=1)[:, None]
+    size = np.sqrt(np.sum(across * across, axis=1))[:, None]
     spare = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction), axis=1)])
-    across = np.where(size > 1e-6, across / np.maximum(size, 1e-6), spare / np.linalg.norm(spare, axis=1)[:, None])
+    spare /= np.sqrt(np.sum(spare * spare, axis=1))[:, None]
+    across = np.where(size > 1e-6, across / np.maximum(size, 1e-6), spare)
     return np.stack([np.cross(across, direction), across, direction], axis=1)

@@ -1,31 +1,31 @@
-"""The tracker `boost-profile`: its family, its fit against closed forms and truth, and what it promises."""
+"""The tracker `boost-profile`: its family and fit against closed forms and truth, and what it promises of a scene."""
 
 import numpy as np
 import pytest
+from attrs import evolve
+from profile_flights import GEO_M, PRIORS, flights, lines_of_sight, watch_of
 
 from opir_core import simulate
+from opir_core.builtin.configs import BoostProfileConfig
 from opir_core.flight.aiming import aim
-from opir_core.flight.profiles import boost_profile
+from opir_core.flight.profiles import PROFILES_BY_TYPE, boost_profile, boost_profiles
 from opir_core.geometry import Geodetic
 from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
+from opir_core.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees
 from opir_core.tracking import profile_fit as fit
-from opir_core.tracking.profile_family import (
-    CLASSES,
-    SIZE,
-    SPEED,
-    TURN_EAST,
-    TURN_NORTH,
-    Anchors,
-    Shapes,
-    drawn_out,
-    paths,
-)
-from opir_core.tracking.profile_rows import averaged, single
+from opir_core.tracking import profile_flight
+from opir_core.tracking.profile_bank import Fitting
+from opir_core.tracking.profile_end import Silence, ends_of
+from opir_core.tracking.profile_family import SIZE, SPEED, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
+from opir_core.tracking.profile_hypotheses import probability
+from opir_core.tracking.profile_priors import priors_of
+from opir_core.tracking.profile_report import report
+from opir_core.tracking.profile_rows import axes_about, compressed, normal_points, single
+from opir_core.tracking.profile_strain import Bank
+from opir_core.tracking.profile_trust import strays
 from opir_core.tracking.rays import Rays
-
-KIND = np.array([CLASSES.index("ICBM_liquid")])
 
 
 def scene(**settings):
@@ -53,122 +53,208 @@ def scene(**settings):
     )
 
 
-def true_parameters(flight):
-    """Return the parameters of a flight, counted from its own launch: the family holds what a scene launches."""
-    nominal = Shapes.of(KIND)
+@pytest.mark.parametrize("profile", boost_profiles().values(), ids=lambda profile: profile.name)
+def test_the_family_holds_the_class_profiles(profile):
+    far = 1.15 * profile.reference_range_m / 6.37e6
+    flight = aim(Geodetic(0.6, -2.1, 0.0), Geodetic(0.6 - 0.5 * far, -2.1 + 0.8 * far, 0.0), 10.0, [profile])
+    prior = Priors(
+        *np.array(
+            [
+                profile.burn_time_s,
+                profile.burnout_speed_m_s,
+                profile.speed_shape,
+                profile.pitch_exponent,
+                profile.pitch_start_s / profile.burn_time_s,
+                *np.ones(7),
+            ]
+        )[:, None]
+    )
     x = np.zeros((1, SIZE))
     turn, azimuth = 0.5 * np.pi - flight.burnout_flight_path_angle_rad, flight.azimuth_rad
     x[:, TURN_EAST], x[:, TURN_NORTH] = turn * np.sin(azimuth), turn * np.cos(azimuth)
-    x[:, SPEED] = np.log(flight.burnout_speed_m_s / nominal.speed_m_s)
-    return x
+    x[:, SPEED] = np.log(flight.burnout_speed_m_s / profile.burnout_speed_m_s)
+    family = Family.of(x, Anchors(np.array([0.6]), np.array([-2.1]), np.array([10.0])), prior)
+    row, time_s = np.zeros(60, dtype=np.int64), np.linspace(10.0, 10.0 + profile.burn_time_s, 60)
+    ours, theirs = family.places(row, time_s), flight.path.state(row, time_s)
+    assert np.abs(ours.position_m - theirs[0]).max() < 0.05
+    assert np.abs(ours.velocity_m_s - theirs[1]).max() < 1e-4
 
 
-@pytest.fixture(scope="module")
-def flight():
-    launch, goal = Geodetic(0.6, -2.1, 0.0), Geodetic(0.16, 2.93, 0.0)
-    return aim(launch, goal, 10.0, [boost_profile("ICBM_liquid")])
+@pytest.mark.parametrize("kind", TARGET_TYPES)
+def test_priors_are_wide_enough_for_the_profiles_of_their_type(kind):
+    prior = priors_of(BoostProfileConfig().priors).take([TARGET_TYPES.index(kind)])
+    for profile in (boost_profile(name) for name in PROFILES_BY_TYPE[kind]):
+        pairs = (
+            (np.log(profile.burn_time_s / prior.burn_s), prior.burn_sigma),
+            (np.log(profile.burnout_speed_m_s / prior.speed_m_s), prior.speed_sigma),
+            (np.log(profile.speed_shape / prior.speed_shape), prior.shape_sigma),
+            (np.log(profile.pitch_exponent / prior.pitch_exponent), prior.pitch_sigma),
+            (np.log(profile.pitch_start_s / profile.burn_time_s / prior.lift), prior.lift_sigma),
+            (0.5 * np.pi - profile.burnout_flight_path_angle_rad - prior.turn_rad, prior.turn_sigma_rad),
+        )
+        assert all(abs(float(away[0])) < 1.5 * float(sigma[0]) for away, sigma in pairs)
 
 
-def anchors():
-    return Anchors(np.array([0.6]), np.array([-2.1]), np.array([10.0]))
-
-
-def test_the_family_holds_the_class_profiles(flight):
-    path = paths(true_parameters(flight), anchors(), Shapes.of(KIND))
-    row, time_s = np.zeros(60, dtype=np.int64), np.linspace(10.0, 260.0, 60)
-    ours, theirs = path.state(row, time_s), flight.path.state(row, time_s)
-    assert np.abs(ours[0] - theirs[0]).max() < 1e-5
-    assert np.abs(ours[1] - theirs[1]).max() < 1e-7
-
-
-def test_outside_the_burn_a_path_rests_and_goes_straight_on(flight):
-    path = paths(true_parameters(flight), anchors(), Shapes.of(KIND))
-    position, velocity = drawn_out(path, np.zeros(3, dtype=np.int64), np.array([0.0, 260.0, 262.0]))
-    assert np.abs(position[0] - flight.path.state(np.zeros(1, dtype=np.int64), np.array([10.0]))[0]).max() < 1e-6
-    assert position[2] - position[1] == pytest.approx(2.0 * velocity[1], rel=1e-9)
-
-
-def rays_of(flight, rng, sigma_rad, period_s=0.5):
-    """Return noisy rays of two geostationary sensors at a flight, by time."""
-    time_s = np.repeat(np.arange(11.0, 259.0, period_s), 2)
-    sensor = np.tile([0, 1], len(time_s) // 2)
-    position, _ = flight.path.state(np.zeros(len(time_s), dtype=np.int64), time_s)
-    longitude = np.radians([-150.0, -90.0])[sensor]
-    origin = 4.2164e7 * np.stack([np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1)
-    line = position - origin
-    unit = line / np.linalg.norm(line, axis=1)[:, None]
-    noisy = unit + rng.normal(size=unit.shape) * sigma_rad
-    noisy /= np.linalg.norm(noisy, axis=1)[:, None]
-    scan = np.arange(len(time_s), dtype=np.int64)
-    return Rays(time_s, sensor.astype(np.int32), scan, origin, noisy, np.full(len(time_s), sigma_rad))
-
-
-def hypothesis(parameters):
-    from opir_core.tracking.profile_hypotheses import blank as blank_hypotheses
-
-    blank = blank_hypotheses(1, 2)
-    place = anchors()
-    for name, value in (
-        ("kind", KIND),
-        ("anchor_latitude_rad", place.latitude_rad),
-        ("anchor_longitude_rad", place.longitude_rad),
-        ("anchor_s", place.time_s),
-        ("parameters", parameters),
-    ):
-        object.__setattr__(blank, name, value)
-    return blank
-
-
-def test_means_of_a_second_are_where_its_middle_is(flight):
-    rays = rays_of(flight, np.random.default_rng(1), 1e-12, period_s=0.1)
-    rows = averaged(np.zeros(len(rays), dtype=np.int64), rays)
-    owner = np.zeros(len(rows), dtype=np.int64)
-    seen, _ = fit.linearised(hypothesis(true_parameters(flight)), rows, owner, False)
-    # A second's bend, a / 24 R: 3e-8 rad at 30 m/s², half of what one look of 20 urad in 10 000 would tell.
-    assert np.abs(seen).max() < 1e-7
-    assert rows.sigma_rad == pytest.approx(np.full(len(rows), 1e-12 / np.sqrt(10.0)), rel=0.12)
-
-
-def test_slopes_are_central_differences(flight):
-    truth = true_parameters(flight)
-    rows = single(0, rays_of(flight, np.random.default_rng(2), 1e-6).take(slice(0, 400, 40)))
-    owner = np.zeros(len(rows), dtype=np.int64)
-    _, slope = fit.linearised(hypothesis(truth), rows, owner, True)
-    for index, step in enumerate(fit.STEPS):
-        ends = []
-        for sign in (1.0, -1.0):
-            moved = truth.copy()
-            moved[0, index] += sign * step
-            ends.append(fit.linearised(hypothesis(moved), rows, owner, True)[0])
+def test_slopes_are_central_differences():
+    truth = flights("ICBM", 3, seed=1)
+    row, time_s = np.repeat(np.arange(3), 12), np.tile(np.linspace(20.0, 260.0, 12), 3)
+    slope = fit.family_of(truth, PRIORS).places(row, time_s).slope
+    for index, step in enumerate([10.0, 10.0, 1e-3, *[1e-4] * 7]):
+        ends = [
+            fit.family_of(evolve(truth, parameters=truth.parameters + sign * step * np.eye(SIZE)[index]), PRIORS)
+            .places(row, time_s)
+            .position_m
+            for sign in (1.0, -1.0)
+        ]
         central = (ends[0] - ends[1]) / (2.0 * step)
-        assert slope[:, :, index] == pytest.approx(central, rel=2e-2, abs=2e-3 * np.abs(central).max())
+        assert np.abs(slope[:, index] - central).max() < 1e-3 * np.abs(central).max()
 
 
-def test_errors_of_the_fit_are_what_its_covariance_says(flight):
-    truth, values = true_parameters(flight), []
-    for seed in range(12):
-        rows = averaged(np.zeros(992, dtype=np.int64), rays_of(flight, np.random.default_rng(seed), 2e-5))
-        owner = np.zeros(len(rows), dtype=np.int64)
-        now = hypothesis(truth)
-        for _ in range(3):
-            now = fit.moved(fit.with_rows(now.cleared(), rows, owner, False))
-        now = fit.with_rows(now.cleared(), rows, owner, False)
-        spread = fit.covariance(now, np.zeros(2))
-        values.append(nees((now.parameters - truth)[:, :6], spread[:, :6, :6])[0])
-    # 12 samples of six degrees of freedom: the mean over 6 is within 0.55 to 1.6 in 99.9 % of cases; the truth stands
-    # at the middle of the prior, which makes errors smaller than it allows for.
-    assert 0.2 < np.mean(values) / 6.0 < 1.6
+def rays_along_a_line(count, sigma_rad, seed):
+    """Return rays of a sensor over the equator at a point that falls by 300 m in a second, and the point as a path."""
+    rng = np.random.default_rng(seed)
+    time_s = np.sort(rng.uniform(3.0, 4.0, count))
+
+    def path(rows):
+        away = rows.time_s[:, None] - 3.0
+        return np.array([6.4e6, 1e5, 2e6]) + away * np.array([-300.0, 0.0, 100.0]) - 50.0 * away**2
+
+    origin = np.tile([GEO_M, 0.0, 0.0], (count, 1))
+    unused = np.zeros(count, dtype=np.int64)
+    rays = Rays(time_s, unused.astype(np.int32), unused, origin, origin, np.full(count, sigma_rad))
+    line = path(single(unused, rays)) - origin + rng.normal(size=(count, 3)) * sigma_rad * 3.6e7
+    return evolve(rays, direction_ecef=line / np.linalg.norm(line, axis=1)[:, None]), path
+
+
+def test_normal_points_keep_the_bend_and_leave_out_what_strays():
+    rays, path = rays_along_a_line(40, 1e-9, 3)
+    rays.direction_ecef[7] += [0.0, 1e-6, 0.0]
+    rows = single(np.zeros(40, dtype=np.int64), rays)
+    point = normal_points(rows, path, np.zeros(40, dtype=np.int64))
+    assert len(point) == 1
+    line = path(point) - point.origin_ecef_m
+    line /= np.linalg.norm(line, axis=1)[:, None]
+    # The ray that strays by a thousand deviations would move the mean by 2.5e-8 rad.
+    assert np.abs(point.axes[0, 2] - line[0]).max() < 4.0 * 1e-9 / np.sqrt(39)
+    assert point.sigma_rad[0] == pytest.approx(1e-9 / np.sqrt(39))
+
+
+def test_normal_points_of_a_long_flight_are_few_and_say_as_much():
+    truth = flights("ICBM", 1, seed=4)
+    track, rays = lines_of_sight(truth, 2e-5, seed=4)
+    family = fit.family_of(truth, PRIORS)
+
+    def path(rows):
+        return family.places(np.zeros(len(rows), dtype=np.int64), rows.time_s).position_m
+
+    rows = normal_points(single(track, rays), path, np.floor(rays.time_s).astype(np.int64))
+    few = compressed(rows, float(rays.time_s[-1]) + 1.0, path)
+    assert len(few) < 0.4 * len(rows)
+    sums = []
+    for each in (rows, few):
+        each = each.take(np.argsort(each.time_s))
+        owner = np.zeros(len(each), dtype=np.int64)
+        whole = fit.with_rows(evolve(truth).cleared(), family, each, owner, np.ones(len(each)))
+        solved = fit.solved(whole, PRIORS, np.zeros(2))
+        sums.append(np.sqrt(np.diagonal(solved.spread, axis1=1, axis2=2))[0])
+    assert sums[1] == pytest.approx(sums[0], rel=0.01)
+
+
+def silence(last, until, chance=0.5, period=0.1):
+    return Silence(*(np.array([[value]]) for value in (last, until, chance)), np.array([period]))
+
+
+def test_an_end_that_may_be_any_time_after_the_last_light_is_a_truncated_normal():
+    from scipy.stats import truncnorm
+
+    found = ends_of(np.array([100.0]), np.array([64.0]), silence(104.0, 104.0))
+    law = truncnorm((104.0 - 100.0) / 8.0, np.inf, loc=100.0, scale=8.0)
+    assert found.mean_s == pytest.approx(law.mean(), abs=0.02)
+    assert found.variance_s2 == pytest.approx(law.var(), rel=0.01)
+    assert np.exp(found.evidence) == pytest.approx(0.3085, rel=0.01)
+
+
+def test_silence_ends_a_burn_within_a_geometric_number_of_looks():
+    last, until = np.full((1, 2), 104.0), np.full((1, 2), 110.0)
+    both = Silence(last, until, np.full((1, 2), 0.5), np.full(2, 0.1))
+    found = ends_of(np.array([104.0]), np.array([400.0]), both)
+    missed = np.arange(60)
+    weight = 0.25**missed
+    assert found.mean_s - 104.0 == pytest.approx(np.sum(weight * (missed + 0.5) * 0.1) / weight.sum(), rel=0.02)
+    far = ends_of(np.array([300.0]), np.array([400.0]), both)
+    assert far.evidence < found.evidence - 10.0
+
+
+def test_a_sensor_that_fails_does_not_end_a_burn_that_another_sees():
+    both = Silence(np.array([[50.0, 90.0]]), np.array([[90.0, 90.0]]), np.full((1, 2), 0.8), np.full(2, 0.1))
+    found = ends_of(np.array([120.0]), np.array([100.0]), both)
+    assert found.mean_s == pytest.approx(120.0, abs=0.5)
+
+
+def told(kind, runs, seed, ticks, biases_rad=0.0):
+    """Return the truth and what is told of it at some ticks, and four seconds after all burns have ended."""
+    truth = flights(kind, runs, seed)
+    track, rays = lines_of_sight(truth, 2e-5, seed, biases_rad=biases_rad)
+    fitting, bank, cut, found = Fitting(PRIORS, watch_of(2, bias_sigma_rad=biases_rad), True), Bank.empty(2), 0, []
+    last = int(rays.time_s[-1] + 4.0) if ticks is None else ticks[-1]
+    for tick in range(1, last + 1):
+        end = int(np.searchsorted(rays.time_s, tick))
+        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
+        cut = end
+        if tick == last or tick in (ticks or ()):
+            likely = probability(bank.hypotheses)
+            found.append(report(bank.hypotheses, likely, float(tick), PRIORS, "kepler", np.inf))
+    return truth, found
+
+
+def true_values(truth, tick_s):
+    """Return true states at a tick, impacts, and whether the burn goes on."""
+    family, none = fit.family_of(truth, PRIORS), np.zeros((len(truth), SIZE, SIZE))
+    ends, slope = profile_flight.burnouts(family, none)
+    state = profile_flight.states(family, none, tick_s, ends, slope)
+    return state.mean, profile_flight.impacts(ends, slope, none, "kepler").mean, family.burnout_s > tick_s
+
+
+@pytest.mark.parametrize("biases_rad", [0.0, 6e-5])
+def test_errors_of_states_are_what_their_covariances_say(biases_rad):
+    truth, found = told("SRBM", 30, 7, (35, 50), biases_rad)
+    for each in found:
+        state, _, burning = true_values(truth, float(each.tick_s[0]))
+        values = nees(each.state - state, each.state_covariance)[burning]
+        # The mean of n values of six degrees of freedom wanders by √(12/n); 3.3 of them is 99.9 %.
+        assert abs(values.mean() - 6.0) < 3.3 * np.sqrt(12.0 / len(values))
+
+
+def test_impact_ellipses_hold_the_truth():
+    truth, (found,) = told("SRBM", 30, 11, None)
+    _, impact, _ = true_values(truth, float(found.tick_s[0]))
+    away = profile_flight.on_ground(impact, found.impact)
+    values = nees(away[:, :2], found.impact_covariance[:, :2, :2])
+    assert abs(values.mean() - 2.0) < 3.3 * np.sqrt(4.0 / 30)
+    # 30 draws that are held with 95 %: fewer than 24 are a case of one in a thousand.
+    assert np.count_nonzero(values < 5.99) >= 24
 
 
 def test_a_scene_is_tracked_to_launch_and_impact():
-    run = simulate(scene())
-    last = run.tracks.take(np.flatnonzero(run.tracks.tick_s == 45.0))
+    run = simulate(scene(duration_s=75.0))
+    last = run.tracks.take(np.flatnonzero(run.tracks.tick_s == 75.0))
     assert len(last) == 1
     assert np.degrees(last.launch[0, :2]) == pytest.approx([36.73, -110.57], abs=0.02)
     assert last.launch[0, 2] == pytest.approx(2.0, abs=2.0)
     assert last.type_probability[0].argmax() == 2
+    assert np.degrees(last.impact[0, :2]) == pytest.approx([39.0, -110.0], abs=0.15)
     assert np.linalg.eigvalsh(last.state_covariance).min() > 0.0
     assert np.linalg.eigvalsh(last.impact_covariance).min() > 0.0
+
+
+def test_an_impact_that_could_be_anywhere_is_not_told():
+    near, far = (
+        simulate(scene(duration_s=20.0, tracker={"model": "boost-profile", "largest_impact_km": limit})).tracks
+        for limit in (50.0, 20000.0)
+    )
+    assert np.isnan(near.impact[-1]).all()
+    assert np.isfinite(far.impact[-1]).all()
+    assert 2.448 * np.sqrt(np.linalg.eigvalsh(far.impact_covariance[-1, :2, :2])[-1]) > 50e3
 
 
 def test_the_end_of_the_burn_is_told_within_its_covariance():
@@ -202,3 +288,38 @@ def test_one_sensor_is_enough_and_says_how_little_it_knows():
     )
     spreads = [float(np.sqrt(np.trace(run.tracks.state_covariance[-1, :3, :3]))) for run in (stereo, mono)]
     assert spreads[0] < spreads[1]
+
+
+def pair_of_tracks(apart_m):
+    """Return a fitted and a filtered track whose states differ by so much, 3 deviations of the filter being 900 m."""
+    run = simulate(scene(duration_s=30.0))
+    fitted = run.tracks.take(slice(-1, None))
+    filtered = evolve(
+        fitted, state=fitted.state.copy(), state_covariance=np.diag([9e4, 9e4, 9e4, 1e4, 1e4, 1e4])[None].copy()
+    )
+    filtered.state[0, 0] += apart_m
+    return evolve(fitted, state_covariance=0.1 * filtered.state_covariance), filtered
+
+
+def test_a_fit_that_strays_from_the_filter_is_told_from_one_that_does_not():
+    near, far = (strays(*pair_of_tracks(apart_m)) for apart_m in (900.0, 1800.0))
+    assert not near[0]
+    assert far[0]
+
+
+def test_what_older_looks_say_fades_when_new_ones_drift_and_not_before():
+    truth = flights("IRBM", 12, 5)
+    track, rays = lines_of_sight(truth, 2e-5, 5)
+    fading = []
+    for bend_rad_s in (0.0, 2e-6):
+        fitting, bank, cut = Fitting(PRIORS, watch_of(2), True), Bank.empty(2), 0
+        late = np.maximum(rays.time_s - 40.0, 0.0)[:, None]
+        turned = rays.direction_ecef + bend_rad_s * late**1.5 * axes_about(rays)[:, 0]
+        bent = evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
+        for tick in range(1, 66):
+            end = int(np.searchsorted(rays.time_s, tick))
+            bank = fitting.stepped(bank, float(tick), track[cut:end], bent.take(slice(cut, end)))
+            cut = end
+        least = 1.0 / np.square(bank.rows.sigma_rad)
+        fading.append(float(np.median(least[bank.rows.time_s < 35.0])))
+    assert fading[1] < 0.3 * fading[0]
