@@ -6,7 +6,7 @@ from opir_core.flight.forces import Forces
 from opir_core.geometry import eci_to_ecef
 from opir_core.tracking.association import Chances
 from opir_core.tracking.gating import candidates, gated
-from opir_core.tracking.ghosts import without_ghosts
+from opir_core.tracking.ghosts import Slice, without_ghosts
 from opir_core.tracking.motion import BOOST, COAST, Motion
 from opir_core.tracking.rays import Rays, axes_across
 from opir_core.tracking.switching_filter import Bank, SwitchingFilter
@@ -57,9 +57,9 @@ def test_an_exchange_of_one_sensors_rays_is_undone_and_a_right_assignment_left_a
     outlook = filter_.outlook(bank, 1.0)
     pairs = gated(outlook, rays, *candidates(outlook, rays, 1.0, 5.0, False), 5.0, False)
     assert len(pairs) == 2 * len(rays), "every ray may be either's"
-    chances = Chances(np.array([0.9, 0.9]), 100.0)
+    known = Slice(filter_, Chances(np.array([0.9, 0.9]), 100.0), False, bank, 1.0, rays)
     right = pairs.track == whose[pairs.ray]
     ghostly = np.where(rays.sensor[pairs.ray] == 0, ~right, right)
-    assert np.array_equal(without_ghosts(filter_, bank, 1.0, pairs, right, rays, chances), right)
-    put_right = without_ghosts(filter_, bank, 1.0, pairs, ghostly, rays, chances)
+    assert np.array_equal(without_ghosts(known, pairs, right), right)
+    put_right = without_ghosts(known, pairs, ghostly)
     assert np.array_equal(put_right, right) or np.array_equal(put_right, ~right), "which track is which is free"
