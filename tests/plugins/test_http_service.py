@@ -265,11 +265,25 @@ def test_a_launch_that_is_past_is_told_the_clock(stand: Stand) -> None:
     assert (answer.status, "clock is at" in answer.json["detail"]) == (409, True)
 
 
-@pytest.mark.parametrize(
-    "kind", ["text/plain", "application/x-www-form-urlencoded", "application/json; charset=latin-1", ""]
-)
+FORM = "application/x-www-form-urlencoded"
+
+
+@pytest.mark.parametrize("kind", ["text/plain", f"{FORM}; charset=utf-8", "application/json; charset=latin-1", ""])
 def test_other_content_types_are_refused(stand: Stand, kind: str) -> None:
     assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": kind}).status == 415
+
+
+@pytest.mark.parametrize(
+    "header",
+    [{"Origin": "https://elsewhere.example"}, {"Origin": "null"}, {"Sec-Fetch-Site": "cross-site"}],
+)
+def test_no_form_of_a_browser_is_taken(stand: Stand, header: dict[str, str]) -> None:
+    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM} | header).status == 415
+
+
+def test_what_curl_posts_by_default_is_read_as_json(stand: Stand) -> None:
+    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM}).status == 202
+    assert stand.ask("POST", "/trigger", b"type=ICBM", {"Content-Type": FORM}).status == 400
 
 
 def test_other_methods_are_refused_and_no_origin_is_let_in(stand: Stand) -> None:

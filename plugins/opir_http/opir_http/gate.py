@@ -25,6 +25,7 @@ LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 #: What takes a body; whatever else is written to has its own answer.
 _TAKE_BODIES = frozenset({("POST", "/trigger"), ("PUT", "/config")})
+_OF_BROWSERS = (b"origin", b"referer", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest")
 _CLIENTS = 1024
 
 _HEADERS = [
@@ -94,7 +95,7 @@ class Gate:
             wait_s = self._rates.wait_s((scope.get("client") or ("",))[0], self._settings().writes_per_s)
             if wait_s:
                 raise ProblemError(429, "too many requests", headers={"Retry-After": str(int(wait_s) + 1)})
-        if (scope["method"], scope["path"]) in _TAKE_BODIES and not _is_json(headers.get(b"content-type", b"")):
+        if (scope["method"], scope["path"]) in _TAKE_BODIES and not _is_json(headers):
             raise ProblemError(415, "send application/json, in UTF-8 (curl: -H 'Content-Type: application/json')")
         return await _body(headers, receive)
 
@@ -120,9 +121,17 @@ def _is_open(path: str) -> bool:
     return path in OPEN_PATHS or path.startswith(OPEN_PREFIX)
 
 
-def _is_json(content_type: bytes) -> bool:
-    kind, _, rest = content_type.decode("latin-1").lower().partition(";")
-    return kind.strip() == "application/json" and rest.strip().replace('"', "") in ("", "charset=utf-8")
+def _is_json(headers: Mapping[bytes, bytes]) -> bool:
+    """Return whether a body is to be read as JSON: named so, or named nothing better by a program such as `curl -d`.
+
+    Browsers post forms of any site's without asking; but they say so, in `Origin` and `Sec-Fetch-*` (Fetch, sections
+    3.1 and 3.5), and no page can leave these out.
+    """
+    kind, _, rest = headers.get(b"content-type", b"").decode("latin-1").lower().partition(";")
+    kind, rest = kind.strip(), rest.strip().replace('"', "")
+    if kind == "application/x-www-form-urlencoded":
+        return not rest and not any(name in headers for name in _OF_BROWSERS)
+    return kind == "application/json" and rest in ("", "charset=utf-8")
 
 
 async def _body(headers: Mapping[bytes, bytes], receive: Receive) -> bytes:
