@@ -36,7 +36,8 @@ class Outsider:
 
     def run(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
         """Run a command with that environment first on the path."""
-        clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "OPIR_PLUGINS")}
+        ours = ("PYTHONPATH", "OPIR_PLUGINS", "PYTEST_ADDOPTS")
+        clean = {key: value for key, value in os.environ.items() if key not in ours}
         clean["PATH"] = f"{self.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"
         return subprocess.run(words, cwd=cwd or self.folder, env=clean, capture_output=True, text=True, check=False)
 
