@@ -36,10 +36,14 @@ class Outsider:
 
     def run(self, *words: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
         """Run a command with that environment first on the path."""
+        given = self.variables()
+        return subprocess.run(words, cwd=cwd or self.folder, env=given, capture_output=True, text=True, check=False)
+
+    def variables(self) -> dict[str, str]:
+        """Return the environment's variables: that environment first on the path, and nothing of ours."""
         ours = ("PYTHONPATH", "OPIR_PLUGINS", "PYTEST_ADDOPTS")
         clean = {key: value for key, value in os.environ.items() if key not in ours}
-        clean["PATH"] = f"{self.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"
-        return subprocess.run(words, cwd=cwd or self.folder, env=clean, capture_output=True, text=True, check=False)
+        return {**clean, "PATH": f"{self.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"}
 
 
 def third_party(folder: Path) -> Path:

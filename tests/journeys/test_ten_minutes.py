@@ -1,6 +1,5 @@
 """The tutorial's transcript, line by line, as somebody else would type it."""
 
-import os
 import re
 import subprocess
 from pathlib import Path
@@ -18,13 +17,11 @@ OFFLINE = {"PIP_NO_INDEX": "1", "PIP_NO_DEPS": "1", "PIP_NO_BUILD_ISOLATION": "0
 
 def told(outsider: Any, command: str, folder: Path) -> str:
     """Return what a command prints in somebody else's environment, both streams, without what never repeats."""
-    clean = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "OPIR_PLUGINS")}
-    path = f"{outsider.environment / 'bin'}{os.pathsep}{os.environ['PATH']}"
     done = subprocess.run(
         command,
         shell=True,
         cwd=folder,
-        env={**clean, **OFFLINE, "PATH": path, "COLUMNS": "80"},
+        env={**outsider.variables(), **OFFLINE, "COLUMNS": "80"},
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
