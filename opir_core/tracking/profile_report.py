@@ -48,8 +48,7 @@ def report(
     state, ends = (_blended(each, weight, row, len(number), False) for each in (state, ends))
     types = np.zeros((len(number), 4))
     np.add.at(types, (row, hypotheses.kind), weight)
-    vague = ~(_semi_axis_95(impact.covariance) <= largest_impact_m)
-    impact.mean[vague], impact.covariance[vague] = np.nan, np.nan
+    _withhold_vague(impact, largest_impact_m)
     return Tracks(
         tick_s=np.full(len(number), tick_s),
         track=number,
@@ -63,6 +62,12 @@ def report(
         burnout=ends.mean,
         burnout_covariance=ends.covariance,
     )
+
+
+def _withhold_vague(impact: Moments, largest_m: float) -> None:
+    """Take away impacts whose 95 % ellipses are larger than told, m, or of no size."""
+    vague = ~(_semi_axis_95(impact.covariance) <= largest_m)
+    impact.mean[vague], impact.covariance[vague] = np.nan, np.nan
 
 
 def _semi_axis_95(covariance: FloatArray) -> FloatArray:
