@@ -24,10 +24,10 @@ import yaml
 from attrs import evolve
 
 import opir_core as opir
-from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.plan import Plan, compile_plan
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections
+from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.rays import axes_across
 from opir_core.tracking.stereo_tracker import stereo_filter
 

@@ -23,9 +23,9 @@ import tracking_scene
 from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
 from tracking_problems import problem as made
 
-from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.protocols import TrackerContext
 from opir_core.testing.doubles import stub_sensor
+from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.metrics import gospa
 from opir_core.tracking.stereo_tracking import StereoTracking
 

@@ -9,11 +9,8 @@ from typing import Any
 
 from opir_core.builtin.configs import (
     BallisticConfig,
-    BoostProfileConfig,
     ConfusionConfig,
     ConstantConfig,
-    KeplerArcConfig,
-    StereoFilterConfig,
     TableConfig,
     WeightedConfig,
 )
@@ -88,26 +85,8 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
-    """Yield `none`, `kepler-arc`, `stereo-filter` and `boost-profile`."""
+    """Yield `none`."""
     yield TrackerModel(name="none", summary="no tracks", build=_built_by("tracking", "no_tracker"))
-    yield TrackerModel(
-        name="kepler-arc",
-        summary="a Keplerian arc fitted to three or more detections, an empirical sigma of the impact (the paper's)",
-        config=KeplerArcConfig,
-        build=_built_by("tracking", "kepler_arc"),
-    )
-    yield TrackerModel(
-        name="stereo-filter",
-        summary="any number of sensors, sequential: boost and coast side by side, no model of the target",
-        config=StereoFilterConfig,
-        build=_built_by("tracking", "stereo_filter"),
-    )
-    yield TrackerModel(
-        name="boost-profile",
-        summary="boost profiles of every class fitted to each track: launch, burnout, impact, type, with covariances",
-        config=BoostProfileConfig,
-        build=_built_by("tracking", "boost_profile"),
-    )
 
 
 @hookimpl

@@ -1,9 +1,8 @@
-"""The tracker `none`, which follows nothing, and the way to the others: imported only when one is built."""
+"""The tracker `none`, which follows nothing."""
 
 import numpy as np
 from attrs import define
 
-from opir_core.builtin.configs import BoostProfileConfig, KeplerArcConfig, StereoFilterConfig
 from opir_core.plugin.components import NoConfig
 from opir_core.protocols import Tracker, TrackerContext
 from opir_core.records import Detections, IntArray, Tracks
@@ -27,24 +26,3 @@ class NoTracker:
 def no_tracker(_config: NoConfig, _context: TrackerContext) -> Tracker:
     """Return the tracker `none`."""
     return NoTracker()
-
-
-def stereo_filter(config: StereoFilterConfig, context: TrackerContext) -> Tracker:
-    """Return the tracker `stereo-filter`."""
-    from opir_core.tracking.stereo_tracker import stereo_filter as built
-
-    return built(config, context)
-
-
-def boost_profile(config: BoostProfileConfig, context: TrackerContext) -> Tracker:
-    """Return the tracker `boost-profile`."""
-    from opir_core.tracking.profile_tracker import boost_profile_tracker
-
-    return boost_profile_tracker(config, context)
-
-
-def kepler_arc(config: KeplerArcConfig, context: TrackerContext) -> Tracker:
-    """Return the tracker `kepler-arc`."""
-    from opir_core.tracking.arc_tracker import kepler_arc_tracker
-
-    return kepler_arc_tracker(config, context)

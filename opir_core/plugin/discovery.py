@@ -53,6 +53,10 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     ),
     "detection": ("opir_core.detection.plugin", frozenset({("opir_detection_models", "snr")})),
     "classification": ("opir_core.classification.plugin", frozenset({("opir_classifiers", "spectral")})),
+    "tracking": (
+        "opir_core.tracking.plugin",
+        frozenset(("opir_trackers", name) for name in ("kepler-arc", "stereo-filter", "boost-profile")),
+    ),
 }
 
 _VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\w+)*))?\s*(?:\[.*\])?")

@@ -4,8 +4,6 @@ A missile that thrusts is not on a Keplerian arc (docs/explanation/paper-errata.
 are measured against.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from attrs import evolve
 
@@ -16,12 +14,10 @@ from opir_core.tracking.arc_ends import Watch, impacts, launches, shots, states_
 from opir_core.tracking.arc_fit import Arcs
 from opir_core.tracking.arc_types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.association import associate_nearest
+from opir_core.tracking.configs import KeplerArcConfig, StereoFilterConfig
 from opir_core.tracking.gating import candidates, gated
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo_tracking import StereoTracking
-
-if TYPE_CHECKING:
-    from opir_core.builtin.configs import KeplerArcConfig
 
 #: The least detections of an arc.
 LEAST_LOOKS = 3
@@ -33,7 +29,7 @@ _POOL_S, _POOL_SCANS = 20.0, 20
 class ArcTracker:
     """The tracker `kepler-arc`."""
 
-    def __init__(self, config: "KeplerArcConfig", context: TrackerContext, tracking: StereoTracking) -> None:
+    def __init__(self, config: KeplerArcConfig, context: TrackerContext, tracking: StereoTracking) -> None:
         self.cadence_s: float | None = config.cadence_s
         self._config = config
         self._tracking = tracking
@@ -173,9 +169,8 @@ class ArcTracker:
         return whole
 
 
-def kepler_arc_tracker(config: "KeplerArcConfig", context: TrackerContext) -> ArcTracker:
+def kepler_arc_tracker(config: KeplerArcConfig, context: TrackerContext) -> ArcTracker:
     """Return the tracker `kepler-arc`."""
-    from opir_core.builtin.configs import StereoFilterConfig
 
     following = StereoFilterConfig(cadence_s=config.cadence_s, association=config.association)
     return ArcTracker(config, context, StereoTracking.of(following, context))

@@ -1,18 +1,15 @@
 """The priors of the classes of boosts, from what a scene says of them."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from opir_core.scene import TARGET_TYPES
+from opir_core.tracking.configs import BoostPriorsConfig
 from opir_core.tracking.profile_family import Priors
 
-if TYPE_CHECKING:
-    from opir_core.builtin.configs import BoostPriorsConfig
 
-
-def priors_of(config: "BoostPriorsConfig") -> Priors:
+def priors_of(config: BoostPriorsConfig) -> Priors:
     """Return the priors, one row a target type."""
     rows = []
     for kind in TARGET_TYPES:

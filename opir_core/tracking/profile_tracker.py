@@ -1,7 +1,5 @@
 """The tracker `boost-profile`: association by the stereo filter, estimates by the fit of boost profiles."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from attrs import evolve
 
@@ -9,6 +7,7 @@ from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking import profile_hypotheses as hypotheses_of
+from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
 from opir_core.tracking.profile_bank import Fitting
 from opir_core.tracking.profile_claim import claimed
 from opir_core.tracking.profile_priors import priors_of
@@ -18,9 +17,6 @@ from opir_core.tracking.profile_strain import Bank
 from opir_core.tracking.profile_trust import strays
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo_tracker import StereoTracker
-
-if TYPE_CHECKING:
-    from opir_core.builtin.configs import BoostProfileConfig
 
 #: The tick of a track at which earlier rays that belong to no track are claimed, and how long rays wait for it, s.
 _CLAIM_TICK = 3
@@ -36,7 +32,7 @@ _LEAST_CHANCE = 1e-6
 class ProfileTracker:
     """The tracker `boost-profile`."""
 
-    def __init__(self, config: "BoostProfileConfig", context: TrackerContext, inner: StereoTracker) -> None:
+    def __init__(self, config: BoostProfileConfig, context: TrackerContext, inner: StereoTracker) -> None:
         self.cadence_s: float | None = config.cadence_s
         self._inner = inner
         self._fitting = Fitting(priors_of(config.priors), Watch.of(context.sensors), context.light_time)
@@ -109,9 +105,8 @@ def _reported(followed: Tracks, track: IntArray, kind: IntArray) -> FloatArray:
     return log
 
 
-def boost_profile_tracker(config: "BoostProfileConfig", context: TrackerContext) -> ProfileTracker:
+def boost_profile_tracker(config: BoostProfileConfig, context: TrackerContext) -> ProfileTracker:
     """Return the tracker `boost-profile`."""
-    from opir_core.builtin.configs import StereoFilterConfig
     from opir_core.tracking.stereo_tracker import stereo_filter
 
     following = StereoFilterConfig(cadence_s=config.cadence_s, association=config.association)

@@ -4,9 +4,9 @@ from collections import deque
 
 import numpy as np
 
-from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, IntArray, Tracks
+from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.stereo_tracking import Situation, StereoTracking
 

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import numpy as np
 from attrs import evolve, field, frozen
 
-from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.flight.forces import Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import TrackerContext
@@ -27,6 +26,7 @@ from opir_core.tracking.association import (
     scan_numbers,
 )
 from opir_core.tracking.biases import Biases
+from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.ghosts import RANGE_M, Slice, without_ghosts
 from opir_core.tracking.ground_points import GroundPoints, surer

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces, forces_of
 from opir_core.protocols import TrackerContext
 from opir_core.records import FloatArray
+from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.initiation import Beginnings, prior_axes, prior_sides
 from opir_core.tracking.motion import BOOST, COAST, Motion
 from opir_core.tracking.rays import turned

@@ -6,7 +6,6 @@ from attrs import evolve
 from profile_flights import GEO_M, PRIORS, flights, lines_of_sight, watch_of
 
 from opir_core import simulate
-from opir_core.builtin.configs import BoostProfileConfig
 from opir_core.flight.aiming import aim
 from opir_core.flight.profiles import PROFILES_BY_TYPE, boost_profile, boost_profiles
 from opir_core.geometry import Geodetic
@@ -16,6 +15,7 @@ from opir_core.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees
 from opir_core.tracking import profile_fit as fit
 from opir_core.tracking import profile_flight
+from opir_core.tracking.configs import BoostProfileConfig
 from opir_core.tracking.profile_bank import Fitting
 from opir_core.tracking.profile_end import Silence, ends_of
 from opir_core.tracking.profile_family import SIZE, SPEED, TURN_EAST, TURN_NORTH, Anchors, Family, Priors

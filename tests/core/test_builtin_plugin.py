@@ -23,7 +23,7 @@ MODELS = {
     "opir_detection_models": {"constant", "always", "never"},
     "opir_classifiers": {"paper", "none", "always", "never"},
     "opir_confidence_models": {"weighted", "always", "never"},
-    "opir_trackers": {"none", "kepler-arc", "stereo-filter", "boost-profile"},
+    "opir_trackers": {"none"},
     "opir_target_models": {"ballistic", "table"},
     "opir_atmosphere_models": {"clear"},
     "opir_background_models": {"none"},

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from attrs import evolve
 
-from opir_core.builtin.configs import StereoFilterConfig
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, Tracks
 from opir_core.testing.doubles import stub_sensor
 from opir_core.testing.windows import stub_window
+from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.motion import BOOST, COAST, Motion, followed, weights_at
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import axes_across

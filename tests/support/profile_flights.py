@@ -3,11 +3,11 @@
 import numpy as np
 from attrs import evolve
 
-from opir_core.builtin.configs import BoostProfileConfig
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking import profile_fit as fit
 from opir_core.tracking import profile_flight
+from opir_core.tracking.configs import BoostProfileConfig
 from opir_core.tracking.profile_family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile_priors import priors_of
 from opir_core.tracking.profile_rows import axes_about

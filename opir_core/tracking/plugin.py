@@ -1,0 +1,55 @@
+"""Core's plugin of trackers; imported for scenes that name one.
+
+What it offers is listed in `opir_core.plugin.discovery.CORE_PLUGINS`.
+"""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from opir_core.plugin.components import TrackerModel
+from opir_core.plugin.hookspecs import hookimpl
+from opir_core.tracking.configs import BoostProfileConfig, KeplerArcConfig, StereoFilterConfig
+
+if TYPE_CHECKING:
+    from opir_core.protocols import Tracker, TrackerContext
+
+
+def _stereo_filter(config: StereoFilterConfig, context: "TrackerContext") -> "Tracker":
+    from opir_core.tracking.stereo_tracker import stereo_filter
+
+    return stereo_filter(config, context)
+
+
+def _boost_profile(config: BoostProfileConfig, context: "TrackerContext") -> "Tracker":
+    from opir_core.tracking.profile_tracker import boost_profile_tracker
+
+    return boost_profile_tracker(config, context)
+
+
+def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker":
+    from opir_core.tracking.arc_tracker import kepler_arc_tracker
+
+    return kepler_arc_tracker(config, context)
+
+
+@hookimpl
+def opir_trackers() -> Iterable[TrackerModel]:
+    """Yield `kepler-arc`, `stereo-filter` and `boost-profile`."""
+    yield TrackerModel(
+        name="kepler-arc",
+        summary="a Keplerian arc fitted to three or more detections, an empirical sigma of the impact (the paper's)",
+        config=KeplerArcConfig,
+        build=_kepler_arc,
+    )
+    yield TrackerModel(
+        name="stereo-filter",
+        summary="any number of sensors, sequential: boost and coast side by side, no model of the target",
+        config=StereoFilterConfig,
+        build=_stereo_filter,
+    )
+    yield TrackerModel(
+        name="boost-profile",
+        summary="boost profiles of every class fitted to each track: launch, burnout, impact, type, with covariances",
+        config=BoostProfileConfig,
+        build=_boost_profile,
+    )
