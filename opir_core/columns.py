@@ -8,6 +8,9 @@ from attrs import fields
 
 _Filled = TypeVar("_Filled", bound="Columns")
 
+#: Asked for at every block of rows.
+_KNOWN_NAMES: dict[Any, tuple[str, ...]] = {}
+
 
 class Columns:
     """What all records of columns can do; the first attribute of a record gives its length, and any may be None."""
@@ -80,4 +83,7 @@ class Filling(Generic[_Filled]):
 
 def names_of(record: Any) -> tuple[str, ...]:
     """Return the names of a record's columns, in order."""
-    return tuple(attribute.name for attribute in fields(record))
+    names = _KNOWN_NAMES.get(record)
+    if names is None:
+        names = _KNOWN_NAMES[record] = tuple(attribute.name for attribute in fields(record))
+    return names

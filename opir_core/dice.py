@@ -7,14 +7,14 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.randomness import Stream, normal_pairs, stream_key, uniforms_of
+from opir_core.randomness import Reader, normal_pairs, stream_key, uniforms_of
 from opir_core.records import BoolArray, FloatArray, IntArray
 
 Words = NDArray[np.uint64]
 
 
 class PairStreams:
-    """The streams of all pairs of a run, made when first read.
+    """The streams of all pairs of a run, keyed when first read.
 
     `names` are each pair's sensor and target ids; a pair's streams are keyed by the seed, these and a purpose. Those of
     its scans go by `scan_names`, where these differ.
@@ -26,39 +26,36 @@ class PairStreams:
         self._seed = seed
         self._names = names
         self._scan_names = names if scan_names is None else scan_names
-        self._streams: dict[tuple[str, int], dict[int, Stream]] = {}
+        self._reader = Reader()
+        self._keys: dict[str, dict[int, int]] = {}
         self._constants: dict[tuple[str, int], FloatArray] = {}
 
     def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> Words:
         """Return (sum of scans · words,) raw words: in turn those of each pair's `scans` from `first_scan` on."""
-        return self._words(self._scan_names, purpose, words, pairs, first_scan, scans)
+        into = np.empty((int(scans.sum()), words), dtype=np.uint64)
+        self.fill(into, purpose, pairs, first_scan, scans, np.cumsum(scans) - scans)
+        return into.reshape(-1)
 
-    def _words(
-        self,
-        names: Sequence[tuple[str, str]],
-        purpose: str,
-        words: int,
-        pairs: IntArray,
-        first_scan: IntArray,
-        scans: IntArray,
-    ) -> Words:
-        streams = self._streams.setdefault((purpose, words), {})
-        parts = []
-        for pair, first, count in zip(pairs.tolist(), first_scan.tolist(), scans.tolist(), strict=True):
-            stream = streams.get(pair)
-            if stream is None:
-                stream = streams[pair] = Stream(stream_key(self._seed, *names[pair], purpose), words)
-            parts.append(stream.words(first, count))
-        return np.concatenate(parts) if parts else np.empty(0, dtype=np.uint64)
+    def fill(
+        self, into: Words, purpose: str, pairs: IntArray, first_scan: IntArray, scans: IntArray, at: IntArray
+    ) -> None:
+        """Write raw words into rows (…, words): of each pair's `scans` from `first_scan` on, from the row `at` on."""
+        keys, words = self._keys.setdefault(purpose, {}), into.shape[1]
+        flat = into.reshape(-1)
+        columns = (pairs, first_scan * words, scans * words, at * words)
+        for pair, first, count, start in zip(*(column.tolist() for column in columns), strict=True):
+            key = keys.get(pair)
+            if key is None:
+                key = keys[pair] = stream_key(self._seed, *self._scan_names[pair], purpose)
+            flat[start : start + count] = self._reader.words(key, first, count)
 
     def constants(self, purpose: str, words: int) -> FloatArray:
         """Return (pairs, words) numbers, one row for all scans of a pair."""
         key = (purpose, words)
         if key not in self._constants:
-            everyone = np.arange(len(self._names))
-            zeros = np.zeros_like(everyone)
-            raw = self._words(self._names, f"{purpose}:pair", words, everyone, zeros, zeros + 1)
-            self._constants[key] = uniforms_of(raw).reshape(-1, words)
+            keys = [stream_key(self._seed, *names, f"{purpose}:pair") for names in self._names]
+            raw = [self._reader.words(each, 0, words) for each in keys]
+            self._constants[key] = uniforms_of(np.concatenate([*raw, np.empty(0, np.uint64)])).reshape(-1, words)
         return self._constants[key]
 
     def of_pairs(self) -> "RowDice":
@@ -67,10 +64,10 @@ class PairStreams:
         return RowDice(WindowNumbers(self, none, none, none), self, none, everyone)
 
     def forget(self, pairs: IntArray) -> None:
-        """Let go of the streams of pairs that have no more looks."""
-        for streams in self._streams.values():
+        """Let go of the keys of pairs that have no more looks."""
+        for keys in self._keys.values():
             for pair in pairs.tolist():
-                streams.pop(pair, None)
+                keys.pop(pair, None)
 
 
 class WindowNumbers:
@@ -113,17 +110,10 @@ class WindowNumbers:
         return RowDice(self, self._streams, rows, pair)
 
     def _draw(self, into: Words, purpose: str, pairs: BoolArray) -> None:
-        words = into.shape[1]
         chosen = np.flatnonzero(pairs)
-        columns = self._active[chosen], self._first_scan[chosen], self._scans[chosen]
-        raw = self._streams.words(purpose, words, *columns).reshape(-1, words)
-        if len(chosen) == len(self._active):
-            into[:] = raw
-            return
-        at = 0
-        for end, scans in zip(self._ends[chosen].tolist(), columns[2].tolist(), strict=True):
-            into[end - scans : end] = raw[at : at + scans]
-            at += scans
+        scans = self._scans[chosen]
+        at = self._ends[chosen] - scans
+        self._streams.fill(into, purpose, self._active[chosen], self._first_scan[chosen], scans, at)
 
 
 @frozen(eq=False)

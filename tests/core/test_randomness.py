@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from opir_core.dice import PairStreams, WindowNumbers
-from opir_core.randomness import Stream, further_words, normal_pairs, stream_key, uniforms_of
+from opir_core.randomness import Reader, Stream, further_words, normal_pairs, stream_key, uniforms_of
 
 
 def raw(count: int, seed: int = 1) -> np.ndarray:
@@ -38,6 +38,30 @@ def test_going_back_gives_the_same_words_again() -> None:
 def test_words_are_those_of_numpys_philox() -> None:
     key = stream_key(3, "a", "b")
     assert np.array_equal(Stream(key).words(0, 9), np.random.Philox(key=key, counter=0).random_raw(9))
+
+
+@given(st.integers(0, 2**128 - 1), st.integers(0, 2**66), st.integers(0, 40))
+def test_a_reader_that_is_sent_anywhere_reads_what_a_generator_made_there_reads(
+    key: int, first: int, count: int
+) -> None:
+    reader = Reader()
+    reader.words(7, 11, 13)
+    made = np.random.Philox(key=key, counter=first // 4).random_raw(first % 4 + count)[first % 4 :]
+    assert np.array_equal(reader.words(key, first, count), made)
+
+
+def test_all_pairs_and_purposes_of_a_run_share_one_generator(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    philox = np.random.Philox
+    monkeypatch.setattr(np.random, "Philox", lambda **place: made.append(place) or philox(**place))
+    pairs = np.arange(50)
+    streams = PairStreams(1, [("S", f"T-{number}") for number in pairs])
+    for first in (0, 7, 14):
+        numbers = WindowNumbers(streams, pairs, pairs + first, np.full(50, 7))
+        numbers.words("detection")
+        numbers.of(np.arange(350), np.repeat(pairs, 7)).normals("measurement", 3)
+    streams.constants("classification", 1)
+    assert len(made) == 1
 
 
 def test_names_are_told_apart() -> None:
