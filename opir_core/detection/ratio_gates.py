@@ -25,6 +25,8 @@ LEAST_SLACK = 1e-9
 _DROP = 39.0
 #: Panels for gates no steeper than the noise, and how often they are doubled for steep ones.
 _PANELS, _MOST_DOUBLINGS = 3, 5
+#: So many panels are no finer for steeper gates, which are cut where they open and shut, at these margins.
+_FINEST, _CROSSING = _PANELS << _MOST_DOUBLINGS, np.arange(-9.0, 10.0, 3.0)
 #: Steps of the search for the peak, each by the golden section; the second number goes where it is sought far and wide.
 _SECTIONS, _MOST_SECTIONS, _WIDE = 36, 80, 100.0
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0
@@ -164,7 +166,8 @@ class RatioGates:
         edge = shut[peak[shut] - first[shut] < reach[shut]]
         reach[edge] = self._fallen(peak[edge], reach[edge], snr[edge], noise[edge])
         start = np.maximum(first, peak - np.sqrt(2.0 * _DROP))
-        return Panels.over(start, np.maximum(peak + reach, start), count, self._kinks(noise))
+        kinks = self._kinks(noise) if count < _FINEST else np.hstack([self._kinks(noise), self._crossings(snr, noise)])
+        return Panels.over(start, np.maximum(peak + reach, start), count, kinks)
 
     def _fallen(self, peak: FloatArray, reach: FloatArray, snr: FloatArray, noise: FloatArray) -> FloatArray:
         """Return how far (n,) beyond their peaks densities have fallen to nothing, to a factor of 2, within `reach`."""
@@ -188,6 +191,15 @@ class RatioGates:
         """Return where gates' lower sides turn from the coincidence threshold to the ratio, (n, others)."""
         nowhere = np.full(len(noise), -np.inf)
         return np.stack([self._where_coincident(self.lower[b], b, noise, nowhere) for b in self.others], axis=1)
+
+    def _crossings(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
+        """Return signals (n, k) of the reference band along which sides of gates open and shut."""
+        found = []
+        for band in self.others:
+            steep = noise[:, self.reference] / noise[:, band]
+            bounds = [bound for bound in (self.lower[band], self.upper[band]) if np.isfinite(bound) and bound > 0.0]
+            found += [(snr[:, band, None] + _CROSSING) / (bound * steep)[:, None] for bound in bounds]
+        return np.concatenate(found, axis=1)
 
     def _where_coincident(self, bound: float, band: int, noise: FloatArray, otherwise: FloatArray) -> FloatArray:
         """Return the signal of the reference band at which a bound on a ratio meets the coincidence threshold."""
