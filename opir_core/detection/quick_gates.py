@@ -1,22 +1,28 @@
-"""The chance of a rule of ratio gates to within 1e-10, several times as fast as to the last bit.
+"""The chance of a rule of ratio gates to within 1e-10, many times as fast as to the last bit.
 
-The integral over the signal y of the reference band goes over all y that come oftener than 1e-11, and has only those
-sides of gates in it that fail oftener than 1e-11. Nothing is kept by logarithms.
+The integral over the signal y of the reference band is cut wherever a side of a gate begins or ceases to matter: a
+side that passes or fails oftener than all but 1e-11 stands still, and where none moves the integral is a normal one.
+Between the cuts the integrand is smooth on a scale that the slopes of the moving sides say, and Gauss-Legendre nodes
+are as many as that asks for (docs/design/gate_nodes.py). Nothing is kept by logarithms.
 """
 
-from typing import Protocol
+from functools import cache
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.polynomial import legendre
 
-from opir_core.detection.panels import Panels
 from opir_core.records import BoolArray, FloatArray, IntArray
 
 #: So many standard deviations are left out of a tail, of 1e-11.
 _FAR = 6.8
-#: Panels for gates no steeper than the noise, and how often they are doubled for steep ones.
-_PANELS, _MOST_DOUBLINGS = 2, 5
-#: Rows integrated at once: few enough for their nodes to stay in the processor's cache.
-_ROWS = 512
+
+#: Gauss-Legendre nodes, and the widths of panels up to which they are enough; the last is for rules of four bands.
+NODES = np.array([8, 12, 16, 20, 24, 32, 40, 64])
+WIDTHS = np.array([2.5, 5.4, 7.5, 9.8, 12.2, 17.7, 22.0])
+
+#: Nodes evaluated at once: few enough to stay in the processor's cache.
+_BLOCK_NODES = 16384
 
 
 class Gates(Protocol):
@@ -47,71 +53,147 @@ class Gates(Protocol):
         """Greatest ratios (B,) to the reference band."""
 
 
+class Looks(NamedTuple):
+    """Expected signals (n,) and (others, n); slopes of the gates' sides (others, n), and where each moves (others, n).
+
+    A lower side moves from `low_from` on, an upper one up to `high_until`; slopes are 0 of sides that never matter.
+    """
+
+    reference: FloatArray
+    expected: FloatArray
+    low: FloatArray
+    high: FloatArray
+    low_from: FloatArray
+    high_until: FloatArray
+    start: FloatArray
+    stop: FloatArray
+
+
+class Panels(NamedTuple):
+    """Panels (p,) of looks: whose they are, from where to where, and which sides (2 · others, p) move in them.
+
+    `width` is the length over the scale on which the integrand bends.
+    """
+
+    looks: Looks
+    row: IntArray
+    first: FloatArray
+    last: FloatArray
+    moves: BoolArray
+    width: FloatArray
+
+    def take(self, rows: IntArray) -> "Panels":
+        """Return some panels, each with a look of its own."""
+        looks = Looks(*(column[..., self.row[rows]] for column in self.looks))
+        own = (self.first[rows], self.last[rows], self.moves[:, rows], self.width[rows])
+        return Panels(looks, np.arange(len(rows)), *own)
+
+
 def quick_chances(rule: Gates, snr: FloatArray, noise: FloatArray, margins: FloatArray) -> FloatArray:
     """Return P_d (n,) for signals (n, B) in noise (n, B) that meet their conditions by margins (n, 1 + 3 · others)."""
-    chance, others = np.empty(len(snr)), rule.others
-    near = margins[:, 1:] < _FAR
-    steep = np.stack([noise[:, rule.reference] / noise[:, band] for band in others])
-    reference = snr[:, rule.reference]
-    start = np.maximum(rule.threshold, reference - _FAR)
-    for band, each in zip(others, steep, strict=True):
-        start = np.maximum(start, _meeting(rule, rule.upper[band], each))
+    panels = panels_of(looks_of(rule, snr, noise, margins[:, 1:] < _FAR))
+    size = np.searchsorted(WIDTHS, panels.width)
+    code = (1 << np.arange(len(panels.moves))) @ panels.moves * len(NODES) + size
+    part = np.empty(len(code))
+    order = np.argsort(code, kind="stable")
+    for same in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
+        count = int(NODES[size[same[0]]]) if len(same) else 1
+        for begin in range(0, len(same), _BLOCK_NODES // count):
+            these = same[begin : begin + _BLOCK_NODES // count]
+            part[these] = _integral(rule, panels.take(these), count)
+    return np.clip(np.bincount(panels.row, part, minlength=len(snr)), 0.0, 1.0)
+
+
+def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -> Looks:
+    """Return looks with the stretches over which the sides of their gates move; `near` (n, 3 · others)."""
+    others = rule.others
+    reference, expected = snr[:, rule.reference], snr[:, others].T
+    steep = noise[:, rule.reference] / noise[:, others].T
+    lower, upper = rule.lower[others][:, None], rule.upper[others][:, None]
+    low = np.where(near[:, 1::3].T & (lower > 0.0), lower * steep, 0.0)
+    high = np.where(near[:, 2::3].T & np.isfinite(upper), np.where(np.isfinite(upper), upper, 0.0) * steep, 0.0)
+    shut, open_ = (np.maximum(expected + far, rule.coincidence) for far in (-_FAR, _FAR))
+    low_from, low_until = _met(shut, low, np.inf), _met(open_, low, np.inf)
+    high_from, high_until = _met(shut, high, -np.inf), _met(open_, high, -np.inf)
+    start = np.maximum(np.maximum(rule.threshold, reference - _FAR), high_from.max(axis=0, initial=-np.inf))
     # Behind a threshold beyond the expected signal the density falls faster than a normal one does from its peak.
     falling = np.maximum(start - reference, 0.0)
     stop = np.maximum(reference, start) + _FAR * _FAR / (np.sqrt(falling * falling + _FAR * _FAR) + falling)
-    kinks = np.stack([_meeting(rule, rule.lower[band], each) for band, each in zip(others, steep, strict=True)], axis=1)
-    is_bent = np.any((kinks > start[:, None]) & (kinks < stop[:, None]), axis=1)
-    code = near @ (1 << np.arange(near.shape[1])) * 16 + 8 * is_bent + _doublings(rule, steep, near)
-    order = np.argsort(code, kind="stable")
-    for group in np.split(order, np.flatnonzero(np.diff(code[order])) + 1):
-        for first in range(0, len(group), _ROWS):
-            rows = group[first : first + _ROWS]
-            if not len(rows):
-                continue
-            count = _PANELS << int(code[rows[0]] % 8)
-            bends = kinks[rows] if is_bent[rows[0]] else np.empty((len(rows), 0))
-            panels = Panels.over(start[rows], stop[rows], count, bends)
-            density = _density(rule, panels.nodes(), snr[rows], steep[:, rows], near[rows[0]])
-            chance[rows] = panels.integral(density)
-    return np.clip(chance, 0.0, 1.0)
+    stop = np.maximum(np.minimum(stop, low_until.min(axis=0, initial=np.inf)), start)
+    return Looks(reference, expected, low, high, low_from, high_until, start, stop)
 
 
-def _density(rule: Gates, nodes: FloatArray, snr: FloatArray, steep: FloatArray, near: BoolArray) -> FloatArray:
-    """Return the density (n, m) of signals at nodes (n, m) with all others in their gates, of one kind of rows."""
+def _met(level: FloatArray, slope: FloatArray, never: float) -> FloatArray:
+    """Return where lines of these slopes reach levels; `never` where the slope is 0."""
+    is_sloped = slope > 0.0
+    return np.where(is_sloped, level / np.where(is_sloped, slope, 1.0), never)
+
+
+def panels_of(looks: Looks) -> Panels:
+    """Return the panels of looks, cut where sides begin or cease to move."""
+    cuts = np.clip(np.concatenate([looks.low_from, looks.high_until]), looks.start, looks.stop)
+    edges = np.sort(np.concatenate([looks.start[None], cuts, looks.stop[None]]), axis=0)
+    panel, row = np.nonzero(edges[1:] > edges[:-1])
+    first, last = edges[panel, row], edges[panel + 1, row]
+    middle = 0.5 * (first + last)
+    moves = np.concatenate([middle > looks.low_from[:, row], middle < looks.high_until[:, row]])
+    slopes = np.where(moves, np.concatenate([looks.low, looks.high])[:, row], 0.0)
+    return Panels(looks, row, first, last, moves, (last - first) * np.sqrt(1.0 + np.square(slopes).sum(axis=0)))
+
+
+def integrals(rule: Gates, panels: Panels, count: int) -> FloatArray:
+    """Return the integrals (p,) over panels, all by the same number of nodes."""
+    part = np.empty(len(panels.row))
+    for moves in np.unique(panels.moves, axis=1).T:
+        these = np.flatnonzero(np.all(panels.moves == moves[:, None], axis=0))
+        part[these] = _integral(rule, panels.take(these), count)
+    return part
+
+
+def _integral(rule: Gates, panels: Panels, count: int) -> FloatArray:
+    """Return the integrals (p,) over panels, each with its own look, in which the same sides move."""
     from scipy.special import ndtr
 
-    off = nodes - snr[:, rule.reference, None]
+    looks, first, last, moves = panels.looks, panels.first, panels.last, panels.moves[:, 0]
+    passing = ndtr(looks.expected - rule.coincidence)
+    others = len(passing)
+    still = np.flatnonzero(~(moves[:others] | moves[others:]))
+    if len(still) == others:
+        whole = ndtr(looks.reference - first) - ndtr(looks.reference - last)
+    else:
+        half = 0.5 * (last - first)
+        place, weight = _nodes(count)
+        nodes = 0.5 * (first + last) + half * place[:, None]
+        whole = _summed(_density(nodes, looks, moves, passing), weight) * half
+    for band in still:
+        whole *= passing[band]
+    integral: FloatArray = whole
+    return integral
+
+
+def _density(nodes: FloatArray, looks: Looks, moves: BoolArray, passing: FloatArray) -> FloatArray:
+    """Return the density (m, n) of signals at nodes (m, n) with all others in those gates of which a side moves."""
+    from scipy.special import ndtr
+
+    off = nodes - looks.reference
     density: FloatArray = np.exp(-0.5 * off * off) * (0.5 / np.pi) ** 0.5
-    for place, band in enumerate(rule.others):
-        coincident, low, high = near[3 * place : 3 * place + 3]
-        expected = snr[:, band, None]
-        if low:
-            bound = np.maximum(rule.lower[band] * steep[place, :, None] * nodes, rule.coincidence)
-            inside = ndtr(expected - bound)
-        elif coincident:
-            inside = ndtr(expected - rule.coincidence)
-        else:
-            inside = np.ones((1, 1))
-        if high:
-            inside = np.maximum(inside - ndtr(expected - rule.upper[band] * steep[place, :, None] * nodes), 0.0)
+    others = len(passing)
+    for band in np.flatnonzero(moves[:others] | moves[others:]):
+        inside = ndtr(looks.expected[band] - looks.low[band] * nodes) if moves[band] else passing[band]
+        if moves[others + band]:
+            inside = np.maximum(inside - ndtr(looks.expected[band] - looks.high[band] * nodes), 0.0)
         density *= inside
     return density
 
 
-def _doublings(rule: Gates, steep: FloatArray, near: BoolArray) -> IntArray:
-    """Return how often panels (n,) are doubled for the slopes of those sides of gates that count."""
-    steepest = np.ones(steep.shape[1])
-    for place, band in enumerate(rule.others):
-        for side, bound in ((1, rule.lower[band]), (2, rule.upper[band])):
-            if np.isfinite(bound) and bound > 0.0:
-                steepest = np.maximum(steepest, np.where(near[:, 3 * place + side], bound * steep[place], 1.0))
-    doublings: IntArray = np.clip(np.ceil(np.log2(steepest)), 0, _MOST_DOUBLINGS).astype(np.int64)
-    return doublings
+def _summed(values: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return weighted sums (n,) over nodes (m, n), added node by node: the order does not hang on how many rows."""
+    total: FloatArray = values[0] * weight[0]
+    for one, share in zip(values[1:], weight[1:].tolist(), strict=True):
+        total += one * share
+    return total
 
 
-def _meeting(rule: Gates, bound: float, steep: FloatArray) -> FloatArray:
-    """Return the signals of the reference band at which a bound on a ratio meets the coincidence threshold."""
-    if not (np.isfinite(bound) and bound > 0.0):
-        return np.full(len(steep), -np.inf)
-    meeting: FloatArray = rule.coincidence / (steep * bound)
-    return meeting
+@cache
+def _nodes(count: int) -> tuple[FloatArray, FloatArray]:
+    return legendre.leggauss(count)
