@@ -13,6 +13,9 @@ from attrs import frozen
 
 from opir_core.records import BoolArray, FloatArray, IntArray
 
+#: Numbers are ranked by a table of all that there could be, up to so many a number there is, and sorted beyond.
+_DENSE = 8
+
 #: Components up to this many rows and columns are settled by trying all permutations: 24 of them.
 _TRIED = 4
 
@@ -37,15 +40,29 @@ def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
 
     if not len(row):
         return np.empty(0, dtype=np.int64), 0
-    _, rows = np.unique(row, return_inverse=True)
-    _, columns = np.unique(column, return_inverse=True)
+    rows, columns = ranks(row), ranks(column)
     size = int(rows.max()) + 1
     total = size + int(columns.max()) + 1
     graph = coo_array((np.ones(len(row), dtype=np.int8), (rows, columns + size)), shape=(total, total))
-    _, label = connected_components(graph, directed=False)
-    _, first, component = np.unique(label[rows], return_index=True, return_inverse=True)
-    rank = np.argsort(np.argsort(first))
-    return rank[component].astype(np.int64), len(first)
+    count, label = connected_components(graph, directed=False)
+    component = label[rows].astype(np.int64)
+    first = np.full(count, len(row))
+    np.minimum.at(first, component, np.arange(len(row)))
+    rank = np.empty(count, dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(count)
+    return rank[component], count
+
+
+def ranks(value: IntArray) -> IntArray:
+    """Return the place (n,) of each whole number, from 0, among the different ones in order."""
+    top = int(value.max(initial=-1)) + 1
+    if top > _DENSE * len(value):
+        rank: IntArray = np.unique(value, return_inverse=True)[1].astype(np.int64)
+        return rank
+    there = np.zeros(top, dtype=np.int64)
+    there[value] = 1
+    place: IntArray = (np.cumsum(there) - 1)[value]
+    return place
 
 
 def lone(row: IntArray, column: IntArray) -> BoolArray:

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.tracking.assignment import components, lone, nearest
+from opir_core.tracking.assignment import components, lone, nearest, ranks
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.joint_association import marginals
 from opir_core.tracking.rays import Rays, Sights
@@ -49,9 +49,7 @@ class Chances:
 def scan_groups(pairs: Pairs, rays: Rays) -> IntArray:
     """Return a number (n,) for each pair's track, sensor and scan: at most one ray of a group is the track's own."""
     scan = scan_numbers(rays.sensor, rays.scan)
-    _, group = np.unique(pairs.track * (len(rays) + 1) + scan[pairs.ray], return_inverse=True)
-    number: IntArray = group.astype(np.int64)
-    return number
+    return ranks(pairs.track * (int(scan.max(initial=0)) + 1) + scan[pairs.ray])
 
 
 def crowded(pairs: Pairs, rays: Rays) -> IntArray:
@@ -73,9 +71,10 @@ def related(pairs: Pairs, tracks: IntArray) -> BoolArray:
 
 def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
     """Return a number (n,) for each sensor's scan, from 0."""
-    key = (sensor.astype(np.int64) << 44) + scan
-    number: IntArray = np.unique(key, return_inverse=True)[1].astype(np.int64)
-    return number
+    if not len(scan):
+        return np.empty(0, dtype=np.int64)
+    since = scan - scan.min()
+    return ranks(sensor * (since.max() + 1) + since)
 
 
 def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:

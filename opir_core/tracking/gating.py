@@ -20,7 +20,7 @@ _FINEST = 2.0 ** -(_BITS - 2)
 _LATE_S = 0.3
 
 #: Looks are held against where a track is in the middle of parts of the span no longer than this, s.
-_PART_S = 0.25
+_PART_S = 0.5
 
 #: What is allowed for in time of emission over that middle, s.
 _LEEWAY_S = 0.01

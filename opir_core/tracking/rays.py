@@ -67,6 +67,14 @@ class Sights(Columns):
         return along(self.whitener, self.seen - y), self.whitener @ slope
 
 
+def alike(one: Rays, other: Rays) -> bool:
+    """Return whether two records hold the same rays, whatever scan they are taken for parts of."""
+    if len(one) != len(other):
+        return False
+    names = ("time_s", "sensor", "direction_ecef", "origin_ecef_m", "sigma_rad")
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
 def no_rays() -> Rays:
     """Return the record of no rays."""
     whole, none = np.empty(0, dtype=np.int64), np.empty((0, 3))

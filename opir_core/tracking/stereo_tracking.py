@@ -32,7 +32,7 @@ from opir_core.tracking.ghosts import RANGE_M, Slice, without_ghosts
 from opir_core.tracking.ground_points import GroundPoints, surer
 from opir_core.tracking.launch_points import launches
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Rays, no_rays, no_sights
+from opir_core.tracking.rays import Rays, alike, no_rays, no_sights
 from opir_core.tracking.stereo_report import estimates, evidence_of
 from opir_core.tracking.switching_filter import Bank, SwitchingFilter
 from opir_core.tracking.track_priors import filter_of, first_bank
@@ -77,8 +77,9 @@ class StereoTracking:
     light_time: bool
     forces: Forces
     evidence: FloatArray
-    #: The last bank moved, and the last one looked out from: labels and estimates ask for the same.
+    #: The last bank moved, and the last one looked out from and held against rays: labels and estimates ask the same.
     last: dict[str, tuple[Bank, float, Any]] = field(factory=dict)
+    met: list[tuple[Outlook, float, Rays, Pairs]] = field(factory=list)
 
     @classmethod
     def of(cls, config: StereoFilterConfig, context: TrackerContext) -> "StereoTracking":
@@ -157,9 +158,7 @@ class StereoTracking:
         The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
         near targets a whole slice tells more than one scan does.
         """
-        outlook = self._outlook(bank, end_s)
-        track, ray = candidates(outlook, rays, span, self.config.gate_sigma, self.light_time)
-        pairs = self._gated(outlook, rays, track, ray)
+        pairs = self._paired(self._outlook(bank, end_s), rays, span)
         found = self._associated(pairs, rays)
         after = self.filter.updated(bank, end_s, found.sights, span)
         busy = self._restless(bank, after, pairs, rays) if self.config.settling else _NONE
@@ -211,8 +210,16 @@ class StereoTracking:
         better = without_ghosts(known, pairs, used)
         return found if np.array_equal(better, used) else as_owned(pairs, rays, better)
 
-    def _gated(self, outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray) -> Pairs:
-        return gated(outlook, rays, track, ray, self.config.gate_sigma, self.light_time)
+    def _paired(self, outlook: Outlook, rays: Rays, span: float) -> Pairs:
+        """Return the gated pairs of all tracks and the rays of a span; the same question twice is worked out once."""
+        if self.met:
+            before, reach, known, pairs = self.met[0]
+            if before is outlook and reach == span and alike(known, rays):
+                return pairs
+        gate = self.config.gate_sigma
+        pairs = gated(outlook, rays, *candidates(outlook, rays, span, gate, self.light_time), gate, self.light_time)
+        self.met[:] = [(outlook, span, rays, pairs)]
+        return pairs
 
     def _associated(self, pairs: Pairs, rays: Rays) -> Associated:
         way = associate_joint if self.config.association == "joint" else associate_nearest
@@ -228,8 +235,7 @@ class StereoTracking:
         bank = first_bank(begun, now.time_s, self.config)
         span = now.time_s - float(now.pool.time_s.min())
         outlook = self.filter.outlook(bank, now.time_s)
-        track, ray = candidates(outlook, now.pool, span, self.config.gate_sigma, self.light_time)
-        found = associate_nearest(self._gated(outlook, now.pool, track, ray), now.pool, self.chances)
+        found = associate_nearest(self._paired(outlook, now.pool, span), now.pool, self.chances)
         bank = self.filter.updated(bank, now.time_s, found.sights, span)
         return self._joined(now, bank, found.owner)
 
@@ -294,8 +300,7 @@ class StereoTracking:
             return number
         ahead = now.time_s + self.config.cadence_s
         outlook = self._outlook(self._moved(now.bank, self.config.cadence_s), ahead)
-        track, ray = candidates(outlook, rays, self.config.cadence_s, self.config.gate_sigma, self.light_time)
-        pairs = self._gated(outlook, rays, track, ray)
+        pairs = self._paired(outlook, rays, self.config.cadence_s)
         sure = now.roster.hits >= 2 * self.config.needed_scans
         pairs = pairs.take(np.flatnonzero(sure[pairs.track]))
         owner = associate_nearest(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from opir_core.tracking.assignment import components, nearest
+from opir_core.tracking.assignment import components, nearest, ranks
 from opir_core.tracking.joint_association import exact_marginals, marginals, propagated
 
 sizes = st.integers(1, 6)
@@ -66,6 +66,12 @@ def test_components_are_numbered_by_their_first_pair() -> None:
     group, count = components(np.array([5, 9, 5, 7]), np.array([1, 2, 3, 3]))
     assert count == 2
     assert group.tolist() == [0, 1, 0, 0]
+
+
+@given(values=st.lists(st.integers(0, 40) | st.integers(0, 2**62), max_size=30))
+def test_ranks_are_places_among_the_different_numbers(values: list[int]) -> None:
+    different = sorted(set(values))
+    assert ranks(np.array(values, dtype=np.int64)).tolist() == [different.index(value) for value in values]
 
 
 def test_no_pairs_are_no_trouble() -> None:
