@@ -3,8 +3,8 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.detection.truncated import truncated_normals
-from opir_core.records import BoolArray, FloatArray
+from opir_core.detection.truncated import tail_normals
+from opir_core.records import BoolArray, FloatArray, IntArray
 
 #: Below it, 1 - exp(x) is -x to the last bit.
 _LINEAR = -1e-17
@@ -38,6 +38,14 @@ class AnyBand:
         result: BoolArray = measured >= self.threshold
         return result
 
+    def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return measurements (n, B) that detect, from numbers (n, B + 1) in [0, 1): the inverse is cheap."""
+        return self.conditional(snr, snr, uniforms)
+
+    def passing(self, _snr: FloatArray, probability: FloatArray) -> FloatArray:
+        """Return which share (n,) of proposals detects: all."""
+        return np.ones(len(probability))
+
     def conditional(self, snr: FloatArray, _noise: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1).
 
@@ -48,23 +56,27 @@ class AnyBand:
         measured = np.empty_like(snr)
         for band in range(snr.shape[1]):
             edge = self.threshold - snr[:, band]
-            lower = np.where(band == first, edge, -np.inf)
-            upper = np.where(band < first, edge, np.inf)
-            measured[:, band] = snr[:, band] + truncated_normals(lower, upper, uniforms[:, band])
+            is_before = band < first
+            # What lies below a bound is what lies above its mirror image, mirrored.
+            least = np.where(band == first, edge, np.where(is_before, -edge, -np.inf))
+            drawn = tail_normals(least, uniforms[:, band])
+            measured[:, band] = snr[:, band] + np.where(is_before, -drawn, drawn)
         # Rounding may put a number that crosses just below the threshold.
         rows = np.arange(len(first))
         measured[rows, first] = np.maximum(measured[rows, first], self.threshold)
         return measured
 
-    def _first_crossing(self, snr: FloatArray, uniform: FloatArray) -> FloatArray:
+    def _first_crossing(self, snr: FloatArray, uniform: FloatArray) -> IntArray:
         from scipy.special import log_ndtr
 
+        if snr.shape[1] == 1:
+            return np.zeros(len(snr), dtype=np.int64)
         log_below = log_ndtr(self.threshold - snr)
         before = np.cumsum(log_below, axis=1) - log_below
         weight = log_ndtr(snr - self.threshold) + before
         share = np.exp(weight - weight.max(axis=1, keepdims=True))
         passed = np.cumsum(share, axis=1)
-        first: FloatArray = np.minimum((uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1)
+        first: IntArray = np.minimum((uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1)
         return first
 
 

@@ -7,26 +7,21 @@ the chance of each band to fall through its gate; it is evaluated on Gauss-Legen
 condition alone already fix the probability, no integral is evaluated.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from attrs import frozen
 
+from opir_core.detection.log_integrals import FAR, LOG_HALF, MOST_PANELS, by_steepness, log_between, log_integral
 from opir_core.detection.panels import Panels
 from opir_core.detection.quick_gates import quick_chances
-from opir_core.detection.truncated import truncated_normals
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.detection.truncated import tail_normals, truncated_normals
+from opir_core.records import BoolArray, FloatArray
 
-#: Beyond so many standard deviations a normal tail is below the last bit of 1.
-_FAR = 9.0
 #: From such a slack on, the quick way is near enough.
 LEAST_SLACK = 1e-9
 #: By so much, in the exponent, a density may fall before what follows is nothing.
 _DROP = 39.0
-#: Panels for gates no steeper than the noise, and how often they are doubled for steep ones.
-_PANELS, _MOST_DOUBLINGS = 3, 5
 #: So many panels are no finer for steeper gates, which are cut where they open and shut, at these margins.
-_FINEST, _CROSSING = _PANELS << _MOST_DOUBLINGS, np.arange(-9.0, 10.0, 3.0)
+_FINEST, _CROSSING = MOST_PANELS, np.arange(-9.0, 10.0, 3.0)
 #: Steps of the search for the peak, each by the golden section; the second number goes where it is sought far and wide.
 _SECTIONS, _MOST_SECTIONS, _WIDE = 36, 80, 100.0
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0
@@ -35,7 +30,8 @@ _REACHES = 40
 #: With gates shut by no more than this, the density is still all but within the panels about where it would be open.
 _AJAR = -2.0
 _LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
-_HALF = np.log(0.5)
+#: A chance so small that what it divides counts for nothing.
+_NEVER = 1e-290
 #: Rows integrated at once.
 _ROWS = 2048
 
@@ -69,7 +65,7 @@ class RatioGates:
             failing += ndtr(-margins[:, condition])
         # P_d is at most the chance of the condition nearest to failing, and all fail less often than their sum.
         sure = (failing - ndtr(-least) <= slack) & (failing < 1.0)
-        open_ = np.flatnonzero((least < _FAR) & ~(sure & (slack > 0.0)) & (ndtr(least) >= slack))
+        open_ = np.flatnonzero((least < FAR) & ~(sure & (slack > 0.0)) & (ndtr(least) >= slack))
         log_hit, log_miss = log_ndtr(least), log_ndtr(-least)
         if slack >= LEAST_SLACK:
             chance = quick_chances(self, snr[open_], noise[open_], margins[open_])
@@ -103,11 +99,29 @@ class RatioGates:
         result: BoolArray = measured >= levels
         return result
 
+    def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return measurements (n, B) above each band's own threshold, from numbers (n, B + 1) in [0, 1)."""
+        measured = np.empty(snr.shape)
+        for band in range(snr.shape[1]):
+            least = self._least(band)
+            drawn = snr[:, band] + tail_normals(least - snr[:, band], uniforms[:, band])
+            measured[:, band] = np.maximum(drawn, least)
+        return measured
+
+    def passing(self, snr: FloatArray, probability: FloatArray) -> FloatArray:
+        """Return which share (n,) of proposals detects: the ratios are all they have still to meet."""
+        from scipy.special import ndtr
+
+        proposed = np.ones(len(snr))
+        for band in range(snr.shape[1]):
+            proposed *= ndtr(snr[:, band] - self._least(band))
+        return np.minimum(probability / np.maximum(proposed, _NEVER), 1.0)
+
     def conditional(self, snr: FloatArray, noise: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1)."""
         reference = np.empty(len(snr))
         steepest = self._steepest(self._margins(snr, noise), noise)
-        for rows, count in _by_steepness(steepest):
+        for rows, count in by_steepness(steepest):
             panels = self._panels(snr[rows], noise[rows], count, _AJAR)
             base, gates = self._log_density(panels.nodes(), snr[rows], noise[rows])
             density = np.exp(base + gates - (base + gates).max(axis=1, keepdims=True))
@@ -119,6 +133,9 @@ class RatioGates:
             drawn = snr[:, band] + truncated_normals(low - snr[:, band], high - snr[:, band], uniforms[:, band])
             measured[:, band] = np.clip(drawn, low, np.maximum(low, high))
         return measured
+
+    def _least(self, band: int) -> float:
+        return self.threshold if band == self.reference else self.coincidence
 
     def _margins(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
         """Return by how many standard deviations each condition (n, 1 + 3 · others) is met: all are linear."""
@@ -140,7 +157,7 @@ class RatioGates:
         for place, band in enumerate(self.others):
             steep = noise[:, self.reference] / noise[:, band]
             for bound, condition in ((self.lower[band], 2), (self.upper[band], 3)):
-                is_near = margins[:, 3 * place + condition] < _FAR
+                is_near = margins[:, 3 * place + condition] < FAR
                 steepest = np.maximum(steepest, np.where(is_near, steep * max(bound, 0.0), 1.0))
         return steepest
 
@@ -248,7 +265,7 @@ class RatioGates:
         log_gates = np.zeros_like(nodes)
         for band in self.others:
             low, high = self._gate(nodes, noise, band)
-            log_gates += _log_between(low - snr[:, band, None], high - snr[:, band, None])
+            log_gates += log_between(low - snr[:, band, None], high - snr[:, band, None])
         off = nodes - snr[:, self.reference, None]
         return -0.5 * off * off - _LOG_ROOT_TWO_PI, log_gates
 
@@ -257,19 +274,19 @@ class RatioGates:
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) by the integral."""
         log_hit, log_missed = np.empty(len(snr)), np.full(len(snr), -np.inf)
-        for rows, count in _by_steepness(steepest):
+        for rows, count in by_steepness(steepest):
             panels = self._panels(snr[rows], noise[rows], count, -np.inf if slack else 0.0)
             base, gates = self._log_density(panels.nodes(), snr[rows], noise[rows])
-            log_hit[rows] = _log_integral(panels, base + gates)
+            log_hit[rows] = log_integral(panels, base + gates)
             if slack:
                 continue
             with np.errstate(divide="ignore"):
                 shut = np.log(-np.expm1(gates))
-            log_missed[rows] = _log_integral(panels, base + shut)
+            log_missed[rows] = log_integral(panels, base + shut)
         hit = np.minimum(log_hit, 0.0)
         with np.errstate(divide="ignore"):
             left = np.log1p(-np.exp(hit))
-        return hit, left if slack else np.where(hit < _HALF, left, self._missed(log_missed, snr))
+        return hit, left if slack else np.where(hit < LOG_HALF, left, self._missed(log_missed, snr))
 
     def _missed(self, log_shut: FloatArray, snr: FloatArray) -> FloatArray:
         """Return ln(1 - P_d): gates that are shut, or a signal of the reference band below the threshold."""
@@ -277,39 +294,3 @@ class RatioGates:
 
         added: FloatArray = np.logaddexp(log_ndtr(self.threshold - snr[:, self.reference]), log_shut)
         return np.minimum(added, 0.0)
-
-
-def _by_steepness(steepest: FloatArray) -> Iterator[tuple[IntArray, int]]:
-    """Yield rows with the number of panels that follows their steepest gate."""
-    doublings = np.clip(np.ceil(np.log2(steepest)), 0, _MOST_DOUBLINGS).astype(np.int64)
-    for times in range(_MOST_DOUBLINGS + 1):
-        rows = np.flatnonzero(doublings == times)
-        if len(rows):
-            yield rows, _PANELS << times
-
-
-def _log_integral(panels: Panels, log_values: FloatArray) -> FloatArray:
-    """Return logarithms of the integrals of values given by theirs."""
-    peak = log_values.max(axis=1)
-    scale = np.where(np.isfinite(peak), peak, 0.0)
-    with np.errstate(divide="ignore"):
-        logarithm: FloatArray = scale + np.log(panels.integral(np.exp(log_values - scale[:, None])))
-    return logarithm
-
-
-def _log_between(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Return ln(Q(low) - Q(high)), of normal tails; -inf where low >= high."""
-    from scipy.special import log_ndtr
-
-    result = np.where(low < high, 0.0, -np.inf)
-    near_edge = np.nonzero((low < high) & ((low > -_FAR) | (high < _FAR)))
-    low, high = low[near_edge], high[near_edge]
-    is_left = low + high < 0.0
-    near, far = np.where(is_left, high, -low), np.where(is_left, low, -high)
-    log_near = log_ndtr(near)
-    fall = np.full(len(near), -np.inf)
-    close = np.flatnonzero(far > np.minimum(near, 0.0) - _FAR)
-    fall[close] = np.minimum(log_ndtr(far[close]) - log_near[close], 0.0)
-    with np.errstate(divide="ignore"):
-        result[near_edge] = log_near + np.where(fall < _HALF, np.log1p(-np.exp(fall)), np.log(-np.expm1(fall)))
-    return result

@@ -1,8 +1,10 @@
-"""Measurements conditional on a detection, drawn again and again until they pass a sensor's rule.
+"""Measurements conditional on a detection, proposed again and again until they pass a sensor's rule.
 
-What passes first follows the law of free draws given that they pass, exactly. Rows that hardly ever pass, and those
-that have not after all their tries, are drawn by the rule's own inverse, which has the same law. All numbers of a row
-come from one seed of its own.
+A rule proposes measurements that have met some of its conditions already, and by the law they follow under these; what
+passes the others first follows the law of free draws given that they pass, exactly. How often proposals pass is known
+beforehand, for the probability of detection is. Rows of which hardly any would pass, and those of which none has after
+all their tries, are drawn by the rule's own inverse, which has the same law. All numbers of a row come from one seed of
+its own.
 """
 
 from typing import Protocol
@@ -10,14 +12,14 @@ from typing import Protocol
 import numpy as np
 
 from opir_core.dice import Words
-from opir_core.randomness import further_words, normal_pairs, uniforms_of
+from opir_core.randomness import further_words, uniforms_of
 from opir_core.records import BoolArray, FloatArray, IntArray
 
-#: Rows less probable than this are inverted at once.
-LEAST_PROBABLE = 1.0 / 32.0
+#: Rows of whose proposals fewer pass than this are inverted at once.
+LEAST_PASSING = 1.0 / 32.0
 
-#: Tries in one turn: so many over the probability; and turns, after which one row in exp(_TRIES · _TURNS) is left.
-_TRIES, _TURNS = 1.5, 6
+#: Tries in one turn: so many over the share that passes; after all turns one row in exp(_TRIES · _TURNS) is left.
+_TRIES, _TURNS = 0.75, 24
 
 #: Where in a row's sequence the numbers of the inverse stand.
 _INVERSE_AT = 1 << 32
@@ -29,6 +31,12 @@ class Rule(Protocol):
     def passes(self, measured: FloatArray, noise: FloatArray) -> BoolArray:
         """Return which measurements detect."""
 
+    def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return measurements (n, B) that meet some of the conditions, from numbers (n, B + 1) in [0, 1)."""
+
+    def passing(self, snr: FloatArray, probability: FloatArray) -> FloatArray:
+        """Return which share (n,) of proposals detects, of looks that free draws detect with probabilities (n,)."""
+
     def conditional(self, snr: FloatArray, noise: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements conditional on a detection from numbers (n, B + 1) in [0, 1)."""
 
@@ -38,8 +46,9 @@ def measured_to_pass(
 ) -> FloatArray:
     """Return measurements (n, B) that detect, of looks that free draws detect with probabilities (n,)."""
     measured = np.empty(snr.shape)
-    likely = probability >= LEAST_PROBABLE
-    tries = np.ceil(_TRIES / np.where(likely, probability, 1.0)).astype(np.int64)
+    share = rule.passing(snr, probability)
+    likely = share >= LEAST_PASSING
+    tries = np.ceil(_TRIES / np.where(likely, share, 1.0)).astype(np.int64)
     left = np.flatnonzero(likely)
     for turn in range(_TURNS):
         if not len(left):
@@ -49,7 +58,8 @@ def measured_to_pass(
         left = left[~passed]
     rest = np.concatenate([np.flatnonzero(~likely), left])
     if len(rest):
-        measured[rest] = rule.conditional(snr[rest], noise[rest], _uniforms(seeds[rest], snr.shape[1] + 1))
+        uniforms = _uniforms(seeds[rest], np.full(len(rest), _INVERSE_AT), snr.shape[1] + 1)
+        measured[rest] = rule.conditional(snr[rest], noise[rest], uniforms)
     return measured
 
 
@@ -57,10 +67,14 @@ def _turn(
     rule: Rule, snr: FloatArray, noise: FloatArray, seeds: Words, tries: IntArray, turn: int
 ) -> tuple[BoolArray, FloatArray]:
     """Return which rows (n,) pass in so many tries, and the first of each that does, (passed, B)."""
+    if tries.max() == 1:
+        drawn = rule.proposed(snr, _uniforms(seeds, np.full(len(seeds), turn), snr.shape[1] + 1))
+        passed = rule.passes(drawn, noise)
+        return passed, drawn[passed]
     ends = np.cumsum(tries)
     row = np.repeat(np.arange(len(tries)), tries)
     number = np.arange(len(row)) + np.repeat(turn * tries - (ends - tries), tries)
-    drawn = snr.take(row, axis=0) + _normals(seeds.take(row), number, snr.shape[1])
+    drawn = rule.proposed(snr.take(row, axis=0), _uniforms(seeds.take(row), number, snr.shape[1] + 1))
     good = np.flatnonzero(rule.passes(drawn, noise.take(row, axis=0)))
     rows = row[good]
     first = np.flatnonzero(np.diff(rows, prepend=-1))
@@ -69,15 +83,9 @@ def _turn(
     return passed, drawn[good[first]]
 
 
-def _normals(seeds: Words, number: IntArray, bands: int) -> FloatArray:
-    """Return standard normal numbers (n, bands) of tries with these numbers (n,)."""
-    normals, words = np.empty((bands, len(seeds))), (bands + 1) // 2
-    for word in range(words):
-        raw = further_words(seeds, (number * words + word).view(np.uint64))
-        normals[2 * word : 2 * word + 2] = normal_pairs(raw)[: bands - 2 * word]
-    return normals.T
-
-
-def _uniforms(seeds: Words, count: int) -> FloatArray:
-    numbers = [np.full(len(seeds), _INVERSE_AT + each, dtype=np.uint64) for each in range(count)]
-    return np.stack([uniforms_of(further_words(seeds, number)) for number in numbers], axis=1)
+def _uniforms(seeds: Words, number: IntArray, count: int) -> FloatArray:
+    """Return numbers (n, count) in [0, 1) of tries with these numbers (n,)."""
+    uniforms = np.empty((count, len(seeds)))
+    for each in range(count):
+        uniforms[each] = uniforms_of(further_words(seeds, (number * count + each).view(np.uint64)))
+    return uniforms.T
