@@ -56,6 +56,11 @@ class Assembly:
         self._pair_type = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, streams.of_pairs())
         self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)
 
+    @property
+    def judges(self) -> bool:
+        """Whether the classifier goes by what is measured, and not by pairs."""
+        return self._pair_type is None
+
     def block(
         self, looks: Looks, hits: Hits, numbers: WindowNumbers, measured: Measured | None = None
     ) -> tuple[Detections, DetectionTruth]:

@@ -20,6 +20,9 @@ class Columns:
 
     def take(self, rows: Any) -> Self:
         """Return the rows chosen by an index array, a mask or a slice."""
+        if isinstance(rows, np.ndarray) and rows.dtype != np.bool_:
+            # Of columns several wide, numpy's `take` is several times as fast as an index.
+            return self._map(lambda column: column.take(rows, axis=0))
         return self._map(lambda column: column[rows])
 
     def freeze(self) -> Self:

@@ -91,7 +91,12 @@ class WindowNumbers:
         return words
 
     def of_rows(self, purpose: str, words: int, rows: IntArray, pair: IntArray) -> Words:
-        """Return (rows, words) raw words of some of the looks, which are those of pairs (rows,)."""
+        """Return (rows, words) raw words of some of the looks, which are those of pairs (rows,).
+
+        Rows in the order of the window are read where they stand; others from what is drawn of whole pairs and kept.
+        """
+        if np.all(rows[1:] > rows[:-1]):
+            return self._in_order(purpose, words, rows)
         key = (purpose, words)
         if key not in self._drawn:
             looks = int(self._ends[-1]) if len(self._ends) else 0
@@ -104,6 +109,20 @@ class WindowNumbers:
             self._draw(drawn, purpose, missing)
             known |= missing
         return drawn.take(rows, axis=0)
+
+    def _in_order(self, purpose: str, words: int, rows: IntArray) -> Words:
+        """Return (rows, words) raw words of looks in order: of each pair those from its first row to its last."""
+        behind = np.searchsorted(rows, self._ends)
+        count = np.diff(behind, prepend=0)
+        chosen = np.flatnonzero(count)
+        behind, count = behind[chosen], count[chosen]
+        first, last = rows[behind - count], rows[behind - 1]
+        scan = self._first_scan[chosen] + first - (self._ends - self._scans)[chosen]
+        span = last - first + 1
+        at = np.cumsum(span) - span
+        read = np.empty((int(span.sum()), words), dtype=np.uint64)
+        self._streams.fill(read, purpose, self._active[chosen], scan, span, at)
+        return read if len(read) == len(rows) else read.take(rows + np.repeat(at - first, count), axis=0)
 
     def of(self, rows: IntArray, pair: IntArray) -> "RowDice":
         """Return the dice of some of the looks; `pair` is each row's pair."""

@@ -8,6 +8,7 @@ windows begin and end.
 from typing import TYPE_CHECKING
 
 import numpy as np
+from attrs import evolve
 
 from opir_core.assembly import Assembly, Hits, with_tracks
 from opir_core.columns import Filling
@@ -110,7 +111,7 @@ class Engine:
         cast = numbers.words("detection", None if spans is None else spans.undecided())
         row = np.flatnonzero(uniforms_of(cast) < probability)
         pair = looks.pair[row]
-        words = numbers.words("line-of-sight", None if spans is None else np.isin(looks.active, pair))[row]
+        words = numbers.of_rows("line-of-sight", 1, row, pair)[:, 0]
         return Hits(row, pair, self._counted(pair), probability[row], words)
 
     def _measured(self, hits: Hits, numbers: WindowNumbers, spans: "Spans") -> Measured | None:
@@ -119,7 +120,8 @@ class Engine:
         for rows in blocks(len(hits)):
             row, pair = hits.row[rows], hits.pair[rows]
             sensor = self.plan.pairs.sensor[pair]
-            filling.put(spans.measured(self.plan.detection, row, sensor, numbers.of(row, pair)))
+            found = spans.measured(self.plan.detection, row, sensor, numbers.of(row, pair))
+            filling.put(found if self._assembly.judges else evolve(found, band_noise_w_m2=None))
         return filling.record() if len(hits) else None
 
     def _order(self, time_ns: IntArray, pair: IntArray) -> IntArray:

@@ -86,7 +86,7 @@ class NoiseMaker:
     def between(self, start_ns: int, end_ns: int) -> "Noise | None":
         """Return the exceedances in [start, end) of scene time, sorted by time, then sensor; None where none is."""
         parts = [sensor.between(start_ns, end_ns) for sensor in self._sensors]
-        found = [part for part in parts if len(part.time_ns)]
+        found = [part for part in parts if part is not None]
         if not found:
             return None
         joined = _Draws(*(np.concatenate([getattr(part, name) for part in found]) for name in _NAMES))
@@ -189,59 +189,84 @@ class _SensorNoise:
         self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
         self._key = stream_key_words(plan.scene, [(name, "\x1fnoise")])
 
-    def between(self, start_ns: int, end_ns: int) -> _Draws:
-        """Return the exceedances in [start, end) of scene time."""
-        block_ns = self._scans * self._sensor.scan.period_ns
+    def between(self, start_ns: int, end_ns: int) -> "_Draws | None":
+        """Return the exceedances in [start, end) of scene time; None where there is none."""
+        period_ns = self._sensor.scan.period_ns
+        block_ns = self._scans * period_ns
         # A scan's looks come up to a period after it begins.
-        first = max((start_ns - self._sensor.scan.period_ns) // block_ns, 0)
-        last = max(-(-end_ns // block_ns), first + 1)
-        counts = np.searchsorted(self._table, uniforms_of(self._counts.words(first, last - first)), side="right")
-        room = len(self._table)
-        parts = [
-            self._numbers.words((first + row) * room * self._words, count * self._words)
-            for row, count in enumerate(counts.tolist())
-        ]
-        raw = np.concatenate([*parts, np.empty(0, dtype=np.uint64)])
-        uniforms = uniforms_of(raw).reshape(-1, self._words)
-        block = np.repeat(first + np.arange(last - first), counts)
-        place = np.arange(len(block)) - np.repeat(np.cumsum(counts) - counts, counts)
+        first = max((start_ns - period_ns) // block_ns, 0)
+        counts = self._block_counts(first, max(-(-end_ns // block_ns), first + 1) - first)
+        uniforms = self._uniforms(first, counts)
+        block, place = np.repeat(first + np.arange(len(counts)), counts), _places(counts)
         scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
-        return self._within(scan, uniforms, block * room + place, start_ns, end_ns)
+        near = np.flatnonzero((scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns))
+        if not len(near):
+            return None
+        serial = block[near] * len(self._table) + place[near]
+        return self._within(scan[near], uniforms[near], serial, start_ns, end_ns)
 
-    def _within(self, scan: IntArray, uniforms: FloatArray, serial: IntArray, start_ns: int, end_ns: int) -> _Draws:
+    def _block_counts(self, first: int, blocks: int) -> IntArray:
+        """Return how many exceedances blocks of scans have."""
+        counts: IntArray = np.searchsorted(self._table, uniforms_of(self._counts.words(first, blocks)), side="right")
+        return counts
+
+    def _uniforms(self, first: int, counts: IntArray) -> FloatArray:
+        """Return the numbers (n, words) of the exceedances of blocks of scans."""
+        room = len(self._table) * self._words
+        parts = [
+            self._numbers.words((first + row) * room, count * self._words)
+            for row, count in enumerate(counts.tolist())
+            if count
+        ]
+        return uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(-1, self._words)
+
+    def _within(
+        self, scan: IntArray, uniforms: FloatArray, serial: IntArray, start_ns: int, end_ns: int
+    ) -> "_Draws | None":
         period_ns = self._sensor.scan.period_ns
         sensor = np.full(len(scan), self._number, dtype=np.int32)
         at_m = self._sites.positions(sensor, (scan * period_ns).astype(np.float64) * 1e-9)
-        direction = self._directions(at_m, uniforms)
-        height_m = np.sqrt(np.square(at_m).sum(axis=1))[:, None]
-        phase_ns = self._sensor.scan.phase_ns(at_m, at_m + direction * height_m, self._phase)
+        height_m = np.sqrt(np.square(at_m).sum(axis=1))
+        direction = self._directions(at_m, height_m, uniforms)
+        phase_ns = self._sensor.scan.phase_ns(at_m, at_m + direction * height_m[:, None], self._phase)
         time_ns = scan * period_ns + phase_ns
         kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
-        keys = np.repeat(self._key, len(kept), axis=0)
+        if not len(kept):
+            return None
         return _Draws(
             time_ns=time_ns[kept],
             sensor=sensor[kept],
             scan=scan[kept],
-            detection_id=uuid8_words(keys, serial[kept]),
+            detection_id=uuid8_words(np.repeat(self._key, len(kept), axis=0), serial[kept]),
             line_of_sight_ecef=direction[kept],
             sensor_ecef_m=at_m[kept],
             uniforms=uniforms[kept, _PLACE_WORDS:],
         )
 
-    def _directions(self, at_m: FloatArray, uniforms: FloatArray) -> FloatArray:
+    def _directions(self, at_m: FloatArray, height_m: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return directions spread uniformly over the solid angle of the field of regard, a cone about nadir."""
         half = math.sin(0.5 * self._sensor.field_of_regard_half_angle_rad)
         # 1 - cosine is uniform over a cone; its sine follows without cancellation.
         fall = 2.0 * half * half * uniforms[:, 1]
         off, turn = np.sqrt(fall * (2.0 - fall)), 2.0 * np.pi * uniforms[:, 2]
-        down = -at_m / np.sqrt(np.square(at_m).sum(axis=1))[:, None]
-        east = np.stack([-down[:, 1], down[:, 0], np.zeros(len(down))], axis=1)
-        flat = np.sqrt(np.square(east).sum(axis=1))[:, None]
-        east = np.where(flat > 0.0, east / np.where(flat > 0.0, flat, 1.0), np.array([1.0, 0.0, 0.0]))
-        north = np.cross(down, east)
-        across = east * np.cos(turn)[:, None] + north * np.sin(turn)[:, None]
-        unit: FloatArray = down * (1.0 - fall)[:, None] + across * off[:, None]
+        x, y, z = (at_m[:, axis] / -height_m for axis in range(3))
+        # East of the sensor; over a pole, where none is, along the first axis.
+        level = np.sqrt(x * x + y * y)
+        on_axis = level == 0.0
+        per_level = 1.0 / (level + on_axis)
+        east_x, east_y = on_axis - y * per_level, x * per_level
+        along_east, along_north, down = off * np.cos(turn), off * np.sin(turn), 1.0 - fall
+        unit = np.empty_like(at_m)
+        unit[:, 0] = x * down + east_x * along_east - z * east_y * along_north
+        unit[:, 1] = y * down + east_y * along_east + z * east_x * along_north
+        unit[:, 2] = z * down + (x * east_y - y * east_x) * along_north
         return unit
+
+
+def _places(counts: IntArray) -> IntArray:
+    """Return the place of each exceedance in its block."""
+    places: IntArray = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return places
 
 
 def poisson_table(mean: float) -> FloatArray:

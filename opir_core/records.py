@@ -56,8 +56,8 @@ class Sightings(Columns):
     `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of the sensor's elevation
     above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is how often this sensor
     has detected this target so far, this one included; `snr` is nan where the detection model has none;
-    `band_irradiance_w_m2` (n, B) as in `Detections`, and `band_noise_w_m2` its standard deviation, (n, 0) where the
-    detection model does not say it.
+    `band_irradiance_w_m2` (n, B) as in `Detections`, and `band_noise_w_m2` its standard deviation, of no account beyond
+    the sensor's own bands, (n, 0) where the detection model does not say it or the scene's classifier goes by pairs.
     """
 
     time_s: FloatArray

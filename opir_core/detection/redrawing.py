@@ -15,11 +15,14 @@ from opir_core.dice import Words
 from opir_core.randomness import further_words, uniforms_of
 from opir_core.records import BoolArray, FloatArray, IntArray
 
-#: Rows of whose proposals fewer pass than this are inverted at once.
-LEAST_PASSING = 1.0 / 32.0
+#: Rows of whose proposals fewer pass than this are inverted at once: it costs about as much as so many proposals.
+LEAST_PASSING = 1.0 / 2048.0
 
 #: Tries in one turn: so many over the share that passes; after all turns one row in exp(_TRIES · _TURNS) is left.
 _TRIES, _TURNS = 0.75, 24
+
+#: Proposals made at once.
+_MOST_AT_ONCE = 1 << 15
 
 #: Where in a row's sequence the numbers of the inverse stand.
 _INVERSE_AT = 1 << 32
@@ -51,16 +54,26 @@ def measured_to_pass(
     tries = np.ceil(_TRIES / np.where(likely, share, 1.0)).astype(np.int64)
     left = np.flatnonzero(likely)
     for turn in range(_TURNS):
+        missed = [left[:0]]
+        for part in _portions(left, tries):
+            passed, drawn = _turn(rule, snr[part], noise[part], seeds[part], tries[part], turn)
+            measured[part[passed]] = drawn
+            missed.append(part[~passed])
+        left = np.concatenate(missed)
         if not len(left):
             break
-        passed, drawn = _turn(rule, snr[left], noise[left], seeds[left], tries[left], turn)
-        measured[left[passed]] = drawn
-        left = left[~passed]
     rest = np.concatenate([np.flatnonzero(~likely), left])
     if len(rest):
         uniforms = _uniforms(seeds[rest], np.full(len(rest), _INVERSE_AT), snr.shape[1] + 1)
         measured[rest] = rule.conditional(snr[rest], noise[rest], uniforms)
     return measured
+
+
+def _portions(rows: IntArray, tries: IntArray) -> list[IntArray]:
+    """Return rows cut into portions of not many more tries than are made at once; none of no rows."""
+    ends = np.cumsum(tries[rows])
+    edges = np.searchsorted(ends, np.arange(_MOST_AT_ONCE, ends[-1] if len(ends) else 0, _MOST_AT_ONCE))
+    return [part for part in np.split(rows, np.unique(edges)) if len(part)]
 
 
 def _turn(

@@ -1,6 +1,7 @@
 """The detection model `snr`: from intensity, air, aperture and noise to the probability of detection."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -12,7 +13,6 @@ from opir_core.detection.receivers import Receiver, by_number, noise_chance, rec
 from opir_core.detection.redrawing import measured_to_pass
 from opir_core.detection.threshold import probit
 from opir_core.dice import Words
-from opir_core.plugin.sensors import MAXIMUM_BANDS
 from opir_core.protocols import Dice, Measured, ModelContext
 from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response
@@ -20,23 +20,26 @@ from opir_core.scenery import Scenery
 
 #: Signals over noise are held within it: its square is still a double.
 _MOST_SNR = 1e100
-#: Beside one number a band there is one that chooses.
-_FREE = 1
 
 
 @frozen(eq=False)
 class SnrDetection:
     """Signal over noise in each band, and the sensor's rule over its bands; see docs/explanation/detection.md.
 
-    `width` is the largest number of bands of the sensors; `floor_rad` (sensors,) the spread of lines of sight that no
-    signal betters; `rate_per_scan` (sensors,) the mean number of exceedances of noise alone in a scan.
+    `width` is the largest number of bands of the sensors; `alike` (sensors,) the first of those that measure as each
+    does; `floor_rad` (sensors,) the spread of lines of sight that no signal betters; `dark_noise_w_m2` (sensors, width)
+    the noise before a dark background, 1 beyond a sensor's bands; `noise_chance` (sensors,) the chance that it alone
+    crosses in a resolution cell and look, `rate_per_scan` (sensors,) how often it does on the mean in a scan.
     """
 
     scenery: Scenery
     receivers: tuple[Receiver, ...]
     width: int
+    alike: IndexArray
     floor_rad: FloatArray
     footprint_rad: FloatArray
+    dark_noise_w_m2: FloatArray
+    noise_chance: FloatArray
     rate_per_scan: FloatArray
     probability_tolerance: float | None
     needs_geometry: bool = True
@@ -76,7 +79,7 @@ class SnrDetection:
     def measure_response(self, response: Response, sensor: IndexArray, dice: Dice) -> Measured:
         """Return what is measured, conditional on the detection: where a free draw does not detect, another does."""
         found = MeasuredColumns.of(len(sensor), self.width)
-        for number, rows in by_number(sensor, len(self.receivers)):
+        for number, rows in by_number(self.alike[sensor], len(self.receivers)):
             receiver = self.receivers[number]
             width = len(receiver.bands)
             snr, noise = response.snr[rows, :width], response.noise_w_m2[rows, :width]
@@ -85,27 +88,28 @@ class SnrDetection:
             failed = np.flatnonzero(~receiver.rule.passes(measured, noise))
             if len(failed):
                 probability = _probability(response.probit[rows][failed])
-                seeds = _seeds(own_dice.take(failed))
+                seeds = _seeds(own_dice.take(failed).uniforms("measurement:again")[:, 0])
                 measured[failed] = measured_to_pass(receiver.rule, snr[failed], noise[failed], probability, seeds)
             found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.footprint_rad[number]))
-        return found.measured()
+        return found.measured(response.noise_w_m2)
 
     @property
     def words(self) -> int:
-        """Return how many numbers an exceedance is drawn with."""
-        return MAXIMUM_BANDS + _FREE
+        """Return how many numbers an exceedance is drawn with: one, the seed of all that it takes."""
+        return 1
 
     def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
         """Return what is measured (n,) where noise alone crossed, before a dark background."""
         found = MeasuredColumns.of(len(sensor), self.width)
-        for number, rows in by_number(sensor, len(self.receivers)):
+        for number, rows in by_number(self.alike[sensor], len(self.receivers)):
             receiver = self.receivers[number]
-            own = uniforms[rows]
-            nothing = np.zeros((len(own), len(receiver.bands)))
-            noise = np.broadcast_to(noise_w_m2(receiver.nei_w_m2), nothing.shape)
-            measured = receiver.rule.conditional(nothing, noise, _chosen(own, len(receiver.bands)))
+            seeds = _seeds(uniforms[rows, 0])
+            nothing = np.zeros((len(seeds), len(receiver.bands)))
+            noise = np.broadcast_to(self.dark_noise_w_m2[number, : nothing.shape[1]], nothing.shape)
+            chance = np.full(len(seeds), self.noise_chance[number])
+            measured = measured_to_pass(receiver.rule, nothing, noise, chance, seeds)
             found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.footprint_rad[number]))
-        return found.measured()
+        return found.measured(self.dark_noise_w_m2[sensor])
 
     def _irradiance_w_m2(self, exposures: Exposures) -> FloatArray:
         """Return the irradiances (n, B) of targets at the aperture; 0 beyond a sensor's bands."""
@@ -121,10 +125,7 @@ class SnrDetection:
 
     def _noise_w_m2(self, exposures: Exposures) -> FloatArray:
         """Return the noise (n, B) at the aperture; 1 beyond a sensor's bands."""
-        detector_w_m2 = np.ones((len(self.receivers), self.width))
-        for number, receiver in enumerate(self.receivers):
-            detector_w_m2[number, : len(receiver.bands)] = noise_w_m2(receiver.nei_w_m2)
-        noise = detector_w_m2.take(exposures.sensor, axis=0)
+        noise = self.dark_noise_w_m2.take(exposures.sensor, axis=0)
         if not self.scenery.has_background:
             return noise
         view = self.scenery.views(exposures)
@@ -160,12 +161,16 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     cells = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle) / footprint_rad)
     of_kind = {receiver.kind: noise_chance(receiver) for receiver in receivers}
     chances = np.exp(np.array([of_kind[receiver.kind] for receiver in receivers]))
+    floor_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors])
     return SnrDetection(
         scenery=scenery,
         receivers=tuple(receivers),
         width=max(len(receiver.bands) for receiver in receivers),
-        floor_rad=np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors]),
+        alike=_alike(receivers, floor_rad),
+        floor_rad=floor_rad,
         footprint_rad=footprint_rad,
+        dark_noise_w_m2=_dark_noise_w_m2(receivers),
+        noise_chance=chances,
         rate_per_scan=chances * cells,
         probability_tolerance=None if config.exact else config.probability_tolerance,
     )
@@ -178,12 +183,21 @@ def _probability(quantile: FloatArray) -> FloatArray:
     return chance
 
 
-def _seeds(dice: Dice) -> Words:
+def _seeds(uniforms: FloatArray) -> Words:
     """Return a seed (n,) of 53 bits for each row."""
-    seeds: Words = (dice.uniforms("measurement:again")[:, 0] * 2.0**53).astype(np.uint64) << np.uint64(11)
+    seeds: Words = (uniforms * 2.0**53).astype(np.uint64) << np.uint64(11)
     return seeds
 
 
-def _chosen(uniforms: FloatArray, width: int) -> FloatArray:
-    """Return the numbers of a sensor's own bands, and the one that chooses, which is the first."""
-    return np.concatenate([uniforms[:, 1 : 1 + width], uniforms[:, :1]], axis=1)
+def _dark_noise_w_m2(receivers: Sequence[Receiver]) -> FloatArray:
+    noise = np.ones((len(receivers), max(len(receiver.bands) for receiver in receivers)))
+    for number, receiver in enumerate(receivers):
+        noise[number, : len(receiver.bands)] = noise_w_m2(receiver.nei_w_m2)
+    return noise
+
+
+def _alike(receivers: Sequence[Receiver], floor_rad: FloatArray) -> IndexArray:
+    """Return the number (sensors,) of the first receiver that measures as each one does."""
+    first = dict[tuple[Any, ...], int]()
+    kinds = [(*each.kind, floor) for each, floor in zip(receivers, floor_rad.tolist(), strict=True)]
+    return np.array([first.setdefault(kind, number) for number, kind in enumerate(kinds)], dtype=np.int32)

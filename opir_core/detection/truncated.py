@@ -4,7 +4,6 @@ import numpy as np
 
 from opir_core.records import FloatArray
 
-
 #: Up to there a normal tail is a double with all its bits.
 _PLAIN = 36.0
 _LEAST_LEVEL = 2.0**-54

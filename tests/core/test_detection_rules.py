@@ -7,8 +7,8 @@ from scipy.stats import kstest, norm
 
 from opir_core.detection.any_band import AnyBand
 from opir_core.detection.ratio_gates import RatioGates
-from opir_core.detection.redrawing import LEAST_PROBABLE, measured_to_pass
-from opir_core.detection.truncated import truncated_normals
+from opir_core.detection.redrawing import LEAST_PASSING, measured_to_pass
+from opir_core.detection.truncated import tail_normals, truncated_normals
 
 INF = np.inf
 TRIPLE = RatioGates(5.0, 3.0, 0, np.array([-INF, 0.3, 0.01]), np.array([INF, 3.0, 0.5]))
@@ -109,20 +109,53 @@ def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_
         assert distance < 1.95 * np.sqrt(2.0 / len(kept))
 
 
-@pytest.mark.parametrize("snr", [[6.0, 8.0, 2.5], [1.0, 6.0, 2.0]], ids=["tried again", "inverted"])
-def test_tries_until_one_passes_follow_the_law_of_the_inverse(snr: list[float]) -> None:
+@pytest.mark.parametrize(
+    ("snr", "least", "most"),
+    [([6.0, 8.0, 2.5], 0.1, 1.0), ([2.0, 18.0, 2.0], LEAST_PASSING, 0.01), ([2.0, 28.0, 2.0], 0.0, LEAST_PASSING)],
+    ids=["many pass", "hardly any passes", "inverted"],
+)
+def test_proposals_until_one_passes_follow_the_law_of_the_inverse(snr: list[float], least: float, most: float) -> None:
     rng, ones = np.random.default_rng(6), np.ones((6_000, 3))
     rows = np.tile(snr, (len(ones), 1))
-    chance = np.exp(TRIPLE.log_chances(rows[:1], ones[:1])[0][0])
-    assert (chance > LEAST_PROBABLE) == (snr[0] == 6.0)
-    seeds = rng.integers(0, 2**64, len(ones), dtype=np.uint64)
-    drawn = measured_to_pass(TRIPLE, rows, ones, np.full(len(ones), chance), seeds)
+    chance = np.full(len(ones), np.exp(TRIPLE.log_chances(rows[:1], ones[:1])[0][0]))
+    assert least < TRIPLE.passing(rows[:1], chance[:1])[0] < most
+    drawn = measured_to_pass(TRIPLE, rows, ones, chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64))
     inverse = TRIPLE.conditional(rows, ones, rng.random((len(ones), 4)))
     assert TRIPLE.passes(drawn, ones).all()
     for band in range(3):
         ordered = np.sort(inverse[:, band])
         distance = np.max(np.abs(np.searchsorted(ordered, np.sort(drawn[:, band])) / len(ones) - _shares(len(ones))))
         assert distance < 1.95 * np.sqrt(2.0 / len(ones))
+
+
+@pytest.mark.parametrize("rule", [AnyBand(5.0), TRIPLE], ids=["any", "triple"])
+def test_proposals_pass_as_often_as_is_said_of_them(rule: AnyBand | RatioGates) -> None:
+    rng, rows = np.random.default_rng(8), 40_000
+    for snr in ([6.0, 9.0, 1.5], [4.0, 4.5, 3.0], [1.0, 12.0, 3.5], [9.0, 29.0, 3.5]):
+        signal, ones = np.tile(snr, (rows, 1)), np.ones((rows, 3))
+        chance = np.exp(rule.log_chances(signal[:1], ones[:1])[0])
+        share = float(rule.passing(signal[:1], chance)[0])
+        passed = rule.passes(rule.proposed(signal, rng.random((rows, 4))), ones).sum()
+        assert abs(passed - rows * share) <= 3.29 * np.sqrt(rows * share * (1.0 - share)) + 1.0
+
+
+def test_few_proposals_are_made_for_a_row_where_thresholds_are_the_hurdle() -> None:
+    proposed = []
+
+    class Counted(RatioGates):
+        def proposed(self, snr: np.ndarray, uniforms: np.ndarray) -> np.ndarray:
+            proposed.append(len(snr))
+            return super().proposed(snr, uniforms)
+
+    rule = Counted(5.0, 3.0, 0, np.array([-INF, 0.3]), np.array([INF, 3.0]))
+    rng, ones = np.random.default_rng(9), np.ones((5_000, 2))
+    # A faint source of the right colour: free draws would take thousands of tries each.
+    snr = np.array([1.6, 2.4]) * rng.uniform(0.9, 1.1, (len(ones), 1))
+    chance = np.exp(rule.log_chances(snr, ones)[0])
+    drawn = measured_to_pass(rule, snr, ones, chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64))
+    assert rule.passes(drawn, ones).all()
+    assert np.mean(1.0 / chance) > 3_000
+    assert sum(proposed) < 2 * len(ones)
 
 
 def test_a_row_is_drawn_alike_whoever_is_drawn_with_it() -> None:
@@ -164,3 +197,12 @@ def test_truncated_numbers_follow_their_law_in_every_tail(low: float, high: floa
         low, high, drawn = -high, -low, -drawn
     whole = np.expm1(norm.logsf(high) - norm.logsf(low))
     assert kstest(np.expm1(norm.logsf(drawn) - norm.logsf(low)) / whole, "uniform").statistic < 1.0 / count
+
+
+@pytest.mark.parametrize("low", [-INF, -50.0, -3.0, 0.0, 3.0, 30.0, 36.0, 36.5, 1e5])
+def test_tail_numbers_follow_their_law_in_every_tail(low: float) -> None:
+    count = 4000
+    drawn = tail_normals(np.full(count, low), _shares(count))
+    assert np.all(np.isfinite(drawn) & (drawn >= low))
+    assert kstest(np.exp(norm.logsf(drawn) - norm.logsf(low)), "uniform").statistic < 1.0 / count
+    assert np.isfinite(tail_normals(np.full(2, low), np.array([0.0, 1.0 - 2.0**-53]))).all()
