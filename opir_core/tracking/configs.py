@@ -6,6 +6,41 @@ from opir_core.fields import nested, number, text
 
 ASSOCIATIONS = ("nearest", "joint")
 MOTIONS = ("boost-coast", "boost", "coast")
+BOOST_MODELS = ("thrust", "jerk")
+
+
+@frozen(kw_only=True)
+class ThrustConfig:
+    """What the boost model `thrust` takes for granted of a burning target."""
+
+    tilt_deg: float = number(
+        default=5.0,
+        unit="deg",
+        above=0.0,
+        maximum=45.0,
+        source="the class profiles, which are no gravity turns, have 1 to 5; notional",
+        help="standard deviation of the angle between thrust and velocity, in each of two directions",
+    )
+    tilt_s: float = number(default=15.0, unit="s", above=0.0, maximum=1e4, help="after so long that angle is another")
+    noise_m_s2: float = number(
+        default=1.5, unit="m/s²/√s", minimum=0.0, maximum=1000.0, help="how fast the force along the velocity wanders"
+    )
+    force_sigma_m_s2: float = number(
+        default=10.0,
+        unit="m/s²",
+        above=0.0,
+        maximum=1000.0,
+        help="how far the first specific force may be from 20 m/s² straight up",
+    )
+    growth_per_s: float = number(
+        default=0.01, unit="1/s", minimum=-0.1, maximum=0.1, help="rate at which the specific force grows at first"
+    )
+    growth_sigma_per_s: float = number(
+        default=0.01, unit="1/s", above=0.0, maximum=1.0, help="standard deviation of that rate"
+    )
+    growth_noise_per_s: float = number(
+        default=0.003, unit="1/s/√s", minimum=0.0, maximum=1.0, help="how fast that rate wanders"
+    )
 
 
 @frozen(kw_only=True)
@@ -48,10 +83,20 @@ class StereoFilterConfig:
     motion: str = text(
         default="boost-coast",
         choices=MOTIONS,
-        help="modes a target may be in: boost with a nearly constant jerk, free flight, or either",
+        help="modes a target may be in: boost, free flight, or either",
     )
+    boost_model: str = text(
+        default="thrust",
+        choices=BOOST_MODELS,
+        help="thrust: a force along the velocity but for a tilt, slowly growing; jerk: any force, with a steady jerk",
+    )
+    thrust: ThrustConfig = nested(default=ThrustConfig(), help="what the boost model thrust takes for granted")
     jerk_noise_m_s3: float = number(
-        default=0.3, unit="m/s³/√s", minimum=0.0, maximum=1000.0, help="how fast the jerk of a boost wanders"
+        default=0.3,
+        unit="m/s³/√s",
+        minimum=0.0,
+        maximum=1000.0,
+        help="how fast the jerk wanders with the boost model jerk; launches are followed back with it in either",
     )
     coast_noise_m_s: float = number(
         default=0.01, unit="m/s/√s", minimum=0.0, maximum=100.0, help="how fast the velocity of a free flight wanders"

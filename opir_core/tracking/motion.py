@@ -6,9 +6,10 @@ and the velocity in coast. Units m, s; the inertial frame is ECEF frozen at the 
 """
 
 from math import factorial
+from typing import Protocol
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, field, frozen
 
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity import Gravity
@@ -19,7 +20,7 @@ from opir_core.tracking.rays import dot
 BOOST, COAST = 12, 6
 
 #: For no more states than this gravity is worked out one by one: the same operations, sooner without numpy's calls.
-_ALONE = 4
+ALONE = 4
 
 #: The longest step, s: with a mean motion n, it leaves (n h)⁵ r / 120 < 0.1 mm in low orbits.
 _LONGEST_STEP_S = 10.0
@@ -37,14 +38,16 @@ class Motion:
     size: int
     noise: float
     forces: Forces
+    field: Gravity = field(
+        default=Factory(lambda self: Gravity(self.forces.gravity, self.forces.zonal), takes_self=True), init=False
+    )
 
     def gravity(self, position_m: FloatArray) -> FloatArray:
         """Return the acceleration of gravity (n, 3), m/s², at positions (n, 3)."""
-        field = Gravity(self.forces.gravity, self.forces.zonal)
-        if len(position_m) <= _ALONE:
-            pull = field.alone_with_inverse_radius
+        if len(position_m) <= ALONE:
+            pull = self.field.alone_with_inverse_radius
             return np.array([pull(x, y, z)[:3] for x, y, z in position_m.tolist()]).reshape(-1, 3)
-        down: FloatArray = np.ascontiguousarray(field(np.ascontiguousarray(position_m.T)).T)
+        down: FloatArray = np.ascontiguousarray(self.field(np.ascontiguousarray(position_m.T)).T)
         return down
 
     def gradient(self, position_m: FloatArray) -> FloatArray:
@@ -59,10 +62,10 @@ class Motion:
         """Return states (n, d) after steps (n,), s."""
         pieces = max(1, int(np.ceil(np.max(np.abs(step_s), initial=0.0) / _LONGEST_STEP_S)))
         for _ in range(pieces):
-            state = self._stepped(state, step_s / pieces)
+            state = self.stepped(state, step_s / pieces)
         return state
 
-    def _stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+    def stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states after one step of Nyström's method of order 4 (Hairer, Norsett and Wanner, II.14)."""
         step, half = step_s[:, None], 0.5 * step_s[:, None]
         position, velocity = state[:, :3], state[:, 3:6]
@@ -81,9 +84,12 @@ class Motion:
         after[:, 3:6] += step / 6.0 * (start + 4.0 * midway + last)
         return after
 
-    def transition(self, position_m: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, d, d) of steps (n,): the exponential series with a constant gradient."""
-        gradient, blocks = self.gradient(position_m), self.size // 3
+    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return the transition matrices (n, d, d) of steps (n,): the exponential series with a constant gradient.
+
+        Of the states (n, d or more than 2) that say where, the position counts alone.
+        """
+        gradient, blocks = self.gradient(state[:, :3]), self.size // 3
         power = np.concatenate([weights_at(step_s), np.zeros((len(step_s), 1))], axis=1)
         straight, bent = (power[:, table[:blocks, :blocks]] for table in (_STRAIGHT, _BENT))
         matrix = (
@@ -92,14 +98,17 @@ class Motion:
         matrix[:, 0, :, 0] += power[:, 4, None, None] * (gradient @ gradient)
         return matrix.reshape(len(step_s), self.size, self.size)
 
-    def noise_root(self, step_s: FloatArray) -> FloatArray | None:
-        """Return L (n, d, d) with L Lᵀ the covariance of the noise gathered in steps (n,); None where there is none."""
+    def noise_root(self, step_s: FloatArray, state: FloatArray | None = None) -> FloatArray | None:
+        """Return L (n, d, d) with L Lᵀ the covariance of the noise gathered in steps (n,); None where there is none.
+
+        It is the same whatever the states.
+        """
         if self.noise == 0.0:
             return None
         blocks = self.size // 3
         powers = np.arange(blocks - 1, -1, -1)
         scale = self.noise * np.abs(step_s)[:, None] ** (powers + 0.5)
-        small = scale[:, :, None] * _integrator_noise(blocks)
+        small = scale[:, :, None] * integrator_noise(blocks)
         whole: FloatArray = (small[:, :, None, :, None] * _UNIT[:, None, :]).reshape(len(step_s), self.size, self.size)
         return whole
 
@@ -124,13 +133,62 @@ class Motion:
         derivative[:, 4] = scale * ((3.0 * inward)[:, None] * position + (6.0 * share)[:, None] * velocity - fall)
         return derivative
 
+    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return what whitened looks gain (m, 2, d) a unit of state, from what they gain a metre (m, 2, 3).
+
+        `weight` (m, 5) are those of the looks' times; how the gradient bends the path within a slice is left out.
+        """
+        rows: FloatArray = slope[:, :, None, :] * weight[:, None, : self.size // 3, None]
+        return rows.reshape(len(slope), 2, self.size)
+
+    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return the spreads (n, 12, 12) of the position's first four derivatives from those of states, (n, d, d)."""
+        if self.size == BOOST:
+            return side
+        out = np.zeros((len(side), BOOST, BOOST))
+        out[:, : self.size, : self.size] = side
+        return out
+
+
+class Dynamics(Protocol):
+    """What the switching filter asks of a mode: how its states (n, d) move, and how looks see them."""
+
+    @property
+    def size(self) -> int:
+        """Return the size of the state."""
+        ...
+
+    def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states after steps (n,), s."""
+        ...
+
+    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return the transition matrices (n, d, d) of steps (n,) about states."""
+        ...
+
+    def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray | None:
+        """Return a root (n, d, k) of the covariance of the noise gathered in steps (n,), or None."""
+        ...
+
+    def taylor(self, state: FloatArray) -> FloatArray:
+        """Return the derivatives (n, 5, 3) of the position."""
+        ...
+
+    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return what looks gain a unit of state (m, 2, d) from what they gain a metre (m, 2, 3)."""
+        ...
+
+    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return the spreads (n, 12, 12) of the first four derivatives of the position."""
+        ...
+
 
 #: The power of time with which the unit matrix and the gradient enter the blocks of the exponential series; 5 for none.
 _STRAIGHT = np.array([[0, 1, 2, 3], [5, 0, 1, 2], [5, 5, 0, 1], [5, 5, 5, 0]])
 _BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
 
 
-def _integrator_noise(blocks: int) -> FloatArray:
+def integrator_noise(blocks: int) -> FloatArray:
     """Return the Cholesky factor of the covariance of a chain of integrators driven by unit noise for one second.
 
     Its elements are 1 / (a! b! (a + b + 1)) for the a-th and b-th integrals.

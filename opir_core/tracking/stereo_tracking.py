@@ -146,7 +146,7 @@ class StereoTracking:
             return now
         told = now.roster.take(young)
         outlook = self.filter.outlook(now.bank.take(young), now.time_s)
-        fresh = launches(outlook, told.first_s, self._slowest(told), self.filter.boost.noise)
+        fresh = launches(outlook, told.first_s, self._slowest(told), self.config.jerk_noise_m_s3)
         best = surer(GroundPoints(told.launch, told.launch_covariance), fresh)
         launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
         launch[young], covariance[young] = best

@@ -12,7 +12,7 @@ from attrs import evolve, frozen
 from opir_core.columns import Columns, names_of
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking import square_root
-from opir_core.tracking.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.tracking.motion import BOOST, COAST, Dynamics, Motion, followed, weights_at
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Sights, along, dot
 
@@ -67,15 +67,17 @@ class Bank(Columns):
 class SwitchingFilter:
     """A filter of two modes; `boost_s` and `coast_s` are the mean times spent in each, inf for one that never ends.
 
-    `rounds` bounds the relinearisations of an update.
+    `rounds` bounds the relinearisations of an update. `cold_chance` is how likely a coasting target is seen in a slice
+    in which a burning one is: 1 where a sensor follows bodies that do not burn.
     """
 
-    boost: Motion
+    boost: Dynamics
     coast: Motion
     boost_s: float
     coast_s: float
     rounds: int = 4
     memory_s: float = 20.0
+    cold_chance: float = 1.0
 
     @property
     def switches(self) -> bool:
@@ -95,12 +97,12 @@ class SwitchingFilter:
         return Bank(mixed.weight, *boost, *coast, mixed.pace)
 
     def _carried(
-        self, motion: Motion, mean: FloatArray, root: FloatArray, step_s: float
+        self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: float
     ) -> tuple[FloatArray, FloatArray]:
         steps = np.full(len(mean), step_s)
         after = motion.propagated(mean, steps)
-        back = motion.transition(0.5 * (mean[:, :3] + after[:, :3]), -steps)
-        return after, square_root.moved(root, back, motion.noise_root(steps))
+        back = motion.transition(0.5 * (mean + after), -steps)
+        return after, square_root.moved(root, back, motion.noise_root(steps, after))
 
     def _mixed(self, bank: Bank, step_s: float) -> Bank:
         """Return the bank with its modes mixed by the chance of having switched during a step."""
@@ -152,6 +154,7 @@ class SwitchingFilter:
         np.maximum.at(last_s, sights.track, sights.time_s)
         missed, pace = self._misses(bank, hits, time_s - last_s, step_s)
         change[:, 0] += missed
+        change[seen, 1] += np.log(self.cold_chance)
         return Bank(_reweighed(bank.weight, change), boost, boost_root, coast, coast_root, pace)
 
     def _misses(
@@ -160,7 +163,7 @@ class SwitchingFilter:
         """Return what a silent slice takes from the boost's log weight, and the pace after it.
 
         A burning target that was seen r times a second stays unseen for t with the chance exp(-r t); one whose burn is
-        over is not seen at all. A sight of a coasting target counts for neither mode.
+        over is not seen at all.
         """
         fade = np.exp(-step_s / self.memory_s)
         rate = bank.pace[:, 0] / np.maximum(bank.pace[:, 1], step_s)
@@ -171,7 +174,7 @@ class SwitchingFilter:
         return np.where(silent, -rate * step_s, 0.0), pace
 
     def taken_in(
-        self, motion: Motion, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights
+        self, motion: Dynamics, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return means and roots of one mode after sights (every track has one), and the log likelihoods (n,)."""
         place, depth = _queued(sights.track, len(mean))
@@ -180,7 +183,7 @@ class SwitchingFilter:
         for turn in range(self.rounds):
             path = motion.taylor(point)
             position = followed(path[sights.track], weight)
-            rows = _rows(sights, position, weight[:, : motion.size // 3], place, depth, len(mean))
+            rows = _rows(sights, motion, point, position, weight, place, depth)
             owed = along(root, mean - point)
             after, step, left = square_root.updated(root, owed, rows)
             point = point + step
@@ -195,8 +198,9 @@ class SwitchingFilter:
         coasts = bank.weight[:, 1] > bank.weight[:, 0]
         coasting, burning = np.flatnonzero(coasts), np.flatnonzero(~coasts)
         if len(burning):
-            derivative[burning] = self.boost.taylor(bank.boost_mean[burning])
-            side[burning] = square_root.spread(bank.boost_root[burning])
+            state = bank.boost_mean[burning]
+            derivative[burning] = self.boost.taylor(state)
+            side[burning] = self.boost.sides(state, square_root.spread(bank.boost_root[burning]))
         if len(coasting):
             derivative[coasting] = self.coast.taylor(bank.coast_mean[coasting])
             side[coasting, :COAST, :COAST] = square_root.spread(bank.coast_root[coasting])
@@ -266,7 +270,8 @@ def _bend(sights: Sights, position: FloatArray, step: FloatArray, weight: FloatA
     A point moved by a small angle across and along the ray is off by the square of the angle.
     """
     blocks = step.shape[1] // 3
-    shift = np.add.reduce(weight[:, :blocks, None] * step.reshape(len(step), blocks, 3)[sights.track], axis=1)
+    moved = step[:, : 3 * blocks].reshape(len(step), blocks, 3)[sights.track]
+    shift = np.add.reduce(weight[:, :blocks, None] * moved, axis=1)
     apart = position - sights.origin_m
     sharp = np.add.reduce(np.square(sights.whitener).reshape(len(shift), 4), axis=1)
     return float(np.max(dot(shift, shift) / dot(apart, apart) * np.sqrt(sharp), initial=0.0))
@@ -284,16 +289,22 @@ def _queued(track: IntArray, count: int) -> tuple[IntArray, int]:
 
 
 def _rows(
-    sights: Sights, position: FloatArray, weight: FloatArray, place: IntArray, depth: int, count: int
+    sights: Sights,
+    motion: Dynamics,
+    point: FloatArray,
+    position: FloatArray,
+    weight: FloatArray,
+    place: IntArray,
+    depth: int,
 ) -> FloatArray:
     """Return whitened rows (n, 2 depth, d + 1), padded with zeros."""
     residual, slope = sights.residuals(position)
-    blocks = weight.shape[1]
-    full = np.empty((len(position), 2, 3 * blocks + 1))
-    full[:, :, :-1] = (slope[:, :, None, :] * weight[:, None, :, None]).reshape(len(position), 2, 3 * blocks)
+    count, width = point.shape[0], point.shape[1] + 1
+    full = np.empty((len(position), 2, width))
+    full[:, :, :-1] = motion.seen(slope, weight, point[sights.track])
     full[:, :, -1] = residual
     if count == 1:
-        return full.reshape(1, 2 * depth, 3 * blocks + 1)
-    rows = np.zeros((count, depth, 2, 3 * blocks + 1))
+        return full.reshape(1, 2 * depth, width)
+    rows = np.zeros((count, depth, 2, width))
     rows[sights.track, place] = full
-    return rows.reshape(count, 2 * depth, 3 * blocks + 1)
+    return rows.reshape(count, 2 * depth, width)

@@ -8,11 +8,12 @@ from opir_core.protocols import TrackerContext
 from opir_core.records import FloatArray
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.initiation import Beginnings, prior_axes, prior_sides
-from opir_core.tracking.motion import BOOST, COAST, Motion
+from opir_core.tracking.motion import BOOST, COAST, Dynamics, Motion
 from opir_core.tracking.rays import turned
 from opir_core.tracking.switching_filter import Bank, SwitchingFilter
+from opir_core.tracking.thrust import Thrust
 
-#: Specific force of a boost before anything is known of it: straight up, and how far from that, m/s².
+#: Specific force of a boost before anything is known of it: straight up, and how far from that with any jerk, m/s².
 FIRST_FORCE_M_S2 = 20.0
 FIRST_FORCE_SIGMA_M_S2 = 20.0
 
@@ -22,17 +23,30 @@ FIRST_JERK_SIGMA_M_S3 = 0.5
 #: The chance that a target that comes into sight is burning.
 _BURNING = 0.98
 
+#: Where no sensor sees bodies that do not burn: how likely a slice gives a coasting track a ray all the same, of noise
+#: or of the last moments of its burn.
+_STRAY = 0.01
+
 
 def filter_of(config: StereoFilterConfig, context: TrackerContext) -> SwitchingFilter:
     """Return the filter for the scene's forces and the modes its settings name."""
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
     return SwitchingFilter(
-        boost=Motion(BOOST, config.jerk_noise_m_s3, free),
+        boost=_boost_of(config, free),
         coast=Motion(COAST, config.coast_noise_m_s, free),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
+        cold_chance=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _STRAY,
     )
+
+
+def _boost_of(config: StereoFilterConfig, forces: Forces) -> Dynamics:
+    if config.boost_model == "jerk":
+        return Motion(BOOST, config.jerk_noise_m_s3, forces)
+    thrust = config.thrust
+    tilt_rad = float(np.radians(thrust.tilt_deg))
+    return Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, forces)
 
 
 def first_bank(begun: Beginnings, time_s: float, config: StereoFilterConfig) -> Bank:
@@ -44,17 +58,27 @@ def first_bank(begun: Beginnings, time_s: float, config: StereoFilterConfig) -> 
     position = turned(begun.position_ecef_m, now)
     velocity = EARTH_ROTATION_RAD_S * np.stack([-position[:, 1], position[:, 0], np.zeros(count)], axis=1)
     force = FIRST_FORCE_M_S2 * inertial[:, 2]
-    mean = np.concatenate([position, velocity, force, np.zeros((count, 3))], axis=1)
+    rate, sigmas = _first_rates(config)
     place, speed = prior_sides(begun)
-    root = np.zeros((count, BOOST, BOOST))
+    deviation = np.concatenate([np.repeat(speed[:, None], 3, axis=1), np.tile(sigmas, (count, 1))], axis=1)
+    mean = np.concatenate([position, velocity, force, np.tile(rate, (count, 1))], axis=1)
+    size = mean.shape[1]
+    root = np.zeros((count, size, size))
     root[:, :3, :3] = _upper(inertial, place)
-    for block, sigma in ((1, speed), (2, FIRST_FORCE_SIGMA_M_S2), (3, FIRST_JERK_SIGMA_M_S3)):
-        rows = np.arange(3 * block, 3 * block + 3)
-        root[:, rows, rows] = np.broadcast_to(1.0 / np.asarray(sigma, dtype=np.float64), (count,))[:, None]
+    root[:, range(3, size), range(3, size)] = 1.0 / deviation
     burning = {"boost-coast": _BURNING, "boost": 1.0, "coast": 0.0}[config.motion]
     weight = np.tile([burning, 1.0 - burning], (count, 1))
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
     return Bank(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
+
+
+def _first_rates(config: StereoFilterConfig) -> tuple[FloatArray, FloatArray]:
+    """Return what is first taken for the state after the specific force, and the deviations of both."""
+    thrust = config.thrust
+    if config.boost_model == "jerk":
+        return np.zeros(3), np.repeat([FIRST_FORCE_SIGMA_M_S2, FIRST_JERK_SIGMA_M_S3], 3)
+    deviation = np.append(np.repeat(thrust.force_sigma_m_s2, 3), thrust.growth_sigma_per_s)
+    return np.array([thrust.growth_per_s]), deviation
 
 
 def _upper(axes: FloatArray, sigma: FloatArray) -> FloatArray:

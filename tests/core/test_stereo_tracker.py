@@ -1,6 +1,7 @@
 """The stereo filter's parts: late detections, near launches, doubles, motion."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,7 +74,7 @@ def risen(start: tuple[float, float, float], time_s: float) -> np.ndarray:
     return place
 
 
-def tracker(**settings: float) -> StereoTracker:
+def tracker(**settings: Any) -> StereoTracker:
     context = TrackerContext(sensors=SENSORS, epoch_us=0, duration_s=100.0, light_time=False)
     return stereo_filter(StereoFilterConfig(**settings), context)
 
@@ -105,17 +106,20 @@ def test_detections_that_come_late_are_as_if_they_had_come_in_time() -> None:
     assert np.allclose(too_late.state[:, :3], in_time.state[:, :3], atol=500.0)
 
 
-def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_told_apart() -> None:
+@pytest.mark.parametrize(("boost_model", "from_s"), [("jerk", 45), ("thrust", 50)])
+def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_told_apart(
+    boost_model: str, from_s: int
+) -> None:
     """Three from a patch of 300 m, whose directions differ by 8 µrad where one look is off by 20 µrad."""
     detections, which = launches([(5.0, 5.0, 2.0), (5.002, 5.001, 6.0), (5.001, 5.002, 10.0)], 60.0)
-    one = tracker()
+    one = tracker(boost_model=boost_model)
     parts = by_second(detections, 61)
     told, labels = Tracks.empty(), []
     for number, part in enumerate(parts, start=1):
         labels.append(one.associate(part))
         told = one.step(float(number), part)
     assert len(told) == 3
-    late = detections.time_ns > 45_000_000_000
+    late = detections.time_ns > from_s * 1_000_000_000
     label, truth = np.concatenate(labels)[late], which[late]
     for number in np.unique(label[label >= 0]):
         assert np.mean(truth[label == number] == np.bincount(truth[label == number]).argmax()) > 0.99
