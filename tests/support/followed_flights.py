@@ -1,0 +1,120 @@
+"""The whole tracker `boost-profile` on many flights at once: association, initiation, fit, and the filter within it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve
+from other_flights import Seeing, seen
+from profile_flights import SLOTS_RAD
+
+from opir_core.plan import compile_plan
+from opir_core.protocols import TrackerContext
+from opir_core.reading import scene_from_mapping
+from opir_core.records import Detections, Tracks
+from opir_core.scene import TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.tracking.configs import BoostProfileConfig
+from opir_core.tracking.profile_tracker import boost_profile_tracker
+
+#: SBIRS-GEO: scan period, s, error, rad, and chance of detection by type.
+PERIOD_S, SIGMA_RAD = 0.1, 20e-6
+CHANCES = dict(zip(TARGET_TYPES, (0.80, 0.72, 0.60), strict=True))
+
+
+class Tick(NamedTuple):
+    """A tick: what is told, what the filter within tells, and how many detections tracks and flights share."""
+
+    time_s: float
+    told: Tracks
+    filtered: Tracks
+    shared: np.ndarray
+
+
+class Heard:
+    """The filter within boost-profile, and what it told last."""
+
+    def __init__(self, inner):
+        self._inner, self.told = inner, Tracks.empty()
+        self.associate, self.cadence_s = inner.associate, inner.cadence_s
+
+    def step(self, tick_s, detections):
+        """Return what the filter tells, and keep it."""
+        self.told = self._inner.step(tick_s, detections)
+        return self.told
+
+
+def sensors_of(chances=CHANCES, bias_rad=0.0):
+    """Return two SBIRS-GEO that say that they have these chances and biases."""
+    blocks = [
+        {"model": "SBIRS-GEO", "id": f"S{number}", "orbital_slot_deg": float(np.degrees(slot))}
+        for number, slot in enumerate(SLOTS_RAD)
+    ]
+    scene = {"scene": "followed", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "seed": 1, "sensors": blocks}
+    launch = {"lat_deg": 0.0, "lon_deg": 0.0, "time_s": 0.0}
+    target = {"id": "T", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 2.0, "lon_deg": 2.0}}
+    plan = compile_plan(scene_from_mapping({**scene, "targets": [target]}))
+    said = {"detection_probability": chances, "line_of_sight_bias_sigma_rad": bias_rad}
+    return tuple(evolve(sensor, **said) for sensor in plan.sensors)
+
+
+def detections_of(rays):
+    """Return rays as detections that say nothing of the type."""
+    count = len(rays)
+    whole = np.zeros(count, dtype=np.int64)
+    return Detections(
+        time_ns=np.round(rays.time_s * 1e9).astype(np.int64),
+        sensor=rays.sensor,
+        scan=rays.scan,
+        detection_id=np.zeros((count, 2), dtype=np.uint64),
+        reported_type=np.full(count, UNKNOWN_TYPE, dtype=np.uint8),
+        bands=np.zeros(count, dtype=np.uint8),
+        detection_count=np.zeros(count, dtype=np.int32),
+        confidence=np.full(count, np.nan),
+        line_of_sight_ecef=rays.direction_ecef,
+        sensor_ecef_m=rays.origin_ecef_m,
+        snr=np.full(count, np.nan),
+        track=whole - 1,
+        estimate=whole - 1,
+        line_of_sight_sigma_rad=rays.sigma_rad,
+        band_irradiance_w_m2=np.empty((count, 0)),
+    )
+
+
+def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler"):
+    """Yield the ticks, one a second, of a tracker that sees flights."""
+    owner, rays = seen(truth, seeing, seed)
+    context = TrackerContext(sensors=sensors or sensors_of(), epoch_us=0, duration_s=1e3, forces=forces)
+    tracker = boost_profile_tracker(BoostProfileConfig(), context)
+    heard = tracker._inner = Heard(tracker._inner)
+    every, shared, cut = detections_of(rays), np.zeros((0, len(truth) + 1)), 0
+    for tick in range(1, int(until_s) + 1):
+        end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))
+        part = every.take(slice(cut, end))
+        label = tracker.associate(part)
+        told = tracker.step(float(tick), evolve(part, track=label))
+        more = max(int(label.max(initial=-1)) + 1 - len(shared), 0)
+        shared = np.concatenate([shared, np.zeros((more, len(truth) + 1))])
+        np.add.at(shared, (label[label >= 0], owner[cut:end][label >= 0]), 1.0)
+        cut = end
+        yield Tick(float(tick), told, heard.told, shared)
+
+
+def rows_of(tracks, shared):
+    """Return the rows (flights,) of the tracks that share most detections with each flight, -1 for none."""
+    known = np.flatnonzero(tracks.track < len(shared))
+    hits = shared[tracks.track[known], :-1]
+    if not len(known):
+        return np.full(shared.shape[1] - 1, -1)
+    return np.where(hits.max(axis=0) > 0.0, known[np.argmax(hits, axis=0)], -1)
+
+
+def last_told(truth, seeing, seed, after_s):
+    """Return what is told of flights, one row each, so long after the last burn; of all of them there is a track."""
+    *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s)
+    rows = rows_of(last.told, last.shared)
+    assert (rows >= 0).all()
+    return last.told.take(rows)
+
+
+def usual(kind):
+    """Return how SBIRS-GEO see a type."""
+    return Seeing(PERIOD_S, SIGMA_RAD, CHANCES[kind])
