@@ -50,6 +50,7 @@ class Fitting:
         """Return the bank at a tick, with rays (m,) since the last one, given to tracks by number (m,)."""
         fresh, travelled = self._points(bank, track, rays)
         seen = bank.seen.with_rays(travelled, rays.time_s) if len(rays) else bank.seen
+        seen = seen.paused(bank.seen, travelled, self.watch)
         ticks = np.zeros(len(seen.track), dtype=np.int64)
         ticks[np.searchsorted(seen.track, bank.seen.track)] = bank.ticks
         begun = np.setdiff1d(seen.track, bank.seen.track)

@@ -15,6 +15,19 @@ from opir_core.tracking.profile_rows import Rows
 #: A sensor's chance of detection is believed as much as so many looks.
 _BELIEVED_LOOKS = 10.0
 
+#: The logarithm of the chance that a stage ends just then, of a thousand looks: a pause has to be less probable.
+_CHANCE = -7.0
+
+#: The logarithm of the odds that a target does not fly as the family does, beforehand, and the variance of what it
+#: would be off by, in units of what is expected of innovations.
+FIRST_STRANGE, LEAN_VARIANCE = float(np.log(0.01)), 0.2
+
+#: Of a pause no more is made than this, log.
+_MOST = 12.0
+
+#: A sensor that saw nothing for longer may have failed, s: its silence says nothing of a burn that others see.
+_FAILED_S = 5.0
+
 
 @frozen(eq=False)
 class Watch:
@@ -45,6 +58,9 @@ class Seen(Columns):
     """What sensors saw of tracks, sorted by number: first and last light, times at which it left, and how often.
 
     `drift` (n, sensors, 2) is the running mean of whitened innovations, `wander` (n, sensors) its variance if well.
+    `lean` (n, sensors, 2) and `doubt` (n, sensors) are the mean and variance of what innovations would be off by, did
+    the target not fly as the family does, and `strange` (n,) the logarithm of the odds that it does not
+    (`profile_strain`).
     """
 
     track: IntArray
@@ -54,6 +70,9 @@ class Seen(Columns):
     travel_s: FloatArray
     drift: FloatArray
     wander: FloatArray
+    lean: FloatArray
+    doubt: FloatArray
+    strange: FloatArray
 
     @classmethod
     def nothing(cls, track: IntArray, sensors: int) -> "Seen":
@@ -67,6 +86,9 @@ class Seen(Columns):
             np.zeros(shape),
             np.zeros((*shape, 2)),
             np.zeros(shape),
+            np.zeros((*shape, 2)),
+            np.full(shape, LEAN_VARIANCE),
+            np.full(len(track), FIRST_STRANGE),
         )
 
     def of(self, track: IntArray) -> "Seen":
@@ -86,6 +108,30 @@ class Seen(Columns):
         np.add.at(hits, key, 1.0)
         travel[key] = look_s - rays.time_s
         return evolve(every, first_s=first, last_s=last, hits=hits, travel_s=travel)
+
+    def paused(self, before: "Seen", rays: Rows, watch: Watch) -> "Seen":
+        """Return what is seen, made stranger where rays (m,) come after a pause that no single burn has by chance.
+
+        Between stages nothing burns. `before` is what was seen before the rays. The pause's probability is that of as
+        many missed looks of all sensors that have seen the target lately.
+        """
+        known = np.isin(rays.track, before.track)
+        order = np.lexsort((rays.time_s[known], rays.track[known]))
+        track, time_s = rays.track[known][order], rays.time_s[known][order]
+        place = np.searchsorted(before.track, track)
+        latest = np.max(before.last_s, axis=1)[place]
+        first = np.append(True, np.diff(track) != 0)[: len(track)]
+        since = np.where(first, latest, np.append(0.0, time_s)[: len(track)])
+        pause = np.maximum(time_s - since, 0.0)[:, None]
+        hears = (before.last_s[place] > latest[:, None] - _FAILED_S) & ~watch.follows
+        looks = np.maximum((before.last_s - before.first_s)[place] / watch.period_s + 1.0, 1.0)
+        believed = _BELIEVED_LOOKS * watch.chance.mean(axis=1)
+        share = np.clip((before.hits[place] + believed) / (looks + _BELIEVED_LOOKS), 0.01, 0.9)
+        missed = np.maximum(pause / watch.period_s - 1.0, 0.0)
+        log = np.sum(np.where(hears, missed * np.log1p(-np.nan_to_num(share, nan=0.01)), 0.0), axis=1)
+        gain = np.zeros(len(self.track))
+        np.maximum.at(gain, np.searchsorted(self.track, track), np.clip(_CHANCE - log, 0.0, _MOST))
+        return evolve(self, strange=self.strange + gain)
 
     def silence(self, kind: IntArray, tick_s: float, watch: Watch) -> Silence:
         """Return the silence at a tick of hypotheses (n,) of these classes, one row each.

@@ -14,7 +14,7 @@ from opir_core.tracking import profile_hypotheses as hypotheses_of
 from opir_core.tracking.profile_family import Priors
 from opir_core.tracking.profile_fit import Hypotheses
 from opir_core.tracking.profile_rows import Rows
-from opir_core.tracking.profile_seen import Seen
+from opir_core.tracking.profile_seen import LEAN_VARIANCE, Seen
 
 #: What a new innovation weighs in the running mean.
 _FRESH = 0.15
@@ -24,6 +24,15 @@ _BELIEVED = 25.0
 
 #: A tick with such a drift weakens the past to this share.
 _SHARE = 0.6
+
+#: What strange targets are off by stays from tick to tick to this share.
+_KEPT = 0.9
+
+#: A target turns strange at a tick with this chance: a stage, a turn.
+_TURNS = 1e-3
+
+#: A track's first ticks say nothing of it, and its odds never exceed this.
+_UNTRIED, _MOST = 5, 14.0
 
 #: A single look farther off than this, standard deviations, strays no more than this.
 _STRAYS = 4.0
@@ -65,7 +74,10 @@ def strained(bank: Bank, fresh: Rows, priors: Priors) -> Bank:
     if not len(fresh):
         return bank
     owner = np.searchsorted(likely.track, fresh.track)
-    seen = _drifted(bank.seen, fresh, _innovations(likely, fresh, owner, priors))
+    innovation = _innovations(likely, fresh, owner, priors)
+    seen = _drifted(bank.seen, fresh, innovation)
+    tried = bank.ticks[np.searchsorted(seen.track, fresh.track)] > _UNTRIED
+    seen = judged(seen, fresh.take(tried), innovation[tried])
     variance = np.maximum(seen.wander, 1e-12)[:, :, None]
     components = 2.0 * np.count_nonzero(seen.wander, axis=1)
     square = np.sum(np.square(seen.drift) / variance, axis=(1, 2))
@@ -87,6 +99,34 @@ def _drifted(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
         drift[at] = (1.0 - _FRESH) * drift[at] + _FRESH * innovation[one]
         wander[at] = (1.0 - _FRESH) ** 2 * wander[at] + _FRESH**2
     return evolve(seen, drift=drift, wander=wander)
+
+
+def judged(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
+    """Return what is seen with the odds told by innovations (m, 2) that targets do not fly as the family does.
+
+    Those of the family's targets are white. Those of others are off by what stays for a while: a first-order process,
+    followed by Kalman's filter, whose likelihood is held against that of no such thing. The chance that a target turns
+    strange at a tick lets the odds rise from any depth soon (Shiryaev, Theory of Probability and its Applications 8,
+    1963, 22).
+    """
+    lean, doubt, odds = seen.lean.copy(), seen.doubt.copy(), seen.strange.copy()
+    place = np.searchsorted(seen.track, rows.track)
+    order = np.lexsort((rows.time_s, rows.sensor, place))
+    key = place[order] * lean.shape[1] + rows.sensor[order]
+    turn = np.arange(len(key)) - np.searchsorted(key, key)
+    now = np.unique(place)
+    odds[now] = np.logaddexp(odds[now], np.log(_TURNS))
+    for number in range(int(turn.max(initial=-1)) + 1):
+        one = order[turn == number]
+        at = place[one], rows.sensor[one]
+        expected = _KEPT * lean[at]
+        variance = _KEPT**2 * doubt[at] + (1.0 - _KEPT**2) * LEAN_VARIANCE
+        total, off = 1.0 + variance, innovation[one] - expected
+        square = np.square(innovation[one]) - np.square(off) / total[:, None]
+        np.add.at(odds, place[one], 0.5 * square.sum(axis=1) - np.log(total))
+        lean[at] = expected + (variance / total)[:, None] * off
+        doubt[at] = variance / total
+    return evolve(seen, lean=lean, doubt=doubt, strange=np.minimum(odds, _MOST))
 
 
 def _innovations(likely: Hypotheses, rows: Rows, owner: IntArray, priors: Priors) -> FloatArray:

@@ -14,7 +14,7 @@ from opir_core.tracking.profile_priors import priors_of
 from opir_core.tracking.profile_report import report
 from opir_core.tracking.profile_seen import Watch
 from opir_core.tracking.profile_strain import Bank
-from opir_core.tracking.profile_trust import strays
+from opir_core.tracking.profile_trust import blended, strays
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo_tracker import StereoTracker
 
@@ -24,6 +24,9 @@ _POOL_S = 20.0
 
 #: In so many ticks in a row a track has to stray from the filter before the family is given up.
 _DOUBTS = 3
+
+#: A target that has been dark for longer is not held to burn, s: only burns are told from what the family flies.
+_BURNS_S = 1.5
 
 #: No type is ruled out by what sensors report.
 _LEAST_CHANCE = 1e-6
@@ -81,19 +84,24 @@ class ProfileTracker:
         return every.take(np.argsort(every.track, kind="stable"))
 
     def _trusted(self, told: Tracks, followed: Tracks) -> Tracks:
-        """Return what is told, but of targets that fly otherwise what the filter tells, and the type."""
+        """Return what is told, mixed with what the filter tells by the chance that a target flies otherwise."""
         row = np.searchsorted(followed.track, told.track)
         present = np.flatnonzero(followed.track[np.minimum(row, len(followed) - 1)] == told.track)
-        filtered = followed.take(row[present])
-        stereo = np.count_nonzero(self._bank.seen.of(filtered.track).hits > 0, axis=1) > 1
-        doubted = filtered.track[strays(told.take(present), filtered) & stereo].tolist()
-        self._doubts = {track: self._doubts.get(track, 0) + 1 for track in doubted}
-        strange = [track for track, ticks in self._doubts.items() if ticks >= _DOUBTS]
-        self._strange = np.union1d(np.intersect1d(self._strange, followed.track), strange).astype(np.int64)
-        kept = ~np.isin(filtered.track, self._strange)
-        replaced = evolve(filtered, type_probability=told.type_probability[present]).take(~kept)
-        every = Tracks.concatenate([told.take(~np.isin(told.track, replaced.track)), replaced])
+        filtered, fitted = followed.take(row[present]), told.take(present)
+        seen = self._bank.seen.of(filtered.track)
+        dark_s = filtered.tick_s - np.max(seen.last_s, axis=1)
+        self._give_up(filtered.track[strays(fitted, filtered) & (dark_s < _BURNS_S)], followed.track)
+        chance = np.where(np.isin(filtered.track, self._strange), 1.0, 1.0 / (1.0 + np.exp(-seen.strange)))
+        chance[np.count_nonzero(seen.hits > 0, axis=1) < 2] = 0.0
+        mixed = blended(fitted, filtered, chance, dark_s)
+        every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
         return every.take(np.argsort(every.track, kind="stable"))
+
+    def _give_up(self, doubted: IntArray, present: IntArray) -> None:
+        """Take note of tracks that stray now; those that did so several ticks in a row are strange from then on."""
+        self._doubts = {track: self._doubts.get(track, 0) + 1 for track in doubted.tolist()}
+        strange = [track for track, ticks in self._doubts.items() if ticks >= _DOUBTS]
+        self._strange = np.union1d(np.intersect1d(self._strange, present), strange).astype(np.int64)
 
 
 def _reported(followed: Tracks, track: IntArray, kind: IntArray) -> FloatArray:

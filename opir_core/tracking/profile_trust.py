@@ -3,11 +3,16 @@
 Where the family holds, the fit is the better of two estimates from the same looks, and their difference has the
 difference of their covariances (Hausman, "Specification tests in econometrics", Econometrica 46, 1978, 1251). Where it
 does not, the fit strays from the filter by more than that. The filter needs two sensors to be any judge.
+
+What is told is the mixture of both, by the chance that the target flies otherwise: where the two differ while that is
+open, the covariance holds what they differ by.
 """
 
 import numpy as np
+from attrs import evolve
 
-from opir_core.records import BoolArray, Tracks
+from opir_core.records import BoolArray, FloatArray, Tracks
+from opir_core.tracking.profile_flight import off_ground, on_ground
 
 #: χ² of six degrees of freedom beyond which a fit strays; one in a thousand.
 _GIVEN_UP = 22.5
@@ -35,3 +40,69 @@ def strays(fitted: Tracks, filtered: Tracks) -> BoolArray:
     square = np.sum(along * along / np.maximum(1.0 - share, _LEAST_SHARE), axis=1)
     away[rows] = square > _GIVEN_UP
     return away
+
+
+def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatArray) -> Tracks:
+    """Return the tracks of both, row by row, as mixtures in which the filter's have these chances (n,).
+
+    The type is the fit's. A burn that has stages may go on: of targets that more likely than not fly otherwise, no
+    impact is told before they have been dark (n,) long enough, nor an end of the burn.
+    """
+    heavy = chance > 0.5
+    over = dark_s > _STAGED_S
+    chance = np.where(chance < _LEAST_CHANCE, 0.0, chance)
+    state, spread = _mixed(fitted.state, fitted.state_covariance, filtered.state, filtered.state_covariance, chance)
+    launch, launch_spread = _mixed_places(
+        fitted.launch, fitted.launch_covariance, filtered.launch, filtered.launch_covariance, chance, heavy
+    )
+    impact, impact_spread = _mixed_places(
+        fitted.impact, fitted.impact_covariance, filtered.impact, filtered.impact_covariance, chance, heavy
+    )
+    early = heavy & ~over
+    impact[early], impact_spread[early] = np.nan, np.nan
+    burnout, burnout_spread = fitted.burnout.copy(), fitted.burnout_covariance.copy()
+    burnout[heavy], burnout_spread[heavy] = np.nan, np.nan
+    return evolve(
+        fitted,
+        state=state,
+        state_covariance=spread,
+        launch=launch,
+        launch_covariance=launch_spread,
+        impact=impact,
+        impact_covariance=impact_spread,
+        burnout=burnout,
+        burnout_covariance=burnout_spread,
+    )
+
+
+#: Chances below this are none: a mixture with little of what is far less certain says less than it knows.
+_LEAST_CHANCE = 0.1
+
+#: A target that has been dark for longer will not light another stage, s.
+_STAGED_S = 4.0
+
+
+def _mixed(
+    mean: FloatArray, spread: FloatArray, other: FloatArray, other_spread: FloatArray, chance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return means (n, d) and covariances (n, d, d) of mixtures of two normal distributions."""
+    away, share = other - mean, chance[:, None, None]
+    apart = share * (1.0 - share) * away[:, :, None] * away[:, None, :]
+    return mean + chance[:, None] * away, (1.0 - share) * spread + share * other_spread + apart
+
+
+def _mixed_places(
+    place: FloatArray,
+    spread: FloatArray,
+    other: FloatArray,
+    other_spread: FloatArray,
+    chance: FloatArray,
+    heavy: BoolArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return mixtures of places on the ground and times (n, 3); where one is unknown, the likelier, known or not."""
+    away = on_ground(other, place)
+    both: BoolArray = np.asarray(np.isfinite(away).all(axis=1))
+    mean, total = _mixed(np.zeros_like(away), spread, np.where(both[:, None], away, 0.0), other_spread, chance)
+    told, told_spread = np.where(heavy[:, None], other, place), np.where(heavy[:, None, None], other_spread, spread)
+    told[both], told_spread[both] = off_ground(mean[both], place[both]), total[both]
+    return told, told_spread

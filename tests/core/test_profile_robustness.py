@@ -1,0 +1,154 @@
+"""What the tracker `boost-profile` makes of targets and lines of sight that are not what it takes for granted."""
+
+import numpy as np
+import pytest
+from attrs import evolve
+from followed_flights import last_told, usual
+from other_flights import away_from, flown
+from profile_flights import watch_of
+
+from opir_core.records import Tracks
+from opir_core.scoring.consistency import nees
+from opir_core.tracking.profile_rows import Rows
+from opir_core.tracking.profile_seen import FIRST_STRANGE, Seen
+from opir_core.tracking.profile_strain import judged
+from opir_core.tracking.profile_trust import blended
+
+
+def rows_at(time_s, sensors, tracks=1):
+    """Return rows of tracks, one a sensor and time (t,), in order of time."""
+    track, when, sensor = (
+        grid.ravel() for grid in np.meshgrid(np.arange(tracks), time_s, np.arange(sensors), indexing="ij")
+    )
+    count, none = len(track), np.zeros((len(track), 3))
+    return Rows(track, when, sensor.astype(np.int32), none, np.zeros((count, 3, 3)), np.full(count, 2e-5))
+
+
+def odds_of(innovation):
+    """Return the log odds (tracks, ticks) told by innovations (tracks, ticks, sensors, 2)."""
+    tracks, ticks, sensors, _ = innovation.shape
+    known, told = Seen.nothing(np.arange(tracks), sensors), []
+    for tick in range(ticks):
+        rows = rows_at([float(tick)], sensors, tracks)
+        known = judged(known, rows, innovation[:, tick].reshape(-1, 2))
+        told.append(known.strange)
+    return np.stack(told, axis=1)
+
+
+def test_white_innovations_call_few_targets_strange_and_leaning_ones_all():
+    rng = np.random.default_rng(1)
+    white = rng.normal(size=(2000, 60, 2, 2))
+    odds = odds_of(white)
+    # By Ville's inequality odds of 1 are exceeded by less than what they begin with and gain from turning strange.
+    bound = np.exp(FIRST_STRANGE) + 60 * 1e-3
+    assert np.mean(odds.max(axis=1) > 0.0) < bound + 3.3 * np.sqrt(bound / 2000)
+    leaning = odds_of(white + np.array([1.0, -0.7]))
+    assert np.mean(leaning[:, -1] > 0.0) > 0.99
+    assert np.mean(odds_of(white + np.where(np.arange(60) < 45, 0.0, 1.2)[:, None, None])[:, -1] > 0.0) > 0.9
+
+
+def test_odds_are_those_of_the_process_they_stand_for():
+    from scipy.stats import multivariate_normal
+
+    innovation = np.random.default_rng(2).normal(size=(1, 6, 1, 2))
+    lag = np.abs(np.subtract.outer(np.arange(6), np.arange(6)))
+    leaning = multivariate_normal(np.zeros(6), np.eye(6) + 0.2 * 0.9**lag)
+    white, expected = multivariate_normal(np.zeros(6), np.eye(6)), FIRST_STRANGE
+    for axis in range(2):
+        expected += leaning.logpdf(innovation[0, :, 0, axis]) - white.logpdf(innovation[0, :, 0, axis])
+    told = odds_of(innovation)[0, -1]
+    # What turning strange adds at each tick is a thousandth each.
+    assert expected < told < expected + np.log1p(6 * 1e-3 / np.exp(FIRST_STRANGE) * 3.0)
+
+
+@pytest.mark.parametrize(("pause_s", "strange"), [(0.4, False), (1.2, True)])
+def test_light_that_comes_back_after_a_pause_of_all_sensors_is_a_stage(pause_s, strange):
+    watch = watch_of(2, period_s=0.1, chance=0.6)
+    looks = 0.1 * np.arange(1, 101)
+    early = rows_at(looks, 2)
+    early = early.take(np.flatnonzero(np.random.default_rng(3).random(len(early)) < 0.6))
+    known = Seen.nothing(np.zeros(0, dtype=np.int64), 2).with_rays(early, early.time_s)
+    late = rows_at([early.time_s.max() + pause_s], 2)
+    after = known.with_rays(late, late.time_s).paused(known, late, watch)
+    assert (after.strange[0] > FIRST_STRANGE + 4.0) == strange
+    one = late.take(np.flatnonzero(late.sensor == 0))
+    only = known.take(slice(None))
+    only.last_s[0, 1] += pause_s
+    again = only.with_rays(one, one.time_s).paused(only, one, watch)
+    assert again.strange[0] == FIRST_STRANGE
+
+
+def pair_of_tracks(rng, count):
+    """Return fitted and filtered tracks of so many targets."""
+
+    def spread(size, scale):
+        side = rng.normal(size=(count, size, size))
+        return (side @ side.transpose(0, 2, 1) + np.eye(size)) * np.outer(scale, scale)
+
+    metres, place = np.array([300.0] * 3 + [30.0] * 3), np.array([5e3, 5e3, 10.0])
+    ground = np.array([0.6, 0.2, 400.0]) + 1e-3 * rng.normal(size=(count, 3))
+    whole = Tracks(
+        tick_s=np.full(count, 80.0),
+        track=np.arange(count),
+        state=metres * rng.normal(size=(count, 6)),
+        state_covariance=spread(6, metres),
+        launch=ground,
+        launch_covariance=spread(3, place),
+        impact=ground,
+        impact_covariance=spread(3, place),
+        type_probability=np.full((count, 4), 0.25),
+        burnout=np.zeros((count, 7)),
+        burnout_covariance=np.tile(np.eye(7), (count, 1, 1)),
+    )
+    moved = ground + 5e-4 * rng.normal(size=(count, 3))
+    state = whole.state + 2.0 * metres * rng.normal(size=(count, 6))
+    return whole, evolve(whole, state=state, state_covariance=spread(6, metres), impact=moved)
+
+
+def test_a_mixture_has_the_moments_of_its_parts():
+    fitted, filtered = pair_of_tracks(np.random.default_rng(4), 3)
+    chance = np.array([0.3, 0.5, 0.8])
+    told = blended(fitted, filtered, chance, np.full(3, 9.0))
+    for row in range(3):
+        x, y, p = fitted.state[row], filtered.state[row], chance[row]
+        second = (1.0 - p) * (fitted.state_covariance[row] + np.outer(x, x))
+        second += p * (filtered.state_covariance[row] + np.outer(y, y))
+        mean = (1.0 - p) * x + p * y
+        assert told.state[row] == pytest.approx(mean)
+        assert told.state_covariance[row] == pytest.approx(second - np.outer(mean, mean), rel=1e-6, abs=1e-6)
+    for covariance in (told.state_covariance, told.impact_covariance, told.launch_covariance):
+        assert np.linalg.eigvalsh(covariance).min() > 0.0
+
+
+def test_certain_chances_tell_one_of_the_two():
+    fitted, filtered = pair_of_tracks(np.random.default_rng(5), 2)
+    told = blended(fitted, filtered, np.array([0.0, 1.0]), np.full(2, 9.0))
+    assert told.state[0] == pytest.approx(fitted.state[0])
+    assert told.state[1] == pytest.approx(filtered.state[1])
+    assert told.impact[1] == pytest.approx(filtered.impact[1])
+    assert np.isfinite(told.burnout[0]).all()
+    assert np.isnan(told.burnout[1]).all()
+
+
+def test_a_strange_target_that_may_light_another_stage_has_no_impact():
+    fitted, filtered = pair_of_tracks(np.random.default_rng(6), 2)
+    told = blended(fitted, filtered, np.array([0.9, 0.9]), np.array([1.0, 9.0]))
+    assert np.isnan(told.impact[0]).all()
+    assert np.isfinite(told.impact[1]).all()
+
+
+def test_what_one_knows_and_the_other_does_not_is_told_of_the_likelier():
+    fitted, filtered = pair_of_tracks(np.random.default_rng(7), 2)
+    filtered.impact[...] = np.nan
+    told = blended(fitted, filtered, np.array([0.3, 0.7]), np.full(2, 9.0))
+    assert told.impact[0] == pytest.approx(fitted.impact[0])
+    assert np.isnan(told.impact[1]).all()
+
+
+@pytest.mark.parametrize("course", ["staged", "tabulated"])
+def test_impact_ellipses_hold_targets_of_other_families(course):
+    truth = flown("SRBM", 24, 21, course)
+    told = last_told(truth, usual("SRBM"), 21, 6.0)
+    values = nees(away_from(told.impact, truth.impacts()), told.impact_covariance[:, :2, :2])
+    # 24 draws that are held with 90 %: fewer than 16 are a case of one in a thousand.
+    assert np.count_nonzero(values < 5.99) >= 16
