@@ -41,6 +41,15 @@ class Curves(NamedTuple):
         """Return these curves and others, in an order."""
         return Curves(*(np.concatenate(both, axis=-1)[..., order] for both in zip(self, other, strict=True)))
 
+    def each_at(self, scan: IntArray) -> FloatArray:
+        """Return the value (k,) of each curve at one scan (k,)."""
+        place = (scan - self.middle) * self.per_scan
+        value: FloatArray = self.coefficients[-1].copy()
+        for coefficient in self.coefficients[-2::-1]:
+            value *= place
+            value += coefficient
+        return value
+
     def at(self, used: IntArray, times: IntArray, scan: IntArray) -> FloatArray:
         """Return the values (n,) at scans (n,), so many `times` (m,) of each of the curves `used` (m,)."""
         place = np.subtract(scan, np.repeat(self.middle[used], times), dtype=np.float64)

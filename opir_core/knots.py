@@ -1,11 +1,12 @@
 """Looks that share their reckoning: detection models are asked at knots along each pair's looks, and not between them.
 
 Signals vary slowly along a track, but for moments at which plumes or the air bend them, which models may know
-(`opir_core.responses.Kinked`). Pieces between these have five knots each (`opir_core.weaving`): through them goes the
-quantile of the probability of detection, a polynomial over the number of the scan; each band's signal and noise are
-straight lines from knot to knot. A piece is halved until what the curve is judged to miss would cost the tolerance at
-most wherever in the piece the density is highest; where quantiles jump, halving ends at neighbouring scans, which are
-exact. Knots belong to pairs and scans, so no slicing of time moves them.
+(`opir_core.responses.Kinked`). Pieces between these have five knots each (`opir_core.weaving`), or three where all that
+they have is certain or hopeless: through them goes the quantile of the probability of detection, a polynomial over the
+number of the scan; each band's signal and noise are straight lines from knot to knot. A piece is halved until what the
+curve is judged to miss would cost the tolerance at most wherever in the piece the density is highest; where quantiles
+jump, halving ends at neighbouring scans, which are exact. Knots belong to pairs and scans, so no slicing of time moves
+them.
 """
 
 from typing import NamedTuple
@@ -20,10 +21,7 @@ from opir_core.protocols import Dice, Measured
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response, Responsive
 from opir_core.sites import Sites
-from opir_core.weaving import KNOTS, Pieces, Weaver, judged_error
-
-#: Beyond these quantiles a look is taken for certain, or for hopeless: chances of 1 to the last bit, and of 1e-12.
-_CERTAIN, _HOPELESS = 8.3, -7.0
+from opir_core.weaving import KNOTS, Pieces, Weaver, Woven, judged_error, sure_beyond
 
 #: Rows whose curves are evaluated at once.
 _ROWS = 8192
@@ -76,14 +74,14 @@ class Knots:
         """Return the knots of all pairs that have looks."""
         model = plan.detection
         assert isinstance(model, Responsive)
-        woven, values = Weaver(plan, sites, model, tolerance).pieces()
-        pieces, curves, sure = _curved(plan, woven, values[0])
-        place, piece = _straight(woven)
-        first, last = woven.row[place, piece], woven.row[place + 1, piece]
-        run = np.maximum(woven.scan[place + 1, piece] - woven.scan[place, piece], 1)
-        at = values[:, first]
-        stretches = _Stretches.of(plan, woven.pair[piece], woven.scan[place, piece])
-        return cls(pieces, curves, sure, stretches, at, (values[:, last] - at) / run, (len(values) - 1) // 2)
+        woven = Weaver(plan, sites, model, tolerance).woven()
+        pieces, curves, sure = _curved(plan, woven, sure_beyond(tolerance))
+        lines = _lines(woven.settled) + _lines(woven.curved)
+        lines = lines.take(np.lexsort((lines.scan[0], lines.pair)))
+        at = woven.values[:, lines.row[0]]
+        rise = (woven.values[:, lines.row[1]] - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
+        stretches = _Stretches.of(plan, lines.pair, lines.scan[0])
+        return cls(pieces, curves, sure, stretches, at, rise, (len(at) - 1) // 2)
 
     def over(self, looks: Looks) -> "Spans":
         """Return which pieces and stretches a window's looks fall in."""
@@ -142,27 +140,30 @@ class Spans:
         return Response(columns[0], columns[1 : 1 + knots.width].T, columns[1 + knots.width :].T)
 
 
-def _curved(plan: Plan, woven: Pieces, quantile: FloatArray) -> tuple[_Stretches, Curves, FloatArray]:
+def _curved(plan: Plan, woven: Woven, beyond: float) -> tuple[_Stretches, Curves, FloatArray]:
     """Return pieces with their curves and what is sure of them; where all looks are knots, lines from look to look."""
-    is_dense = np.all(np.diff(woven.scan, axis=0) <= 1, axis=0)
-    dense, smooth = woven.take(is_dense), woven.take(~is_dense)
-    place, piece = _straight(dense)
-    scan = np.stack([dense.scan[place, piece], dense.scan[place + 1, piece]])
-    ends = quantile[np.stack([dense.row[place, piece], dense.row[place + 1, piece]])]
-    inner = quantile[smooth.row]
-    pair, first = np.concatenate([smooth.pair, dense.pair[piece]]), np.concatenate([smooth.scan[0], scan[0]])
+    settled, quantile = woven.settled, woven.values[0]
+    is_dense = np.all(np.diff(woven.curved.scan, axis=0) <= 1, axis=0)
+    dense, smooth = _lines(woven.curved.take(is_dense)), woven.curved.take(~is_dense)
+    # What is settled has no curve but its sureness: a line stands in for one.
+    straight = dense + settled.knots(slice(0, 3, 2))
+    inner, ends = quantile[smooth.row], quantile[straight.row]
+    pair = np.concatenate([smooth.pair, straight.pair])
+    first = np.concatenate([smooth.scan[0], straight.scan[0]])
     order = np.lexsort((first, pair))
-    curves = Curves.through(smooth.scan, inner).joined(Curves.straight(scan, ends, KNOTS), order)
+    through = Curves.through(smooth.scan, inner)
+    curves = through.joined(Curves.straight(straight.scan, ends, KNOTS), order)
     judged = judged_error(smooth.scan.astype(np.float64), inner)
     least = np.concatenate([inner.min(axis=0) - judged, ends.min(axis=0)])[order]
     most = np.concatenate([inner.max(axis=0) + judged, ends.max(axis=0)])[order]
-    sure = np.where(least > _CERTAIN, 1.0, np.where(most < _HOPELESS, 0.0, np.nan))
+    sure = np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
     return _Stretches.of(plan, pair[order], first[order]), curves, sure
 
 
-def _straight(woven: Pieces) -> tuple[IntArray, IntArray]:
-    """Return the stretches from knot to knot, by the number of the first knot and the piece; one of a lone look."""
-    long = np.diff(woven.scan, axis=0) > 0
+def _lines(pieces: Pieces) -> Pieces:
+    """Return the lines from knot to knot, as pieces of two knots; one of a lone look."""
+    long = np.diff(pieces.scan, axis=0) > 0
     long[-1, ~long.any(axis=0)] = True
     piece, place = np.nonzero(long.T)
-    return place, piece
+    scan, row = (np.stack([each[place, piece], each[place + 1, piece]]) for each in (pieces.scan, pieces.row))
+    return Pieces(pieces.pair[piece], scan, row, pieces.foretold[:, piece])

@@ -16,6 +16,7 @@ from opir_core.radiometry.protocols import (
     AtmosphereContext,
     Background,
     BackgroundContext,
+    KinkedCourse,
     KinkedSignatures,
     KinkedTransmittance,
     SignatureContext,
@@ -76,6 +77,9 @@ class Scenery:
     def aspect_rad(self, exposures: Exposures) -> FloatArray:
         """Return the angles (n,) at which targets are seen, as their signatures take them."""
         to_sensor = (exposures.sensor_ecef_m - exposures.target_ecef_m) / exposures.range_m[:, None]
+        if len(self.signatures) == 1:
+            alone = self.signatures[0].aspect_rad(self.place[exposures.target], exposures.emission_time_s, to_sensor)
+            return self._off_flight_rad(exposures, to_sensor) if alone is None else alone
         aspect = np.empty(len(exposures))
         for number, signatures in enumerate(self.signatures):
             rows = np.flatnonzero(self.group[exposures.target] == number)
@@ -100,7 +104,7 @@ class Scenery:
     def kinks_s(self) -> FloatArray:
         """Return when (targets, k), by scene time, intensities or the air above targets may jump or bend; nan for none.
 
-        That is where signatures and the atmosphere say so; what a target bends by its flight is not among them.
+        That is where signatures, the atmosphere and, of the direction of flight, trajectories say so.
         """
         everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
         heights = ascents(self.targets)
@@ -113,6 +117,12 @@ class Scenery:
                 own = np.full((len(self.group), levels_m.shape[1] + since_s.shape[1]), np.nan)
                 crossed_s = heights.take(rows).times_s(levels_m)
                 own[rows] = np.concatenate([crossed_s, self.targets.ignition_s[rows, None] + since_s], axis=1)
+                found.append(own)
+        for number, trajectories in enumerate(self.targets.trajectories):
+            if isinstance(trajectories, KinkedCourse):
+                turning, own_s = np.flatnonzero(self.targets.group == number), trajectories.course_kinks_s
+                own = np.full((len(self.group), own_s.shape[1]), np.nan)
+                own[turning] = own_s[self.targets.place[turning]]
                 found.append(own)
         return np.concatenate(found, axis=1)
 

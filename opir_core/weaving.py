@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from opir_core.curves import Curves
 from opir_core.looks import blocks, exposures, look_times_s
 from opir_core.plan import Plan
 from opir_core.records import BoolArray, FloatArray, IntArray
@@ -16,37 +17,61 @@ FIRST_PIECE_S, MOST_FIRST_PIECES = 16.0, 64
 #: How far signals and noise may be off midway between neighbouring knots, as a share of them or in deviations of noise.
 SIGNAL_SHARE, SIGNAL_SIGMA = 0.01, 0.05
 
+#: By how much signals may change, as a share, on pieces that are not looked at more closely.
+STEADY_SHARE = 0.3
+
 #: Of the tolerance, what single evaluations may be off.
 _SLACK_SHARE = 1e-5
 
-#: Of the tolerance, what the judged error may be: through five knots about a bend between them, a curve is off by less
-#: than 2.6 times what is judged (docs/design/knots_judged.py).
-_JUDGED_SHARE = 0.2
+#: Of the tolerance, what the judged error may be; or what it may be where the curve of a piece twice as long misses new
+#: knots by no more than the third share. Through five knots about a bend between them, a curve is off by less than 2.7
+#: times what is judged, and less than 3.7 times what is missed (docs/design/knots_judged.py).
+_JUDGED_SHARE, _FORETOLD_SHARE, _MISSED_SHARE = 0.2, 1.0, 0.03
 
 #: Quantiles are held within it; beyond 8.3 a probability is 1 to the last bit, and below -38 no double.
 FARTHEST = 40.0
 
-#: Nothing is ever detected with a quantile below it: the chance is 1e-12 a look.
-_NEVER = -7.0
+#: Of the tolerance, what may be lost by taking a look for certain, or for hopeless.
+SURE_SHARE = 1e-4
 
-#: Knots of a piece.
-KNOTS = 5
+#: Knots of a piece, and those of them that tell first whether it is settled.
+KNOTS, _SPARE = 5, slice(0, 5, 2)
 
 
 class Pieces(NamedTuple):
-    """Pieces of pairs' looks: pairs (k,), scans (5, k) of their knots, and the knots' rows (5, k) among all asked."""
+    """Pieces of pairs' looks: pairs (k,), scans (m, k) of their knots, and the knots' rows (m, k) among all asked.
+
+    `foretold` (2, k) is what the curve through the piece that one was halved from says of the quantiles at its second
+    and fourth knots; nan where there is none.
+    """
 
     pair: IntArray
     scan: IntArray
     row: IntArray
+    foretold: FloatArray
 
     def take(self, rows: Any) -> "Pieces":
         """Return some of the pieces."""
-        return Pieces(self.pair[rows], self.scan[:, rows], self.row[:, rows])
+        return Pieces(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.foretold[:, rows])
+
+    def knots(self, places: Any) -> "Pieces":
+        """Return the pieces with some of their knots."""
+        return Pieces(self.pair, self.scan[places], self.row[places], self.foretold)
 
     def __add__(self, other: Any) -> "Pieces":
         columns = (np.concatenate(both, axis=-1) for both in zip(self, other, strict=True))
         return Pieces(*columns)
+
+
+class Woven(NamedTuple):
+    """Pieces of three knots that are certain or hopeless, pieces of five that curves go through, and what was asked.
+
+    `values` (1 + 2 B, knots) are quantile, signals and noise.
+    """
+
+    settled: Pieces
+    curved: Pieces
+    values: FloatArray
 
 
 class Weaver:
@@ -54,23 +79,28 @@ class Weaver:
 
     def __init__(self, plan: Plan, sites: Sites, model: Responsive, tolerance: float) -> None:
         self._plan, self._sites, self._model, self._tolerance = plan, sites, model, tolerance
+        self._sure = sure_beyond(tolerance)
         self._asked: list[FloatArray] = []
         self._count = 0
 
-    def pieces(self) -> tuple[Pieces, FloatArray]:
-        """Return pieces sorted by pair and scan, and what was asked (1 + 2 B, knots): quantile, signals and noise."""
+    def woven(self) -> Woven:
+        """Return the pieces, and what was asked."""
         pieces = self._first_pieces()
-        done = pieces.take(slice(0, 0))
+        settled, curved = pieces.take(slice(0, 0)).knots(_SPARE), pieces.take(slice(0, 0))
         while len(pieces.pair):
+            is_settled = self._is_settled(pieces.knots(_SPARE))
+            settled += pieces.take(is_settled).knots(_SPARE)
+            pieces = self._filled(pieces.take(~is_settled))
             # Between neighbouring scans there is nothing to be judged.
             fine = np.all(np.diff(pieces.scan, axis=0) <= 1, axis=0)
             open_ = np.flatnonzero(~fine)
             fine[open_] = self._is_fine(pieces.take(open_))
-            done += pieces.take(fine)
-            pieces = self._halved(pieces.take(~fine))
-        return done.take(np.lexsort((done.scan[0], done.pair))), self._values()
+            curved += pieces.take(fine)
+            pieces = _halved(pieces.take(~fine), self._values()[0])
+        return Woven(settled, curved, self._values())
 
     def _first_pieces(self) -> Pieces:
+        """Return the first pieces, with their first, middle and last knots asked."""
         pair, first, last = _smooth_stretches(self._plan, self._model)
         period_s = self._plan.pairs.period_ns[pair] * 1e-9
         wanted = np.ceil((last - first) * period_s / FIRST_PIECE_S)
@@ -79,53 +109,63 @@ class Weaver:
         pair, first, looks, count = (np.repeat(each, count) for each in (pair, first, last - first, count))
         start, stop = first + looks * number // count, first + looks * (number + 1) // count
         scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
-        return self._with_rows(Pieces(pair, scan, np.full(scan.shape, -1)))
+        row = np.full(scan.shape, -1)
+        row[::2] = self._rows(np.broadcast_to(pair, (3, len(pair))), scan[::2])
+        return Pieces(pair, scan, row, np.full((2, len(pair)), np.nan))
 
-    def _halved(self, pieces: Pieces) -> Pieces:
-        """Return both halves of pieces: all first halves, then all second ones."""
-        halves = []
-        for first in (0, 2):
-            scan, row = np.empty_like(pieces.scan), np.full(pieces.row.shape, -1)
-            scan[::2], row[::2] = pieces.scan[first : first + 3], pieces.row[first : first + 3]
-            scan[1::2] = (scan[0:3:2] + scan[2:5:2]) // 2
-            halves.append(Pieces(pieces.pair, scan, row))
-        return self._with_rows(halves[0] + halves[1])
-
-    def _with_rows(self, pieces: Pieces) -> Pieces:
-        """Ask for the knots that have no row, each once where knots of a piece fall together."""
-        for place in range(1, KNOTS):
-            same = pieces.scan[place] == pieces.scan[place - 1]
-            pieces.row[place] = np.where(same & (pieces.row[place] < 0), -2, pieces.row[place])
-        new = np.nonzero(pieces.row == -1)
-        pieces.row[new] = self._ask(pieces.pair[new[1]], pieces.scan[new])
-        for place in range(1, KNOTS):
-            pieces.row[place] = np.where(pieces.row[place] == -2, pieces.row[place - 1], pieces.row[place])
+    def _filled(self, pieces: Pieces) -> Pieces:
+        """Return pieces with their second and fourth knots asked, where these are scans of their own."""
+        lower, own = pieces.scan[0:3:2], pieces.scan[1::2]
+        new = np.nonzero(own != lower)
+        row = pieces.row[0:3:2].copy()
+        row[new] = self._rows(pieces.pair[new[1]], own[new])
+        pieces.row[1::2] = row
         return pieces
 
-    def _ask(self, pair: IntArray, scan: IntArray) -> IntArray:
-        """Evaluate looks and return the rows they have among all evaluated."""
+    def _rows(self, pair: IntArray, scan: IntArray) -> IntArray:
+        """Return the rows of looks (…), evaluated once where they are the same, among all evaluated."""
+        most = int(scan.max(initial=0)) + 1
+        looks, row = np.unique(pair * most + scan, return_inverse=True)
+        first = self._count
+        self._ask(looks // most, looks % most)
+        rows: IntArray = first + row.reshape(scan.shape)
+        return rows
+
+    def _ask(self, pair: IntArray, scan: IntArray) -> None:
+        """Evaluate looks, sorted by pair."""
         slack = self._tolerance * _SLACK_SHARE
-        order = np.argsort(pair, kind="stable")
         for rows in blocks(len(pair)):
-            chosen = order[rows]
-            exposed = exposures(self._plan, self._sites, pair[chosen], scan[chosen], geometry=True)
+            exposed = exposures(self._plan, self._sites, pair[rows], scan[rows], geometry=True)
             response = self._model.response(exposed, slack=slack)
             quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
             self._asked.append(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T]))
-        first, self._count = self._count, self._count + len(pair)
-        row = np.empty(len(pair), dtype=np.int64)
-        row[order] = first + np.arange(len(pair))
-        return row
+        self._count += len(pair)
 
     def _values(self) -> FloatArray:
         self._asked = [np.concatenate(self._asked, axis=1)] if self._asked else [np.empty((1, 0))]
         return self._asked[0]
 
+    def _is_settled(self, pieces: Pieces) -> BoolArray:
+        """Return which pieces of three knots are certain or hopeless throughout, with lines as near as they must be."""
+        values = self._values()
+        quantile = values[0].take(pieces.row)
+        bend = np.abs(quantile[1] - 0.5 * (quantile[0] + quantile[2]))
+        settled: BoolArray = (quantile.max(axis=0) + bend < -self._sure) | (quantile.min(axis=0) - bend > self._sure)
+        certain = np.flatnonzero(settled & (quantile[0] > 0.0))
+        settled[certain] = self._is_steady(pieces.take(certain), values)
+        return settled
+
+    def _is_steady(self, pieces: Pieces, values: FloatArray) -> BoolArray:
+        """Return which pieces have signals that three knots are enough for: near to lines, and not changing much."""
+        signals = values[1 : 1 + (len(values) - 1) // 2].take(pieces.row, axis=1)
+        change = np.ptp(signals, axis=1) <= np.maximum(STEADY_SHARE * signals.max(axis=1), SIGNAL_SIGMA)
+        steady: BoolArray = np.all(change, axis=0) & self._is_straight(pieces, values)
+        return steady
+
     def _is_fine(self, pieces: Pieces) -> BoolArray:
         """Return which pieces are said to within the tolerance by curves and lines through their knots."""
         values = self._values()
-        width = (len(values) - 1) // 2
-        at = (pieces.scan - pieces.scan[0]) / (pieces.scan[-1] - pieces.scan[0])
+        at = _places(pieces)
         quantile = values[0].take(pieces.row)
         judged = judged_error(at, quantile)
         # Probabilities differ by the quantiles' difference times a density, which is highest nearest to the quantile 0.
@@ -133,14 +173,52 @@ class Weaver:
             np.where(quantile.min(axis=0) * quantile.max(axis=0) > 0.0, np.abs(quantile).min(axis=0), 0.0) - judged, 0.0
         )
         density = np.exp(-0.5 * nearest * nearest) / np.sqrt(2.0 * np.pi)
-        fine: BoolArray = judged * density <= _JUDGED_SHARE * self._tolerance
-        seen = np.flatnonzero(fine & (quantile.max(axis=0) > _NEVER))
-        for band in range(width):
-            for values_of, least in ((values[1 + band], SIGNAL_SIGMA), (values[1 + width + band], 0.0)):
-                own = values_of.take(pieces.row[:, seen])
-                allowed = np.maximum(SIGNAL_SHARE * np.abs(own[1:-1]), least)
-                fine[seen] &= np.all(_off_neighbours(at[:, seen], own) <= 2.0 * allowed, axis=0)
+        missed = np.abs(quantile[1::2] - pieces.foretold).max(axis=0)
+        allowed = self._tolerance / np.maximum(density, 1e-300)
+        near, fair = judged <= _JUDGED_SHARE * allowed, judged <= _FORETOLD_SHARE * allowed
+        fine: BoolArray = near | (fair & (missed <= _MISSED_SHARE * allowed))
+        seen = np.flatnonzero(fine & (quantile.max(axis=0) + judged >= -self._sure))
+        fine[seen] = self._is_straight(pieces.take(seen), values)
         return fine
+
+    def _is_straight(self, pieces: Pieces, values: FloatArray) -> BoolArray:
+        """Return of which pieces signals and noise are near enough to lines between their knots."""
+        width, at = (len(values) - 1) // 2, _places(pieces)
+        straight = np.ones(len(pieces.pair), dtype=np.bool_)
+        for band in range(width):
+            for of_look, least in ((values[1 + band], SIGNAL_SIGMA), (values[1 + width + band], 0.0)):
+                own = of_look.take(pieces.row)
+                allowed = np.maximum(SIGNAL_SHARE * np.abs(own[1:-1]), least)
+                straight &= np.all(_off_neighbours(at, own) <= 2.0 * allowed, axis=0)
+        return straight
+
+
+def sure_beyond(tolerance: float) -> float:
+    """Return beyond which quantiles a look is taken for certain, or for hopeless: either costs its share of P_d."""
+    from scipy.special import ndtri
+
+    return -float(ndtri(SURE_SHARE * tolerance))
+
+
+def _places(pieces: Pieces) -> FloatArray:
+    """Return where knots (m, k) lie between the first and the last of their piece."""
+    places: FloatArray = (pieces.scan - pieces.scan[0]) / np.maximum(pieces.scan[-1] - pieces.scan[0], 1)
+    return places
+
+
+def _halved(pieces: Pieces, quantile: FloatArray) -> Pieces:
+    """Return both halves of pieces, all first halves, then all second ones, whose second and fourth knots are open."""
+    halves = []
+    distinct = np.all(np.diff(pieces.scan, axis=0) > 0, axis=0)
+    curves = Curves.through(pieces.scan[:, distinct], quantile.take(pieces.row[:, distinct]))
+    for first in (0, 2):
+        scan, row = np.empty_like(pieces.scan), np.full(pieces.row.shape, -1)
+        scan[::2], row[::2] = pieces.scan[first : first + 3], pieces.row[first : first + 3]
+        scan[1::2] = (scan[0:3:2] + scan[2:5:2]) // 2
+        foretold = np.full((2, len(pieces.pair)), np.nan)
+        foretold[:, distinct] = [curves.each_at(one) for one in scan[1::2, distinct]]
+        halves.append(Pieces(pieces.pair, scan, row, foretold))
+    return halves[0] + halves[1]
 
 
 def judged_error(at: FloatArray, values: FloatArray) -> FloatArray:

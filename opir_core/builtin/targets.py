@@ -55,6 +55,11 @@ class BallisticTargets:
         """Scene times to which positions are known, (n,) s."""
         return self.burnout_s if self.coast is None else self.flight.impact_s
 
+    @property
+    def course_kinks_s(self) -> FloatArray:
+        """Scene times (n, 1) of pitch-over, before which flight is vertical."""
+        return self.flight.path.breakpoints_s()
+
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target: what was asked for, burnout and impact.
 

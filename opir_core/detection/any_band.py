@@ -3,6 +3,7 @@
 import numpy as np
 from attrs import frozen
 
+from opir_core.detection.threshold import probit
 from opir_core.detection.truncated import tail_normals
 from opir_core.records import BoolArray, FloatArray, IntArray
 
@@ -27,6 +28,11 @@ class AnyBand:
         # The sum of chances that small is their union.
         log_hit[tiny] = logsumexp(log_ndtr(snr[tiny] - self.threshold), axis=1)
         return np.minimum(log_hit, 0.0), log_miss
+
+    def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
+        """Return the standard normal quantiles of P_d (n,); of one band it is by how much the threshold is exceeded."""
+        one: FloatArray = snr[:, 0] - self.threshold
+        return one if snr.shape[1] == 1 else probit(*self.log_chances(snr, noise, slack))
 
     def passes(self, measured: FloatArray, _noise: FloatArray) -> BoolArray:
         """Return which measurements (n, B) detect."""

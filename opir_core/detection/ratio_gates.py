@@ -13,8 +13,9 @@ from attrs import frozen
 from opir_core.detection.log_integrals import FAR, LOG_HALF, MOST_PANELS, by_steepness, log_between, log_integral
 from opir_core.detection.panels import Panels
 from opir_core.detection.quick_gates import quick_chances
+from opir_core.detection.threshold import probit
 from opir_core.detection.truncated import tail_normals, truncated_normals
-from opir_core.records import BoolArray, FloatArray
+from opir_core.records import BoolArray, FloatArray, IntArray
 
 #: From such a slack on, the quick way is near enough.
 LEAST_SLACK = 1e-9
@@ -56,16 +57,11 @@ class RatioGates:
 
         With a `slack`, the integral is left out where each condition's own chance says P_d to within it.
         """
-        from scipy.special import log_ndtr, ndtr
+        from scipy.special import log_ndtr
 
         margins = self._margins(snr, noise)
         least = margins.min(axis=1)
-        failing = ndtr(-margins[:, 0])
-        for condition in range(1, margins.shape[1]):
-            failing += ndtr(-margins[:, condition])
-        # P_d is at most the chance of the condition nearest to failing, and all fail less often than their sum.
-        sure = (failing - ndtr(-least) <= slack) & (failing < 1.0)
-        open_ = np.flatnonzero((least < FAR) & ~(sure & (slack > 0.0)) & (ndtr(least) >= slack))
+        open_ = _undecided(margins, least, slack)
         log_hit, log_miss = log_ndtr(least), log_ndtr(-least)
         if slack >= LEAST_SLACK:
             chance = quick_chances(self, snr[open_], noise[open_], margins[open_])
@@ -77,6 +73,18 @@ class RatioGates:
             rows = open_[start : start + _ROWS]
             log_hit[rows], log_miss[rows] = self._integrated(snr[rows], noise[rows], steepest[rows], slack)
         return log_hit, log_miss
+
+    def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
+        """Return the standard normal quantiles of P_d (n,), to within a slack of P_d."""
+        from scipy.special import ndtri
+
+        if slack < LEAST_SLACK:
+            return probit(*self.log_chances(snr, noise, slack))
+        margins = self._margins(snr, noise)
+        quantile: FloatArray = margins.min(axis=1)
+        open_ = _undecided(margins, quantile, slack)
+        quantile[open_] = ndtri(quick_chances(self, snr[open_], noise[open_], margins[open_]))
+        return quantile
 
     def passes(self, measured: FloatArray, noise: FloatArray) -> BoolArray:
         """Return which measurements (n, B) detect."""
@@ -294,3 +302,19 @@ class RatioGates:
 
         added: FloatArray = np.logaddexp(log_ndtr(self.threshold - snr[:, self.reference]), log_shut)
         return np.minimum(added, 0.0)
+
+
+def _undecided(margins: FloatArray, least: FloatArray, slack: float) -> IntArray:
+    """Return the rows of which the conditions' own chances do not say P_d to within a slack."""
+    from scipy.special import ndtr, ndtri
+
+    rows = np.flatnonzero((least < FAR) & (least >= (ndtri(slack) if slack else -np.inf)))
+    if not slack:
+        return rows
+    failing = ndtr(-margins[rows, 0])
+    for condition in range(1, margins.shape[1]):
+        failing += ndtr(-margins[rows, condition])
+    # P_d is at most the chance of the condition nearest to failing, and all fail less often than their sum.
+    sure = (failing - ndtr(-least[rows]) <= slack) & (failing < 1.0)
+    undecided: IntArray = rows[~sure]
+    return undecided

@@ -11,6 +11,7 @@ from opir_core.detection.calibration import calibrated
 from opir_core.detection.configs import SnrConfig
 from opir_core.detection.irradiance_noise import noise_w_m2, photon_energy_j
 from opir_core.detection.ratio_gates import RatioGates
+from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
 from opir_core.plugin.radiometer import Radiometer
 from opir_core.protocols import Sensor
@@ -46,6 +47,10 @@ class Receiver:
     def chances(self, snr: FloatArray, noise: FloatArray, slack: float) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) (n,)."""
         return self.rule.log_chances(snr, noise, slack)
+
+    def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
+        """Return the standard normal quantiles of P_d (n,); with a slack P_d may be off by as much."""
+        return self.rule.quantile(snr, noise, slack) if slack else probit(*self.chances(snr, noise, 0.0))
 
 
 def noise_chance(receiver: Receiver) -> float:
@@ -101,6 +106,12 @@ def _wanted(sensor: Sensor) -> float:
             f" 1, not {probability!r}"
         )
     return probability
+
+
+def in_a_row(rows: IntArray) -> "slice | IntArray":
+    """Return rising rows as a slice where they follow one another, so that taking them copies nothing."""
+    is_run = len(rows) > 0 and int(rows[-1] - rows[0]) == len(rows) - 1
+    return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows
 
 
 def by_number(numbers: IndexArray, count: int) -> "Sequence[tuple[int, slice | IntArray]]":

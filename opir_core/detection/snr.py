@@ -9,9 +9,8 @@ from attrs import frozen
 from opir_core.detection.configs import SnrConfig
 from opir_core.detection.irradiance_noise import noise_w_m2, photon_noise_w_m2
 from opir_core.detection.measuring import MeasuredColumns
-from opir_core.detection.receivers import Receiver, by_number, noise_chance, receivers_of
+from opir_core.detection.receivers import Receiver, by_number, in_a_row, noise_chance, receivers_of
 from opir_core.detection.redrawing import measured_to_pass
-from opir_core.detection.threshold import probit
 from opir_core.dice import Words
 from opir_core.protocols import Dice, Measured, ModelContext
 from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
@@ -61,11 +60,10 @@ class SnrDetection:
         noise = self._noise_w_m2(exposures)
         snr = np.minimum(signal / noise, _MOST_SNR)
         quantile = np.empty(len(exposures))
-        for number, rows in by_number(exposures.sensor, len(self.receivers)):
+        for number, rows in by_number(self.alike[exposures.sensor], len(self.receivers)):
             receiver = self.receivers[number]
             width = len(receiver.bands)
-            chances = receiver.chances(snr[rows, :width], noise[rows, :width], slack)
-            quantile[rows] = probit(*chances)
+            quantile[rows] = receiver.quantile(snr[rows, :width], noise[rows, :width], slack)
         return Response(quantile, snr, noise)
 
     def kinks_s(self) -> FloatArray:
@@ -118,9 +116,11 @@ class SnrDetection:
         for band, place, rows in self._by_band(exposures.sensor):
             looks, path = exposures.take(rows), paths.take(rows)
             intensity = self.scenery.intensity_w_sr(band, looks, path.height_m, aspect[rows])
-            shining = np.flatnonzero(intensity > 0.0)
+            shining = in_a_row(np.flatnonzero(intensity > 0.0))
             through = self.scenery.atmosphere.transmittance(band, path.take(shining))
-            irradiance[rows[shining], place] = intensity[shining] * through / np.square(looks.range_m[shining])
+            own = np.zeros(len(looks))
+            own[shining] = intensity[shining] * through / np.square(looks.range_m[shining])
+            irradiance[rows, place] = own
         return irradiance
 
     def _noise_w_m2(self, exposures: Exposures) -> FloatArray:
@@ -139,15 +139,16 @@ class SnrDetection:
             noise[rows, place] = noise_w_m2(noise[rows, place], photons, clutter)
         return noise
 
-    def _by_band(self, sensor: IndexArray) -> "Sequence[tuple[int, int, IntArray]]":
+    def _by_band(self, sensor: IndexArray) -> "Sequence[tuple[int, int, slice | IntArray]]":
         """Return each band of the scenery, its place in sensors' columns, and the rows of the sensors it stands at."""
         found = []
-        for band in range(len(self.scenery.bands)):
-            for place in range(self.width):
-                owns = np.array([each.bands[place : place + 1].tolist() == [band] for each in self.receivers])
-                rows = np.flatnonzero(owns[sensor]) if owns.any() else np.empty(0, dtype=np.int64)
+        for place in range(self.width):
+            own = [int(each.bands[place]) if place < len(each.bands) else -1 for each in self.receivers]
+            standing = np.array(own)[sensor]
+            for band in sorted(set(own) - {-1}):
+                rows = np.flatnonzero(standing == band)
                 if len(rows):
-                    found.append((band, place, rows))
+                    found.append((band, place, in_a_row(rows)))
         return found
 
 

@@ -61,6 +61,15 @@ class KinkedTransmittance(Protocol):
         """Altitudes (k,) of targets at which it does, m."""
 
 
+@runtime_checkable
+class KinkedCourse(Protocol):
+    """What `Trajectories` also have that know when the direction of flight jumps or bends."""
+
+    @property
+    def course_kinks_s(self) -> FloatArray:
+        """Scene times (n, k) at which it does, s; nan where there are fewer."""
+
+
 class Sources(Protocol):
     """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
 

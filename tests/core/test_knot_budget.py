@@ -1,0 +1,91 @@
+"""What knots cost, in counts: how many looks a pair is asked for, and in how many calls."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from attrs import evolve
+from scipy.special import ndtr
+
+import opir_core as opir
+from opir_core.knots import Knots
+from opir_core.looks import Looks, exposures
+from opir_core.sites import Sites
+from opir_core.weaving import KNOTS, Weaver, sure_beyond
+
+AIR = {"atmosphere": "lowtran", "background": "earth"}
+
+
+def planned(calibrate: str, sky: dict[str, Any], tolerance: float = 1e-4) -> Any:
+    targets = [
+        {
+            "id": name,
+            "type": kind,
+            "launch": {"lat_deg": 5.0 - 3.0 * number, "lon_deg": -150.0 + 5.0 * number, "time_s": 2.0 + number},
+            "aim": {"lat_deg": aim[0], "lon_deg": aim[1]},
+        }
+        for number, (name, kind, aim) in enumerate([("I", "ICBM", (-50.0, -110.0)), ("R", "IRBM", (-28.0, -170.0))])
+    ]
+    sensors = [
+        {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0},
+        {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0},
+        {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -120.0},
+    ]
+    detection = {"model": "snr", "calibrate": calibrate, "probability_tolerance": tolerance}
+    scene = {"scene": "budget", "epoch": "2026-04-01T12:00:00Z", "duration_s": 300, "seed": 1, "outputs": [], **sky}
+    return opir.compile_plan(
+        opir.scene_from_mapping({**scene, "sensors": sensors, "targets": targets, "detection": detection})
+    )
+
+
+class Counting:
+    """A model that counts what it is asked."""
+
+    def __init__(self, model: Any) -> None:
+        self.asked: list[tuple[int, int]] = []
+        self._model = model
+        self.probability_tolerance, self.kinks_s = model.probability_tolerance, model.kinks_s
+        self.measure_response = model.measure_response
+
+    def response(self, exposed: Any, *, slack: float = 0.0) -> Any:
+        looks: Sequence[tuple[int, int]] = list(zip(exposed.sensor.tolist(), exposed.target.tolist(), strict=True))
+        self.asked.append((len(looks), len(set(looks))))
+        return self._model.response(exposed, slack=slack)
+
+
+@pytest.mark.parametrize(
+    ("calibrate", "sky", "most"),
+    [("none", {}, 120), ("none", AIR, 165), ("paper", {}, 150), ("paper", AIR, 145)],
+    ids=["empty space", "air", "calibrated", "calibrated in air"],
+)
+def test_a_pair_is_asked_for_few_looks_in_few_calls(calibrate: str, sky: dict[str, Any], most: int) -> None:
+    plan = planned(calibrate, sky)
+    counting = Counting(plan.detection)
+    Knots.of(evolve(plan, detection=counting), Sites.of(plan.sensors), 1e-4)
+    pairs = int((plan.pairs.looks > 0).sum())
+    assert sum(rows for rows, _ in counting.asked) <= most * pairs
+    # One call a halving, all pairs at once.
+    assert len(counting.asked) <= 9
+    assert counting.asked[0][1] == pairs
+
+
+def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:
+    plan = planned("none", {})
+    woven = Weaver(plan, Sites.of(plan.sensors), plan.detection, 1e-4).woven()
+    assert len(woven.settled.scan) == 3
+    assert len(woven.curved.scan) == KNOTS
+    assert len(woven.settled.pair) > 0.5 * len(woven.curved.pair)
+    assert np.all(np.abs(woven.values[0].take(woven.settled.row)) > sure_beyond(1e-4))
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(tolerance: float) -> None:
+    plan = planned("none", {}, tolerance)
+    knots = Knots.of(plan, Sites.of(plan.sensors), tolerance)
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair, looks.scan, geometry=True)
+    probability, exact = knots.over(looks).probability(), ndtr(plan.detection.response(exposed).probit)
+    sure = (probability == 0.0) | (probability == 1.0)
+    assert sure.mean() > 0.5
+    assert np.abs(probability - exact)[sure].max() <= 1.1e-4 * tolerance
