@@ -52,9 +52,9 @@ SENSORS: dict[str, tuple[float, float, tuple[float, ...]]] = {
 #: The end of a burn is known this well, s, before any look tells of it: too little to matter.
 _OPEN_S = 2.0
 
-#: Marks at which a flight is looked at: shares of the burn, and seconds after it.
-SHARES, AFTER_S = (0.5, 0.75, 0.95), 5.0
-MARKS = ("50 %", "75 %", "95 %", "5 s after")
+#: Marks at which flights are looked at: seconds after the start, shares of the class's burn, seconds after the burn.
+EARLY_S, SHARES, AFTER_S = 21.0, (0.5, 0.75, 0.95), 5.0
+MARKS = ("20 s", "50 %", "75 %", "95 %", "5 s after")
 
 PAGE = """# The tracker boost-profile on its own family
 
@@ -82,15 +82,21 @@ class Marked:
             self.rows.append({"mark": mark, **dict(zip(columns, map(float, values), strict=True))})
 
 
-def marks_at(truth: Hypotheses, tick_s: float) -> np.ndarray:
-    """Return which mark (n,) each flight passes at a tick, -1 for none."""
+def marks_at(truth: Hypotheses, seen: Seen, tick_s: float) -> np.ndarray:
+    """Return which mark (n,) each flight passes at a tick, -1 for none.
+
+    Marks in the burn are times, the same for all flights of a class, of those flights of which light came in the last
+    second: which flights count is then known from what was seen, as a posterior wants it. (A share of each flight's own
+    burn would pick the flights whose burns are about to end, which no tracker can know.)
+    """
     family = fit.family_of(truth, PRIORS)
     found = np.full(len(truth), -1)
-    for mark, share in enumerate(SHARES):
-        at = family.start_s + share * family.courses.burn_s
-        found[(at > tick_s - 1.0) & (at <= tick_s)] = mark
-    at = family.burnout_s + AFTER_S
-    found[(at > tick_s - 1.0) & (at <= tick_s)] = len(SHARES)
+    last_s = np.max(seen.last_s, axis=1)[np.searchsorted(seen.track, truth.track)]
+    burn_s = PRIORS.burn_s[truth.kind]
+    for mark, after_s in enumerate([np.full(len(truth), EARLY_S), *(share * burn_s for share in SHARES)]):
+        at = np.ceil(family.start_s + after_s)
+        found[(at == tick_s) & (last_s > tick_s - 1.0)] = mark
+    found[np.ceil(family.burnout_s + AFTER_S) == tick_s] = len(MARKS) - 1
     return found
 
 
@@ -113,7 +119,7 @@ def bounds(truth: Hypotheses, watch: Watch, seen: Seen, tick_s: float) -> np.nda
     slope[:, START], slope[:, BURN] = 1.0, family.courses.burn_s
     silence = seen.of(truth.track).silence(truth.kind, tick_s, watch)
     wide = ends_of(family.burnout_s, np.full(len(truth), _OPEN_S**2), silence)
-    over = (family.burnout_s < tick_s - 1.0) / wide.variance_s2
+    over = (family.burnout_s < tick_s) / wide.variance_s2
     gain = np.sum(spread * slope[:, None], axis=2)
     variance = np.sum(gain * slope, axis=1)
     less = over / (1.0 + over * variance)
@@ -149,7 +155,7 @@ def measured(kind: str, model: str, sensors: int, runs: int, seed: int) -> Marke
         bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
         known = with_true_rows(known, track[cut:end], rays.take(slice(cut, end)))
         cut = end
-        marks = marks_at(truth, float(tick))
+        marks = marks_at(truth, bank.seen, float(tick)) if len(bank.seen.track) == runs else np.full(runs, -1)
         for mark in np.unique(marks[marks >= 0]).tolist():
             chosen = np.flatnonzero(marks == mark)
             marked.put(mark, figures(known.take(chosen), bank, fitting, float(tick)))

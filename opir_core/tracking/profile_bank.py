@@ -7,6 +7,7 @@ from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking import profile_fit as fit
 from opir_core.tracking import profile_hypotheses as hypotheses_of
+from opir_core.tracking import profile_windows as windows
 from opir_core.tracking.profile_end import ends_of
 from opir_core.tracking.profile_family import BURN, SIZE, START, Family, Priors
 from opir_core.tracking.profile_fit import Hypotheses, Solved
@@ -30,9 +31,6 @@ _TELLING = 0.02
 
 #: No class is given up before this tick.
 _TRIED = 6
-
-#: Ticks at which what one sensor alone sees is fitted from every heading again: it may be seen two ways.
-_RETRIES = (10, 16, 25, 40, 63, 100, 158)
 
 #: The latest tick at which hypotheses are bent.
 _BENT_TICK = 14
@@ -109,7 +107,8 @@ class Fitting:
         hypotheses = bank.hypotheses
         last = np.max(bank.seen.of(hypotheses.track).last_s, axis=1)
         quiet = ~np.isin(hypotheses.track, fresh.track)
-        moved = _has_moved(hypotheses) & (hypotheses_of.probability(hypotheses) > _TELLING)
+        bent = (hypotheses.window[:, 3] > 0.0) | _has_moved(hypotheses)
+        moved = bent & (hypotheses_of.probability(hypotheses) > _TELLING)
         due = np.where(quiet, tick_s - last < _QUIET_S, np.isin(ticks, list(REVIEWS)) | moved) | (ticks == 1)
         every: BoolArray = np.isin(hypotheses.track, hypotheses.track[due])
         return every
@@ -130,25 +129,31 @@ class Fitting:
         return self._settled(fit.with_rows(hypotheses, family, fresh.take(chosen), owner, share), family, seen, tick_s)
 
     def _reviewed(self, hypotheses: Hypotheses, rows: Rows, seen: Seen, tick_s: float, ticks: IntArray) -> Hypotheses:
-        """Return the hypotheses with all their rows linearised anew, and those that bend now in every heading."""
+        """Return the hypotheses with all their rows linearised anew, and those that bend now through windows."""
         if not len(hypotheses):
             return hypotheses
         bends = (hypotheses.is_bent == 0) & (hypotheses_of.may_bend(hypotheses, self.priors) | (ticks >= _BENT_TICK))
-        mono = (hypotheses.is_bent > 0) & (np.count_nonzero(hypotheses.weight, axis=1) < 2) & np.isin(ticks, _RETRIES)
-        settled = self._settling(hypotheses.take(~bends), rows, seen, tick_s, ticks[~bends] > _YOUNG_TICKS)
-        if not (bends.any() or mono.any()):
+        older = hypotheses.track[ticks > _YOUNG_TICKS]
+        settled = self._through_windows(hypotheses.take(~bends), rows, seen, tick_s, older)
+        if not bends.any():
             return hypotheses_of.distinct(settled)
-        spread = hypotheses_of.in_all_headings(hypotheses.take(bends | mono), self.priors)
+        spread = windows.windowed(hypotheses.take(bends), self.priors)
         spread = hypotheses_of.distinct(self._relinearised(spread, rows, seen, tick_s, _STEPS))
         spread = self._relinearised(spread, rows, seen, tick_s, _STEPS)
         return hypotheses_of.distinct(Hypotheses.concatenate([settled, spread]))
 
-    def _settling(self, trial: Hypotheses, rows: Rows, seen: Seen, tick_s: float, older: BoolArray) -> Hypotheses:
-        """Return hypotheses with all their rows linearised anew, in fewer steps where the track is `older` (n,)."""
-        parts = ((older, _LATER_STEPS), (~older, _STEPS))
-        return Hypotheses.concatenate(
+    def _through_windows(self, trial: Hypotheses, rows: Rows, seen: Seen, tick_s: float, older: IntArray) -> Hypotheses:
+        """Return hypotheses with all their rows linearised anew, and windows no wider and no longer than they need."""
+        if not len(trial):
+            return trial
+        trial, fresh = windows.laid(trial)
+        parts = ((np.isin(trial.track, older) & ~fresh, _LATER_STEPS), (~np.isin(trial.track, older) | fresh, _STEPS))
+        trial = Hypotheses.concatenate(
             [self._relinearised(trial.take(part), rows, seen, tick_s, steps) for part, steps in parts]
         )
+        trial, lone = windows.straightened(trial)
+        again = self._relinearised(trial.take(lone), rows, seen, tick_s, _LATER_STEPS)
+        return Hypotheses.concatenate([trial.take(~lone), again])
 
     def _relinearised(self, trial: Hypotheses, rows: Rows, seen: Seen, tick_s: float, steps: int) -> Hypotheses:
         chosen, owner = joined(trial.track, rows.track)

@@ -1,9 +1,10 @@
 """The family of boosts that the tracker `boost-profile` fits: parameters, their priors by class, and the paths.
 
-A path has ten parameters: where (east and north of an anchor on the ground) and when it starts, the turn it makes from
-the vertical as a vector (its length the burnout angle from the vertical, its direction the heading, so that nothing is
-singular while the flight is still vertical), and the logarithms of burnout speed, burn time, speed shape, pitch
-exponent and the pitch start's share of the burn over the medians of the class.
+A path has ten parameters: where (east and north of an anchor on the ground) and when it starts, its lean from the
+vertical at a reference time as a vector (its direction the heading, so that nothing is singular while the flight is
+still vertical), and logarithms over the medians of the class, of what looks see of a burn that goes on
+(`profile_coordinates`). The priors are of natural parameters: turn, burnout speed, burn time, speed shape, pitch
+exponent and the pitch start's share of the burn.
 """
 
 from typing import NamedTuple
@@ -16,10 +17,41 @@ from opir_core.flight.boost import LaunchSite, launch_site
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking import profile_course as course
+from opir_core.tracking.profile_coordinates import (
+    BURN,
+    EAST,
+    LAST_LIFT,
+    LIFT,
+    NORTH,
+    PITCH,
+    SHAPE,
+    SIZE,
+    SPEED,
+    START,
+    TURN_EAST,
+    TURN_NORTH,
+    Natural,
+    natural,
+)
 from opir_core.tracking.profile_course import Courses
 
-EAST, NORTH, START, TURN_EAST, TURN_NORTH, SPEED, BURN, SHAPE, PITCH, LIFT = range(10)
-SIZE = 10
+__all__ = (
+    "BURN",
+    "EAST",
+    "LIFT",
+    "NORTH",
+    "PITCH",
+    "SHAPE",
+    "SIZE",
+    "SPEED",
+    "START",
+    "TURN_EAST",
+    "TURN_NORTH",
+    "Anchors",
+    "Family",
+    "Places",
+    "Priors",
+)
 
 #: Standard deviations of the prior of place, m, and start, s: the anchor is below the first line of sight.
 PLACE_SIGMA_M = 50e3
@@ -53,7 +85,7 @@ class Priors(Columns):
     turn_sigma_rad: FloatArray
 
     def information(self) -> FloatArray:
-        """Return the diagonals (n, 10) of what is linear in the parameters; the turn's length is not."""
+        """Return the diagonals (n, 10) of what is linear in natural parameters; the turn's length is not."""
         sigma = np.ones((len(self.burn_s), SIZE))
         sigma[:, [EAST, NORTH]], sigma[:, START] = PLACE_SIGMA_M, START_SIGMA_S
         sigma[:, [TURN_EAST, TURN_NORTH]] = VAGUE_TURN_RAD
@@ -109,6 +141,7 @@ class Family:
     turn_east: FloatArray
     turn_north: FloatArray
     across_m: FloatArray
+    natural: Natural
 
     @classmethod
     def of(cls, parameters: FloatArray, anchors: Anchors, priors: Priors) -> "Family":
@@ -117,14 +150,15 @@ class Family:
         azimuth = np.arctan2(parameters[:, TURN_EAST], parameters[:, TURN_NORTH])
         site = launch_site(*anchors.places(parameters), 0.0)
         plane = site.plane(azimuth)
-        scales = np.exp(parameters[:, SPEED:])
+        found = natural(parameters, priors)
+        scales = np.exp(found.parameters[:, SPEED:])
         courses = Courses.of(
             priors.speed_m_s * scales[:, 0],
             priors.burn_s * scales[:, 1],
             priors.speed_shape * scales[:, 2],
             priors.pitch_exponent * scales[:, 3],
-            np.maximum(turn, STRAIGHT_RAD),
-            np.minimum(priors.lift * scales[:, 4], _LAST_LIFT),
+            np.maximum(turn / found.lean, STRAIGHT_RAD),
+            np.minimum(priors.lift * scales[:, 4], LAST_LIFT),
             plane.radius_m,
         )
         sine, cosine = np.sin(azimuth)[:, None], np.cos(azimuth)[:, None]
@@ -132,7 +166,7 @@ class Family:
         start_s = anchors.time_s + parameters[:, START]
         return cls(
             courses, site, plane.up, plane.heading, right, plane.radius_m, start_s, sine[:, 0], cosine[:, 0],
-            anchors.across_m(),
+            anchors.across_m(), found,
         )  # fmt: skip
 
     @property
@@ -154,19 +188,32 @@ class Family:
         tilt = read.lean_rad + read.swept_rad
         velocity = read.speed_m_s[:, None] * (np.cos(tilt)[:, None] * up + np.sin(tilt)[:, None] * heading)
         reach = radius + read.height_m
-        rises = read.height_slope * cosine[:, None] - read.swept_slope * (reach * sine)[:, None]
-        alongs = read.height_slope * sine[:, None] + read.swept_slope * (reach * cosine)[:, None]
+        by_height, by_sweep = (self._by_fitted(row, each) for each in (read.height_slope, read.swept_slope))
+        rises = by_height * cosine[:, None] - by_sweep * (reach * sine)[:, None]
+        alongs = by_height * sine[:, None] + by_sweep * (reach * cosine)[:, None]
         by_course = rises[:, :, None] * up[:, None] + alongs[:, :, None] * heading[:, None]
         slope = np.empty((len(row), SIZE, 3))
         slope[:, SPEED : PITCH + 1] = by_course[:, : course.PITCH + 1]
         slope[:, LIFT] = by_course[:, course.LIFT]
         slope[:, START] = -velocity
-        sideways = (along / self.courses.turn_rad[row])[:, None] * right
+        sideways = (along / (self.courses.turn_rad * self.natural.lean)[row])[:, None] * right
         to_east, to_north = self.turn_east[row][:, None], self.turn_north[row][:, None]
         slope[:, TURN_EAST] = to_east * by_course[:, course.TURN] + to_north * sideways
         slope[:, TURN_NORTH] = to_north * by_course[:, course.TURN] - to_east * sideways
         self._shift(slope, row, position, rise, along)
         return Places(position, velocity, slope)
+
+    def _by_fitted(self, row: IntArray, slope: FloatArray) -> FloatArray:
+        """Return slopes (m, 6) of courses by fitted parameters, from those by natural ones; a lean's by its length."""
+        found, by_lean = slope.copy(), self.natural.lean_slope * self.courses.turn_rad[:, None]
+        turn = slope[:, course.TURN]
+        found[:, course.BURN] += slope[:, course.SPEED] * self.natural.by_burn[row]
+        found[:, course.BURN] += slope[:, course.SHAPE] - slope[:, course.LIFT]
+        found[:, course.SHAPE] += slope[:, course.SPEED] * self.natural.by_rate[row]
+        for place, column in enumerate((course.BURN, course.PITCH, course.LIFT)):
+            found[:, column] -= turn * by_lean[row, place]
+        found[:, course.TURN] = turn / self.natural.lean[row]
+        return found
 
     def _shift(
         self, slope: FloatArray, row: IntArray, position: FloatArray, rise: FloatArray, along: FloatArray
@@ -179,7 +226,3 @@ class Family:
         level = along * self.turn_north[row]
         by_latitude = (self.site.meridian_radius_m[row] + rise)[:, None] * north - level[:, None] * self.up[row]
         slope[:, NORTH] = by_latitude / RADIUS_M
-
-
-#: No pitch start comes later in the burn than this share.
-_LAST_LIFT = 0.5

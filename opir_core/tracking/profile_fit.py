@@ -15,7 +15,11 @@ from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.profile_coordinates import fitted, natural
 from opir_core.tracking.profile_family import (
+    BURN,
+    LIFT,
+    PITCH,
     SIZE,
     STRAIGHT_RAD,
     TURN_EAST,
@@ -65,6 +69,7 @@ class Hypotheses(Columns):
     misfit: FloatArray
     stood: FloatArray
     is_bent: IntArray
+    window: FloatArray
 
     @property
     def anchors(self) -> Anchors:
@@ -106,6 +111,7 @@ def blank(count: int, sensors: int) -> Hypotheses:
         misfit=np.ones(count),
         stood=vector,
         is_bent=whole,
+        window=np.zeros((count, 4)),
     )
 
 
@@ -233,27 +239,58 @@ def _with_priors(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the normal equations with the priors, the priors' sum of squares at 0 and the log of their height.
 
-    The turn's length is normal about the class's along its present direction, which is as likely as any other.
+    The priors are of natural parameters, linearised where the hypotheses stand. The turn's length is normal about the
+    class's along its present direction, which is as likely as any other.
     """
+    found = natural(hypotheses.parameters, prior)
+    slope, here = found.slope(), hypotheses.parameters
     information = prior.information()
     bent = hypotheses.is_bent > 0
     information[~bent, TURN_EAST] = information[~bent, TURN_NORTH] = 2.0 / np.square(prior.turn_rad[~bent])
-    normal, right = normal.copy(), right.copy()
-    diagonal = np.arange(SIZE)
-    normal[:, diagonal, diagonal] += information
-    turn = hypotheses.parameters[:, [TURN_EAST, TURN_NORTH]]
+    wanted = _times(slope, here) - found.parameters
+    weighed = slope * information[:, :, None]
+    normal = normal + np.sum(weighed[:, :, :, None] * slope[:, :, None], axis=1)
+    right = right + np.sum(weighed * wanted[:, :, None], axis=1)
+    constant = np.sum(information * wanted * wanted, axis=1)
+    turn = found.parameters[:, [TURN_EAST, TURN_NORTH]]
     length = np.maximum(np.hypot(turn[:, 0], turn[:, 1]), STRAIGHT_RAD)
     along = turn / length[:, None]
     share = np.where(bent, 1.0 / np.square(prior.turn_sigma_rad), 0.0)
-    for i, row in enumerate((TURN_EAST, TURN_NORTH)):
-        right[:, row] += share * along[:, i] * prior.turn_rad
-        for j, column in enumerate((TURN_EAST, TURN_NORTH)):
-            normal[:, row, column] += share * along[:, i] * along[:, j]
-    constant = share * np.square(prior.turn_rad)
-    ring = -np.log(prior.turn_rad) - np.log(prior.turn_sigma_rad) - 0.5 * np.log(2.0 * np.pi)
+    by_length = np.sum(along[:, :, None] * slope[:, [TURN_EAST, TURN_NORTH]], axis=1)
+    missing = prior.turn_rad - length + np.sum(by_length * here, axis=1)
+    normal += (share[:, None] * by_length)[:, :, None] * by_length[:, None]
+    right += (share * missing)[:, None] * by_length
+    constant += share * missing * missing
+    # Every heading alike: the density in the plane is that of the length over the length; the lean's over its share.
+    crowding = np.where(bent, 1.0 / length, 0.0)[:, None] * by_length
+    crowding[:, [BURN, PITCH, LIFT]] += 2.0 * found.lean_slope
+    right -= crowding
+    height = -2.0 * np.log(found.lean) + np.sum(crowding * here, axis=1)
+    ring = -np.log(length) - np.log(prior.turn_sigma_rad) - 0.5 * np.log(2.0 * np.pi)
     linear = np.delete(np.log(information), [TURN_EAST, TURN_NORTH], axis=1).sum(axis=1)
     free = np.log(information[:, [TURN_EAST, TURN_NORTH]]).sum(axis=1)
-    return normal, right, constant, 0.5 * linear + np.where(bent, ring, 0.5 * free)
+    log = height + 0.5 * linear + np.where(bent, ring, 0.5 * free)
+    return normal, right, constant, log + _windowed(hypotheses.window, normal, right, constant)
+
+
+def _windowed(window: FloatArray, normal: FloatArray, right: FloatArray, constant: FloatArray) -> FloatArray:
+    """Add the windows (n, 4) through which hypotheses see the lean to their normal equations; return their log heights.
+
+    Windows of one direction are normal curves, evenly spaced, that add up to 1: each hypothesis is the part of the
+    whole that its window lets through.
+    """
+    narrow = window[:, 3]
+    for i, row in enumerate((TURN_EAST, TURN_NORTH)):
+        right[:, row] += narrow * window[:, i] * window[:, 2]
+        for j, column in enumerate((TURN_EAST, TURN_NORTH)):
+            normal[:, row, column] += narrow * window[:, i] * window[:, j]
+    constant += narrow * np.square(window[:, 2])
+    height: FloatArray = np.where(narrow > 0.0, np.log(SPACING / np.sqrt(2.0 * np.pi)), 0.0)
+    return height
+
+
+#: The distance of neighbouring windows, of their standard deviation: their sum is 1 to a thousandth.
+SPACING = 1.0 / 0.6
 
 
 def _misfit(residual_square: FloatArray, rows: FloatArray) -> FloatArray:
@@ -267,10 +304,11 @@ def _misfit(residual_square: FloatArray, rows: FloatArray) -> FloatArray:
 
 def moved(hypotheses: Hypotheses, target: FloatArray, priors: Priors) -> FloatArray:
     """Return the parameters (n, 10) on the way to others, no farther off than a step may go, and near their priors."""
+    prior = priors.take(hypotheses.kind)
     step = np.clip(target - hypotheses.parameters, -LARGEST, LARGEST)
-    found = hypotheses.parameters + step
-    limit = _WITHIN / np.sqrt(priors.take(hypotheses.kind).information())
-    return np.clip(found, -limit, limit)
+    found = natural(hypotheses.parameters + step, prior).parameters
+    limit = _WITHIN / np.sqrt(prior.information())
+    return fitted(np.clip(found, -limit, limit), prior)
 
 
 def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:

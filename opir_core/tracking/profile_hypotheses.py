@@ -7,14 +7,11 @@ from attrs import evolve
 
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.records import BoolArray, FloatArray, IntArray
-from opir_core.scene import TARGET_TYPES
 from opir_core.tracking import profile_fit as fit
-from opir_core.tracking.profile_family import SPEED, START, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
+from opir_core.tracking.profile_coordinates import natural
+from opir_core.tracking.profile_family import START, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
 from opir_core.tracking.profile_fit import Hypotheses
 from opir_core.tracking.profile_rows import Rows
-
-#: Headings, evenly about the compass, from which a fit sets out.
-HEADINGS = 6
 
 #: The chance below which a hypothesis is given up.
 GIVEN_UP = 1e-3
@@ -124,27 +121,17 @@ def may_bend(hypotheses: Hypotheses, priors: Priors) -> BoolArray:
     """Return which hypotheses know enough of their turn, whose prior has no direction, to give it one."""
     spread = hypotheses.spread[:, TURN_EAST : TURN_NORTH + 1, TURN_EAST : TURN_NORTH + 1]
     least = np.linalg.eigvalsh(spread)[:, 0]
-    return np.asarray((least > 0.0) & (least < np.square(_BEND * priors.turn_rad[hypotheses.kind])))
-
-
-def in_all_headings(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
-    """Return one hypothesis of each track and class with turns of the class's length in every heading."""
-    key = hypotheses.track * len(TARGET_TYPES) + hypotheses.kind
-    hypotheses = hypotheses.take(np.unique(key, return_index=True)[1])
-    count = len(hypotheses)
-    trial = hypotheses.take(np.repeat(np.arange(count), HEADINGS))
-    azimuth = np.tile(2.0 * np.pi * np.arange(HEADINGS) / HEADINGS, count)
-    parameters, turn = trial.parameters.copy(), priors.turn_rad[trial.kind]
-    parameters[:, SPEED:] = 0.0
-    parameters[:, TURN_EAST], parameters[:, TURN_NORTH] = turn * np.sin(azimuth), turn * np.cos(azimuth)
-    return evolve(trial, parameters=parameters, is_bent=np.ones_like(trial.is_bent))
+    prior = priors.take(hypotheses.kind)
+    lean_rad = prior.turn_rad * natural(hypotheses.parameters, prior).lean
+    return np.asarray((least > 0.0) & (least < np.square(_BEND * lean_rad)))
 
 
 def distinct(hypotheses: Hypotheses) -> Hypotheses:
-    """Return the hypotheses without those whose class has a likelier one at the same place."""
+    """Return the hypotheses without those whose class has a likelier one at the same place, through the same window."""
     order = np.lexsort((-np.nan_to_num(hypotheses.evidence, nan=-np.inf), hypotheses.kind, hypotheses.track))
     ranked = hypotheses.take(order)
-    key = ranked.track * len(TARGET_TYPES) + ranked.kind
+    key = np.unique(np.column_stack([ranked.track, ranked.kind, ranked.window[:, 2]]), axis=0, return_inverse=True)[1]
+    ranked, key = ranked.take(np.argsort(key, kind="stable")), np.sort(key)
     left = np.array(np.isfinite(ranked.evidence), ndmin=1)
     kept = np.zeros(len(key), dtype=np.bool_)
     while left.any():

@@ -8,6 +8,7 @@ from opir_core.scene import TARGET_TYPES
 from opir_core.tracking import profile_fit as fit
 from opir_core.tracking import profile_flight
 from opir_core.tracking.configs import BoostProfileConfig
+from opir_core.tracking.profile_coordinates import fitted
 from opir_core.tracking.profile_family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile_priors import priors_of
 from opir_core.tracking.profile_rows import axes_about
@@ -55,6 +56,7 @@ def _drawn(rng, number, count):
         x[:, column] = sigma * rng.normal(size=count)
     return evolve(
         truth,
+        parameters=fitted(x, prior),
         kind=np.full(count, number),
         anchor_latitude_rad=rng.uniform(0.5, 0.8, count),
         anchor_longitude_rad=rng.uniform(-0.1, 0.1, count),
