@@ -12,12 +12,13 @@ from typing import BinaryIO, Self
 import msgspec
 
 from opir_core.errors import SinkError
+from opir_core.events.blocks import window_blocks
 from opir_core.events.identifiers import uuid_text
 from opir_core.plan import Plan
 from opir_core.records import Window
 
 
-class _Detection(msgspec.Struct, tag_field="record", tag="detection"):
+class _Detection(msgspec.Struct, tag_field="record", tag="detection", gc=False):
     detection_id: str
     target_id: str | None
     emission_s: float
@@ -45,16 +46,17 @@ class TruthFile:
 
     def write(self, window: Window) -> None:
         """Write the truth of a window's detections."""
-        truth = window.truth
-        columns = (
-            uuid_text(window.detections.detection_id),
-            [None if target < 0 else self._ids[target] for target in truth.target.tolist()],
-            truth.emission_time_s.tolist(),
-            truth.range_m.tolist(),
-            truth.target_elevation_rad.tolist(),
-            truth.probability.tolist(),
-        )
-        self._write(list(map(_Detection, *columns)))
+        for block in window_blocks(window):
+            truth = block.truth
+            columns = (
+                uuid_text(block.detections.detection_id),
+                [None if target < 0 else self._ids[target] for target in truth.target.tolist()],
+                truth.emission_time_s.tolist(),
+                truth.range_m.tolist(),
+                truth.target_elevation_rad.tolist(),
+                truth.probability.tolist(),
+            )
+            self._write(list(map(_Detection, *columns)))
 
     @staticmethod
     def _sensors(plan: Plan) -> "list[dict[str, object]]":

@@ -8,7 +8,7 @@ radiates, grey and at one temperature; sunlight and earthlight that it reflects 
 
 import json
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -190,7 +190,13 @@ def _class_name(config: PlumeConfig, context: SignatureContext, row: int) -> str
 
 
 def _radiance(temperature_k: float, edges_um: Sequence[float]) -> float:
-    return float(band_radiance(temperature_k, *edges_um))
+    return _known_radiance(temperature_k, *edges_um)
+
+
+@lru_cache(maxsize=4096)
+def _known_radiance(temperature_k: float, lower_um: float, upper_um: float) -> float:
+    """Return an in-band radiance; hundreds of plumes have the same few temperatures and bands."""
+    return float(band_radiance(temperature_k, lower_um, upper_um))
 
 
 def _overlap(gas: tuple[float, float], band: Band) -> tuple[float, float]:

@@ -16,6 +16,8 @@ from opir_core.fields import info_of
 from opir_core.flight.profiles import boost_profiles
 from opir_core.plugin.host import Host
 from opir_core.protocols import Band
+from opir_core.radiometry import planck
+from opir_core.radiometry import plume as plume_module
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.plume import plume_intensity_w_sr, plume_signatures, plume_table
 from opir_core.radiometry.protocols import SignatureContext
@@ -45,6 +47,19 @@ def intensity(signatures, band=0, time_s=LATE_S, altitude_m=BEST_M, aspect_rad=n
 
 def plume(**settings):
     return plume_signatures([PlumeConfig(**settings)], context())
+
+
+def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
+    made, exact = [], planck.band_radiance
+    monkeypatch.setattr(plume_module, "band_radiance", lambda *place: made.append(place) or exact(*place))
+
+    def integrals(count):
+        plume_module._known_radiance.cache_clear()
+        made.clear()
+        plume_signatures([PlumeConfig(continuum_temperature_k=1511.0)] * count, context(count))
+        return len(made)
+
+    assert integrals(100) == integrals(1) > 0
 
 
 def test_every_class_profile_has_a_plume():
