@@ -13,7 +13,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.assembly import judged
-from opir_core.columns import names_of
+from opir_core.columns import Columns
 from opir_core.dice import Words
 from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
@@ -36,7 +36,7 @@ _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64
 
 
 @frozen(eq=False)
-class _Draws:
+class _Draws(Columns):
     """A window's exceedances: when, by which sensor, in which direction, and the numbers of each."""
 
     time_ns: IntArray
@@ -89,9 +89,9 @@ class NoiseMaker:
         found = [part for part in parts if part is not None]
         if not found:
             return None
-        joined = _Draws(*(np.concatenate([getattr(part, name) for part in found]) for name in _NAMES))
-        order = np.lexsort((joined.sensor, joined.time_ns))
-        return self._told(_Draws(*(getattr(joined, name)[order] for name in _NAMES)))
+        # Sensors come in their order, which a stable sort keeps at each moment.
+        joined = _Draws.concatenate(found)
+        return self._told(joined.take(np.argsort(joined.time_ns, kind="stable")))
 
     def _told(self, noise: _Draws) -> "Noise":
         measured = self._model.measure_noise(noise.sensor, noise.uniforms)
@@ -202,8 +202,8 @@ class _SensorNoise:
         near = np.flatnonzero((scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns))
         if not len(near):
             return None
-        serial = block[near] * len(self._table) + place[near]
-        return self._within(scan[near], uniforms[near], serial, start_ns, end_ns)
+        serial = (block * len(self._table) + place).take(near)
+        return self._within(scan.take(near), uniforms.take(near, axis=0), serial, start_ns, end_ns)
 
     def _block_counts(self, first: int, blocks: int) -> IntArray:
         """Return how many exceedances blocks of scans have."""
@@ -233,15 +233,9 @@ class _SensorNoise:
         kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
         if not len(kept):
             return None
-        return _Draws(
-            time_ns=time_ns[kept],
-            sensor=sensor[kept],
-            scan=scan[kept],
-            detection_id=uuid8_words(np.repeat(self._key, len(kept), axis=0), serial[kept]),
-            line_of_sight_ecef=direction[kept],
-            sensor_ecef_m=at_m[kept],
-            uniforms=uniforms[kept, _PLACE_WORDS:],
-        )
+        keys = np.broadcast_to(self._key, (len(scan), 2))
+        drawn = _Draws(time_ns, sensor, scan, uuid8_words(keys, serial), direction, at_m, uniforms[:, _PLACE_WORDS:])
+        return drawn if len(kept) == len(scan) else drawn.take(kept)
 
     def _directions(self, at_m: FloatArray, height_m: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return directions spread uniformly over the solid angle of the field of regard, a cone about nadir."""
@@ -279,6 +273,3 @@ def poisson_table(mean: float) -> FloatArray:
     cumulative[-1] = 1.0
     table: FloatArray = np.minimum(cumulative, 1.0)
     return table
-
-
-_NAMES = names_of(_Draws)
