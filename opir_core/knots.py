@@ -133,6 +133,7 @@ class Spans:
         first, last = np.searchsorted(self._ends, row[[0, -1]], side="right")
         used = self._used[first : last + 1]
         times = np.diff(np.searchsorted(row, self._ends[first : last + 1]), prepend=0)
+        used, times = used[times > 0], times[times > 0]
         since = (self._looks.scan[row] - np.repeat(knots.stretches.first[used], times)).astype(np.float64)
         columns = np.repeat(knots.rise[:, used], times, axis=1)
         columns *= since

@@ -48,6 +48,19 @@ def measured_to_pass(
     rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: Words
 ) -> FloatArray:
     """Return measurements (n, B) that detect, of looks that free draws detect with probabilities (n,)."""
+    # Most rows pass at once, and need no word of how many would.
+    measured = rule.proposed(snr, _uniforms(seeds, np.zeros(len(seeds), dtype=np.int64), snr.shape[1] + 1))
+    left = np.flatnonzero(~rule.passes(measured, noise))
+    if len(left):
+        again = snr[left], noise[left], probability[left], seeds[left]
+        measured[left] = _until_one_passes(rule, *again)
+    return measured
+
+
+def _until_one_passes(
+    rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: Words
+) -> FloatArray:
+    """Return measurements (n, B) that detect of looks whose first proposal does not."""
     measured = np.empty(snr.shape)
     share = rule.passing(snr, probability)
     likely = share >= LEAST_PASSING
@@ -80,13 +93,9 @@ def _turn(
     rule: Rule, snr: FloatArray, noise: FloatArray, seeds: Words, tries: IntArray, turn: int
 ) -> tuple[BoolArray, FloatArray]:
     """Return which rows (n,) pass in so many tries, and the first of each that does, (passed, B)."""
-    if tries.max() == 1:
-        drawn = rule.proposed(snr, _uniforms(seeds, np.full(len(seeds), turn), snr.shape[1] + 1))
-        passed = rule.passes(drawn, noise)
-        return passed, drawn[passed]
     ends = np.cumsum(tries)
     row = np.repeat(np.arange(len(tries)), tries)
-    number = np.arange(len(row)) + np.repeat(turn * tries - (ends - tries), tries)
+    number = np.arange(len(row)) + np.repeat(1 + turn * tries - (ends - tries), tries)
     drawn = rule.proposed(snr.take(row, axis=0), _uniforms(seeds.take(row), number, snr.shape[1] + 1))
     good = np.flatnonzero(rule.passes(drawn, noise.take(row, axis=0)))
     rows = row[good]

@@ -11,7 +11,6 @@ from opir_core.detection.irradiance_noise import noise_w_m2, photon_noise_w_m2
 from opir_core.detection.measuring import MeasuredColumns
 from opir_core.detection.receivers import Receiver, by_number, in_a_row, noise_chance, receivers_of
 from opir_core.detection.redrawing import measured_to_pass
-from opir_core.dice import Words
 from opir_core.protocols import Dice, Measured, ModelContext
 from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response
@@ -81,12 +80,13 @@ class SnrDetection:
             receiver = self.receivers[number]
             width = len(receiver.bands)
             snr, noise = response.snr[rows, :width], response.noise_w_m2[rows, :width]
-            own_dice = dice.take(rows)
-            measured = snr + own_dice.normals("measurement", width)
+            off = dice.take(rows).normals("measurement", width)
+            measured = snr + off
             failed = np.flatnonzero(~receiver.rule.passes(measured, noise))
             if len(failed):
                 probability = _probability(response.probit[rows][failed])
-                seeds = _seeds(own_dice.take(failed).uniforms("measurement:again")[:, 0])
+                # Of a draw that failed nothing else is made: its bits, mixed well, seed the ones after it.
+                seeds = off[failed, 0].view(np.uint64)
                 measured[failed] = measured_to_pass(receiver.rule, snr[failed], noise[failed], probability, seeds)
             found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.footprint_rad[number]))
         return found.measured(response.noise_w_m2)
@@ -101,7 +101,7 @@ class SnrDetection:
         found = MeasuredColumns.of(len(sensor), self.width)
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
             receiver = self.receivers[number]
-            seeds = _seeds(uniforms[rows, 0])
+            seeds = np.ascontiguousarray(uniforms[rows, 0]).view(np.uint64)
             nothing = np.zeros((len(seeds), len(receiver.bands)))
             noise = np.broadcast_to(self.dark_noise_w_m2[number, : nothing.shape[1]], nothing.shape)
             chance = np.full(len(seeds), self.noise_chance[number])
@@ -182,12 +182,6 @@ def _probability(quantile: FloatArray) -> FloatArray:
 
     chance: FloatArray = ndtr(quantile)
     return chance
-
-
-def _seeds(uniforms: FloatArray) -> Words:
-    """Return a seed (n,) of 53 bits for each row."""
-    seeds: Words = (uniforms * 2.0**53).astype(np.uint64) << np.uint64(11)
-    return seeds
 
 
 def _dark_noise_w_m2(receivers: Sequence[Receiver]) -> FloatArray:

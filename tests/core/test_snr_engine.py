@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from attrs import evolve, fields
 from scipy.special import ndtr
-from scipy.stats import norm, poisson
+from scipy.stats import chi2, norm, poisson, spearmanr
 
 import opir_core as opir
 from opir_core.engine import Engine
@@ -15,6 +15,7 @@ from opir_core.errors import ModelError
 from opir_core.knots import Knots
 from opir_core.looks import Looks, exposures
 from opir_core.records import Detections, DetectionTruth, Window
+from opir_core.responses import Response
 from opir_core.scenery import REFERENCE_ALTITUDE_M
 from opir_core.sites import Sites
 from opir_core.weaving import SIGNAL_SHARE, SIGNAL_SIGMA
@@ -199,6 +200,49 @@ def test_detections_follow_the_formula_in_bins_of_signal() -> None:
         spread += np.bincount(bins, chance * (1.0 - chance), minlength=20)
     # 99.9 % over all bins together: 4.06 deviations each, and a count for the discreteness.
     assert np.all(np.abs(hits - expected) <= 4.06 * np.sqrt(spread) + 1.0)
+
+
+class _Given:
+    """Dice that hand out given normal numbers (n, B)."""
+
+    def __init__(self, normal: np.ndarray) -> None:
+        self.normal = normal
+
+    def normals(self, purpose: str, count: int = 1) -> np.ndarray:
+        return self.normal[:, :count].copy()
+
+    def take(self, rows: Any) -> "_Given":
+        return _Given(self.normal[rows])
+
+
+@pytest.mark.parametrize("signal", [4.0, 6.0, 9.0])
+def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_that_did_not(
+    plan: Any, signal: float
+) -> None:
+    """Two samples, 40 cells a band, chi-squared; and no rank correlation with what failed: 99.9 %, Bonferroni of 24."""
+    model, rows = plan.detection, 60_000
+    receiver, rng = model.receivers[2], np.random.default_rng(int(signal))
+    noise = np.tile(model.dark_noise_w_m2[2], (rows, 1))
+    # The colour of a plume, which lies within the gates.
+    colour = model.scenery.reference_intensity_w_sr[receiver.bands] / model.dark_noise_w_m2[2]
+    snr = np.tile(signal * colour / colour[0], (rows, 1))
+    log_chance = receiver.rule.log_chances(snr[:1], noise[:1])[0]
+    response = Response(np.full(rows, norm.ppf(np.exp(log_chance[0]))), snr, noise)
+    normal = rng.normal(size=(rows, 3))
+    measured = model.measure_response(response, np.full(rows, 2, dtype=np.int32), _Given(normal))
+    drawn = measured.band_irradiance_w_m2 / noise
+    free = snr[:1] + rng.normal(size=(int(rows / np.exp(log_chance[0])), 3))
+    kept = free[receiver.rule.passes(free, noise[:1].repeat(len(free), axis=0))]
+    failed = ~receiver.rule.passes(snr + normal, noise)
+    assert receiver.rule.passes(drawn, noise).all()
+    for band in range(3):
+        edges = np.quantile(kept[:, band], np.linspace(0.0, 1.0, 41)[1:-1])
+        one, other = (np.bincount(np.searchsorted(edges, each[:, band]), minlength=40) for each in (kept, drawn))
+        spread = (one * np.sqrt(rows / len(kept)) - other * np.sqrt(len(kept) / rows)) ** 2 / (one + other)
+        assert spread.sum() < chi2.isf(0.001 / 24, 39)
+        for other_band in range(3):
+            ranks = spearmanr(normal[failed, other_band], drawn[failed, band]).statistic
+            assert abs(ranks) < norm.isf(0.0005 / 24) / np.sqrt(failed.sum())
 
 
 def test_calibrated_sensors_see_the_reference_as_the_paper_says(plan: Any) -> None:
