@@ -1,9 +1,9 @@
 """What a profile fit remembers of detections: normal points, one a track, sensor and span of time.
 
 A normal point is the mean of what directions differ by from a reference path, laid on the path at their mean time: what
-the path bends by within the span is not lost, and a ray far from the others of its span is told by its residual. (The
-name is that of satellite laser ranging.) As a track ages its normal points are joined to longer ones, so that what is
-remembered stays bounded.
+the path bends by within the span is not lost, and a ray that strays from the others of its span counts as far as it may
+be one of them (`robust_means`). (The name is that of satellite laser ranging.) As a track ages its normal points are
+joined to longer ones, so that what is remembered stays bounded.
 """
 
 from collections.abc import Callable
@@ -13,17 +13,15 @@ from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.geometry import local_axes
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.records import FloatArray, IndexArray, IntArray
 from opir_core.tracking.rays import Rays
+from opir_core.tracking.robust_means import Weights, detrended, weights_of
 
 #: Rays of a track and sensor within this time make one normal point, s.
 SPAN_S = 1.0
 
 #: Older than this, and later than this after a track's first, normal points are joined over the longer span, s.
 _YOUNG_S, _EARLY_S, LONG_SPAN_S = 6.0, 15.0, 8.0
-
-#: Rays farther than this from the median of their normal point are left out, standard deviations.
-_ASTRAY = 4.5
 
 
 @frozen(eq=False)
@@ -64,24 +62,42 @@ def axes_about(rays: Rays) -> FloatArray:
 
 
 def means(rows: Rows) -> Rows:
-    """Return the means of rows by track, sensor and second, of which no path is known."""
+    """Return the means of rays by track, sensor and second, of which no path is known: nearly straight ones."""
+    if not len(rows):
+        return rows
     group, rows = _grouped(rows, np.floor(rows.time_s / SPAN_S).astype(np.int64))
-    return _averaged(rows, group, rows.axes[:, 2])[0]
+    middle = _averaged(rows, group, rows.axes[:, 2], _all_of(rows))[0]
+    local = np.sum(middle.axes[group] * rows.axes[:, None, 2], axis=2)
+    level = detrended(group, local[:, :2] / local[:, 2:], rows.time_s)
+    weights = weights_of(group, rows.track, level, rows.sigma_rad, is_expected=False)
+    return _averaged(rows, group, rows.axes[:, 2], weights)[0]
 
 
 def normal_points(rows: Rows, reference: Reference, span: IntArray) -> Rows:
-    """Return normal points of rows by track, sensor and span (n,), on the paths that `reference` tells."""
+    """Return normal points of rays by track, sensor and span (n,), on the paths that `reference` tells."""
+    return _on_paths(rows, reference, span, True)
+
+
+def _on_paths(rows: Rows, reference: Reference, span: IntArray, are_rays: bool) -> Rows:
+    """Return normal points of rays, some of which may stray, or of normal points, which do not."""
     if not len(rows):
         return rows
     group, rows = _grouped(rows, span)
     axes, seen = _residuals(rows, reference(rows))
-    kept = _near(group, seen, rows.sigma_rad)
-    rows, group, axes, seen = rows.take(kept), group[kept], axes[kept], seen[kept]
-    points, (east, north) = _averaged(rows, np.unique(group, return_inverse=True)[1], rows.axes[:, 2], seen)
+    weights = _all_of(rows)
+    if are_rays:
+        weights = weights_of(group, rows.track, seen, rows.sigma_rad, is_expected=True)
+    points, (east, north) = _averaged(rows, group, rows.axes[:, 2], weights, seen)
     axes, _ = _residuals(points, reference(points))
     direction = axes[:, 2] + east[:, None] * axes[:, 0] + north[:, None] * axes[:, 1]
     direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
     return evolve(points, axes=_axes(points.origin_ecef_m, direction))
+
+
+def _all_of(rows: Rows) -> Weights:
+    """Return the weights of rows none of which strays."""
+    whole = 1.0 / np.square(rows.sigma_rad)
+    return Weights(whole, whole)
 
 
 def compressed(rows: Rows, tick_s: float, reference: Reference) -> Rows:
@@ -92,7 +108,7 @@ def compressed(rows: Rows, tick_s: float, reference: Reference) -> Rows:
     span = np.floor(rows.time_s / LONG_SPAN_S).astype(np.int64)
     old = (rows.time_s < tick_s - _YOUNG_S) & (span * LONG_SPAN_S > first[row] + _EARLY_S)
     old &= (span + 1) * LONG_SPAN_S < tick_s
-    joined = normal_points(rows.take(np.flatnonzero(old)), reference, span[old])
+    joined = _on_paths(rows.take(np.flatnonzero(old)), reference, span[old], False)
     return Rows.concatenate([rows.take(np.flatnonzero(~old)), joined])
 
 
@@ -106,14 +122,13 @@ def _grouped(rows: Rows, span: IntArray) -> tuple[IntArray, Rows]:
 
 
 def _averaged(
-    rows: Rows, group: IntArray, direction: FloatArray, seen: FloatArray | None = None
+    rows: Rows, group: IntArray, direction: FloatArray, weights: Weights, seen: FloatArray | None = None
 ) -> tuple[Rows, tuple[FloatArray, ...]]:
     """Return the weighted means of groups of rows, and those of two more columns."""
-    weight = 1.0 / np.square(rows.sigma_rad)
-    total = np.bincount(group, weight)
+    total = np.bincount(group, weights.weight)
 
     def mean(values: FloatArray) -> FloatArray:
-        found: FloatArray = np.bincount(group, weight * values) / total
+        found: FloatArray = np.bincount(group, weights.weight * values) / total
         return found
 
     origin, along = (np.stack([mean(v[:, axis]) for axis in range(3)], axis=1) for v in (rows.origin_ecef_m, direction))
@@ -125,7 +140,7 @@ def _averaged(
         sensor=rows.sensor[lead],
         origin_ecef_m=origin,
         axes=_axes(origin, along),
-        sigma_rad=1.0 / np.sqrt(total),
+        sigma_rad=1.0 / np.sqrt(np.bincount(group, weights.information)),
     )
     return points, () if seen is None else (mean(seen[:, 0]), mean(seen[:, 1]))
 
@@ -136,19 +151,6 @@ def _residuals(rows: Rows, position: FloatArray) -> tuple[FloatArray, FloatArray
     axes = _axes(rows.origin_ecef_m, line / np.sqrt(np.sum(line * line, axis=1))[:, None])
     local = np.sum(axes * rows.axes[:, None, 2], axis=2)
     return axes, local[:, :2] / local[:, 2:]
-
-
-def _near(group: IntArray, seen: FloatArray, sigma: FloatArray) -> BoolArray:
-    """Return which rows lie near the medians of their groups, of three or more; groups come sorted."""
-    kept = np.ones(len(group), dtype=np.bool_)
-    count = np.bincount(group)
-    first = np.cumsum(count) - count
-    for axis in range(2):
-        ordered = seen[np.lexsort((seen[:, axis], group)), axis]
-        median = 0.5 * (ordered[first + (count - 1) // 2] + ordered[first + count // 2])
-        kept &= np.abs(seen[:, axis] - median[group]) < _ASTRAY * sigma
-    alone = np.bincount(group, kept) < 1.0
-    return kept | (count[group] < 3) | alone[group]
 
 
 def _axes(origin: FloatArray, direction: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ _CHANCE = -7.0
 
 #: The logarithm of the odds that a target does not fly as the family does, beforehand, and the variance of what it
 #: would be off by, in units of what is expected of innovations.
-FIRST_STRANGE, LEAN_VARIANCE = float(np.log(0.01)), 0.2
+FIRST_STRANGE, LEAN_VARIANCE = float(np.log(0.015)), 0.2
 
 #: Of a pause no more is made than this, log.
 _MOST = 12.0
@@ -60,7 +60,8 @@ class Seen(Columns):
     `drift` (n, sensors, 2) is the running mean of whitened innovations, `wander` (n, sensors) its variance if well.
     `lean` (n, sensors, 2) and `doubt` (n, sensors) are the mean and variance of what innovations would be off by, did
     the target not fly as the family does, and `strange` (n,) the logarithm of the odds that it does not
-    (`profile_strain`).
+    (`profile_strain`). `newest` (n, sensors, 2) are the last innovations, `rough` (n,) is the sum of half the squares
+    of what they differ by from one to the next, and `jumps` (n,) the number of those.
     """
 
     track: IntArray
@@ -73,6 +74,9 @@ class Seen(Columns):
     lean: FloatArray
     doubt: FloatArray
     strange: FloatArray
+    newest: FloatArray
+    rough: FloatArray
+    jumps: FloatArray
 
     @classmethod
     def nothing(cls, track: IntArray, sensors: int) -> "Seen":
@@ -89,6 +93,9 @@ class Seen(Columns):
             np.zeros((*shape, 2)),
             np.full(shape, LEAN_VARIANCE),
             np.full(len(track), FIRST_STRANGE),
+            np.full((*shape, 2), np.nan),
+            np.zeros(len(track)),
+            np.zeros(len(track)),
         )
 
     def of(self, track: IntArray) -> "Seen":

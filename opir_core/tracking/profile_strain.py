@@ -29,7 +29,10 @@ _SHARE = 0.6
 _KEPT = 0.9
 
 #: A target turns strange at a tick with this chance: a stage, a turn.
-_TURNS = 1e-3
+TURNS = 1.5e-3
+
+#: Innovations are believed to be as large as expected, as if so many had said so.
+_SMOOTH = 40.0
 
 #: A track's first ticks say nothing of it, and its odds never exceed this.
 _UNTRIED, _MOST = 5, 14.0
@@ -104,29 +107,37 @@ def _drifted(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
 def judged(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
     """Return what is seen with the odds told by innovations (m, 2) that targets do not fly as the family does.
 
-    Those of the family's targets are white. Those of others are off by what stays for a while: a first-order process,
-    followed by Kalman's filter, whose likelihood is held against that of no such thing. The chance that a target turns
-    strange at a tick lets the odds rise from any depth soon (Shiryaev, Theory of Probability and its Applications 8,
-    1963, 22).
+    Those of the family's targets are white, and as large as they differ by from one to the next. Those of others are
+    off by what stays for a while: a first-order process, followed by Kalman's filter, whose likelihood is held against
+    that of no such thing. The chance that a target turns strange at a tick lets the odds rise from any depth soon
+    (Shiryaev, Theory of Probability and its Applications 8, 1963, 22).
     """
     lean, doubt, odds = seen.lean.copy(), seen.doubt.copy(), seen.strange.copy()
+    newest, rough, jumps = seen.newest.copy(), seen.rough.copy(), seen.jumps.copy()
     place = np.searchsorted(seen.track, rows.track)
     order = np.lexsort((rows.time_s, rows.sensor, place))
     key = place[order] * lean.shape[1] + rows.sensor[order]
     turn = np.arange(len(key)) - np.searchsorted(key, key)
+    scale = np.sqrt(np.maximum((rough + _SMOOTH) / (jumps + _SMOOTH), 1.0))
     now = np.unique(place)
-    odds[now] = np.logaddexp(odds[now], np.log(_TURNS))
+    odds[now] = np.logaddexp(odds[now], np.log(TURNS))
     for number in range(int(turn.max(initial=-1)) + 1):
         one = order[turn == number]
         at = place[one], rows.sensor[one]
         expected = _KEPT * lean[at]
         variance = _KEPT**2 * doubt[at] + (1.0 - _KEPT**2) * LEAN_VARIANCE
-        total, off = 1.0 + variance, innovation[one] - expected
-        square = np.square(innovation[one]) - np.square(off) / total[:, None]
+        jump = 0.5 * np.square(innovation[one] - newest[at])
+        np.add.at(rough, place[one], np.nansum(jump, axis=1))
+        np.add.at(jumps, place[one], np.isfinite(jump).sum(axis=1))
+        newest[at] = innovation[one]
+        white = innovation[one] / scale[place[one], None]
+        total, off = 1.0 + variance, white - expected
+        square = np.square(white) - np.square(off) / total[:, None]
         np.add.at(odds, place[one], 0.5 * square.sum(axis=1) - np.log(total))
         lean[at] = expected + (variance / total)[:, None] * off
         doubt[at] = variance / total
-    return evolve(seen, lean=lean, doubt=doubt, strange=np.minimum(odds, _MOST))
+    odds = np.minimum(odds, _MOST)
+    return evolve(seen, lean=lean, doubt=doubt, strange=odds, newest=newest, rough=rough, jumps=jumps)
 
 
 def _innovations(likely: Hypotheses, rows: Rows, owner: IntArray, priors: Priors) -> FloatArray:

@@ -14,19 +14,13 @@ from opir_core.tracking.profile_priors import priors_of
 from opir_core.tracking.profile_report import report
 from opir_core.tracking.profile_seen import Watch
 from opir_core.tracking.profile_strain import Bank
-from opir_core.tracking.profile_trust import blended, strays
+from opir_core.tracking.profile_trust import blended
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo_tracker import StereoTracker
 
 #: The tick of a track at which earlier rays that belong to no track are claimed, and how long rays wait for it, s.
 _CLAIM_TICK = 3
 _POOL_S = 20.0
-
-#: In so many ticks in a row a track has to stray from the filter before the family is given up.
-_DOUBTS = 3
-
-#: A target that has been dark for longer is not held to burn, s: only burns are told from what the family flies.
-_BURNS_S = 1.5
 
 #: No type is ruled out by what sensors report.
 _LEAST_CHANCE = 1e-6
@@ -43,8 +37,6 @@ class ProfileTracker:
         self._largest_impact_m = 1e3 * config.largest_impact_km
         self._bank = Bank.empty(len(context.sensors))
         self._pool = no_rays()
-        self._strange = np.empty(0, dtype=np.int64)
-        self._doubts: dict[int, int] = {}
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
@@ -90,18 +82,11 @@ class ProfileTracker:
         filtered, fitted = followed.take(row[present]), told.take(present)
         seen = self._bank.seen.of(filtered.track)
         dark_s = filtered.tick_s - np.max(seen.last_s, axis=1)
-        self._give_up(filtered.track[strays(fitted, filtered) & (dark_s < _BURNS_S)], followed.track)
-        chance = np.where(np.isin(filtered.track, self._strange), 1.0, 1.0 / (1.0 + np.exp(-seen.strange)))
+        chance = 1.0 / (1.0 + np.exp(-seen.strange))
         chance[np.count_nonzero(seen.hits > 0, axis=1) < 2] = 0.0
         mixed = blended(fitted, filtered, chance, dark_s)
         every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
         return every.take(np.argsort(every.track, kind="stable"))
-
-    def _give_up(self, doubted: IntArray, present: IntArray) -> None:
-        """Take note of tracks that stray now; those that did so several ticks in a row are strange from then on."""
-        self._doubts = {track: self._doubts.get(track, 0) + 1 for track in doubted.tolist()}
-        strange = [track for track, ticks in self._doubts.items() if ticks >= _DOUBTS]
-        self._strange = np.union1d(np.intersect1d(self._strange, present), strange).astype(np.int64)
 
 
 def _reported(followed: Tracks, track: IntArray, kind: IntArray) -> FloatArray:

@@ -25,7 +25,6 @@ from opir_core.tracking.profile_priors import priors_of
 from opir_core.tracking.profile_report import report
 from opir_core.tracking.profile_rows import axes_about, compressed, normal_points, single
 from opir_core.tracking.profile_strain import Bank
-from opir_core.tracking.profile_trust import strays
 from opir_core.tracking.profile_windows import windowed
 from opir_core.tracking.rays import Rays
 
@@ -142,7 +141,8 @@ def test_normal_points_keep_the_bend_and_leave_out_what_strays():
     line /= np.linalg.norm(line, axis=1)[:, None]
     # The ray that strays by a thousand deviations would move the mean by 2.5e-8 rad.
     assert np.abs(point.axes[0, 2] - line[0]).max() < 4.0 * 1e-9 / np.sqrt(39)
-    assert point.sigma_rad[0] == pytest.approx(1e-9 / np.sqrt(39))
+    # That there are strays makes each of the others a little less certain.
+    assert 1.0 <= point.sigma_rad[0] / (1e-9 / np.sqrt(39)) < 1.1
 
 
 def test_normal_points_of_a_long_flight_are_few_and_say_as_much():
@@ -328,23 +328,6 @@ def test_one_sensor_is_enough_and_says_how_little_it_knows():
     )
     spreads = [float(np.sqrt(np.trace(run.tracks.state_covariance[-1, :3, :3]))) for run in (stereo, mono)]
     assert spreads[0] < spreads[1]
-
-
-def pair_of_tracks(apart_m):
-    """Return a fitted and a filtered track whose states differ by so much, 3 deviations of the filter being 900 m."""
-    run = simulate(scene(duration_s=30.0))
-    fitted = run.tracks.take(slice(-1, None))
-    filtered = evolve(
-        fitted, state=fitted.state.copy(), state_covariance=np.diag([9e4, 9e4, 9e4, 1e4, 1e4, 1e4])[None].copy()
-    )
-    filtered.state[0, 0] += apart_m
-    return evolve(fitted, state_covariance=0.1 * filtered.state_covariance), filtered
-
-
-def test_a_fit_that_strays_from_the_filter_is_told_from_one_that_does_not():
-    near, far = (strays(*pair_of_tracks(apart_m)) for apart_m in (900.0, 1800.0))
-    assert not near[0]
-    assert far[0]
 
 
 def test_what_older_looks_say_fades_when_new_ones_drift_and_not_before():
