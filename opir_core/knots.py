@@ -21,7 +21,7 @@ from opir_core.protocols import Dice, Measured
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response, Responsive
 from opir_core.sites import Sites
-from opir_core.weaving import KNOTS, Pieces, Weaver, Woven, judged_error, sure_beyond
+from opir_core.weaving import KNOTS, Pieces, Weaver, Woven, judged_terms, sure_beyond
 
 #: Rows whose curves are evaluated at once.
 _ROWS = 8192
@@ -154,7 +154,7 @@ def _curved(plan: Plan, woven: Woven, beyond: float) -> tuple[_Stretches, Curves
     order = np.lexsort((first, pair))
     through = Curves.through(smooth.scan, inner)
     curves = through.joined(Curves.straight(straight.scan, ends, KNOTS), order)
-    judged = judged_error(smooth.scan.astype(np.float64), inner)
+    judged = sum(judged_terms(smooth.scan.astype(np.float64), inner))
     least = np.concatenate([inner.min(axis=0) - judged, ends.min(axis=0)])[order]
     most = np.concatenate([inner.max(axis=0) + judged, ends.max(axis=0)])[order]
     sure = np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))

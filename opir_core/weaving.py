@@ -23,10 +23,10 @@ STEADY_SHARE = 0.3
 #: Of the tolerance, what single evaluations may be off.
 _SLACK_SHARE = 1e-5
 
-#: Of the tolerance, what the judged error may be; or what it may be where the curve of a piece twice as long misses new
-#: knots by no more than the third share. Through five knots about a bend between them, a curve is off by less than 2.7
-#: times what is judged, and less than 3.7 times what is missed (docs/design/knots_judged.py).
-_JUDGED_SHARE, _FORETOLD_SHARE, _MISSED_SHARE = 0.2, 1.0, 0.03
+#: Of the tolerance, what the terms of third and of fourth order may be that a curve has and a parabola has not; or what
+#: both may be together where the curve of a piece twice as long misses new knots by no more than the last share. With a
+#: bend anywhere between its five knots a curve is then off by less than the tolerance (docs/design/knots_judged.py).
+THIRD_SHARE, FOURTH_SHARE, _FORETOLD_SHARE, MISSED_SHARE = 0.45, 0.08, 1.0, 0.03
 
 #: Quantiles are held within it; beyond 8.3 a probability is 1 to the last bit, and below -38 no double.
 FARTHEST = 40.0
@@ -167,7 +167,8 @@ class Weaver:
         values = self._values()
         at = _places(pieces)
         quantile = values[0].take(pieces.row)
-        judged = judged_error(at, quantile)
+        third, fourth = judged_terms(at, quantile)
+        judged = third + fourth
         # Probabilities differ by the quantiles' difference times a density, which is highest nearest to the quantile 0.
         nearest = np.maximum(
             np.where(quantile.min(axis=0) * quantile.max(axis=0) > 0.0, np.abs(quantile).min(axis=0), 0.0) - judged, 0.0
@@ -175,8 +176,8 @@ class Weaver:
         density = np.exp(-0.5 * nearest * nearest) / np.sqrt(2.0 * np.pi)
         missed = np.abs(quantile[1::2] - pieces.foretold).max(axis=0)
         allowed = self._tolerance / np.maximum(density, 1e-300)
-        near, fair = judged <= _JUDGED_SHARE * allowed, judged <= _FORETOLD_SHARE * allowed
-        fine: BoolArray = near | (fair & (missed <= _MISSED_SHARE * allowed))
+        near = (third <= THIRD_SHARE * allowed) & (fourth <= FOURTH_SHARE * allowed)
+        fine: BoolArray = near | ((judged <= _FORETOLD_SHARE * allowed) & (missed <= MISSED_SHARE * allowed))
         seen = np.flatnonzero(fine & (quantile.max(axis=0) + judged >= -self._sure))
         fine[seen] = self._is_straight(pieces.take(seen), values)
         return fine
@@ -221,19 +222,18 @@ def _halved(pieces: Pieces, quantile: FloatArray) -> Pieces:
     return halves[0] + halves[1]
 
 
-def judged_error(at: FloatArray, values: FloatArray) -> FloatArray:
-    """Return by how much a curve through values (5, k) at places (5, k) is judged to miss what lies between: its bends.
+def judged_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the terms of third and of fourth order (k,) of curves through values (5, k) at places (5, k).
 
-    The parabola through the first, middle and last value misses the two others; half of what these misses differ by,
-    and half of their sum.
+    The parabola through the first, middle and last value misses the two others: half of what these misses differ by,
+    and half of their sum. Together they are what a curve is judged to miss; of a smooth one it is many times the error.
     """
     start, middle, stop = values[0], values[2], values[4]
     early = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
     late = (stop - middle) / np.maximum(at[4] - at[2], 1e-300)
     bend = (late - early) / np.maximum(at[4] - at[0], 1e-300)
     off = [values[place] - (start + (at[place] - at[0]) * (early + (at[place] - at[2]) * bend)) for place in (1, 3)]
-    judged: FloatArray = 0.5 * (np.abs(off[0] - off[1]) + np.abs(off[0] + off[1]))
-    return judged
+    return 0.5 * np.abs(off[0] - off[1]), 0.5 * np.abs(off[0] + off[1])
 
 
 def _off_neighbours(at: FloatArray, values: FloatArray) -> FloatArray:

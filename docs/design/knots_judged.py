@@ -1,12 +1,12 @@
-"""How far a curve through five knots may be from a line with one bend, over what is judged of its error.
+"""How far a curve through five knots may be from a line with one bend that its knots do not show, of the tolerance.
 
     python docs/design/knots_judged.py
 
 `opir_core.weaving` judges a piece by how far its second and fourth knots are off the parabola through the others, and
 the half of a piece by how far they are off the curve through the whole one's knots. A bend that no model told of may
 stand anywhere between the knots; it may be one of the slope, or of the curvature, or a jump. Printed is the largest
-ratio of the true error, anywhere on the piece, to what is judged and to what is missed, over all places of the bend:
-`_JUDGED_SHARE` and `_MISSED_SHARE` leave room for it.
+true error, anywhere on the piece and over all places of the bend, as a share of the tolerance, of pieces that both
+terms just let pass (`THIRD_SHARE`, `FOURTH_SHARE`), and of halves whose new knots were just foretold (`MISSED_SHARE`).
 """
 
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from opir_core.curves import Curves
-from opir_core.weaving import judged_error
+from opir_core.weaving import FOURTH_SHARE, MISSED_SHARE, THIRD_SHARE, judged_terms
 
 LENGTH = 4000
 BENDS: dict[str, Callable[[np.ndarray, int], np.ndarray]] = {
@@ -35,9 +35,12 @@ def main() -> None:
             error = np.abs(_through(half, values, every) - bent(every, bend)).max()
             if error < 1e-9:
                 continue
-            judged.append(error / judged_error(half.astype(np.float64), values)[0])
-            missed.append(error / np.abs(_through(whole, bent(whole, bend), new) - bent(new, bend)).max())
-        print(f"a bend of {name}: at most {max(judged):.2f} times what is judged, {max(missed):.2f} what is missed")
+            third, fourth = judged_terms(half.astype(np.float64), values)
+            judged.append(error / max(third[0] / THIRD_SHARE, fourth[0] / FOURTH_SHARE))
+            missed.append(
+                error / np.abs(_through(whole, bent(whole, bend), new) - bent(new, bend)).max() * MISSED_SHARE
+            )
+        print(f"a bend of {name}: at most {max(judged):.2f} of the tolerance by its terms, {max(missed):.2f} foretold")
 
 
 def _through(knots: np.ndarray, values: np.ndarray, scan: np.ndarray) -> np.ndarray:

@@ -108,12 +108,6 @@ def _wanted(sensor: Sensor) -> float:
     return probability
 
 
-def in_a_row(rows: IntArray) -> "slice | IntArray":
-    """Return rising rows as a slice where they follow one another, so that taking them copies nothing."""
-    is_run = len(rows) > 0 and int(rows[-1] - rows[0]) == len(rows) - 1
-    return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows
-
-
 def by_number(numbers: IndexArray, count: int) -> "Sequence[tuple[int, slice | IntArray]]":
     """Return each number that occurs with its rows: a slice of them where they stand in order."""
     counts = np.bincount(numbers, minlength=count)

@@ -9,9 +9,11 @@ from attrs import frozen
 from opir_core.detection.configs import SnrConfig
 from opir_core.detection.irradiance_noise import noise_w_m2, photon_noise_w_m2
 from opir_core.detection.measuring import MeasuredColumns
-from opir_core.detection.receivers import Receiver, by_number, in_a_row, noise_chance, receivers_of
+from opir_core.detection.receivers import Receiver, by_number, noise_chance, receivers_of
 from opir_core.detection.redrawing import measured_to_pass
 from opir_core.protocols import Dice, Measured, ModelContext
+from opir_core.radiometry.protocols import WholeBackground
+from opir_core.radiometry.records import Views, in_a_row
 from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response
 from opir_core.scenery import Scenery
@@ -133,11 +135,17 @@ class SnrDetection:
         for band, place, rows in self._by_band(exposures.sensor):
             behind, sensor = view.take(rows), exposures.sensor[rows]
             per_count = np.array([receiver.count_w_m2(place) for receiver in self.receivers])[sensor]
-            radiance = self.scenery.background.radiance_w_m2_sr(band, behind)
-            clutter = self.scenery.background.clutter_w_m2_sr(band, behind) * pixel_sr[rows]
+            radiance, clutter = self._backdrop(band, behind)
             photons = photon_noise_w_m2(radiance * pixel_sr[rows], per_count)
-            noise[rows, place] = noise_w_m2(noise[rows, place], photons, clutter)
+            noise[rows, place] = noise_w_m2(noise[rows, place], photons, clutter * pixel_sr[rows])
         return noise
+
+    def _backdrop(self, band: int, view: Views) -> tuple[FloatArray, FloatArray]:
+        """Return the background's radiances and clutter (n,) in a band, W m⁻² sr⁻¹."""
+        background = self.scenery.background
+        if isinstance(background, WholeBackground):
+            return background.radiance_and_clutter_w_m2_sr(band, view)
+        return background.radiance_w_m2_sr(band, view), background.clutter_w_m2_sr(band, view)
 
     def _by_band(self, sensor: IndexArray) -> "Sequence[tuple[int, int, slice | IntArray]]":
         """Return each band of the scenery, its place in sensors' columns, and the rows of the sensors it stands at."""

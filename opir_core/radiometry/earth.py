@@ -16,7 +16,7 @@ from opir_core.protocols import Band
 from opir_core.radiometry.earth_table import CloudTable, SkyTable, cloud_tables, sky_tables
 from opir_core.radiometry.lowtran import parts_of
 from opir_core.radiometry.protocols import Background, BackgroundContext, Transmittance
-from opir_core.radiometry.records import Views
+from opir_core.radiometry.records import Views, in_a_row
 from opir_core.radiometry.sky_configs import EarthConfig
 from opir_core.records import FloatArray, IntArray
 
@@ -33,13 +33,19 @@ class EarthBackground:
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return in-band radiances (n,), W m⁻² sr⁻¹; 0 beyond the limb."""
         radiance = np.zeros(len(view))
-        ground = np.flatnonzero(view.height_m <= 0.0)
-        seen = view.take(ground)
-        top_m = self.atmosphere.cloud_top_m(seen.point_ecef_m)
-        clear, cloudy = np.flatnonzero(~np.isfinite(top_m)), np.flatnonzero(np.isfinite(top_m))
-        radiance[ground[clear]] = _sky_radiance(self.skies[band], seen.take(clear))
-        radiance[ground[cloudy]] = _cloud_radiance(self.clouds[band], seen.take(cloudy), top_m[cloudy])
+        on_ground = view.height_m <= 0.0
+        top_m = self.atmosphere.cloud_top_m(view.point_ecef_m)
+        is_cloudy = np.isfinite(top_m)
+        clear, cloudy = (in_a_row(np.flatnonzero(on_ground & sky)) for sky in (~is_cloudy, is_cloudy))
+        if np.any(is_cloudy):
+            radiance[cloudy] = _cloud_radiance(self.clouds[band], view.take(cloudy), top_m[cloudy])
+        radiance[clear] = _sky_radiance(self.skies[band], view.take(clear))
         return radiance
+
+    def radiance_and_clutter_w_m2_sr(self, band: int, view: Views) -> tuple[FloatArray, FloatArray]:
+        """Return radiances (n,) and the standard deviations (n,) of what subtraction leaves of them."""
+        radiance = self.radiance_w_m2_sr(band, view)
+        return radiance, self.residual * radiance
 
     def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return the standard deviations (n,) of the radiance left after subtraction: a fixed share of the radiance."""

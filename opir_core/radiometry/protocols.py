@@ -115,6 +115,14 @@ class Background(Protocol):
         """
 
 
+@runtime_checkable
+class WholeBackground(Protocol):
+    """What a `Background` also has that knows radiance and clutter at once, cheaper than one after the other."""
+
+    def radiance_and_clutter_w_m2_sr(self, band: int, view: Views) -> tuple[FloatArray, FloatArray]:
+        """Return what `radiance_w_m2_sr` and `clutter_w_m2_sr` do."""
+
+
 @frozen(kw_only=True)
 class SignatureContext:
     """What a signature model is built with, row by row with its configurations.

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.columns import Columns
-from opir_core.records import FloatArray
+from opir_core.records import FloatArray, IntArray
 
 
 @frozen(eq=False)
@@ -51,3 +51,9 @@ class Views(Columns):
         """Return the record of no views."""
         none = np.empty(0)
         return cls(none, none, none, np.empty((0, 3)), none)
+
+
+def in_a_row(rows: IntArray) -> "slice | IntArray":
+    """Return rising rows as a slice where they follow one another, so that taking them copies nothing."""
+    is_run = len(rows) > 0 and int(rows[-1] - rows[0]) == len(rows) - 1
+    return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows
