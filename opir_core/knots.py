@@ -77,7 +77,7 @@ class Knots:
         woven = Weaver(plan, sites, model, tolerance).woven()
         pieces, curves, sure = _curved(plan, woven, sure_beyond(tolerance))
         lines = _lines(woven.settled) + _lines(woven.curved)
-        lines = lines.take(np.lexsort((lines.scan[0], lines.pair)))
+        lines = lines.take(_in_order(lines.pair, lines.scan[0]))
         at = woven.values[:, lines.row[0]]
         rise = (woven.values[:, lines.row[1]] - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
         stretches = _Stretches.of(plan, lines.pair, lines.scan[0])
@@ -151,7 +151,7 @@ def _curved(plan: Plan, woven: Woven, beyond: float) -> tuple[_Stretches, Curves
     inner, ends = quantile[smooth.row], quantile[straight.row]
     pair = np.concatenate([smooth.pair, straight.pair])
     first = np.concatenate([smooth.scan[0], straight.scan[0]])
-    order = np.lexsort((first, pair))
+    order = _in_order(pair, first)
     through = Curves.through(smooth.scan, inner)
     curves = through.joined(Curves.straight(straight.scan, ends, KNOTS), order)
     judged = sum(judged_terms(smooth.scan.astype(np.float64), inner))
@@ -159,6 +159,11 @@ def _curved(plan: Plan, woven: Woven, beyond: float) -> tuple[_Stretches, Curves
     most = np.concatenate([inner.max(axis=0) + judged, ends.max(axis=0)])[order]
     sure = np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
     return _Stretches.of(plan, pair[order], first[order]), curves, sure
+
+
+def _in_order(pair: IntArray, scan: IntArray) -> IntArray:
+    """Return the order by pair, then scan: of one number, and stably, for what comes in long runs."""
+    return np.argsort(pair * (int(scan.max(initial=0)) + 1) + scan, kind="stable")
 
 
 def _lines(pieces: Pieces) -> Pieces:

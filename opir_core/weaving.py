@@ -26,7 +26,7 @@ _SLACK_SHARE = 1e-5
 #: Of the tolerance, what the terms of third and of fourth order may be that a curve has and a parabola has not; or what
 #: both may be together where the curve of a piece twice as long misses new knots by no more than the last share. With a
 #: bend anywhere between its five knots a curve is then off by less than the tolerance (docs/design/knots_judged.py).
-THIRD_SHARE, FOURTH_SHARE, _FORETOLD_SHARE, MISSED_SHARE = 0.45, 0.08, 1.0, 0.03
+THIRD_SHARE, FOURTH_SHARE, _FORETOLD_SHARE, MISSED_SHARE = 0.25, 0.08, 1.0, 0.03
 
 #: Quantiles are held within it; beyond 8.3 a probability is 1 to the last bit, and below -38 no double.
 FARTHEST = 40.0

@@ -18,8 +18,8 @@ from opir_core.records import BoolArray, FloatArray, IntArray
 _FAR = 6.8
 
 #: Gauss-Legendre nodes, and the widths of panels up to which they are enough; the last is for rules of four bands.
-NODES = np.array([8, 12, 16, 20, 24, 32, 40, 64])
-WIDTHS = np.array([2.5, 5.4, 7.5, 9.8, 12.2, 17.7, 22.0])
+NODES = np.array([12, 20, 32, 64])
+WIDTHS = np.array([5.4, 9.8, 17.7])
 
 #: Nodes evaluated at once: few enough to stay in the processor's cache.
 _BLOCK_NODES = 16384
@@ -70,7 +70,7 @@ class Looks(NamedTuple):
 
 
 class Panels(NamedTuple):
-    """Panels (p,) of looks: whose they are, from where to where, and which sides (2 · others, p) move in them.
+    """Panels (p,) of looks: whose they are, from where to where, and which sides (2 · others, p) move, lower first.
 
     `width` is the length over the scale on which the integrand bends.
     """
@@ -83,10 +83,9 @@ class Panels(NamedTuple):
     width: FloatArray
 
     def take(self, rows: IntArray) -> "Panels":
-        """Return some panels, each with a look of its own."""
-        looks = Looks(*(column[..., self.row[rows]] for column in self.looks))
-        own = (self.first[rows], self.last[rows], self.moves[:, rows], self.width[rows])
-        return Panels(looks, np.arange(len(rows)), *own)
+        """Return some panels."""
+        own = (self.row[rows], self.first[rows], self.last[rows], self.moves[:, rows], self.width[rows])
+        return Panels(self.looks, *own)
 
 
 def quick_chances(rule: Gates, snr: FloatArray, noise: FloatArray, margins: FloatArray) -> FloatArray:
@@ -151,37 +150,37 @@ def integrals(rule: Gates, panels: Panels, count: int) -> FloatArray:
 
 
 def _integral(rule: Gates, panels: Panels, count: int) -> FloatArray:
-    """Return the integrals (p,) over panels, each with its own look, in which the same sides move."""
+    """Return the integrals (p,) over panels in which the same sides move."""
     from scipy.special import ndtr
 
-    looks, first, last, moves = panels.looks, panels.first, panels.last, panels.moves[:, 0]
-    passing = ndtr(looks.expected - rule.coincidence)
-    others = len(passing)
-    still = np.flatnonzero(~(moves[:others] | moves[others:]))
-    if len(still) == others:
-        whole = ndtr(looks.reference - first) - ndtr(looks.reference - last)
-    else:
+    first, last, reference = panels.first, panels.last, panels.looks.reference[panels.row]
+    passing = ndtr(panels.looks.expected[:, panels.row] - rule.coincidence)
+    is_moving = panels.moves[:, 0].reshape(2, -1).any(axis=0)
+    if np.any(is_moving):
         half = 0.5 * (last - first)
         place, weight = _nodes(count)
-        nodes = 0.5 * (first + last) + half * place[:, None]
-        whole = _summed(_density(nodes, looks, moves, passing), weight) * half
-    for band in still:
+        whole = _summed(_density(0.5 * (first + last) + half * place[:, None], panels, passing), weight) * half
+    else:
+        whole = ndtr(reference - first) - ndtr(reference - last)
+    for band in np.flatnonzero(~is_moving):
         whole *= passing[band]
     integral: FloatArray = whole
     return integral
 
 
-def _density(nodes: FloatArray, looks: Looks, moves: BoolArray, passing: FloatArray) -> FloatArray:
-    """Return the density (m, n) of signals at nodes (m, n) with all others in those gates of which a side moves."""
+def _density(nodes: FloatArray, panels: Panels, passing: FloatArray) -> FloatArray:
+    """Return the density (m, p) of signals at nodes (m, p) with all others in those gates of which a side moves."""
     from scipy.special import ndtr
 
-    off = nodes - looks.reference
+    looks, row = panels.looks, panels.row
+    off = nodes - looks.reference[row]
     density: FloatArray = np.exp(-0.5 * off * off) * (0.5 / np.pi) ** 0.5
-    others = len(passing)
-    for band in np.flatnonzero(moves[:others] | moves[others:]):
-        inside = ndtr(looks.expected[band] - looks.low[band] * nodes) if moves[band] else passing[band]
-        if moves[others + band]:
-            inside = np.maximum(inside - ndtr(looks.expected[band] - looks.high[band] * nodes), 0.0)
+    lows, highs = panels.moves[:, 0].reshape(2, -1)
+    for band in np.flatnonzero(lows | highs):
+        expected = looks.expected[band, row]
+        inside = ndtr(expected - looks.low[band, row] * nodes) if lows[band] else passing[band]
+        if highs[band]:
+            inside = np.maximum(inside - ndtr(expected - looks.high[band, row] * nodes), 0.0)
         density *= inside
     return density
 

@@ -1,6 +1,6 @@
 """The detection model `snr`: from intensity, air, aperture and noise to the probability of detection."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,15 +27,19 @@ class SnrDetection:
     """Signal over noise in each band, and the sensor's rule over its bands; see docs/explanation/detection.md.
 
     `width` is the largest number of bands of the sensors; `alike` (sensors,) the first of those that measure as each
-    does; `floor_rad` (sensors,) the spread of lines of sight that no signal betters; `dark_noise_w_m2` (sensors, width)
-    the noise before a dark background, 1 beyond a sensor's bands; `noise_chance` (sensors,) the chance that it alone
-    crosses in a resolution cell and look, `rate_per_scan` (sensors,) how often it does on the mean in a scan.
+    does; `band` (sensors, width) each band's number in the scenery, -1 beyond a sensor's own, and `count_w_m2` what one
+    photon in it stands for; `floor_rad` (sensors,) the spread of lines of sight that no signal betters;
+    `dark_noise_w_m2` (sensors, width) the noise before a dark background, 1 beyond a sensor's bands; `noise_chance`
+    (sensors,) the chance that it alone crosses in a resolution cell and look, `rate_per_scan` (sensors,) how often it
+    does on the mean in a scan.
     """
 
     scenery: Scenery
     receivers: tuple[Receiver, ...]
     width: int
     alike: IndexArray
+    band: IntArray
+    count_w_m2: FloatArray
     floor_rad: FloatArray
     footprint_rad: FloatArray
     dark_noise_w_m2: FloatArray
@@ -133,9 +137,8 @@ class SnrDetection:
         view = self.scenery.views(exposures)
         pixel_sr = np.square(self.footprint_rad)[exposures.sensor]
         for band, place, rows in self._by_band(exposures.sensor):
-            behind, sensor = view.take(rows), exposures.sensor[rows]
-            per_count = np.array([receiver.count_w_m2(place) for receiver in self.receivers])[sensor]
-            radiance, clutter = self._backdrop(band, behind)
+            radiance, clutter = self._backdrop(band, view.take(rows))
+            per_count = self.count_w_m2[exposures.sensor[rows], place]
             photons = photon_noise_w_m2(radiance * pixel_sr[rows], per_count)
             noise[rows, place] = noise_w_m2(noise[rows, place], photons, clutter * pixel_sr[rows])
         return noise
@@ -147,17 +150,14 @@ class SnrDetection:
             return background.radiance_and_clutter_w_m2_sr(band, view)
         return background.radiance_w_m2_sr(band, view), background.clutter_w_m2_sr(band, view)
 
-    def _by_band(self, sensor: IndexArray) -> "Sequence[tuple[int, int, slice | IntArray]]":
-        """Return each band of the scenery, its place in sensors' columns, and the rows of the sensors it stands at."""
-        found = []
-        for place in range(self.width):
-            own = [int(each.bands[place]) if place < len(each.bands) else -1 for each in self.receivers]
-            standing = np.array(own)[sensor]
-            for band in sorted(set(own) - {-1}):
+    def _by_band(self, sensor: IndexArray) -> "Iterator[tuple[int, int, slice | IntArray]]":
+        """Yield each band of the scenery, its place in sensors' columns, and the rows of the sensors it stands at."""
+        for place, own in enumerate(self.band.T):
+            standing = own[sensor]
+            for band in range(len(self.scenery.bands)):
                 rows = np.flatnonzero(standing == band)
                 if len(rows):
-                    found.append((band, place, in_a_row(rows)))
-        return found
+                    yield band, place, in_a_row(rows)
 
 
 def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
@@ -176,6 +176,8 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
         receivers=tuple(receivers),
         width=max(len(receiver.bands) for receiver in receivers),
         alike=_alike(receivers, floor_rad),
+        band=_bands(receivers),
+        count_w_m2=_counts_w_m2(receivers),
         floor_rad=floor_rad,
         footprint_rad=footprint_rad,
         dark_noise_w_m2=_dark_noise_w_m2(receivers),
@@ -190,6 +192,19 @@ def _probability(quantile: FloatArray) -> FloatArray:
 
     chance: FloatArray = ndtr(quantile)
     return chance
+
+
+def _bands(receivers: Sequence[Receiver]) -> IntArray:
+    """Return the numbers (sensors, width) of sensors' bands in the scenery; -1 beyond them."""
+    numbers = np.full((len(receivers), max(len(receiver.bands) for receiver in receivers)), -1)
+    for row, receiver in zip(numbers, receivers, strict=True):
+        row[: len(receiver.bands)] = receiver.bands
+    return numbers
+
+
+def _counts_w_m2(receivers: Sequence[Receiver]) -> FloatArray:
+    places = range(max(len(receiver.bands) for receiver in receivers))
+    return np.array([[receiver.count_w_m2(place) for place in places] for receiver in receivers])
 
 
 def _dark_noise_w_m2(receivers: Sequence[Receiver]) -> FloatArray:

@@ -1,5 +1,7 @@
 """Where lines of sight end: on the Earth, in what light, or beyond the limb."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
@@ -42,11 +44,17 @@ def sun_ecef_m(time_s: FloatArray, epoch_us: int) -> FloatArray:
         return np.empty((0, 3))
     hour = np.floor(time_s / _SUN_STEP_S)
     first = float(hour.min())
-    knots_s = np.arange(first, float(hour.max()) + 2.0) * _SUN_STEP_S
-    knots = sun_position_eci_m(np.datetime64(epoch_us, "us"), knots_s)
+    knots = _sun_knots_eci_m(epoch_us, first, float(hour.max()) + 2.0)
     row = (hour - first).astype(np.int64)
     share = (time_s / _SUN_STEP_S - hour)[:, None]
     return eci_to_ecef(knots[row] + share * (knots[row + 1] - knots[row]), time_s)
+
+
+@lru_cache(maxsize=64)
+def _sun_knots_eci_m(epoch_us: int, first: float, behind: float) -> FloatArray:
+    """Return the Sun's positions (k, 3) in ECI at the steps from the first to the one before `behind`."""
+    knots: FloatArray = sun_position_eci_m(np.datetime64(epoch_us, "us"), np.arange(first, behind) * _SUN_STEP_S)
+    return knots
 
 
 def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> FloatArray:

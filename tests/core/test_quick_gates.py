@@ -56,9 +56,9 @@ def test_a_look_costs_few_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(quick_gates, "_density", counted)
     snr, noise = on_edges(np.random.default_rng(6), PAPER, 4000)
     quick_chances(PAPER, snr, noise, PAPER._margins(snr, noise))
-    assert sum(size for _, size in asked) <= 36 * len(snr)
-    assert max(nodes for nodes, _ in asked) <= 40
-    assert len(asked) <= 80
+    assert sum(size for _, size in asked) <= 40 * len(snr)
+    assert max(nodes for nodes, _ in asked) <= 64
+    assert len(asked) <= 60
 
 
 def test_what_no_gate_touches_costs_none(monkeypatch: pytest.MonkeyPatch) -> None:
