@@ -109,7 +109,7 @@ class ArcTracker:
         gate = tracking.config.gate_sigma
         track, ray = candidates(outlook, rays, span_s, gate, self._light_time)
         pairs = gated(outlook, rays, track, ray, gate, self._light_time)
-        found = associate_nearest(pairs, rays, tracking.chances).owner
+        found = associate_nearest(pairs, rays, tracking.following.chances).owner
         number = self._now.roster.number[rows]
         return np.where(found >= 0, np.searchsorted(self._arcs.number, number[found]), -1)
 

@@ -25,10 +25,11 @@ _LEAST_TOLD = 1e-3
 
 
 class Associated(NamedTuple):
-    """The sights of tracks, and the track (rows,) that each ray was given to, -1 for none."""
+    """The sights of tracks, whose each ray (m,) is, -1 for nobody's, and the pairs in which a ray is a track's own."""
 
     sights: Sights
     owner: IntArray
+    own: Pairs
 
 
 @frozen
@@ -92,7 +93,12 @@ def as_owned(pairs: Pairs, rays: Rays, chosen: BoolArray) -> Associated:
     used = pairs.take(np.flatnonzero(chosen))
     owner = np.full(len(rays), -1, dtype=np.int64)
     owner[used.ray] = used.track
-    return Associated(used.sights(used.seen, np.eye(2) / used.sigma_rad[:, None, None]), owner)
+    return Associated(plain(used), owner, used)
+
+
+def plain(pairs: Pairs) -> Sights:
+    """Return pairs as undoubted sights."""
+    return pairs.sights(pairs.seen, np.eye(2) / pairs.sigma_rad[:, None, None])
 
 
 def associate_joint(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
@@ -112,7 +118,7 @@ def associate_joint(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
     chosen = np.flatnonzero(_believed(group, pairs.ray, beta, ratio))
     owner = np.full(len(rays), -1, dtype=np.int64)
     owner[pairs.ray[chosen]] = pairs.track[chosen]
-    return Associated(_blended(pairs, group, beta), owner)
+    return Associated(_blended(pairs, group, beta), owner, pairs.take(chosen))
 
 
 def _believed(group: IntArray, ray: IntArray, beta: FloatArray, ratio: FloatArray) -> BoolArray:

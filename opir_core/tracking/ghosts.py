@@ -24,7 +24,7 @@ _LEAST_SHARED = 0.25
 #: Tracks known better than this share of one look's error, at a geostationary range, are past being ghosts.
 _FIRM, RANGE_M = 0.5, 3.6e7
 
-#: An exchange has to explain the rays better by this much (log likelihood).
+#: An exchange has to explain the rays better by this much (log likelihood: odds of e), lest noise exchange to and fro.
 _LEAST_GAIN = 1.0
 
 #: One that explains them worse by more than this before they are assigned anew is not followed up.
@@ -67,6 +67,8 @@ def without_ghosts(known: Slice, pairs: Pairs, used: BoolArray) -> BoolArray:
     rays = known.rays
     loose = known.filter.outlook(known.bank, known.time_s).reach_m(0.0)
     loose = loose > _FIRM * rays.sigma_rad.max(initial=0.0) * RANGE_M
+    if not loose.any():
+        return used
     trial = _rivals(pairs, used, rays)
     trial = Exchange(*(column[loose[trial.first] | loose[trial.second]] for column in trial))
     if not len(trial.first):
