@@ -89,3 +89,30 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
     sure = (probability == 0.0) | (probability == 1.0)
     assert sure.mean() > 0.5
     assert np.abs(probability - exact)[sure].max() <= 1.1e-4 * tolerance
+
+
+def test_pitch_over_is_told_beside_what_plumes_and_air_tell() -> None:
+    plan = planned("none", {})
+    told_s = plan.detection.kinks_s()
+    pitched_s = plan.targets.trajectories[0].course_kinks_s
+    assert np.all((plan.targets.ignition_s < pitched_s[:, 0]) & (pitched_s[:, 0] < plan.targets.burnout_s))
+    assert np.all((told_s[:, :, None] == pitched_s[:, None, :]).any(axis=(1, 2)))
+    # Before it flight is vertical: the direction bends there, not sooner.
+    everyone = np.arange(len(pitched_s), dtype=np.int32)
+    up = plan.targets.position_ecef_m(everyone, plan.targets.ignition_s + 0.5)
+    higher = plan.targets.position_ecef_m(everyone, pitched_s[:, 0] - 0.5)
+    way, vertical = higher - up, up / np.linalg.norm(up, axis=1)[:, None]
+    assert np.all((way * vertical).sum(axis=1) > 0.99999 * np.linalg.norm(way, axis=1))
+
+
+def test_the_earth_says_radiance_and_clutter_at_once_as_it_does_one_by_one() -> None:
+    plan = planned("none", AIR)
+    looks, scenery = Looks.between(plan.pairs, 0, plan.end_ns), plan.detection.scenery
+    every = slice(None, None, 97)
+    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair[every], looks.scan[every], geometry=True)
+    view = scenery.views(exposed)
+    for band in range(len(scenery.bands)):
+        both = scenery.background.radiance_and_clutter_w_m2_sr(band, view)
+        assert np.array_equal(both[0], scenery.background.radiance_w_m2_sr(band, view))
+        assert np.array_equal(both[1], scenery.background.clutter_w_m2_sr(band, view))
+        assert both[0].max() > 0.0
