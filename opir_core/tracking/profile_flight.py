@@ -45,17 +45,32 @@ def burnouts(family: Family, spread: FloatArray) -> tuple[Moments, FloatArray]:
     return Moments(np.column_stack([mean, end_s]), _through(slope, spread)), slope
 
 
-def states(family: Family, spread: FloatArray, tick_s: float, ends: Moments, slope: FloatArray) -> Moments:
-    """Return the states (n, 6) at a tick: on the burn, or in free flight from the ends of burns."""
+def states(
+    family: Family,
+    spread: FloatArray,
+    tick_s: float,
+    ends: Moments,
+    slope: FloatArray,
+    forces: "ForceModel" = "kepler",
+) -> Moments:
+    """Return the states (n, 6) at a tick: on the burn, or in free flight from the ends of burns, under forces.
+
+    Covariances are those of the two-body problem: they differ by far less than the states.
+    """
     burning = tick_s <= family.burnout_s
     mean, by_parameters = _state(family, np.minimum(np.maximum(tick_s, family.start_s), family.burnout_s))
     late = np.flatnonzero(~burning)
     if len(late):
-        mean[late] = _flown(ends.mean[late], tick_s)
+        mean[late] = two_body = _flown(ends.mean[late], tick_s)
         moved = _stepped(ends.mean[late])
         flown = _flown(moved.reshape(-1, 7), tick_s).reshape(7, -1, 6)
-        by_end = np.moveaxis((flown - mean[late]) / _STEPS[:, None, None], 0, 2)
+        by_end = np.moveaxis((flown - two_body) / _STEPS[:, None, None], 0, 2)
         by_parameters[late] = by_end @ slope[late]
+        if forces != "kepler":
+            # In air too dense to be followed, and below the ground, there is only the two-body flight.
+            forced = _flown(ends.mean[late], tick_s, forces)
+            known = np.asarray(np.isfinite(forced).all(axis=1))
+            mean[late] = np.where(known[:, None], forced, two_body)
     return Moments(mean, _through(by_parameters, spread))
 
 
@@ -115,9 +130,14 @@ def _stepped(ends: FloatArray) -> FloatArray:
     return moved
 
 
-def _flown(ends: FloatArray, tick_s: float) -> FloatArray:
+def _flown(ends: FloatArray, tick_s: float, forces: "ForceModel" = "kepler") -> FloatArray:
     inertial = ecef_to_eci_state(ends[:, :3], ends[:, 3:6], ends[:, 6])
-    flown = propagate_kepler(*inertial, tick_s - ends[:, 6])
+    if forces == "kepler":
+        flown = propagate_kepler(*inertial, tick_s - ends[:, 6])
+    else:
+        from opir_core.flight.propagation import propagate
+
+        flown = propagate(*inertial, tick_s - ends[:, 6], forces, tolerance_m=1.0)
     return np.concatenate(eci_to_ecef_state(*flown, np.full(len(ends), tick_s)), axis=1)
 
 

@@ -41,7 +41,7 @@ def report(
     weight = weight / np.bincount(row, weight)[row]
     family, spread = family_of(hypotheses, priors), hypotheses.spread
     ends, slope = flight.burnouts(family, spread)
-    state = flight.states(family, spread, tick_s, ends, slope)
+    state = flight.states(family, spread, tick_s, ends, slope, forces)
     state.covariance[...] += _at_rest(family, spread, tick_s)
     places = _launches(hypotheses, family), flight.impacts(ends, slope, spread, forces)
     launch, impact = (_blended(each, weight, row, len(number), True) for each in places)

@@ -5,10 +5,14 @@ import pytest
 from attrs import evolve
 from followed_flights import last_told, usual
 from other_flights import Flown, away_from, flown
-from profile_flights import watch_of
+from profile_flights import PRIORS, flights, watch_of
 
+from opir_core.flight import Drag, Forces, propagate
+from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state
 from opir_core.records import Tracks
 from opir_core.scoring.consistency import nees
+from opir_core.tracking import profile_fit, profile_flight
+from opir_core.tracking.profile_family import SIZE
 from opir_core.tracking.profile_rows import Rows
 from opir_core.tracking.profile_seen import FIRST_STRANGE, Seen
 from opir_core.tracking.profile_strain import TURNS, judged
@@ -160,3 +164,17 @@ def test_impact_ellipses_hold_where_three_lines_of_sight_in_ten_stray_within_the
     values = nees(away_from(told.impact, truth.impacts()), told.impact_covariance[:, :2, :2])
     # 12 draws that are held with 90 %: fewer than 7 are a case of one in a thousand.
     assert np.count_nonzero(values < 5.99) >= 7
+
+
+def test_states_after_the_burn_are_under_the_forces_of_the_scene():
+    truth, forces = flights("SRBM", 6, 2), Forces(("j2",), Drag(5000.0))
+    family, none = profile_fit.family_of(truth, PRIORS), np.zeros((6, SIZE, SIZE))
+    ends, slope = profile_flight.burnouts(family, none)
+    tick_s = float(family.burnout_s.max()) + 25.0
+    told = profile_flight.states(family, none, tick_s, ends, slope, forces).mean
+    inertial = ecef_to_eci_state(ends.mean[:, :3], ends.mean[:, 3:6], ends.mean[:, 6])
+    flown_ = propagate(*inertial, tick_s - ends.mean[:, 6], forces)
+    expected = np.concatenate(eci_to_ecef_state(*flown_, np.full(6, tick_s)), axis=1)
+    assert np.abs(told - expected).max() < 1.0
+    two_body = profile_flight.states(family, none, tick_s, ends, slope).mean
+    assert np.abs(two_body - expected)[:, :3].max() > 30.0
