@@ -73,7 +73,7 @@ class Path:
         after, before = np.minimum(start_s + short_s, end_s), np.maximum(end_s - short_s, start_s)
         moved_in = targets.position_ecef_m(everyone, after) - targets.position_ecef_m(everyone, start_s)
         moved_out = targets.position_ecef_m(everyone, end_s) - targets.position_ecef_m(everyone, before)
-        return cls(targets, end_s, moved_in / (after - start_s)[:, None], moved_out / (end_s - before)[:, None])
+        return cls(targets, end_s, moved_in / _step_s(start_s, after), moved_out / _step_s(before, end_s))
 
     def position_ecef_m(self, pair: IntArray, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) of targets (n,) at any times (n,)."""
@@ -85,6 +85,12 @@ class Path:
             position + self.velocity_in_m_s[target] * early_s[:, None] + self.velocity_out_m_s[target] * late_s[:, None]
         )
         return drawn_out
+
+
+def _step_s(start_s: FloatArray, stop_s: FloatArray) -> FloatArray:
+    """Return steps (n, 1); endless where there is none, as of what begins when the scene is over: it stands still."""
+    step_s = stop_s - start_s
+    return np.where(step_s > 0.0, step_s, np.inf)[:, None]
 
 
 def sampled(

@@ -133,3 +133,20 @@ def test_a_sensor_at_the_horizon_sees_what_grazes_the_ellipsoid() -> None:
     target_m = geodetic_to_ecef(np.full(2000, 0.1), np.full(2000, np.radians(5.0)), heights)
     wide = evolve(sensor, field_of_regard_half_angle_rad=np.pi)
     assert np.array_equal(visible_now(wide, sensor_m, target_m), ~is_occluded(sensor_m, target_m))
+
+
+@pytest.mark.parametrize("start_s", [59.99, 60.0, 61.0, 500.0])
+def test_what_begins_as_the_scene_ends_or_later_is_never_looked_at_and_upsets_nothing(start_s: float) -> None:
+    scene = {
+        "scene": "late",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 60.0,
+        "sensors": [{"model": "DSP", "id": "S", "orbital_slot_deg": 0.0}],
+        "detection": "snr",
+        "sources": [{"id": "b", "model": "bolides", "at": [{"lat_deg": 1.0, "lon_deg": 2.0, "start_s": start_s}]}],
+        "outputs": [],
+    }
+    made = compile_plan(opir.scene_from_mapping(scene))
+    assert all(np.isfinite(each).all() for each in (made.sightlines.travel_s, made.sightlines.elevation_sine))
+    truth = Engine(made).advance(made.end_ns).truth
+    assert np.all(truth.target < 0)
