@@ -10,10 +10,12 @@ from scipy.special import ndtr
 from scipy.stats import chi2, norm, poisson, spearmanr
 
 import opir_core as opir
+from opir_core.detection.ratio_gates import RatioGates
 from opir_core.engine import Engine
 from opir_core.errors import ModelError
 from opir_core.knots import Knots
-from opir_core.looks import Looks, exposures
+from opir_core.looks import BLOCK_ROWS, Looks, exposures
+from opir_core.randomness import Reader
 from opir_core.records import Detections, DetectionTruth, Window
 from opir_core.responses import Response
 from opir_core.scenery import REFERENCE_ALTITUDE_M
@@ -200,6 +202,28 @@ def test_detections_follow_the_formula_in_bins_of_signal() -> None:
         spread += np.bincount(bins, chance * (1.0 - chance), minlength=20)
     # 99.9 % over all bins together: 4.06 deviations each, and a count for the discreteness.
     assert np.all(np.abs(hits - expected) <= 4.06 * np.sqrt(spread) + 1.0)
+
+
+def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_no_panels_to_measure(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}, duration_s=220))
+    reads, made, philox, words = [], [], np.random.Philox, Reader.words
+    monkeypatch.setattr(np.random, "Philox", lambda **place: made.append(place) or philox(**place))
+    monkeypatch.setattr(Reader, "words", lambda *place: reads.append(place) or words(*place))
+    engine = Engine(plan)
+    # One for all pairs; of each sensor three for its noise: how often, which, and the phase of its scan.
+    assert len(made) <= 1 + 3 * len(plan.sensors)
+    monkeypatch.setattr(RatioGates, "_panels", None)
+    reads.clear()
+    window = engine.advance(plan.end_ns)
+    measured = int((window.truth.target >= 0).sum())
+    assert measured > 500
+    noise = [place for place in reads if place[0] is not engine._streams._reader]
+    pairs = int((plan.pairs.looks > 0).sum())
+    # Whether it detects, where it lies, what it measures; a pair is read twice where a block of rows ends within it.
+    assert len(reads) - len(noise) <= 3 * pairs + measured // BLOCK_ROWS + 1
+    assert len(noise) <= len(plan.sensors) * 2 + 220 * 1000 // 200 // 20
 
 
 class _Given:
