@@ -5,6 +5,7 @@ velocity. Both fall under the gravity of the scene's forces. White noise drives 
 and the velocity in coast. Units m, s; the inertial frame is ECEF frozen at the scene's epoch.
 """
 
+from functools import lru_cache
 from math import factorial
 from typing import Protocol
 
@@ -14,6 +15,7 @@ from attrs import Factory, field, frozen
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity import Gravity
 from opir_core.records import FloatArray
+from opir_core.tracking import single_states
 from opir_core.tracking.rays import dot
 
 #: Sizes of the states.
@@ -52,6 +54,9 @@ class Motion:
 
     def gradient(self, position_m: FloatArray) -> FloatArray:
         """Return the gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of it, is left out."""
+        if len(position_m) <= ALONE:
+            mu = self.forces.gravity.mu_m3_s2
+            return np.array([single_states.gradient(row, mu) for row in position_m.tolist()]).reshape(-1, 3, 3)
         square = dot(position_m, position_m)
         scale = self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square))
         weighed = position_m * (3.0 * scale / square)[:, None]
@@ -67,6 +72,9 @@ class Motion:
 
     def stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states after one step of Nyström's method of order 4 (Hairer, Norsett and Wanner, II.14)."""
+        if len(state) <= ALONE:
+            pull, rows = self.field.alone_with_inverse_radius, zip(state.tolist(), step_s.tolist(), strict=True)
+            return np.array([single_states.stepped(row, step, pull) for row, step in rows]).reshape(state.shape)
         step, half = step_s[:, None], 0.5 * step_s[:, None]
         position, velocity = state[:, :3], state[:, 3:6]
         middle, end = position + half * velocity, position + step * velocity
@@ -90,12 +98,9 @@ class Motion:
         Of the states (n, d or more than 2) that say where, the position counts alone.
         """
         gradient, blocks = self.gradient(state[:, :3]), self.size // 3
-        power = np.concatenate([weights_at(step_s), np.zeros((len(step_s), 1))], axis=1)
-        straight, bent = (power[:, table[:blocks, :blocks]] for table in (_STRAIGHT, _BENT))
-        matrix = (
-            straight[:, :, None, :, None] * _UNIT[:, None, :] + bent[:, :, None, :, None] * gradient[:, None, :, None]
-        )
-        matrix[:, 0, :, 0] += power[:, 4, None, None] * (gradient @ gradient)
+        straight, bent, fourth = _tables(step_s, blocks)
+        matrix = straight + bent[:, :, None, :, None] * gradient[:, None, :, None, :]
+        matrix[:, 0, :, 0] += fourth * (gradient @ gradient)
         return matrix.reshape(len(step_s), self.size, self.size)
 
     def noise_root(self, step_s: FloatArray, state: FloatArray | None = None) -> FloatArray | None:
@@ -105,15 +110,14 @@ class Motion:
         """
         if self.noise == 0.0:
             return None
-        blocks = self.size // 3
-        powers = np.arange(blocks - 1, -1, -1)
-        scale = self.noise * np.abs(step_s)[:, None] ** (powers + 0.5)
-        small = scale[:, :, None] * integrator_noise(blocks)
-        whole: FloatArray = (small[:, :, None, :, None] * _UNIT[:, None, :]).reshape(len(step_s), self.size, self.size)
-        return whole
+        whole = self.noise * _noises(np.abs(step_s), self.size // 3)
+        return np.broadcast_to(whole, (len(step_s), self.size, self.size))
 
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
+        if len(state) <= ALONE:
+            pull, mu = self.field.alone_with_inverse_radius, self.forces.gravity.mu_m3_s2
+            return np.array([single_states.taylor(row, pull, mu) for row in state.tolist()]).reshape(-1, 5, 3)
         position, velocity = state[:, :3], state[:, 3:6]
         square = dot(position, position)
         scale = (self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square)))[:, None]
@@ -188,6 +192,35 @@ _STRAIGHT = np.array([[0, 1, 2, 3], [5, 0, 1, 2], [5, 5, 0, 1], [5, 5, 5, 0]])
 _BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
 
 
+def _tables(step_s: FloatArray, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what steps (n,) alone say of transition matrices; one row for all where the steps are the same."""
+    if len(step_s) and np.all(step_s == step_s[0]):
+        return _tables_of_one(float(step_s[0]), blocks)
+    power = np.concatenate([weights_at(step_s), np.zeros((len(step_s), 1))], axis=1)
+    straight, bent = (power[:, table[:blocks, :blocks]] for table in (_STRAIGHT, _BENT))
+    return straight[:, :, None, :, None] * _UNIT[:, None, :], bent, power[:, 4, None, None]
+
+
+@lru_cache(maxsize=64)
+def _tables_of_one(step_s: float, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    both = _tables(np.array([step_s, np.nan]), blocks)
+    return both[0][:1], both[1][:1], both[2][:1]
+
+
+def _noises(step_s: FloatArray, blocks: int) -> FloatArray:
+    """Return roots of the covariance that unit noise gathers in steps (n,); one for all where they are the same."""
+    if len(step_s) and np.all(step_s == step_s[0]):
+        return _noise_of_one(float(step_s[0]), blocks)
+    scale = step_s[:, None] ** (np.arange(blocks - 1, -1, -1) + 0.5)
+    small = scale[:, :, None] * integrator_noise(blocks)
+    return (small[:, :, None, :, None] * _UNIT[:, None, :]).reshape(len(step_s), 3 * blocks, 3 * blocks)
+
+
+@lru_cache(maxsize=64)
+def _noise_of_one(step_s: float, blocks: int) -> FloatArray:
+    return _noises(np.array([step_s, np.nan]), blocks)[:1]
+
+
 def integrator_noise(blocks: int) -> FloatArray:
     """Return the Cholesky factor of the covariance of a chain of integrators driven by unit noise for one second.
 
@@ -198,12 +231,15 @@ def integrator_noise(blocks: int) -> FloatArray:
     return np.linalg.cholesky(unit)
 
 
+_ORDERS = np.arange(1.0, 5.0)
+
+
 def weights_at(offset_s: FloatArray) -> FloatArray:
     """Return 1, τ, τ²/2, τ³/6, τ⁴/24 for offsets (n,), as (n, 5)."""
     power = np.ones((len(offset_s), 5))
-    for order in range(1, 5):
-        power[:, order] = power[:, order - 1] * offset_s / order
-    return power
+    np.divide(offset_s[:, None], _ORDERS, out=power[:, 1:])
+    powers: FloatArray = np.multiply.accumulate(power, axis=1, out=power)
+    return powers
 
 
 def followed(derivative: FloatArray, weight: FloatArray) -> FloatArray:

@@ -6,18 +6,26 @@ covariances are symmetric and positive definite by construction and no normal eq
 on stacks (n, ...), one estimate each.
 """
 
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.records import BoolArray, FloatArray
 
 
 def triangular(rows: FloatArray) -> FloatArray:
     """Return the upper triangular T (n, d, d) with Tᵀ T = AᵀA of arrays A (n, m, d), m at least d."""
-    factor: Any = np.linalg.qr(rows, mode="r")
-    upper: FloatArray = factor
+    raw: Any = np.linalg.qr(rows, mode="raw")[0]
+    side = raw.transpose(0, 2, 1)[:, : rows.shape[2]]
+    upper: FloatArray = np.where(_above(side.shape[1], side.shape[2]), side, 0.0)
     return upper
+
+
+@cache
+def _above(rows: int, columns: int) -> BoolArray:
+    """Return where the elements of an upper triangle are."""
+    return ~np.tri(rows, columns, -1, dtype=np.bool_)
 
 
 def spread(root: FloatArray) -> FloatArray:

@@ -118,10 +118,12 @@ class SwitchingFilter:
         coast_mean, coast_root = bank.coast_mean.copy(), bank.coast_root.copy()
         into_coast = np.flatnonzero(share[:, 0, 1] > _LEAST_SHARE)
         if len(into_coast):
-            part = bank.take(into_coast)
-            burnt_mean, burnt_root = _burnt_out(part)
-            means, roots = (burnt_mean, part.coast_mean), (burnt_root, part.coast_root)
-            coast_mean[into_coast], coast_root[into_coast] = square_root.mixed(share[into_coast, :, 1], means, roots)
+            part, mine = bank.take(into_coast), share[into_coast, :, 1]
+            burnt = _burnt_out(part)
+            if np.any(mine[:, 1]):
+                means, roots = (burnt[0], part.coast_mean), (burnt[1], part.coast_root)
+                burnt = square_root.mixed(mine, means, roots)
+            coast_mean[into_coast], coast_root[into_coast] = burnt
         into_boost = np.flatnonzero(share[:, 1, 0] > _LEAST_SHARE)
         if len(into_boost):
             part = bank.take(into_boost)
@@ -146,7 +148,7 @@ class SwitchingFilter:
             modes = ((self.boost, boost, boost_root), (self.coast, coast, coast_root))
             for number, (motion, mean, root) in enumerate(modes):
                 if used[number]:
-                    told = self.taken_in(motion, mean[seen], root[seen], time_s, mine)
+                    told = self.taken_in(motion, mean[seen], root[seen], time_s, mine, all(used))
                     mean[seen], root[seen], change[seen, number] = told
         if not self.switches and not all(used):
             return Bank(bank.weight, boost, boost_root, coast, coast_root, bank.pace)
@@ -174,9 +176,12 @@ class SwitchingFilter:
         return np.where(silent, -rate * step_s, 0.0), pace
 
     def taken_in(
-        self, motion: Dynamics, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights
+        self, motion: Dynamics, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights, weighed: bool = True
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return means and roots of one mode after sights (every track has one), and the log likelihoods (n,)."""
+        """Return means and roots of one mode after sights (every track has one), and the log likelihoods (n,).
+
+        These are worked out where modes are to be `weighed`, and else 0.
+        """
         place, depth = _queued(sights.track, len(mean))
         weight = weights_at(sights.time_s - time_s)
         point, after, left = mean, root, np.zeros(len(mean))
@@ -189,6 +194,8 @@ class SwitchingFilter:
             point = point + step
             if turn + 1 < self.rounds and _bend(sights, position, step, weight) < _SETTLED_SIGMAS:
                 break
+        if not weighed:
+            return point, after, np.zeros(len(mean))
         gained = square_root.log_determinant(root) - square_root.log_determinant(after) - 0.5 * left
         return point, after, gained
 
@@ -237,9 +244,13 @@ def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
     less = np.concatenate([force * (0.5 * since**2), force * since], axis=1)
     doubt = np.minimum(pause, silent)[:, None]
     spread = np.concatenate([force * (since * doubt), force * doubt], axis=1)
-    side = square_root.spread(bank.boost_root)[:, :COAST]
-    root = square_root.root_of_spread(np.concatenate([side, spread[:, :, None]], axis=2))
-    return bank.boost_mean[:, :COAST] - less, root
+    root, size = bank.boost_root, bank.boost_root.shape[1]
+    rows = np.zeros((len(bank), size + 1, size + 1))
+    rows[:, 0, 0] = 1.0
+    rows[:, 1:, 0] = along(root[:, :, :COAST], spread)
+    rows[:, 1:, 1:-COAST], rows[:, 1:, -COAST:] = root[:, :, COAST:], root[:, :, :COAST]
+    # What is known of the last columns whatever the first ones are.
+    return bank.boost_mean[:, :COAST] - less, square_root.triangular(rows)[:, -COAST:, -COAST:]
 
 
 def _extended_mean(bank: Bank) -> FloatArray:
