@@ -14,7 +14,7 @@ class ThrustConfig:
     """What the boost model `thrust` takes for granted of a burning target."""
 
     tilt_deg: float = number(
-        default=5.0,
+        default=4.0,
         unit="deg",
         above=0.0,
         maximum=45.0,
@@ -23,7 +23,7 @@ class ThrustConfig:
     )
     tilt_s: float = number(default=15.0, unit="s", above=0.0, maximum=1e4, help="after so long that angle is another")
     noise_m_s2: float = number(
-        default=1.5, unit="m/s²/√s", minimum=0.0, maximum=1000.0, help="how fast the force along the velocity wanders"
+        default=1.0, unit="m/s²/√s", minimum=0.0, maximum=1000.0, help="how fast the force along the velocity wanders"
     )
     force_sigma_m_s2: float = number(
         default=10.0,
@@ -39,7 +39,14 @@ class ThrustConfig:
         default=0.01, unit="1/s", above=0.0, maximum=1.0, help="standard deviation of that rate"
     )
     growth_noise_per_s: float = number(
-        default=0.003, unit="1/s/√s", minimum=0.0, maximum=1.0, help="how fast that rate wanders"
+        default=0.002, unit="1/s/√s", minimum=0.0, maximum=1.0, help="how fast that rate wanders"
+    )
+    jerk_noise_m_s3: float = number(
+        default=0.1,
+        unit="m/s³/√s",
+        minimum=0.0,
+        maximum=1000.0,
+        help="how fast the jerk wanders on a path that is followed back to its launch",
     )
 
 
@@ -96,7 +103,7 @@ class StereoFilterConfig:
         unit="m/s³/√s",
         minimum=0.0,
         maximum=1000.0,
-        help="how fast the jerk wanders with the boost model jerk; launches are followed back with it in either",
+        help="how fast the jerk wanders with the boost model jerk",
     )
     coast_noise_m_s: float = number(
         default=0.01, unit="m/s/√s", minimum=0.0, maximum=100.0, help="how fast the velocity of a free flight wanders"
@@ -118,6 +125,11 @@ class StereoFilterConfig:
     lost_sigma_m: float = number(
         default=300e3, unit="m", above=0.0, maximum=1e9, help="a track less certain than this is dropped"
     )
+
+    @property
+    def jerk_noise_back_m_s3(self) -> float:
+        """Return how fast the jerk wanders on a path that is followed back to its launch."""
+        return self.jerk_noise_m_s3 if self.boost_model == "jerk" else self.thrust.jerk_noise_m_s3
 
     def __attrs_post_init__(self) -> None:
         if self.recent_scans < self.needed_scans:

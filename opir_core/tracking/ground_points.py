@@ -51,9 +51,11 @@ def _told(ground: FloatArray, when: FloatArray, plane: FloatArray) -> GroundPoin
     return GroundPoints(place, plane @ plane.transpose(0, 2, 1))
 
 
-def surer(known: GroundPoints, fresh: GroundPoints) -> GroundPoints:
-    """Return of each pair of points the one whose place has the smaller covariance."""
-    before, after = (np.trace(points.covariance[:, :2, :2], axis1=1, axis2=2) for points in (known, fresh))
-    better = np.isfinite(after) & ~(before <= after)
-    place = np.where(better[:, None], fresh.place, known.place)
-    return GroundPoints(place, np.where(better[:, None, None], fresh.covariance, known.covariance))
+def renewed(known: GroundPoints, fresh: GroundPoints) -> GroundPoints:
+    """Return points with those that are known afresh in the place of the old.
+
+    Not the surer of two: what follows from less is now and then surer and wrong.
+    """
+    new = np.isfinite(fresh.place[:, 0])
+    place = np.where(new[:, None], fresh.place, known.place)
+    return GroundPoints(place, np.where(new[:, None, None], fresh.covariance, known.covariance))

@@ -7,7 +7,7 @@ docs/explanation/association.md: where one sensor alone sees a spot, the prior s
 """
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.geometry import ecef_to_geodetic, local_axes
@@ -56,10 +56,14 @@ class Beginnings(Columns):
     sensors: IntArray
 
 
-def beginnings(rays: Rays, scans_needed: int) -> Beginnings:
-    """Return the places that rays (all recent and unclaimed) show, with at least `scans_needed` scans each."""
+def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Beginnings:
+    """Return the places that rays (all recent and unclaimed) show, with at least `scans_needed` scans each.
+
+    `bias_sigma_rad` (sensors,) is the standard deviation of each sensor's bias, which no averaging over scans lessens.
+    """
     spots = spots_of(rays)
     likely = spots.take(np.flatnonzero(spots.scans >= 2))
+    likely = evolve(likely, sigma_rad=np.hypot(likely.sigma_rad, bias_sigma_rad[likely.sensor]))
     group, count = _places_of(likely)
     scans = np.bincount(group, likely.scans, count)
     sensors = np.bincount(group, minlength=count)

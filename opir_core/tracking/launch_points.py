@@ -15,8 +15,9 @@ from opir_core.tracking.motion import BOOST, followed, weights_at
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import turned
 
-#: A launch is sought so long before the first look that saw it, s, at so many times, denser towards that look.
-_BEFORE_S, _TIMES = 40.0, 48
+#: A launch is sought so long before the first look that saw it, s, at so many times, denser towards that look. The
+#: class profiles reach 10 km after 34 to 51 s, and 20 km, the highest top of a cloud, after 49 to 73 s.
+_BEFORE_S, _TIMES = 80.0, 80
 
 #: So many launches are seen from the ground on, as soon as a look comes; clouds hide the others for a time.
 _AT_ONCE = 0.5
@@ -30,12 +31,15 @@ _LAUNCHED = 25.0
 _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 
-def launches(outlook: Outlook, first_s: FloatArray, pause_s: FloatArray, noise: float) -> GroundPoints:
+def launches(
+    outlook: Outlook, first_s: FloatArray, pause_s: FloatArray, noise: float, biased: FloatArray | None = None
+) -> GroundPoints:
     """Return where boosts began, from rest on the ground at an unknown time before `first_s` (n,); nan for nowhere.
 
     `noise` is the intensity of the noise in the rate of the specific force, m/s³/√s. Beforehand a launch was as likely
-    as not seen at once, after an exponential time of mean `pause_s` (n,); if not, then after any time up to 40 s. Mean
-    and covariance are those of the mixture over times.
+    as not seen at once, after an exponential time of mean `pause_s` (n,); if not, then after any time up to 80 s. Mean
+    and covariance are those of the mixture over times. `biased` (n, 3, 3) is what sensors' biases add to the covariance
+    of the position, all along the path.
     """
     points, count = GroundPoints.nowhere(len(outlook.side)), len(outlook.side)
     if not count:
@@ -44,7 +48,7 @@ def launches(outlook: Outlook, first_s: FloatArray, pause_s: FloatArray, noise: 
     since = 0.5 * (edges[1:] + edges[:-1])
     track = np.repeat(np.arange(count), _TIMES)
     when = np.repeat(first_s, _TIMES) - np.tile(since, count)
-    place, covariance, misfit, log = _from_rest(outlook, track, when, noise)
+    place, covariance, misfit, log = _from_rest(outlook, track, when, noise, biased)
     soon = -np.diff(np.exp(-edges / pause_s[:, None]), axis=1)
     log = (log - 0.5 * misfit).reshape(count, _TIMES)
     log += np.log(_AT_ONCE * soon + (1.0 - _AT_ONCE) * np.diff(edges) / _BEFORE_S)
@@ -58,7 +62,7 @@ def launches(outlook: Outlook, first_s: FloatArray, pause_s: FloatArray, noise: 
 
 
 def _from_rest(
-    outlook: Outlook, track: IntArray, when: FloatArray, noise: float
+    outlook: Outlook, track: IntArray, when: FloatArray, noise: float, biased: FloatArray | None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return ECEF places (m, 3), covariances (m, 3, 3), squared distances (m,) and log densities (m,) of starts."""
     weight = weights_at(when - outlook.time_s)
@@ -66,6 +70,8 @@ def _from_rest(
     position, velocity = followed(path, weight), _speeds(path, weight)
     up = _up(position, when)
     covariance = _covariances(outlook, track, weight, noise * noise, outlook.time_s - when)
+    if biased is not None:
+        covariance[:, :3, :3] += biased[track]
     gain = np.zeros((len(track), 4, 6))
     gain[:, 0, :3], gain[:, 1:, :3], gain[:, 1:, 3:] = up, -_SPIN, np.eye(3)
     height = ecef_to_geodetic(turned(position, -when)).height_m

@@ -6,7 +6,6 @@ import numpy as np
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
-from opir_core.geometry import geodetic_to_ecef, local_axes
 from opir_core.protocols import Sensor
 from opir_core.records import FloatArray, IntArray, Tracks
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
@@ -45,21 +44,11 @@ def estimates(
         state=state,
         state_covariance=covariance,
         launch=roster.launch,
-        launch_covariance=_with_biases(roster, biased, time_s),
+        launch_covariance=roster.launch_covariance,
         impact=impact.place,
         impact_covariance=impact.covariance,
         type_probability=type_posterior(roster.reports, evidence),
     )
-
-
-def _with_biases(roster: Roster, biased: FloatArray, time_s: float) -> FloatArray:
-    """Return the covariances (n, 3, 3) of launches with what biases add, which is about what they add to the track."""
-    site = geodetic_to_ecef(roster.launch[:, 0], roster.launch[:, 1], 0.0)
-    turn = turned(np.eye(3), np.full(3, -time_s)).T
-    flat = local_axes(site)[:, :2] @ turn
-    covariance = roster.launch_covariance.copy()
-    covariance[:, :2, :2] += flat @ biased @ flat.transpose(0, 2, 1)
-    return covariance
 
 
 def evidence_of(sensors: Sequence[Sensor]) -> FloatArray:

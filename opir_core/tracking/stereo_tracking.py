@@ -19,7 +19,7 @@ from opir_core.tracking.biases import Biases
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.ghosts import RANGE_M
-from opir_core.tracking.ground_points import GroundPoints, surer
+from opir_core.tracking.ground_points import GroundPoints, renewed
 from opir_core.tracking.histories import Histories, lasting_s, mean_sights
 from opir_core.tracking.history_assignment import decided
 from opir_core.tracking.launch_points import launches
@@ -164,10 +164,11 @@ class StereoTracking:
         young = np.flatnonzero((now.time_s - now.roster.begun_s <= _YOUNG_S) & (now.bank.weight[:, 0] > 0.5))
         if not len(young):
             return now
-        told = now.roster.take(young)
-        outlook = self.filter.outlook(now.bank.take(young), now.time_s)
-        fresh = launches(outlook, told.first_s, self._slowest(told), self.config.jerk_noise_m_s3)
-        best = surer(GroundPoints(told.launch, told.launch_covariance), fresh)
+        told, bank = now.roster.take(young), now.bank.take(young)
+        outlook, noise = self.filter.outlook(bank, now.time_s), self.config.jerk_noise_back_m_s3
+        biased = self.biases.covariance(bank.likelier_position_m, now.time_s, told.reports >= 0)
+        fresh = launches(outlook, told.first_s, self._slowest(told), noise, biased)
+        best = renewed(GroundPoints(told.launch, told.launch_covariance), fresh)
         launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
         launch[young], covariance[young] = best
         return evolve(now, roster=evolve(now.roster, launch=launch, launch_covariance=covariance))
@@ -176,7 +177,7 @@ class StereoTracking:
         """Return the situation with tracks begun where unclaimed rays show a target."""
         if len(now.pool) < self.config.needed_scans:
             return now
-        begun = initiation.beginnings(now.pool, self.config.needed_scans)
+        begun = initiation.beginnings(now.pool, self.config.needed_scans, self.biases.sigma_rad)
         if not len(begun):
             return now
         first = first_bank(begun, now.time_s, self.config)

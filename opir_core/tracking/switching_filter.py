@@ -178,10 +178,7 @@ class SwitchingFilter:
     def taken_in(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights, weighed: bool = True
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return means and roots of one mode after sights (every track has one), and the log likelihoods (n,).
-
-        These are worked out where modes are to be `weighed`, and else 0.
-        """
+        """Return means and roots of a mode after sights of all tracks, and log likelihoods (n,), 0 if not `weighed`."""
         place, depth = _queued(sights.track, len(mean))
         weight = weights_at(sights.time_s - time_s)
         point, after, left = mean, root, np.zeros(len(mean))

@@ -8,7 +8,7 @@ from opir_core.flight.impact_event import impact
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 from opir_core.scene import REPORTED_TYPES
 from opir_core.testing.doubles import stub_sensor
-from opir_core.tracking.ground_points import impacts
+from opir_core.tracking.ground_points import GroundPoints, impacts, renewed
 from opir_core.tracking.launch_points import launches
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import turned
@@ -67,9 +67,9 @@ def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
 
 
 def test_launches_are_as_sure_as_they_say() -> None:
-    """3000 from 100 m about the ellipsoid and 1 m/s about rest, seen at once or up to 40 s late."""
-    rng, runs, now_s, pause_s = np.random.default_rng(8), 3000, 50.0, 0.4
-    first_s = np.where(rng.random(runs) < 0.5, rng.exponential(pause_s, runs), rng.uniform(0.0, 40.0, runs))
+    """3000 from 100 m about the ellipsoid and 1 m/s about rest, seen at once or up to 80 s late."""
+    rng, runs, now_s, pause_s = np.random.default_rng(8), 3000, 90.0, 0.4
+    first_s = np.where(rng.random(runs) < 0.5, rng.exponential(pause_s, runs), rng.uniform(0.0, 80.0, runs))
     sigma = np.repeat([60.0, 10.0, 0.1, 0.005], 3)
     path = np.tile(risen(now_s), (runs, 1, 1))
     drift = rng.normal(size=(runs, 3))
@@ -102,3 +102,11 @@ def test_each_sensor_counts_once_for_the_type() -> None:
     assert told[0] == pytest.approx(np.array([0.8, 0.12, 0.03, 0.0]) / 0.95)
     assert told[1] == pytest.approx(np.array([0.64, 0.0144, 0.0009, 0.0]) / 0.6553)
     assert told[2].tolist() == [0.0, 0.0, 0.0, 1.0]
+
+
+def test_a_launch_told_anew_replaces_what_was_told_before_however_sure_that_was() -> None:
+    known = GroundPoints(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
+    fresh = GroundPoints(np.array([[1.0, 2.0, 3.0], [np.nan] * 3]), np.tile(4.0 * np.eye(3), (2, 1, 1)))
+    told = renewed(known, fresh)
+    assert told.place.tolist() == [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]
+    assert told.covariance[:, 0, 0].tolist() == [4.0, 1.0]

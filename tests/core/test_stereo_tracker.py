@@ -145,6 +145,23 @@ def test_biased_sensors_stay_honest() -> None:
     assert 0.74 < np.mean(told_square) < 7.4
 
 
+def test_rays_of_sensors_with_unlucky_biases_still_begin_one_track() -> None:
+    """Two standard deviations of the bias up in one sensor, down in the other: averaging scans does not lessen it."""
+    bias_rad = 6e-5
+    sensors = tuple(evolve(sensor, line_of_sight_bias_sigma_rad=bias_rad) for sensor in SENSORS[:2])
+    context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=100.0, light_time=False)
+    detections, _ = launches([(5.0, 5.0, 2.0)], 20.0)
+    detections = detections.take(np.flatnonzero(detections.sensor < 2))
+    north = 2.0 * bias_rad * np.where(detections.sensor == 0, 1.0, -1.0)
+    turned = detections.line_of_sight_ecef + north[:, None] * np.array([0.0, 0.0, 1.0])
+    detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
+    one = stereo_filter(StereoFilterConfig(), context)
+    told = stepped(one, by_second(detections, 20))
+    assert len(told) == 1
+    late = detections.take(np.flatnonzero(detections.time_ns > 15_000_000_000))
+    assert np.mean(one.associate(late) == told.track[0]) > 0.99
+
+
 def test_noise_alone_begins_no_track() -> None:
     rng = np.random.default_rng(5)
     detections, _ = launches([(5.0, 5.0, 0.0)], 30.0)
