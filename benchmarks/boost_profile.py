@@ -3,11 +3,20 @@
     python benchmarks/boost_profile.py [--runs 40] [--only SRBM] [--parts FOLDER] [--write docs/benchmarks]
 
 Flights are drawn from the tracker's own priors, and seen by one or two like sensors in geostationary orbit; the fit is
-given each flight's detections (association is measured elsewhere) and the class, and told of nothing else. The bound is
-the Bayesian Cramér and Rao's: the prior's information, and that of the lines of sight that detected along the true
-flight; once the burn has ended, the end as if measured with the standard deviation that the looks alone give it. It is
-mapped to position, velocity and impact at the truth, and averaged over the draws. A bound of a linearised impact is no
-bound while the end of the burn is open, for which the impact bends too much: it is a yardstick there.
+given each flight's detections (association is measured elsewhere) and the class, and told of nothing else. Marks are
+times since the start: 20 s after the first look, 50, 75 and 95 % of the class's median burn time, of those flights that
+were seen in the last second, and 5 s after the burn. Which flights count is so known from the looks. (A share of each
+flight's own burn would pick the flights whose burns are about to end: no posterior is right on those.)
+
+Information is that of the priors and of the lines of sight that detected, along the true flight; once the burn has
+ended, the end as if measured with the standard deviation that the looks alone give it. Two yardsticks come of it.
+"bound" is van Trees': information and slopes averaged over flights, in axes turned to each flight's heading, and then
+inverted; it is below every estimator's mean square error (but for the divergence of these axes, of the order of the
+heading's variance), and far below where flights differ much in what can be known of them. "expected" is the mean over
+flights of the inverse at each truth. It is what the inequality of Gill and Levit (Bernoulli 1, 1995, 59) comes to with
+each flight's own weights, without the term in which these weights change across a posterior: the sharper yardstick
+where posteriors are small, and no bound where they are not, as with one sensor and while the end of the burn is open,
+for which the impact bends.
 """
 
 import argparse
@@ -32,7 +41,7 @@ from opir_core.tracking import profile_fit as fit
 from opir_core.tracking import profile_flight
 from opir_core.tracking.profile_bank import Fitting
 from opir_core.tracking.profile_end import ends_of
-from opir_core.tracking.profile_family import BURN, SIZE, START
+from opir_core.tracking.profile_family import BURN, EAST, SIZE, START, TURN_EAST
 from opir_core.tracking.profile_fit import Hypotheses
 from opir_core.tracking.profile_flight import Moments, on_ground
 from opir_core.tracking.profile_hypotheses import probability
@@ -60,26 +69,44 @@ PAGE = """# The tracker boost-profile on its own family
 
 Made by `python benchmarks/boost_profile.py --write docs/benchmarks`. {docstring}
 
-{runs} runs a line, so that a ratio is known to about {ratio:.0f} % (position, velocity) and a share of 95 % lies in
-{low:.0f} to 100 % by chance. "RMSE / bound" has its 95 % interval (bootstrap) behind it. ANEES is of the state, over
-its six degrees of freedom; its 99 % band is {lower:.2f} to {upper:.2f}; p that of Kolmogorov and Smirnov's test of the
-distribution. Containment is that of the 50, 90 and 95 % ellipses of impact, of those runs in which an impact is told
-(no limit is set on its size here).
+Up to {runs} runs a line (the column says how many count), so that a ratio is known to about {ratio:.0f} % (position,
+velocity) and a share of 95 % lies in {low:.0f} to 100 % by chance. "/ bound" has its 95 % interval (bootstrap) behind
+it. ANEES is of the state, over its six degrees of freedom; a star marks those outside the 99 % band, which is
+{lower:.2f} to {upper:.2f} of all runs; p is that of Kolmogorov and Smirnov's test of the distribution. Containment is
+that of the 50, 90 and 95 % ellipses of impact (no limit is set on their size here).
 
 {table}
 """
 
 
 class Marked:
-    """What came of one flight at each mark, as rows of figures."""
+    """What came of flights at each mark: rows of figures, and the sums of information and slopes."""
 
     def __init__(self) -> None:
         self.rows: list[dict[str, float]] = []
+        self.sums: dict[int, dict[str, Any]] = {}
 
-    def put(self, mark: int, columns: dict[str, np.ndarray]) -> None:
-        """Take figures (n,) of n flights at a mark."""
+    def put(self, mark: int, columns: dict[str, np.ndarray], information: np.ndarray, slopes: np.ndarray) -> None:
+        """Take figures (n,) of n flights at a mark, their information (n, 10, 10) and slopes (n, 8, 10)."""
         for values in zip(*columns.values(), strict=True):
             self.rows.append({"mark": mark, **dict(zip(columns, map(float, values), strict=True))})
+        landed = np.isfinite(slopes).all(axis=(1, 2))
+        fresh = {
+            "count": len(slopes),
+            "landed": int(np.count_nonzero(landed)),
+            "information": information.sum(axis=0),
+            "slopes": np.where(landed[:, None, None], slopes, np.nan_to_num(slopes)).sum(axis=0),
+        }
+        kept = self.sums.get(mark)
+        self.sums[mark] = fresh if kept is None else {name: kept[name] + fresh[name] for name in fresh}
+
+    def told(self) -> dict[str, Any]:
+        """Return all as plain values."""
+        sums = {
+            str(mark): {name: np.asarray(value).tolist() for name, value in each.items()}
+            for mark, each in self.sums.items()
+        }
+        return {"rows": self.rows, "sums": sums}
 
 
 def marks_at(truth: Hypotheses, seen: Seen, tick_s: float) -> np.ndarray:
@@ -100,15 +127,29 @@ def marks_at(truth: Hypotheses, seen: Seen, tick_s: float) -> np.ndarray:
     return found
 
 
-def states_and_impacts(truth: Hypotheses, spread: np.ndarray, tick_s: float) -> tuple[Moments, Moments, np.ndarray]:
-    """Return states, impacts, and the linear covariances of impacts, of flights with covariances (n, 10, 10)."""
-    family = fit.family_of(truth, PRIORS)
-    ends, slope = profile_flight.burnouts(family, spread)
-    states = profile_flight.states(family, spread, tick_s, ends, slope)
-    small = 1e-6 * spread
-    exact = profile_flight.burnouts(family, small)
-    impacts = profile_flight.impacts(*exact, small, "kepler")
-    return states, impacts, 1e6 * impacts.covariance
+def turned(truth: Hypotheses, tick_s: float) -> tuple[Moments, np.ndarray, np.ndarray]:
+    """Return states (n, 6) and impacts (n, 3), slopes (n, 8, 10) and turns (n, 10, 10) of parameters, of flights.
+
+    Slopes are of position and velocity up, along and right of the heading at the launch, of the impact along and right
+    of the way to it, by parameters of which place and lean are turned to along and right of the heading too.
+    """
+    family, count = fit.family_of(truth, PRIORS), len(truth)
+    ends, slope = profile_flight.burnouts(family, np.zeros((count, SIZE, SIZE)))
+    states, by_state = profile_flight.sloped_states(family, tick_s, ends, slope)
+    impacts, by_impact = profile_flight.sloped_impacts(ends, slope)
+    turns = np.tile(np.eye(SIZE), (count, 1, 1))
+    east, north = family.turn_east, family.turn_north
+    for first in (EAST, TURN_EAST):
+        turns[:, first, first], turns[:, first, first + 1] = east, north
+        turns[:, first + 1, first], turns[:, first + 1, first + 1] = north, -east
+    axes = np.stack([family.up, family.heading, family.right], axis=1)
+    launch = np.column_stack([*truth.anchors.places(truth.parameters), family.start_s])
+    way = -on_ground(launch, impacts)[:, :2]
+    way /= np.hypot(way[:, 0], way[:, 1])[:, None]
+    across = np.stack([way, np.column_stack([way[:, 1], -way[:, 0]])], axis=1)
+    parts = [axes @ by_state[:, :3], axes @ by_state[:, 3:], across @ by_impact[:, :2]]
+    slopes = np.concatenate(parts, axis=1) @ turns.transpose(0, 2, 1)
+    return Moments(states, impacts), slopes, turns
 
 
 def bounds(truth: Hypotheses, watch: Watch, seen: Seen, tick_s: float) -> np.ndarray:
@@ -118,8 +159,9 @@ def bounds(truth: Hypotheses, watch: Watch, seen: Seen, tick_s: float) -> np.nda
     slope = np.zeros((len(truth), SIZE))
     slope[:, START], slope[:, BURN] = 1.0, family.courses.burn_s
     silence = seen.of(truth.track).silence(truth.kind, tick_s, watch)
-    wide = ends_of(family.burnout_s, np.full(len(truth), _OPEN_S**2), silence)
-    over = (family.burnout_s < tick_s) / wide.variance_s2
+    burn_s = family.courses.burn_s
+    wide = ends_of(family.start_s, np.log(burn_s), np.square(_OPEN_S / burn_s), silence)
+    over = (family.burnout_s < tick_s) / (wide.variance * np.square(burn_s))
     gain = np.sum(spread * slope[:, None], axis=2)
     variance = np.sum(gain * slope, axis=1)
     less = over / (1.0 + over * variance)
@@ -158,7 +200,7 @@ def measured(kind: str, model: str, sensors: int, runs: int, seed: int) -> Marke
         marks = marks_at(truth, bank.seen, float(tick)) if len(bank.seen.track) == runs else np.full(runs, -1)
         for mark in np.unique(marks[marks >= 0]).tolist():
             chosen = np.flatnonzero(marks == mark)
-            marked.put(mark, figures(known.take(chosen), bank, fitting, float(tick)))
+            marked.put(mark, *figures(known.take(chosen), bank, fitting, float(tick)))
     return marked
 
 
@@ -173,69 +215,103 @@ _SHARED = (
 )
 
 
-def figures(truth: Hypotheses, bank: Bank, fitting: Fitting, tick_s: float) -> dict[str, np.ndarray]:
-    """Return squared errors and bounds, NEES of states and impacts, of flights at a tick."""
+def figures(
+    truth: Hypotheses, bank: Bank, fitting: Fitting, tick_s: float
+) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    """Return squared errors and NEES of flights at a tick, and their information (n, 10, 10) and slopes (n, 8, 10)."""
     mine = np.isin(bank.hypotheses.track, truth.track)
     likely = bank.hypotheses.take(mine)
     told = report(likely, probability(likely), tick_s, fitting.priors, "kepler", np.inf)
     truth = truth.take(np.isin(truth.track, told.track))
     limit = bounds(truth, fitting.watch, bank.seen, tick_s)
-    states, impacts, impact_limit = states_and_impacts(truth, limit, tick_s)
-    error = told.state - states.mean
-    away = on_ground(impacts.mean, told.impact)[:, :2]
-    at_best = np.diagonal(states.covariance, axis1=1, axis2=2)
-    return {
+    exact, slopes, turns = turned(truth, tick_s)
+    limit = turns @ limit @ turns.transpose(0, 2, 1)
+    error = told.state - exact.mean
+    away = on_ground(exact.covariance, told.impact)[:, :2]
+    at_best = np.diagonal(slopes @ limit @ slopes.transpose(0, 2, 1), axis1=1, axis2=2)
+    found = {
         "position": np.sum(error[:, :3] ** 2, axis=1),
         "velocity": np.sum(error[:, 3:] ** 2, axis=1),
         "impact": np.sum(away**2, axis=1),
-        "position bound": at_best[:, :3].sum(axis=1),
-        "velocity bound": at_best[:, 3:].sum(axis=1),
-        "impact bound": impact_limit[:, 0, 0] + impact_limit[:, 1, 1],
         "nees": nees(error, told.state_covariance),
         "impact nees": nees(away, told.impact_covariance[:, :2, :2]),
     }
+    found |= {f"{name} at the truth": at_best[:, part].sum(axis=1) for name, part in PARTS.items()}
+    return found, inverse(limit), slopes
 
 
-def ratio(rows: list[dict[str, float]], name: str) -> str:
-    """Return RMSE over bound with its interval: 1000 bootstrap samples of a fixed stream."""
-    square = np.array([[row[name], row[f"{name} bound"]] for row in rows])
+#: Rows of slopes that belong to each figure.
+PARTS = {"position": slice(0, 3), "velocity": slice(3, 6), "impact": slice(6, 8)}
+
+
+def inverse(matrices: np.ndarray) -> np.ndarray:
+    """Return the inverses (n, 10, 10) of covariances, scaled to a unit diagonal before."""
+    scale = 1.0 / np.sqrt(np.diagonal(matrices, axis1=1, axis2=2))
+    outer = scale[:, :, None] * scale[:, None, :]
+    found: np.ndarray = np.linalg.inv(matrices * outer) * outer
+    return found
+
+
+def van_trees(sums: dict[str, Any]) -> dict[str, float]:
+    """Return the bounds, squared, of position, velocity and impact, of the information and slopes averaged."""
+    spread = inverse(np.array(sums["information"])[None])[0] * sums["count"]
+    found = {}
+    for name, part in PARTS.items():
+        slopes = np.array(sums["slopes"])[part] / sums["landed" if name == "impact" else "count"]
+        found[name] = float(np.trace(slopes @ spread @ slopes.T))
+    return found
+
+
+def ratio(rows: list[dict[str, float]], name: str, bound: float) -> str:
+    """Return RMSE over the bound (told squared) with its interval, and over the expected bound.
+
+    The interval is of 1000 bootstrap samples of a fixed stream.
+    """
+    square = np.array([[row[name], row[f"{name} at the truth"]] for row in rows])
     square = square[np.isfinite(square).all(axis=1)]
     drawn = np.random.default_rng(1).integers(0, len(square), (1000, len(square)))
-    sums = square[drawn].sum(axis=1)
-    low, high = np.quantile(np.sqrt(sums[:, 0] / sums[:, 1]), (0.025, 0.975))
-    whole = np.sqrt(square[:, 0].sum() / square[:, 1].sum())
-    return f"{whole:.2f} ({low:.2f}, {high:.2f})"
+    low, high = np.quantile(np.sqrt(square[drawn, 0].mean(axis=1) / bound), (0.025, 0.975))
+    whole = square.mean(axis=0)
+    return f"{np.sqrt(whole[0] / bound):.2f} ({low:.2f}, {high:.2f}) | {np.sqrt(whole[0] / whole[1]):.2f}"
 
 
-def lines(kind: str, model: str, sensors: int, rows: list[dict[str, float]]) -> Iterator[str]:
+def lines(kind: str, model: str, sensors: int, part: dict[str, Any]) -> Iterator[str]:
     """Yield the lines of the table, a mark each."""
     for mark, name in enumerate(MARKS):
-        mine = [row for row in rows if row["mark"] == mark]
+        mine = [row for row in part["rows"] if row["mark"] == mark]
         if len(mine) < 2:
             continue
         state = consistency(np.array([row["nees"] for row in mine]), 6)
         impact = np.array([row["impact nees"] for row in mine])
         held = " / ".join(f"{100.0 * containment(impact, 2, nominal)[0]:.0f}" for nominal in (0.5, 0.9, 0.95))
+        bound = van_trees(part["sums"][str(mark)])
         metres, speed, miss = (
             np.sqrt(np.nanmean([row[each] for row in mine])) for each in ("position", "velocity", "impact")
         )
+        inside = "" if state.lower <= state.mean <= state.upper else " *"
         yield (
-            f"| {kind} | {sensors} {model} | {name} | {metres:.0f} | {ratio(mine, 'position')} | {speed:.1f} "
-            f"| {ratio(mine, 'velocity')} | {miss / 1e3:.1f} | {ratio(mine, 'impact')} | {state.mean / 6:.2f} "
-            f"| {state.p_value:.2f} | {held} |"
+            f"| {kind} | {sensors} {model} | {name} | {len(mine)} "
+            f"| {metres:.0f} | {ratio(mine, 'position', bound['position'])} "
+            f"| {speed:.1f} | {ratio(mine, 'velocity', bound['velocity'])} "
+            f"| {miss / 1e3:.1f} | {ratio(mine, 'impact', bound['impact'])} "
+            f"| {state.mean / 6:.2f}{inside} | {state.p_value:.2f} | {held} |"
         )
 
 
 _COLUMNS = (
     "class",
     "sensors",
-    "share of burn",
+    "when",
+    "runs",
     "position, m",
-    "RMSE / bound",
+    "/ bound",
+    "/ expected",
     "velocity, m/s",
-    "RMSE / bound",
+    "/ bound",
+    "/ expected",
     "impact, km",
-    "RMSE / bound",
+    "/ bound",
+    "/ expected",
     "ANEES / 6",
     "p",
     "impact held, % of runs",
@@ -266,23 +342,23 @@ def main() -> None:
 
 
 def part_of(kind: str, model: str, sensors: int, chosen: argparse.Namespace) -> Any:
-    """Return the rows of one class and sensors, measured or read."""
+    """Return what came of one class and sensors, measured or read."""
     path = chosen.parts / f"{kind}-{model}-{sensors}-{chosen.runs}.json" if chosen.parts else None
     if path and path.exists():
         return json.loads(path.read_text(encoding="utf-8"))
     if chosen.finished:
-        return []
-    rows = measured(kind, model, sensors, chosen.runs, chosen.seed).rows
+        return {"rows": [], "sums": {}}
+    part = measured(kind, model, sensors, chosen.runs, chosen.seed).told()
     if path:
-        path.write_text(json.dumps(rows), encoding="utf-8")
-    return rows
+        path.write_text(json.dumps(part), encoding="utf-8")
+    return part
 
 
 def write(folder: Path, runs: int, table: list[str]) -> None:
     """Write the page."""
     band = consistency(np.ones(runs), 6)
     page = PAGE.format(
-        docstring=(__doc__ or "").split("\n\n")[2].replace("\n", " "),
+        docstring="\n\n".join((__doc__ or "").strip().split("\n\n")[2:]),
         runs=runs,
         ratio=100.0 / np.sqrt(2 * 2.5 * runs),
         low=100.0 * (0.95 - 2.0 * np.sqrt(0.95 * 0.05 / runs)),

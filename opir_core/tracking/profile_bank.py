@@ -23,8 +23,9 @@ REVIEWS = frozenset({1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50, 63, 79
 #: Tracks that fell silent are reviewed for so long, s: the end of a burn moves much.
 _QUIET_S = 3.5
 
-#: Steps of Gauss and Newton in a review of young tracks, of which there are so many ticks, and of others.
-_STEPS, _YOUNG_TICKS, _LATER_STEPS = 3, 20, 2
+#: Steps of Gauss and Newton in a review of young tracks, of which there are so many ticks, and of others; of those that
+#: are split by windows, which are reviewed at every tick.
+_STEPS, _YOUNG_TICKS, _LATER_STEPS, _SPLIT_STEPS = 3, 20, 2, 1
 
 #: Hypotheses less probable than this ask for no review.
 _TELLING = 0.02
@@ -147,7 +148,8 @@ class Fitting:
         if not len(trial):
             return trial
         trial, fresh = windows.laid(trial)
-        parts = ((np.isin(trial.track, older) & ~fresh, _LATER_STEPS), (~np.isin(trial.track, older) | fresh, _STEPS))
+        young, split = ~np.isin(trial.track, older) | fresh, trial.window[:, 3] > 0.0
+        parts = ((young, _STEPS), (~young & ~split, _LATER_STEPS), (~young & split, _SPLIT_STEPS))
         trial = Hypotheses.concatenate(
             [self._relinearised(trial.take(part), rows, seen, tick_s, steps) for part, steps in parts]
         )
@@ -166,31 +168,38 @@ class Fitting:
     def _settled(self, hypotheses: Hypotheses, family: Family, seen: Seen, tick_s: float) -> Hypotheses:
         """Return the hypotheses at the solutions of their normal equations, given when their burns may end."""
         solution = fit.solved(hypotheses, self.priors, self.watch.bias_sigma_rad)
-        solution = self._ended(hypotheses, solution, family, seen, tick_s)
+        solution, end = self._ended(hypotheses, solution, family, seen, tick_s)
         return evolve(
             hypotheses,
+            end=end,
             parameters=fit.moved(hypotheses, solution.parameters, self.priors),
             spread=solution.spread,
             evidence=solution.evidence,
             misfit=solution.misfit,
         )
 
-    def _ended(self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: Seen, tick_s: float) -> Solved:
-        """Return the solution given what was seen, and not seen, of the ends of burns."""
+    def _ended(
+        self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: Seen, tick_s: float
+    ) -> tuple[Solved, FloatArray]:
+        """Return the solution given what was seen, or not, of the ends of burns, and rules (n, 2, nodes) for these."""
         slope = np.zeros((len(hypotheses), SIZE))
-        slope[:, START], slope[:, BURN] = 1.0, family.courses.burn_s
+        slope[:, START], slope[:, BURN] = 1.0 / family.courses.burn_s, 1.0
         away = solution.parameters - hypotheses.parameters
-        mean_s = family.burnout_s + np.sum(slope * away, axis=1)
+        mean = np.log(family.courses.burn_s) + np.sum(slope * away, axis=1)
         spread = solution.spread * solution.misfit[:, None, None]
         gain = np.sum(spread * slope[:, None], axis=2)
         variance = np.sum(gain * slope, axis=1)
         silence = seen.of(hypotheses.track).silence(hypotheses.kind, tick_s, self.watch)
-        ends = ends_of(mean_s, variance, silence)
+        ends = ends_of(family.start_s, mean, variance, silence)
         gain = gain / variance[:, None]
-        parameters = solution.parameters + gain * (ends.mean_s - mean_s)[:, None]
-        less = (variance - ends.variance_s2)[:, None, None]
-        told = spread - less * gain[:, :, None] * gain[:, None, :]
-        return Solved(parameters, told, solution.evidence + ends.evidence, solution.misfit)
+        less = (variance - ends.variance)[:, None, None]
+        settled = Solved(
+            solution.parameters + gain * (ends.mean - mean)[:, None],
+            spread - less * gain[:, :, None] * gain[:, None, :],
+            solution.evidence + ends.evidence,
+            solution.misfit,
+        )
+        return settled, np.stack([ends.nodes, ends.weights], axis=1)
 
 
 def _has_moved(hypotheses: Hypotheses) -> BoolArray:

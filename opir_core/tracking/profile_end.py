@@ -1,8 +1,8 @@
 """When a burn ends, from the looks that detect and those that do not.
 
 Light that was seen says that the burn lasted to then; each look after it that saw nothing is as improbable as a missed
-detection if the burn went on. The fit's normal distribution of the end of the burn times that likelihood is no normal
-distribution; its mean and variance are taken over by quadrature, which for those two is exact.
+detection if the burn went on. The fit's normal distribution of the logarithm of the burn's length times that likelihood
+is no normal distribution; its mean and variance are taken over by quadrature, which for those two is exact.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,10 @@ from opir_core.records import FloatArray, IntArray
 _LOST = 1e-5
 
 #: Places of the quadrature, and the finest distance between them, s.
-_PLACES, _FINEST_S = 96, 0.02
+_PLACES, _FINEST_S = 128, 0.02
+
+#: Nodes of Gauss's rule for what depends on the end of a burn.
+RULE = 5
 
 #: Beyond so many standard deviations an end is out of the question.
 _FAR = 5.0
@@ -41,48 +44,92 @@ class Silence:
 
 
 class Ends(NamedTuple):
-    """Means, s, and variances (n,), s², of the ends of burns, and the logarithms of the likelihoods (n,)."""
+    """Burns' lengths: means and variances (n,) of their logarithms, and the logarithms of the likelihoods (n,).
 
-    mean_s: FloatArray
-    variance_s2: FloatArray
+    `nodes` and `weights` (n, nodes) are Gauss's rule for their distribution, of mean 0 and variance 1: what is taken
+    over the end of a burn needs no more than these places.
+    """
+
+    mean: FloatArray
+    variance: FloatArray
     evidence: FloatArray
+    nodes: FloatArray
+    weights: FloatArray
 
 
-def ends_of(mean_s: FloatArray, variance_s2: FloatArray, silence: Silence) -> Ends:
-    """Return the ends of burns that the fit holds for normal (n,), given the silence."""
-    sigma = np.sqrt(variance_s2)
+def ends_of(start_s: FloatArray, mean: FloatArray, variance: FloatArray, silence: Silence) -> Ends:
+    """Return the ends of burns from starts (n,), the logarithms of whose lengths the fit holds for normal (n,)."""
+    sigma = np.sqrt(variance)
     last = np.max(np.where(np.isfinite(silence.last_s), silence.last_s, -np.inf), axis=1, initial=-np.inf)
     until = np.max(np.where(np.isfinite(silence.last_s), silence.until_s, -np.inf), axis=1, initial=-np.inf)
-    near = np.flatnonzero(np.isfinite(last) & (mean_s - _FAR * sigma < np.maximum(last, until)))
-    mean, variance = mean_s.copy(), variance_s2.copy()
-    evidence = sum(_log_silence(silence, each, mean_s[:, None])[:, 0] for each in range(silence.last_s.shape[1]))
-    evidence = np.zeros(len(mean_s)) + evidence
+    early = start_s + np.exp(mean - _FAR * sigma)
+    near = np.flatnonzero(np.isfinite(last) & (early < np.maximum(last, until)) & (last > start_s))
+    middle = (start_s + np.exp(mean))[:, None]
+    evidence = sum(_log_silence(silence, each, middle)[:, 0] for each in range(silence.last_s.shape[1]))
+    found = Ends(mean.copy(), variance.copy(), np.zeros(len(mean)) + evidence, *normal_rule(len(mean)))
     if len(near):
-        part = silence.take(near)
-        found = _moments(mean_s[near], sigma[near], last[near], until[near], part)
-        mean[near], variance[near], evidence[near] = found
-    return Ends(mean, variance, evidence)
+        part = _moments(start_s[near], mean[near], sigma[near], last[near], until[near], silence.take(near))
+        for whole, some in zip(found, part, strict=True):
+            whole[near] = some
+    return found
+
+
+def normal_rule(count: int) -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights (n, nodes) of Gauss and Hermite's rule."""
+    from numpy.polynomial.hermite_e import hermegauss
+
+    nodes, weights = hermegauss(RULE)
+    return np.tile(nodes, (count, 1)), np.tile(weights / weights.sum(), (count, 1))
 
 
 def _moments(
-    mean: FloatArray, sigma: FloatArray, last: FloatArray, until: FloatArray, silence: Silence
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return means, variances and log likelihoods of n burns, over ends e = last + fine (e^x - 1), x evenly spaced."""
-    reach = np.maximum(np.maximum(mean + 6.0 * sigma, until) - last, sigma) + 1.0
+    start: FloatArray, mean: FloatArray, sigma: FloatArray, last: FloatArray, until: FloatArray, silence: Silence
+) -> Ends:
+    """Return the ends of n burns, by quadrature over ends e = last + fine (e^x - 1), x evenly spaced."""
+    latest = np.maximum(start + np.exp(mean + 6.0 * sigma), until)
+    reach = np.maximum(latest - last, sigma * (last - start)) + 1.0
     top = np.log1p(reach / _FINEST_S)
     x = (np.arange(_PLACES) + 0.5) / _PLACES * top[:, None]
     after = _FINEST_S * np.expm1(x)
-    log = np.log(_FINEST_S * np.exp(x) * (top / _PLACES)[:, None])
-    log = log - 0.5 * np.square((last[:, None] + after - mean[:, None]) / sigma[:, None])
+    burn = (last - start)[:, None] + after
+    length = np.log(burn)
+    log = np.log(_FINEST_S * np.exp(x) * (top / _PLACES)[:, None] / burn)
+    log = log - 0.5 * np.square((length - mean[:, None]) / sigma[:, None])
     for sensor in range(silence.last_s.shape[1]):
         log = log + _log_silence(silence, sensor, last[:, None] + after)
     most = log.max(axis=1)
     share = np.exp(log - most[:, None])
     total = share.sum(axis=1)
-    middle = (share * after).sum(axis=1) / total
-    variance = (share * np.square(after - middle[:, None])).sum(axis=1) / total
+    share = share / total[:, None]
+    middle = (share * length).sum(axis=1)
+    apart = length - middle[:, None]
+    variance = (share * np.square(apart)).sum(axis=1)
     evidence = most + np.log(total) - np.log(sigma * np.sqrt(2.0 * np.pi))
-    return last + middle, np.maximum(variance, _FINEST_S**2), evidence
+    rule = _gauss_rule(apart / np.sqrt(np.maximum(variance, 1e-30))[:, None], share)
+    return Ends(middle, np.maximum(variance, np.square(_FINEST_S / (last - start))), evidence, *rule)
+
+
+def _gauss_rule(value: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return Gauss's rule (n, nodes) of distributions over places (n, m), of mean 0 and variance 1.
+
+    The recurrence of the orthogonal polynomials is Stieltjes's; nodes are the eigenvalues of its Jacobi matrix (Golub
+    and Welsch, Math. Comp. 23, 1969, 221).
+    """
+    count = len(value)
+    matrix = np.zeros((count, RULE, RULE))
+    before, here, size = np.zeros_like(value), np.ones_like(value), np.ones(count)
+    squared = np.zeros(count)
+    for order in range(RULE):
+        square = share * here * here
+        norm = square.sum(axis=1)
+        if order:
+            squared = norm / size
+            matrix[:, order, order - 1] = matrix[:, order - 1, order] = np.sqrt(np.maximum(squared, 0.0))
+        shift = (square * value).sum(axis=1) / np.maximum(norm, 1e-300)
+        matrix[:, order, order] = shift
+        before, here, size = here, (value - shift[:, None]) * here - squared[:, None] * before, np.maximum(norm, 1e-300)
+    nodes, axes = np.linalg.eigh(matrix)
+    return nodes, np.square(axes[:, 0])
 
 
 def _log_silence(silence: Silence, sensor: int, end: FloatArray) -> FloatArray:

@@ -15,20 +15,9 @@ from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.profile_coordinates import fitted, natural
-from opir_core.tracking.profile_family import (
-    BURN,
-    LIFT,
-    PITCH,
-    SIZE,
-    STRAIGHT_RAD,
-    TURN_EAST,
-    TURN_NORTH,
-    Anchors,
-    Family,
-    Places,
-    Priors,
-)
+from opir_core.tracking.profile_coordinates import BURN, LIFT, PITCH, SIZE, TURN_EAST, TURN_NORTH, fitted, natural
+from opir_core.tracking.profile_end import normal_rule
+from opir_core.tracking.profile_family import STRAIGHT_RAD, Anchors, Family, Places, Priors
 from opir_core.tracking.profile_rows import Rows
 
 #: The largest change of a parameter in one step.
@@ -48,7 +37,8 @@ class Hypotheses(Columns):
     estimate and `evidence` (n,) the logarithm of the marginal likelihood; `misfit` (n,) is by how much
     the rows' squares exceed what their errors explain, 1 where they do not; `stood`
     (n, 10) is the estimate at the last review. While `is_bent` is False the turn has no
-    direction yet, and its prior none either.
+    direction yet, and its prior none either. `window` (n, 4) is what the lean is seen through: direction, place and
+    1/σ², all 0 of none; `end` (n, 2, nodes) are nodes, in standard deviations, and weights for the end of the burn.
     """
 
     track: IntArray
@@ -70,6 +60,7 @@ class Hypotheses(Columns):
     stood: FloatArray
     is_bent: IntArray
     window: FloatArray
+    end: FloatArray
 
     @property
     def anchors(self) -> Anchors:
@@ -112,6 +103,7 @@ def blank(count: int, sensors: int) -> Hypotheses:
         stood=vector,
         is_bent=whole,
         window=np.zeros((count, 4)),
+        end=np.stack(normal_rule(count), axis=1),
     )
 
 

@@ -57,21 +57,35 @@ def states(
 
     Covariances are those of the two-body problem: they differ by far less than the states.
     """
-    burning = tick_s <= family.burnout_s
+    mean, by_parameters = sloped_states(family, tick_s, ends, slope)
+    late = np.flatnonzero(tick_s > family.burnout_s)
+    if len(late) and forces != "kepler":
+        # In air too dense to be followed, and below the ground, there is only the two-body flight.
+        forced = _flown(ends.mean[late], tick_s, forces)
+        known = np.asarray(np.isfinite(forced).all(axis=1))
+        mean[late] = np.where(known[:, None], forced, mean[late])
+    return Moments(mean, _through(by_parameters, spread))
+
+
+def sloped_states(family: Family, tick_s: float, ends: Moments, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the states (n, 6) at a tick, in the two-body problem, and their slopes by the parameters (n, 6, 10)."""
     mean, by_parameters = _state(family, np.minimum(np.maximum(tick_s, family.start_s), family.burnout_s))
-    late = np.flatnonzero(~burning)
+    late = np.flatnonzero(tick_s > family.burnout_s)
     if len(late):
-        mean[late] = two_body = _flown(ends.mean[late], tick_s)
+        mean[late] = _flown(ends.mean[late], tick_s)
         moved = _stepped(ends.mean[late])
         flown = _flown(moved.reshape(-1, 7), tick_s).reshape(7, -1, 6)
-        by_end = np.moveaxis((flown - two_body) / _STEPS[:, None, None], 0, 2)
+        by_end = np.moveaxis((flown - mean[late]) / _STEPS[:, None, None], 0, 2)
         by_parameters[late] = by_end @ slope[late]
-        if forces != "kepler":
-            # In air too dense to be followed, and below the ground, there is only the two-body flight.
-            forced = _flown(ends.mean[late], tick_s, forces)
-            known = np.asarray(np.isfinite(forced).all(axis=1))
-            mean[late] = np.where(known[:, None], forced, two_body)
-    return Moments(mean, _through(by_parameters, spread))
+    return mean, by_parameters
+
+
+def sloped_impacts(ends: Moments, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return impacts (n, 3), as `impacts` does, in free flight, and slopes (n, 3, 10) of east, north and time."""
+    middle = _landed(ends.mean)
+    moved = _landed(_stepped(ends.mean).reshape(-1, 7)).reshape(7, -1, 3)
+    by_end = np.moveaxis(on_ground(moved, middle) / _STEPS[:, None, None], 0, 2)
+    return middle, by_end @ slope
 
 
 def impacts(ends: Moments, slope: FloatArray, spread: FloatArray, forces: "ForceModel") -> Moments:
@@ -82,10 +96,7 @@ def impacts(ends: Moments, slope: FloatArray, spread: FloatArray, forces: "Force
     where one of them does not come down.
     """
     count = len(ends.mean)
-    middle = _landed(ends.mean)
-    moved = _landed(_stepped(ends.mean).reshape(-1, 7)).reshape(7, count, 3)
-    by_end = np.moveaxis(on_ground(moved, middle) / _STEPS[:, None, None], 0, 2)
-    linear = by_end @ slope
+    middle, linear = sloped_impacts(ends, slope)
     cloud, weights = _cloud(ends, slope, spread, linear)
     away = on_ground(_landed(cloud.reshape(-1, 7)).reshape(-1, count, 3), middle)
     mean = np.sum(weights[:, None, None] * away, axis=0)
@@ -97,6 +108,37 @@ def impacts(ends: Moments, slope: FloatArray, spread: FloatArray, forces: "Force
     covariance[:, 2, 2] += np.maximum(left, 0.0)
     centre = middle if forces == "kepler" else _forced(ends.mean, forces)
     return Moments(off_ground(mean, centre), covariance)
+
+
+def open_impacts(
+    ends: Moments, parts: list[tuple[Moments, FloatArray, FloatArray]], weights: FloatArray, forces: "ForceModel"
+) -> Moments:
+    """Return impacts, as `impacts` does, of burns whose ends are open: sums over parts that end at other times.
+
+    `parts` are ends, their slopes and the parameters' covariances of n hypotheses each, `weights` (n, parts) theirs.
+    What does not come down is left out: targets do.
+    """
+    middle = _landed(ends.mean)
+    means, covariances = [], []
+    for there, slope, spread in parts:
+        point, linear = sloped_impacts(there, slope)
+        means.append(on_ground(point, middle))
+        covariances.append(_through(linear, spread))
+    away, within = np.stack(means, axis=1), np.stack(covariances, axis=1)
+    known = np.asarray(np.isfinite(away).all(axis=2) & np.isfinite(within).all(axis=(2, 3)))
+    share = np.where(known, weights, 0.0)
+    total = share.sum(axis=1)
+    share = share / np.where(total > _LEAST_KNOWN, total, np.nan)[:, None]
+    away, within = np.where(known[..., None], away, 0.0), np.where(known[..., None, None], within, 0.0)
+    mean = np.sum(share[:, :, None] * away, axis=1)
+    apart = away - mean[:, None]
+    covariance = np.sum(share[..., None, None] * (within + apart[..., :, None] * apart[..., None, :]), axis=1)
+    centre = middle if forces == "kepler" else _forced(ends.mean, forces)
+    return Moments(off_ground(mean, centre), covariance)
+
+
+#: An impact of which less than this share comes down is not known.
+_LEAST_KNOWN = 0.3
 
 
 def _cloud(ends: Moments, slope: FloatArray, spread: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray]:

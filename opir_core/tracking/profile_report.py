@@ -6,10 +6,11 @@ Estimates of a track's hypotheses are blended by their probabilities; the covari
 from typing import TYPE_CHECKING
 
 import numpy as np
+from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray, Tracks
 from opir_core.tracking import profile_flight as flight
-from opir_core.tracking.profile_family import EAST, NORTH, RADIUS_M, START, Family, Priors
+from opir_core.tracking.profile_family import BURN, EAST, NORTH, RADIUS_M, SIZE, START, Family, Priors
 from opir_core.tracking.profile_fit import Hypotheses, family_of
 from opir_core.tracking.profile_flight import Moments, off_ground, on_ground
 
@@ -43,7 +44,7 @@ def report(
     ends, slope = flight.burnouts(family, spread)
     state = flight.states(family, spread, tick_s, ends, slope, forces)
     state.covariance[...] += _at_rest(family, spread, tick_s)
-    places = _launches(hypotheses, family), flight.impacts(ends, slope, spread, forces)
+    places = _launches(hypotheses, family), _impacts(hypotheses, family, ends, slope, priors, forces)
     launch, impact = (_blended(each, weight, row, len(number), True) for each in places)
     state, ends = (_blended(each, weight, row, len(number), False) for each in (state, ends))
     types = np.zeros((len(number), 4))
@@ -62,6 +63,38 @@ def report(
         burnout=ends.mean,
         burnout_covariance=ends.covariance,
     )
+
+
+def _impacts(
+    hypotheses: Hypotheses, family: Family, ends: Moments, slope: FloatArray, priors: Priors, forces: "ForceModel"
+) -> Moments:
+    """Return impacts; where the end of the burn is open, as sums over when it may come."""
+    spread, by_end = hypotheses.spread, np.zeros((len(hypotheses), SIZE))
+    by_end[:, START], by_end[:, BURN] = 1.0 / family.courses.burn_s, 1.0
+    gain = np.sum(spread * by_end[:, None], axis=2)
+    variance = np.sum(gain * by_end, axis=1)
+    opens = variance > _OPEN**2
+    rows, closed = np.flatnonzero(opens), np.flatnonzero(~opens)
+    if not len(rows):
+        return flight.impacts(ends, slope, spread, forces)
+    gain, sigma = gain[rows] / variance[rows, None], np.sqrt(variance[rows])
+    left = spread[rows] - variance[rows, None, None] * gain[:, :, None] * gain[:, None]
+    nodes, weights = hypotheses.end[rows, 0], hypotheses.end[rows, 1]
+    parts = []
+    for node in nodes.T:
+        parameters = hypotheses.parameters[rows] + gain * (sigma * node)[:, None]
+        there = family_of(evolve(hypotheses.take(rows), parameters=parameters), priors)
+        parts.append((*flight.burnouts(there, left), left))
+    others = flight.open_impacts(ends.take(rows), parts, weights, forces)
+    if not len(closed):
+        return others
+    found = flight.impacts(ends.take(closed), slope[closed], spread[closed], forces)
+    every = Moments.concatenate([found, others])
+    return every.take(np.argsort(np.concatenate([closed, rows])))
+
+
+#: A burn whose length is less certain than this, of it, has an open end.
+_OPEN = 0.01
 
 
 def _withhold_vague(impact: Moments, largest_m: float) -> None:

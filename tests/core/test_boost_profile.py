@@ -170,31 +170,40 @@ def silence(last, until, chance=0.5, period=0.1):
     return Silence(*(np.array([[value]]) for value in (last, until, chance)), np.array([period]))
 
 
-def test_an_end_that_may_be_any_time_after_the_last_light_is_a_truncated_normal():
-    from scipy.stats import truncnorm
+def test_an_end_that_may_be_any_time_after_the_last_light_is_a_truncated_lognormal():
+    from scipy.integrate import quad
+    from scipy.stats import norm, truncnorm
 
-    found = ends_of(np.array([100.0]), np.array([64.0]), silence(104.0, 104.0))
-    law = truncnorm((104.0 - 100.0) / 8.0, np.inf, loc=100.0, scale=8.0)
-    assert found.mean_s == pytest.approx(law.mean(), abs=0.02)
-    assert found.variance_s2 == pytest.approx(law.var(), rel=0.01)
-    assert np.exp(found.evidence) == pytest.approx(0.3085, rel=0.01)
+    start, mean, sigma, last = 4.0, np.log(96.0), 0.08, 104.0
+    found = ends_of(np.array([start]), np.array([mean]), np.array([sigma**2]), silence(last, last))
+    law = truncnorm((np.log(last - start) - mean) / sigma, np.inf, loc=mean, scale=sigma)
+    assert found.mean == pytest.approx(law.mean(), abs=2e-4)
+    assert found.variance == pytest.approx(law.var(), rel=0.01)
+    assert np.exp(found.evidence) == pytest.approx(norm.sf(np.log(last - start), mean, sigma), rel=0.01)
+    # Three nodes are exact for polynomials of the fifth degree.
+    there = found.mean + np.sqrt(found.variance) * found.nodes[0]
+    for power in range(6):
+        exact = quad(lambda x, n=power: (x - mean) ** n * law.pdf(x), law.ppf(0.0), law.ppf(1.0 - 1e-12))[0]
+        assert np.sum(found.weights[0] * (there - mean) ** power) == pytest.approx(exact, rel=0.02)
 
 
 def test_silence_ends_a_burn_within_a_geometric_number_of_looks():
     last, until = np.full((1, 2), 104.0), np.full((1, 2), 110.0)
     both = Silence(last, until, np.full((1, 2), 0.5), np.full(2, 0.1))
-    found = ends_of(np.array([104.0]), np.array([400.0]), both)
+    start, sigma = np.zeros(1), np.array([0.04])
+    found = ends_of(start, np.log([104.0]), sigma, both)
     missed = np.arange(60)
     weight = 0.25**missed
-    assert found.mean_s - 104.0 == pytest.approx(np.sum(weight * (missed + 0.5) * 0.1) / weight.sum(), rel=0.02)
-    far = ends_of(np.array([300.0]), np.array([400.0]), both)
+    expected = np.sum(weight * (missed + 0.5) * 0.1) / weight.sum()
+    assert np.exp(found.mean) - 104.0 == pytest.approx(expected, rel=0.02)
+    far = ends_of(start, np.log([300.0]), sigma, both)
     assert far.evidence < found.evidence - 10.0
 
 
 def test_a_sensor_that_fails_does_not_end_a_burn_that_another_sees():
     both = Silence(np.array([[50.0, 90.0]]), np.array([[90.0, 90.0]]), np.full((1, 2), 0.8), np.full(2, 0.1))
-    found = ends_of(np.array([120.0]), np.array([100.0]), both)
-    assert found.mean_s == pytest.approx(120.0, abs=0.5)
+    found = ends_of(np.zeros(1), np.log([120.0]), np.array([0.0069]), both)
+    assert np.exp(found.mean) == pytest.approx(120.0, abs=0.5)
 
 
 def told(kind, runs, seed, ticks, biases_rad=0.0, sensors=2, priors=PRIORS):
