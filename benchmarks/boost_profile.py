@@ -67,7 +67,9 @@ MARKS = ("20 s", "50 %", "75 %", "95 %", "5 s after")
 
 PAGE = """# The tracker boost-profile on its own family
 
-Made by `python benchmarks/boost_profile.py --write docs/benchmarks`. {docstring}
+Made by `python benchmarks/boost_profile.py --runs {runs} --write docs/benchmarks`.
+
+{docstring}
 
 Up to {runs} runs a line (the column says how many count), so that a ratio is known to about {ratio:.0f} % (position,
 velocity) and a share of 95 % lies in {low:.0f} to 100 % by chance. "/ bound" has its 95 % interval (bootstrap) behind

@@ -10,7 +10,7 @@ from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray, Tracks
 from opir_core.tracking import profile_flight as flight
-from opir_core.tracking.profile_family import BURN, EAST, NORTH, RADIUS_M, SIZE, START, Family, Priors
+from opir_core.tracking.profile_family import BURN, EAST, LIFT, NORTH, RADIUS_M, SIZE, START, Family, Priors
 from opir_core.tracking.profile_fit import Hypotheses, family_of
 from opir_core.tracking.profile_flight import Moments, off_ground, on_ground
 
@@ -44,6 +44,7 @@ def report(
     ends, slope = flight.burnouts(family, spread)
     state = flight.states(family, spread, tick_s, ends, slope, forces)
     state.covariance[...] += _at_rest(family, spread, tick_s)
+    state.covariance[...] += _upright(family, spread, tick_s, state.mean)
     places = _launches(hypotheses, family), _impacts(hypotheses, family, ends, slope, priors, forces)
     launch, impact = (_blended(each, weight, row, len(number), True) for each in places)
     state, ends = (_blended(each, weight, row, len(number), False) for each in (state, ends))
@@ -121,6 +122,26 @@ def _at_rest(family: Family, spread: FloatArray, tick_s: float) -> FloatArray:
     sigma = np.concatenate([np.full(3, 0.5 * _ACCELERATION_M_S2), np.full(3, _ACCELERATION_M_S2)])
     times = doubt_s[:, None] ** np.array([2, 2, 2, 1, 1, 1])
     variance = np.where(waits[:, None], np.square(sigma * times), 0.0)
+    more: FloatArray = variance[:, :, None] * np.eye(6)
+    return more
+
+
+def _upright(family: Family, spread: FloatArray, tick_s: float, state: FloatArray) -> FloatArray:
+    """Return the covariances (n, 6, 6) by which states of upright flight are less certain than their slopes say.
+
+    A target that is estimated to pitch over later may have done so already: it then leans by what the time in doubt
+    bends it.
+    """
+    flown = family.courses
+    pitch_s = flown.lift * flown.burn_s
+    both = spread[:, START, START] + 2.0 * pitch_s * spread[:, START, LIFT]
+    doubt_s = np.sqrt(np.maximum(both + np.square(pitch_s) * spread[:, LIFT, LIFT], 0.0))
+    upright = tick_s <= family.start_s + pitch_s + doubt_s
+    share = np.minimum(doubt_s / flown.burn_s, 1.0) ** flown.pitch_exponent
+    lean = flown.turn_rad * np.sin(0.5 * np.pi * share)
+    sideways = 0.5 * lean * np.sqrt(np.sum(np.square(state[:, 3:]), axis=1))
+    sigma = np.stack([0.5 * sideways * doubt_s] * 3 + [sideways] * 3, axis=1)
+    variance = np.where(upright[:, None], np.square(sigma), 0.0)
     more: FloatArray = variance[:, :, None] * np.eye(6)
     return more
 

@@ -274,6 +274,17 @@ def test_natural_parameters_and_back():
         assert slope[:, :, index] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-7)
 
 
+def test_a_target_that_still_climbs_straight_may_lean_already():
+    truth = flights("ICBM", 5, 1)
+    sigma = np.array([50.0, 50.0, 3.0, 0.3, 0.3, 0.02, 0.2, 0.2, 0.15, 0.3])
+    climbing = evolve(truth, spread=np.tile(np.diag(np.square(sigma)), (5, 1, 1)))
+    told = report(climbing, np.ones(5), 10.0, PRIORS, "kepler", np.inf)
+    family = fit.family_of(truth, PRIORS)
+    assert np.all(family.start_s + family.courses.lift * family.courses.burn_s > 10.0)
+    # Metres a second in every direction, of about a hundred upwards.
+    assert np.linalg.eigvalsh(told.state_covariance[:, 3:, 3:])[:, 0].min() > 1.0
+
+
 def test_impact_ellipses_hold_the_truth():
     truth, (found,) = told("SRBM", 30, 11, None)
     _, impact, _ = true_values(truth, float(found.tick_s[0]))
