@@ -55,7 +55,11 @@ class Fitting:
         begun = np.setdiff1d(seen.track, bank.seen.track)
         hypotheses = Hypotheses.concatenate([bank.hypotheses, self._begun(fresh, begun)])
         bank = Bank(hypotheses, bank.rows, seen, ticks + 1)
-        return self._fitted(strained(bank, fresh, self.priors), fresh, tick_s) if len(hypotheses) else bank
+        return (
+            self._fitted(strained(bank, fresh, self.priors, self.watch.bias_sigma_rad), fresh, tick_s)
+            if len(hypotheses)
+            else bank
+        )
 
     def _points(self, bank: Bank, track: IntArray, rays: Rays) -> tuple[Rows, Rows]:
         """Return the normal points of rays, and the rays as rows at the times at which light left."""

@@ -69,7 +69,7 @@ class Bank:
         )
 
 
-def strained(bank: Bank, fresh: Rows, priors: Priors) -> Bank:
+def strained(bank: Bank, fresh: Rows, priors: Priors, bias_sigma_rad: FloatArray) -> Bank:
     """Return the bank, before fresh rows (m,) are taken in, with the past weakened of tracks that fly otherwise."""
     likely = hypotheses_of.likeliest(bank.hypotheses.take(bank.hypotheses.rows > 0.0))
     mine = np.isin(fresh.track, likely.track)
@@ -77,7 +77,7 @@ def strained(bank: Bank, fresh: Rows, priors: Priors) -> Bank:
     if not len(fresh):
         return bank
     owner = np.searchsorted(likely.track, fresh.track)
-    innovation = _innovations(likely, fresh, owner, priors)
+    innovation = _innovations(likely, fresh, owner, priors, bias_sigma_rad)
     seen = _drifted(bank.seen, fresh, innovation)
     tried = bank.ticks[np.searchsorted(seen.track, fresh.track)] > _UNTRIED
     seen = judged(seen, fresh.take(tried), innovation[tried])
@@ -140,9 +140,15 @@ def judged(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
     return evolve(seen, lean=lean, doubt=doubt, strange=odds, newest=newest, rough=rough, jumps=jumps)
 
 
-def _innovations(likely: Hypotheses, rows: Rows, owner: IntArray, priors: Priors) -> FloatArray:
-    """Return by how many standard deviations (m, 2) rows differ from what is expected, whitened."""
+def _innovations(
+    likely: Hypotheses, rows: Rows, owner: IntArray, priors: Priors, bias_sigma_rad: FloatArray
+) -> FloatArray:
+    """Return by how many standard deviations (m, 2) rows differ from what is expected, whitened.
+
+    What is known of the sensors' biases is expected.
+    """
     expected, slope = fit.linearised(fit.family_of(likely, priors), rows, owner)
+    expected = expected + _biases(likely, bias_sigma_rad)[owner, rows.sensor]
     spread = likely.spread[owner]
     through = np.sum(spread[:, None] * slope[:, :, None], axis=3)
     total = np.sum(through[:, :, None] * slope[:, None], axis=3)
@@ -153,6 +159,14 @@ def _innovations(likely: Hypotheses, rows: Rows, owner: IntArray, priors: Priors
     x = expected[:, 0] / first
     white = np.stack([x, (expected[:, 1] - lean * x) / second], axis=1)
     return np.asarray(np.clip(np.nan_to_num(white), -_STRAYS, _STRAYS))
+
+
+def _biases(likely: Hypotheses, bias_sigma_rad: FloatArray) -> FloatArray:
+    """Return the biases (n, sensors, 2), rad, that the rows of hypotheses tell, given the path."""
+    variance = np.square(bias_sigma_rad)
+    left = likely.pulled - np.sum(likely.pull * likely.parameters[:, None, :, None], axis=2)
+    told: FloatArray = (variance / (1.0 + variance * likely.weight))[:, :, None] * left
+    return told
 
 
 def _faded(bank: Bank, share: FloatArray) -> Bank:

@@ -5,17 +5,18 @@ import pytest
 from attrs import evolve
 from followed_flights import last_told, usual
 from other_flights import Flown, away_from, flown
-from profile_flights import PRIORS, flights, watch_of
+from profile_flights import PRIORS, flights, lines_of_sight, watch_of
 
 from opir_core.flight import Drag, Forces, propagate
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state
 from opir_core.records import Tracks
 from opir_core.scoring.consistency import nees
 from opir_core.tracking import profile_fit, profile_flight
+from opir_core.tracking.profile_bank import Fitting
 from opir_core.tracking.profile_family import SIZE
 from opir_core.tracking.profile_rows import Rows
 from opir_core.tracking.profile_seen import FIRST_STRANGE, Seen
-from opir_core.tracking.profile_strain import TURNS, judged
+from opir_core.tracking.profile_strain import TURNS, Bank, judged
 from opir_core.tracking.profile_trust import blended
 
 
@@ -178,3 +179,19 @@ def test_states_after_the_burn_are_under_the_forces_of_the_scene():
     assert np.abs(told - expected).max() < 1.0
     two_body = profile_flight.states(family, none, tick_s, ends, slope).mean
     assert np.abs(two_body - expected)[:, :3].max() > 30.0
+
+
+def test_biases_that_sensors_tell_of_make_no_target_strange():
+    truth = flights("SRBM", 8, 23)
+    track, rays = lines_of_sight(truth, 2e-5, 23, biases_rad=6e-5)
+    odds = []
+    for told_rad in (6e-5, 0.0):
+        fitting, bank, cut = Fitting(PRIORS, watch_of(2, bias_sigma_rad=told_rad), True), Bank.empty(2), 0
+        for tick in range(1, 36):
+            end = int(np.searchsorted(rays.time_s, tick))
+            bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
+            cut = end
+        odds.append(bank.seen.strange)
+    # Each of eight is called strange by chance once in twenty: four or more are a case of one in a thousand.
+    assert np.count_nonzero(odds[0] > 0.0) < 4
+    assert np.count_nonzero(odds[1] > 0.0) > 4
