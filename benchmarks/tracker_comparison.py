@@ -48,8 +48,9 @@ All four lines get the same detections and the same association, so they differ 
   detections, whatever the error is.
 * **With a short memory** the arc follows the last seconds. It no longer drifts off, yet lags behind a target that
   accelerates, by about the acceleration times the memory, and its covariance knows nothing of that.
-* **stereo-filter** has specific force and jerk in its state, so it does not lag. Its errors stand near the bound
-  *with the thrust unknown* (/unknown about 1), which is what directions can tell without a model of the target. It
+* **stereo-filter** has the specific force in its state, so it does not lag. It takes for granted that a boost is about
+  along the velocity and grows slowly, whatever the class: so it may stand below the bound *with the thrust unknown*
+  (/unknown below 1), which is what directions can tell with any force; with `boost_model: jerk` it stands at it. It
   tells an impact once the target coasts; until then where it comes down depends on when its burn ends, which is not
   in the directions.
 * **boost-profile** is below that bound, for it knows what boosts of the generic classes look like; here its targets

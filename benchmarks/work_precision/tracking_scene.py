@@ -62,6 +62,7 @@ TRACKERS = {
     "stereo-filter, 0.2 s": {"model": "stereo-filter", "cadence_s": 0.2},
     "stereo-filter, 1 s": {"model": "stereo-filter"},
     "stereo-filter, 5 s": {"model": "stereo-filter", "cadence_s": 5.0, "slice_s": 5.0},
+    "stereo-filter, jerk, 1 s": {"model": "stereo-filter", "boost_model": "jerk"},
     "Stone Soup EKF, acceleration, 1 s": {"model": "stonesoup"},
     "Stone Soup EKF, jerk, 1 s": {"model": "stonesoup", "motion": "jerk", "noise": 0.3},
     "Stone Soup UKF, jerk, 1 s": {"model": "stonesoup", "filter": "ukf", "motion": "jerk", "noise": 0.3},
@@ -84,7 +85,8 @@ not times. A tracker below 1 of the second had more to go by than directions.
 
 kepler-arc, boost-profile and stereo-filter share the association of the last. kepler-arc is the paper's: a thrusting
 target is on no Keplerian arc, so more detections do not help it. boost-profile knows the generic classes, of which
-the target is one. FilterPy's filter is told which detections are the target's; the others find out.
+the target is one; stereo-filter knows that a boost is about along the velocity, and with `jerk` not even that.
+FilterPy's filter is told which detections are the target's; the others find out.
 """
 
 
@@ -187,7 +189,7 @@ def plot(found: list[Line], path: Path) -> None:
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 5), sharex=True)
     for number, line in enumerate(found):
         for axes, ratio in ((left, line.position.unknown), (right, line.velocity.unknown)):
-            axes.loglog(line.detection_us, ratio, "osDv^<>PX*h"[number % 11], label=line.name)
+            axes.loglog(line.detection_us, ratio, "osDv^<>PX*hd"[number % 12], label=line.name)
     for axes, what in ((left, "position"), (right, "velocity")):
         axes.axhline(1.0, color="grey", linewidth=0.8)
         axes.set_xlabel("µs a detection")

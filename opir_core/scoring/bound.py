@@ -19,8 +19,8 @@ from opir_core.tracking.square_root import covariance, moved, triangular
 #: Before the first look a state is known this poorly: m, m/s. It keeps the information invertible.
 PRIOR_SIGMA = (1e6, 1e6, 1e6, 1e4, 1e4, 1e4)
 
-#: How fast the jerk wanders where the thrust is not known, m/s³/√s (the stereo filter's default; notional), and how
-#: poorly specific force and jerk are known before the first look, m/s² and m/s³.
+#: How fast the jerk wanders where the thrust is not known, m/s³/√s (the stereo filter's boost model `jerk`;
+#: notional), and how poorly specific force and jerk are known before the first look, m/s² and m/s³.
 JERK_NOISE_M_S3 = 0.3
 FREE_PRIOR_SIGMA = (*PRIOR_SIGMA, 1e2, 1e2, 1e2, 1e1, 1e1, 1e1)
 
