@@ -4,6 +4,7 @@ Python's profiler sees each call of a C function, however it was imported, so no
 `from time import time`. Calls from within C code (a client library's own threads) are not seen.
 """
 
+import gc
 import random
 import sys
 import threading
@@ -59,6 +60,9 @@ def _watched() -> Iterator[list[str]]:
         if asker is not None:
             seen.append(f"{what} ({_place(asker)})")
 
+    # What others hang on the collector (hypothesis times it) is not asked by the code that happens to set it off.
+    collects = gc.isenabled()
+    gc.disable()
     earlier = sys.getprofile()
     threading.setprofile(note)
     sys.setprofile(note)
@@ -67,6 +71,8 @@ def _watched() -> Iterator[list[str]]:
     finally:
         sys.setprofile(earlier)
         threading.setprofile(earlier)
+        if collects:
+            gc.enable()
 
 
 def _forbidden(function: Any) -> str:

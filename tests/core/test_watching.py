@@ -1,0 +1,29 @@
+"""What code asks of the world, and what others ask while it happens to run."""
+
+import gc
+import time
+
+from opir_core.testing.watching import asked_of_the_world
+
+
+def many_containers() -> list[list[int]]:
+    return [[number] for number in range(200_000)]
+
+
+def test_what_hangs_on_the_collector_is_not_asked_by_the_code_that_sets_it_off():
+    def timed(phase, info):
+        time.perf_counter()
+
+    gc.callbacks.append(timed)
+    try:
+        assert asked_of_the_world(many_containers) == []
+        assert gc.isenabled()
+    finally:
+        gc.callbacks.remove(timed)
+
+
+def test_the_clock_is_seen_however_it_was_imported():
+    from time import monotonic
+
+    (told,) = asked_of_the_world(lambda: monotonic())
+    assert told.startswith("the clock: time.monotonic (core/test_watching.py, line ")
