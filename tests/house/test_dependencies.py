@@ -1,0 +1,47 @@
+"""What a package imports, its installation brings: scenes run where only the README was followed."""
+
+import ast
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+TOP = Path(__file__).resolve().parents[2]
+
+#: Distributions whose packages go by other names.
+MODULES = {"pyyaml": "yaml", "opir-core": "opir_core"}
+
+#: Imports by those who install an extra, or run tests: the module that asks for each says so itself.
+ASKED_FOR = {"sgp4", "pytest"}
+
+
+def imported(folder: Path) -> set[str]:
+    """Return the roots of all that the Python files of a folder import, wherever in them."""
+    roots: set[str] = set()
+    for path in folder.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                roots |= {name.name.partition(".")[0] for name in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                roots.add(node.module.partition(".")[0])
+    return roots - set(sys.stdlib_module_names)
+
+
+def declared(project: Path) -> set[str]:
+    """Return the modules that the dependencies of a project bring."""
+    with (project / "pyproject.toml").open("rb") as file:
+        named = tomllib.load(file)["project"].get("dependencies", [])
+    names = (re.match(r"[\w.-]+", each)[0].lower() for each in named)
+    return {MODULES.get(name, name.replace("-", "_")) for name in names}
+
+
+PACKAGES = [(TOP, TOP / "opir_core"), *((path, path / path.name) for path in sorted((TOP / "plugins").glob("opir_*")))]
+
+
+@pytest.mark.parametrize(("project", "package"), PACKAGES, ids=[package.name for _, package in PACKAGES])
+def test_everything_imported_is_installed_with_the_package(project: Path, package: Path) -> None:
+    found = imported(package)
+    assert found
+    assert found - declared(project) - declared(TOP) - ASKED_FOR - {package.name, "opir_core"} == set()
