@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from opir_core.errors import ModelError
@@ -201,6 +201,9 @@ def test_times_a_nanosecond_apart_are_told_apart():
     breaks=st.lists(st.floats(-1e5, 1e5), max_size=3),
     tolerance_m=st.sampled_from([1.0, 1e-2, 1e-5]),
 )
+@example(starts=[-2.3e-309], lengths=[1.0, 1.0, 1.0, 1.0], breaks=[0.0], tolerance_m=1.0)
+@example(starts=[-1.0], lengths=[1.0, 1.0, 1.0, 1.0], breaks=[-2.3e-309, -5e-10, -0.5], tolerance_m=1e-5)
+@example(starts=[0.0], lengths=[1.0, 1.0, 1.0, 1.0], breaks=[0.3, 0.3 + 1e-12, 0.3 + 1e-10], tolerance_m=1e-5)
 def test_any_spans_and_breaks(starts, lengths, breaks, tolerance_m):
     start = np.array(starts)
     end = start + np.array(lengths[: len(starts)])
