@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, field, frozen
 
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.assignment import components, lone, nearest, ranks
@@ -20,30 +20,46 @@ _LEAST_LOG_RATIO = -4.0
 #: A pair that a joint association believes in more than this is the ray's and the track's.
 _SURE = 0.9
 
+_UNIT = np.eye(2)
+
 #: A sight tells at least this share of what an undoubted one would, or it is left out.
 _LEAST_TOLD = 1e-3
 
 
+#: Up to so many pairs are looked through one by one for rivals.
+_FEW = 128
+
+
 class Associated(NamedTuple):
-    """The sights of tracks, whose each ray (m,) is, -1 for nobody's, and the pairs in which a ray is a track's own."""
+    """The sights of tracks, whose each ray (m,) is, -1 for nobody's, and the pairs in which a ray is a track's own.
+
+    `contested` is False where no ray had two tracks to choose from and no track two rays of a scan.
+    """
 
     sights: Sights
     owner: IntArray
     own: Pairs
+    contested: bool = True
+
+
+def _odds(chances: "Chances") -> FloatArray:
+    return np.log(chances.detection / ((1.0 - chances.detection) * 2.0 * np.pi * chances.false_per_sr))
 
 
 @frozen
 class Chances:
-    """What association takes for granted: chance of detection a look, by sensor, and false alarms a scan and sr."""
+    """What association takes for granted: chance of detection a look, by sensor, and false alarms a scan and sr.
+
+    `odds` are the logarithms of the chance of a detection over that of a miss and a false alarm in 2π sr, by sensor.
+    """
 
     detection: FloatArray
     false_per_sr: float
+    odds: FloatArray = field(default=Factory(_odds, takes_self=True), init=False)
 
     def log_ratio(self, pairs: Pairs, rays: Rays) -> FloatArray:
         """Return the log likelihood (n,) that pairs belong together over that of a miss and a false alarm."""
-        chance = self.detection[rays.sensor[pairs.ray]]
-        odds = np.log(chance / ((1.0 - chance) * 2.0 * np.pi * self.false_per_sr))
-        log: FloatArray = odds - 0.5 * (pairs.distance + pairs.log_volume)
+        log: FloatArray = self.odds.take(rays.sensor.take(pairs.ray)) - 0.5 * (pairs.distance + pairs.log_volume)
         return log
 
 
@@ -78,19 +94,28 @@ def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
     return ranks(sensor * (since.max() + 1) + since)
 
 
+def uncontested(pairs: Pairs, rays: Rays) -> bool:
+    """Return whether it is plain that no ray has two tracks to choose from and no track two rays of a scan."""
+    if len(pairs) > _FEW:
+        return False
+    ray = pairs.ray.tolist()
+    if len(set(ray)) < len(ray):
+        return False
+    scan = zip(pairs.track.tolist(), rays.sensor.take(ray).tolist(), rays.scan.take(ray).tolist(), strict=True)
+    return len(set(scan)) == len(ray)
+
+
 def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
     """Return each track's ray of each scan by global nearest neighbour."""
-    return as_owned(pairs, rays, chosen_nearest(pairs, rays, chances))
-
-
-def chosen_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> BoolArray:
-    """Return which pairs (n,) global nearest neighbour uses."""
-    return nearest(scan_groups(pairs, rays), pairs.ray, -chances.log_ratio(pairs, rays))
+    ratio = chances.log_ratio(pairs, rays)
+    if uncontested(pairs, rays):
+        return as_owned(pairs, rays, ratio > 0.0)._replace(contested=False)
+    return as_owned(pairs, rays, nearest(scan_groups(pairs, rays), pairs.ray, -ratio))
 
 
 def as_owned(pairs: Pairs, rays: Rays, chosen: BoolArray) -> Associated:
     """Return undoubted sights of the pairs chosen."""
-    used = pairs.take(np.flatnonzero(chosen))
+    used = pairs if chosen.all() else pairs.take(np.flatnonzero(chosen))
     owner = np.full(len(rays), -1, dtype=np.int64)
     owner[used.ray] = used.track
     return Associated(plain(used), owner, used)
@@ -98,7 +123,7 @@ def as_owned(pairs: Pairs, rays: Rays, chosen: BoolArray) -> Associated:
 
 def plain(pairs: Pairs) -> Sights:
     """Return pairs as undoubted sights."""
-    return pairs.sights(pairs.seen, np.eye(2) / pairs.sigma_rad[:, None, None])
+    return pairs.sights(pairs.seen, _UNIT / pairs.sigma_rad[:, None, None])
 
 
 def associate_joint(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
@@ -170,9 +195,6 @@ def _as_sights(first: Pairs, belief: FloatArray, mean: FloatArray, told: FloatAr
     effective[:, [0, 1], [0, 1]] += np.square(first.sigma_rad[useful])[:, None]
     pulled = root @ (over @ (inverse @ mean[useful][:, :, None]))
     return first.take(useful).sights(pulled[:, :, 0], _lower_inverse(_lower_root(effective)))
-
-
-_UNIT = np.eye(2)
 
 
 def _lower_root(matrix: FloatArray) -> FloatArray:

@@ -31,9 +31,14 @@ class Biases:
         """Return the biases of sensors."""
         return cls(tuple(sensors), np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]))
 
+    @property
+    def any(self) -> bool:
+        """Return whether any sensor is biased."""
+        return bool(self.sigma_rad.any())
+
     def widened(self, rays: Rays) -> Rays:
         """Return rays as uncertain as noise and the biases of their sensors together make each of them."""
-        if not self.sigma_rad.any():
+        if not self.any:
             return rays
         return evolve(rays, sigma_rad=np.hypot(rays.sigma_rad, self.sigma_rad[rays.sensor]))
 
@@ -42,7 +47,7 @@ class Biases:
 
         `seen` (n, sensors) says which sensors see each target.
         """
-        if not self.sigma_rad.any() or not len(position_m):
+        if not self.any or not len(position_m):
             return np.zeros((len(position_m), 3, 3))
         when = np.full(1, time_s)
         origin = np.concatenate([turned(sensor.orbit.position_ecef_m(when), when) for sensor in self.sensors])

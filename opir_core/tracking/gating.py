@@ -4,13 +4,16 @@ Directions are put into cubic bins of about the gate's width, tracks of like gat
 the gated pairs and not with tracks times rays.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from attrs import frozen
 
 from opir_core.columns import Columns
+from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Rays, Sights, along, axes_across, emission_s, turned
+from opir_core.tracking.rays import Rays, Sights, along, axes_across, both_turned, dot, emission_s, turned
 
 #: Bits of each of three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
 _BITS = 18
@@ -24,6 +27,9 @@ _PART_S = 0.5
 
 #: What is allowed for in time of emission over that middle, s.
 _LEEWAY_S = 0.01
+
+#: Up to so many pairs of a track and a ray are looked at one and all.
+_FEW_PAIRS = 128
 
 #: Distance at which light time is first guessed, m.
 _FIRST_RANGE_M = 3.6e7
@@ -55,13 +61,14 @@ class Pairs(Columns):
 
 def candidates(outlook: Outlook, rays: Rays, span_s: float, gate: float, light_time: bool) -> tuple[IntArray, IntArray]:
     """Return tracks and rays of pairs that may pass the gate (and some that do not): the bins of the two touch."""
-    if not len(rays) or not len(outlook.side):
-        return _NONE, _NONE
+    count = len(outlook.side)
+    if count * len(rays) <= _FEW_PAIRS:
+        return np.repeat(np.arange(count), len(rays)), np.tile(np.arange(len(rays)), count)
     sensor, which = np.unique(rays.sensor, return_inverse=True)
     parts = max(1, int(np.ceil(span_s / _PART_S)))
     part_s = float(span_s) / parts
     part = np.clip(((rays.time_s - outlook.time_s + span_s) / part_s).astype(np.int64), 0, parts - 1)
-    count, places = len(outlook.side), len(sensor) * parts
+    places = len(sensor) * parts
     track, place = np.repeat(np.arange(count), places), np.tile(np.arange(places), count)
     middle: FloatArray = outlook.time_s - span_s + (place % parts + 0.5).astype(np.float64) * part_s
     origin, sigma = _middles(rays, which, len(sensor))
@@ -156,41 +163,56 @@ def _met(keys: IntArray, place: IntArray, bins: IntArray) -> tuple[IntArray, Int
 
 def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: float, light_time: bool) -> Pairs:
     """Return those of candidate pairs (n,) that are within `gate` standard deviations of each other."""
-    time_s, origin, direction, position = _met_at(outlook, rays, track, ray, light_time)
-    apart = position - origin
-    range_m = np.sqrt(np.sum(apart * apart, axis=1))
-    axes = axes_across(apart / range_m[:, None])
-    local = along(axes, direction)
-    seen = local[:, :2] / local[:, 2:]
-    # Most candidates are farther off than any covariance could excuse, and need none.
-    span = outlook.time_s - float(time_s.min(initial=outlook.time_s))
-    widest = np.square(outlook.reach_m(span)[track] / range_m) + np.square(rays.sigma_rad[ray])
-    likely = np.flatnonzero((np.sum(seen * seen, axis=1) <= gate * gate * widest) & (local[:, 2] > 0.0))
-    track, ray, time_s, origin = track[likely], ray[likely], time_s[likely], origin[likely]
-    axes, seen, range_m = axes[likely], seen[likely], range_m[likely]
-    sigma = rays.sigma_rad[ray]
-    rows = axes[:, :2] / range_m[:, None, None]
-    spread = (rows @ outlook.position_covariances(track, time_s)) @ rows.transpose(0, 2, 1)
-    spread[:, 1, 0] = spread[:, 0, 1]
-    spread[:, [0, 1], [0, 1]] += (sigma * sigma)[:, None]
-    determinant = spread[:, 0, 0] * spread[:, 1, 1] - spread[:, 0, 1] ** 2
-    distance = (
-        spread[:, 1, 1] * seen[:, 0] ** 2
-        - 2.0 * spread[:, 0, 1] * seen[:, 0] * seen[:, 1]
-        + spread[:, 0, 0] * seen[:, 1] ** 2
-    ) / determinant
-    inside = np.flatnonzero(distance <= gate * gate)
-    whole = Pairs(track, ray, time_s, origin, axes, seen, spread, distance, np.log(determinant), sigma)
-    return whole.take(inside)
+    whole = _paired(outlook, rays, track, ray, light_time)
+    local = along(whole.axes, whole.direction)
+    range_m, seen = whole.range_m, local[:, :2] / local[:, 2:]
+    sigma = rays.sigma_rad.take(ray)
+    ahead = local[:, 2] > 0.0
+    if len(track) > _FEW_PAIRS:
+        # Most candidates are farther off than any covariance could excuse, and need none.
+        span = outlook.time_s - float(whole.time_s.min(initial=outlook.time_s))
+        widest = np.square(outlook.reach_m(span)[track] / range_m) + np.square(sigma)
+        ahead &= np.sum(seen * seen, axis=1) <= gate * gate * widest
+    if not ahead.all():
+        likely = np.flatnonzero(ahead)
+        whole, track, ray = _Paired(*(part.take(likely, axis=0) for part in whole)), track[likely], ray[likely]
+        range_m, seen, sigma = whole.range_m, seen[likely], sigma[likely]
+    spread = outlook.seen_covariances(track, whole.time_s, whole.axes[:, :2] / range_m[:, None, None])
+    spread[:, _DIAGONAL, _DIAGONAL] += (sigma * sigma)[:, None]
+    first, both, second = spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
+    determinant = first * second - both * both
+    x, y = seen[:, 0], seen[:, 1]
+    distance = (second * x * x - 2.0 * both * x * y + first * y * y) / determinant
+    pairs = Pairs(
+        track, ray, whole.time_s, whole.origin_m, whole.axes, seen, spread, distance, np.log(determinant), sigma
+    )
+    inside = distance <= gate * gate
+    return pairs if inside.all() else pairs.take(np.flatnonzero(inside))
 
 
-def _met_at(
-    outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, light_time: bool
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return when the light left, and origin, direction and the track's position then, inertial."""
-    look = rays.time_s[ray]
-    guess = emission_s(look, np.full(len(look), _FIRST_RANGE_M), light_time)
-    there = outlook.positions(track, guess) - turned(rays.origin_ecef_m[ray], guess)
-    time_s = emission_s(look, np.sqrt(np.sum(there * there, axis=1)), light_time)
-    origin, direction = turned(rays.origin_ecef_m[ray], time_s), turned(rays.direction_ecef[ray], time_s)
-    return time_s, origin, direction, outlook.positions(track, time_s)
+_DIAGONAL = np.array([0, 1])
+
+
+class _Paired(NamedTuple):
+    """Pairs (n,): when the light left, from where and in what direction it was seen then, inertial; distance and axes.
+
+    The third axis is the direction in which the track is expected.
+    """
+
+    time_s: FloatArray
+    origin_m: FloatArray
+    direction: FloatArray
+    range_m: FloatArray
+    axes: FloatArray
+
+
+def _paired(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, light_time: bool) -> _Paired:
+    time_s, place = rays.time_s.take(ray), rays.origin_ecef_m.take(ray, axis=0)
+    if light_time:
+        guess = time_s - _FIRST_RANGE_M / SPEED_OF_LIGHT_M_S
+        there = outlook.positions(track, guess) - turned(place, guess)
+        time_s = emission_s(time_s, np.sqrt(dot(there, there)), light_time)
+    origin, direction = both_turned(place, rays.direction_ecef.take(ray, axis=0), time_s)
+    apart = outlook.positions(track, time_s) - origin
+    range_m = np.sqrt(dot(apart, apart))
+    return _Paired(time_s, origin, direction, range_m, axes_across(apart / range_m[:, None]))

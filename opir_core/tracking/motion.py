@@ -16,7 +16,7 @@ from opir_core.flight.forces import Forces
 from opir_core.flight.gravity import Gravity
 from opir_core.records import FloatArray
 from opir_core.tracking import single_states
-from opir_core.tracking.rays import dot
+from opir_core.tracking.rays import FEW, dot
 
 #: Sizes of the states.
 BOOST, COAST = 12, 6
@@ -243,8 +243,11 @@ def weights_at(offset_s: FloatArray) -> FloatArray:
 
 
 def followed(derivative: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return positions (n, 3) from derivatives (n, 5, 3) and the weights (n, 5) of the times."""
-    position = derivative[:, 0].copy()
+    """Return positions (..., n, 3) from derivatives (..., n, 5, 3) and the weights (n, 5) of the times."""
+    if len(weight) < FEW:
+        few: FloatArray = np.add.reduce(derivative * weight[:, :, None], axis=-2)
+        return few
+    position: FloatArray = derivative[..., 0, :].copy()
     for order in range(1, 5):
-        position += derivative[:, order] * weight[:, order, None]
+        position += derivative[..., order, :] * weight[:, order, None]
     return position

@@ -17,6 +17,9 @@ class Outlook(NamedTuple):
 
     def positions(self, track: IntArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of tracks (m,) at times (m,)."""
+        if len(self.derivative) == 1:
+            lone: FloatArray = weights_at(time_s - self.time_s) @ self.derivative[0]
+            return lone
         return followed(self.derivative[track], weights_at(time_s - self.time_s))
 
     def position_sides(self, track: IntArray, time_s: FloatArray) -> FloatArray:
@@ -27,6 +30,20 @@ class Outlook(NamedTuple):
         for order in range(1, 4):
             total += blocks[track, order] * weight[:, order]
         return total
+
+    def seen_covariances(self, track: IntArray, time_s: FloatArray, rows: FloatArray) -> FloatArray:
+        """Return the covariances (m, 2, 2) of what rows (m, 2, 3) make of the positions of tracks (m,) at times (m,).
+
+        Many looks a track are cheaper by way of the position's covariance than by its sides.
+        """
+        if len(self.side) == 1:
+            side = (weights_at(time_s - self.time_s)[:, :4] @ self.side.reshape(4, 3 * BOOST)).reshape(-1, 3, BOOST)
+            seen = rows @ side
+            spread: FloatArray = seen @ seen.transpose(0, 2, 1)
+        else:
+            spread = (rows @ self.position_covariances(track, time_s)) @ rows.transpose(0, 2, 1)
+        spread[:, 1, 0] = spread[:, 0, 1]
+        return spread
 
     def position_covariances(self, track: IntArray, time_s: FloatArray) -> FloatArray:
         """Return the covariances (m, 3, 3) of the positions of tracks (m,) at times (m,): polynomials of degree 6.

@@ -43,7 +43,7 @@ def opir_trackers() -> Iterable[TrackerModel]:
     )
     yield TrackerModel(
         name="stereo-filter",
-        summary="any number of sensors, sequential: boost and coast side by side, no model of the target",
+        summary="any number of sensors, sequential: boost, its thrust about along the velocity, and coast side by side",
         config=StereoFilterConfig,
         build=_stereo_filter,
     )

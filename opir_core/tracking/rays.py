@@ -8,7 +8,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
 from opir_core.records import Detections, FloatArray, IndexArray, IntArray
 
 #: Fewer rows than this are added up by numpy's reduction, more column by column: the same sums, each way sooner there.
-_FEW = 80
+FEW = 80
 
 
 @frozen(eq=False)
@@ -60,19 +60,23 @@ class Sights(Columns):
 
     def residuals(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return whitened residuals (n, 2) at positions (n, 3), and what y gains a metre there, whitened, (n, 2, 3)."""
+        return self.projected(position_m)[:2]
+
+    def projected(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return residuals and slopes as `residuals` does, and distances along z, m, of positions (..., n, 3)."""
         local = along(self.axes, position_m - self.origin_m)
-        depth = local[:, 2]
-        y = local[:, :2] / depth[:, None]
-        slope = (self.axes[:, :2] - y[:, :, None] * self.axes[:, None, 2]) / depth[:, None, None]
-        return along(self.whitener, self.seen - y), self.whitener @ slope
+        depth = local[..., 2]
+        y = local[..., :2] / depth[..., None]
+        slope = (self.axes[:, :2] - y[..., None] * self.axes[:, 2:]) / depth[..., None, None]
+        return along(self.whitener, self.seen - y), self.whitener @ slope, depth
 
 
 def alike(one: Rays, other: Rays) -> bool:
-    """Return whether two records hold the same rays, whatever scan they are taken for parts of."""
+    """Return whether two records hold the same rays, to the last bit, whatever scan they are taken for parts of."""
     if len(one) != len(other):
         return False
     names = ("time_s", "sensor", "direction_ecef", "origin_ecef_m", "sigma_rad")
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in names)
 
 
 def no_rays() -> Rays:
@@ -102,36 +106,47 @@ def turned(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
     return out
 
 
+def both_turned(first: FloatArray, second: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return two vectors (n, 3) each in ECEF in the inertial frame at scene times (n,)."""
+    angle = EARTH_ROTATION_RAD_S * time_s
+    cosine, sine = np.cos(angle), np.sin(angle)
+    out = np.array([first, second])
+    x, y = out[:, :, 0], out[:, :, 1]
+    out[:, :, 0], out[:, :, 1] = cosine * x - sine * y, sine * x + cosine * y
+    return out[0], out[1]
+
+
 def axes_across(direction: FloatArray) -> FloatArray:
     """Return right-handed orthonormal axes (n, 3, 3) as rows whose third is the unit vectors (n, 3) given.
 
     Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017): smooth everywhere but across z = 0.
     """
-    x, y, z = direction[:, 0], direction[:, 1], direction[:, 2]
-    sign = np.copysign(1.0, z)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    axes = np.empty((len(direction), 3, 3))
-    axes[:, 0, 0], axes[:, 0, 1], axes[:, 0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
-    axes[:, 1, 0], axes[:, 1, 1], axes[:, 1, 2] = b, sign + y * y * a, -y
+    sign = np.copysign(1.0, direction[:, 2])
+    turned_by = direction.copy()
+    turned_by[:, 2] += sign
+    # (0, 0, 1) is turned to the direction: all rows follow from the outer product of their sum.
+    axes = (turned_by / -np.abs(turned_by[:, 2:]))[:, :, None] * turned_by[:, None]
+    axes[:, 0, 0] += 1.0
+    axes[:, 1, 1] += 1.0
+    axes[:, 1] *= sign[:, None]
     axes[:, 2] = direction
     return axes
 
 
 def along(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return the products (n, r) of matrices (n, r, c) and vectors (n, c), added up in order of the columns."""
-    if len(vectors) < _FEW:
-        few: FloatArray = np.add.reduce(matrix * vectors[:, None, :], axis=2)
+    """Return the products (..., n, r) of matrices (n, r, c) and vectors (..., n, c), added up in order of columns."""
+    if vectors.shape[-2] < FEW:
+        few: FloatArray = np.add.reduce(matrix * vectors[..., None, :], axis=-1)
         return few
-    product: FloatArray = matrix[:, :, 0] * vectors[:, :1]
-    for column in range(1, vectors.shape[1]):
-        product += matrix[:, :, column] * vectors[:, column, None]
+    product: FloatArray = matrix[..., 0] * vectors[..., :1]
+    for column in range(1, vectors.shape[-1]):
+        product += matrix[..., column] * vectors[..., column, None]
     return product
 
 
 def dot(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the products (n,) of vectors (n, 3), added up in order."""
-    if len(first) < _FEW:
+    if len(first) < FEW:
         few: FloatArray = np.add.reduce(first * second, axis=1)
         return few
     total: FloatArray = first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1] + first[:, 2] * second[:, 2]

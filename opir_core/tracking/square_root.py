@@ -11,21 +11,38 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.records import BoolArray, FloatArray
+from opir_core.records import FloatArray
 
 
 def triangular(rows: FloatArray) -> FloatArray:
     """Return the upper triangular T (n, d, d) with Tᵀ T = AᵀA of arrays A (n, m, d), m at least d."""
+    count, _, size = rows.shape
+    if count == 1:
+        factor = _lapack().dgeqrf(rows[0], lwork=_WORK * size)[0][:size]
+        lone: FloatArray = (factor * _above(size, size))[None]
+        return lone
     raw: Any = np.linalg.qr(rows, mode="raw")[0]
     side = raw.transpose(0, 2, 1)[:, : rows.shape[2]]
-    upper: FloatArray = np.where(_above(side.shape[1], side.shape[2]), side, 0.0)
+    upper: FloatArray = side * _above(side.shape[1], side.shape[2])
     return upper
 
 
+#: Work space for LAPACK's QR decomposition, columns.
+_WORK = 32
+
+
 @cache
-def _above(rows: int, columns: int) -> BoolArray:
-    """Return where the elements of an upper triangle are."""
-    return ~np.tri(rows, columns, -1, dtype=np.bool_)
+def _lapack() -> Any:
+    """Return LAPACK itself: for one estimate numpy's way there costs several times the arithmetic."""
+    from scipy.linalg import lapack
+
+    return lapack
+
+
+@cache
+def _above(rows: int, columns: int) -> FloatArray:
+    """Return 1 for the elements of an upper triangle, and 0 for the others."""
+    return 1.0 - np.tri(rows, columns, -1)
 
 
 def spread(root: FloatArray) -> FloatArray:
@@ -33,6 +50,12 @@ def spread(root: FloatArray) -> FloatArray:
 
     LU decomposition of an upper triangular matrix moves no row, so this is back substitution.
     """
+    if len(root) == 1:
+        lone, singular = _lapack().dtrtri(root[0])
+        if singular:
+            raise np.linalg.LinAlgError("Singular matrix")
+        alone: FloatArray = lone[None]
+        return alone
     inverse: Any = np.linalg.inv(root)
     side: FloatArray = inverse
     return side
@@ -58,8 +81,9 @@ def moved(root: FloatArray, back: FloatArray, noise: FloatArray | None) -> Float
         return triangular(carried)
     count, size, width = noise.shape
     rows = np.zeros((count, width + size, width + size))
-    rows[:, np.arange(width), np.arange(width)] = 1.0
-    rows[:, width:, :width] = -(carried @ noise)
+    rows.reshape(count, -1)[:, : width * (width + size) : width + size + 1] = 1.0
+    # The sign of the noise is of no account.
+    np.matmul(carried, noise, out=rows[:, width:, :width])
     rows[:, width:, width:] = carried
     return triangular(rows)[:, width:, width:]
 
@@ -70,18 +94,31 @@ def updated(root: FloatArray, owed: FloatArray, rows: FloatArray) -> tuple[Float
     `owed` (n, d) is R (prior mean - point of linearisation); `rows` (n, m, d + 1) are whitened rows [H | residual] at
     that point. The step is from the point of linearisation.
     """
-    size = root.shape[1]
-    stack = np.concatenate([np.concatenate([root, owed[:, :, None]], axis=2), rows], axis=1)
+    count, size = owed.shape
+    stack = np.empty((count, size + rows.shape[1], size + 1))
+    stack[:, :size, :size], stack[:, :size, size], stack[:, size:] = root, owed, rows
     factor = triangular(stack)
-    upper = factor[:, :size, :size]
-    step: Any = np.linalg.solve(upper, factor[:, :size, size:])
-    left = factor[:, size, size] ** 2 if factor.shape[1] > size else np.zeros(len(root))
-    return upper, step[:, :, 0], left
+    upper, right = factor[:, :size, :size], factor[:, :size, size:]
+    left = factor[:, size, size] ** 2 if factor.shape[1] > size else np.zeros(count)
+    return upper, _solved(upper, right)[:, :, 0], left
+
+
+def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solutions (n, d, k) of upper triangular systems."""
+    if len(upper) == 1:
+        lone, singular = _lapack().dtrtrs(upper[0], right[0])
+        if singular:
+            raise np.linalg.LinAlgError("Singular matrix")
+        alone: FloatArray = lone[None]
+        return alone
+    found: Any = np.linalg.solve(upper, right)
+    solution: FloatArray = found
+    return solution
 
 
 def log_determinant(root: FloatArray) -> FloatArray:
     """Return log |det R| (n,)."""
-    total: FloatArray = np.log(np.abs(np.diagonal(root, axis1=1, axis2=2))).sum(axis=1)
+    total: FloatArray = np.add.reduce(np.log(np.abs(root.diagonal(axis1=1, axis2=2))), axis=1)
     return total
 
 

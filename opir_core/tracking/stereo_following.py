@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from attrs import evolve, field, frozen
 
-from opir_core.records import IntArray
+from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.association import (
     Associated,
     Chances,
@@ -16,6 +16,7 @@ from opir_core.tracking.association import (
     crowded,
     related,
     scan_numbers,
+    uncontested,
 )
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.gating import Pairs, candidates, gated
@@ -31,6 +32,7 @@ _SETTLING_GATE = 6.0
 #: log odds of a ray between two rivals d apart by s d, in errors; rivals farther apart than 3 contest few rays.
 _RESTLESS = 1.0 / 3.0
 
+_Asked = TypeVar("_Asked")
 _Answer = TypeVar("_Answer")
 
 _NONE = np.empty(0, dtype=np.int64)
@@ -53,22 +55,27 @@ class Following:
     chances: Chances
     light_time: bool
     #: The last bank moved, and the last one looked out from and held against rays: labels and estimates ask the same.
-    last: dict[str, tuple[Bank, float, Any]] = field(factory=dict)
+    last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
     met: list[tuple[Outlook, float, Rays, Pairs]] = field(factory=list)
-    assigned: list[tuple[Pairs, IntArray, Associated]] = field(factory=list)
+    assigned: list[tuple[Pairs, IntArray | None, Associated]] = field(factory=list)
 
     def moved(self, bank: Bank, step_s: float) -> Bank:
         """Return a bank a step later."""
-        return self._remembered("moved", self.filter.moved, bank, step_s)
+        return self.remembered("moved", self.filter.moved, bank, step_s)
 
     def outlook(self, bank: Bank, time_s: float) -> Outlook:
         """Return where the tracks of a bank are about its time."""
-        return self._remembered("outlook", self.filter.outlook, bank, time_s)
+        return self.remembered("outlook", self.filter.outlook, bank, time_s)
 
-    def _remembered(self, name: str, way: Callable[[Bank, float], _Answer], bank: Bank, value: float) -> _Answer:
+    def moments(self, bank: Bank) -> tuple[FloatArray, FloatArray]:
+        """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity of a bank's tracks."""
+        return self.remembered("moments", lambda one, _: self.filter.moments(one), bank, 0.0)
+
+    def remembered(self, name: str, way: Callable[[_Asked, float], _Answer], asked: _Asked, value: float) -> _Answer:
+        """Return what a way leads to from what it is asked; the last answer is kept by name."""
         known = self.last.get(name)
-        if known is None or known[0] is not bank or known[1] != value:
-            known = self.last[name] = bank, value, way(bank, value)
+        if known is None or known[0] is not asked or known[1] != value:
+            known = self.last[name] = asked, value, way(asked, value)
         answer: _Answer = known[2]
         return answer
 
@@ -81,7 +88,7 @@ class Following:
         pairs = self.paired(self.outlook(bank, end_s), rays, span)
         found = self._associated(pairs, rays)
         after = self.filter.updated(bank, end_s, found.sights, span)
-        busy = self._restless(bank, after, pairs, rays) if self.config.settling else _NONE
+        busy = self._restless(bank, after, pairs, rays) if self.config.settling and found.contested else _NONE
         first = Followed(after, found.owner, found.own)
         return self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
 
@@ -145,9 +152,11 @@ class Following:
 
     def nearest(self, pairs: Pairs, rays: Rays) -> Associated:
         """Return the likeliest assignment of each scan; the same question twice is worked out once."""
-        scan = scan_numbers(rays.sensor, rays.scan)
-        if self.assigned and self.assigned[0][0] is pairs and np.array_equal(self.assigned[0][1], scan):
-            return self.assigned[0][2]
+        scan = None if uncontested(pairs, rays) else scan_numbers(rays.sensor, rays.scan)
+        if self.assigned and self.assigned[0][0] is pairs:
+            _, known, found = self.assigned[0]
+            if known is scan or (known is not None and scan is not None and np.array_equal(known, scan)):
+                return found
         found = associate_nearest(pairs, rays, self.chances)
         self.assigned[:] = [(pairs, scan, found)]
         return found

@@ -1,6 +1,7 @@
 """What the stereo filter tells of its tracks at a tick."""
 
 from collections.abc import Sequence
+from math import cos, sin
 
 import numpy as np
 
@@ -10,36 +11,31 @@ from opir_core.protocols import Sensor
 from opir_core.records import FloatArray, IntArray, Tracks
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.tracking.ground_points import GroundPoints, impacts
-from opir_core.tracking.rays import turned
-from opir_core.tracking.switching_filter import Bank, SwitchingFilter
 from opir_core.tracking.upkeep import Roster
 
 
 def estimates(
-    filter_: SwitchingFilter,
-    bank: Bank,
+    state: FloatArray,
+    covariance: FloatArray,
+    weight: FloatArray,
     roster: Roster,
     time_s: float,
     forces: Forces,
-    evidence: FloatArray,
-    biased: FloatArray,
+    types: FloatArray,
 ) -> Tracks:
-    """Return the tracks of a bank at its time; what is not known is nan.
+    """Return the tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time; nan for the unknown.
 
-    An impact is told of tracks that more likely coast than burn, for where a burning target comes down depends on when
-    its burn ends. `biased` (n, 3, 3) is what biases add to the covariance of the inertial position.
+    `weight` (n, 2) are the probabilities of boost and coast: an impact is told of tracks that more likely coast than
+    burn, for where a burning target comes down depends on when its burn ends. `types` are those of the tracks' types.
     """
-    count = len(bank)
-    state, covariance = filter_.moments(bank)
-    covariance[:, :3, :3] += biased
-    impact = GroundPoints.nowhere(count)
-    free = np.flatnonzero(bank.weight[:, 1] > 0.5)
+    impact = GroundPoints.nowhere(len(weight))
+    free = np.flatnonzero(weight[:, 1] > 0.5)
     if len(free):
         landed = impacts(state[free], covariance[free], time_s, forces)
         impact.place[free], impact.covariance[free] = landed
     state, covariance = earth_fixed(state, covariance, time_s)
     return Tracks(
-        tick_s=np.full(count, time_s),
+        tick_s=np.full(len(weight), time_s),
         track=roster.number,
         state=state,
         state_covariance=covariance,
@@ -47,7 +43,7 @@ def estimates(
         launch_covariance=roster.launch_covariance,
         impact=impact.place,
         impact_covariance=impact.covariance,
-        type_probability=type_posterior(roster.reports, evidence),
+        type_probability=types,
     )
 
 
@@ -85,10 +81,17 @@ _LEAST_CHANCE = 1e-6
 
 def earth_fixed(state: FloatArray, covariance: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
     """Return inertial states (n, 6) and covariances (n, 6, 6) in ECEF, the velocity relative to the turning Earth."""
-    turn = turned(np.eye(3), np.full(3, -time_s)).T
-    spin = EARTH_ROTATION_RAD_S * np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    change = np.zeros((6, 6))
-    change[:3, :3] = change[3:, 3:] = turn
-    change[3:, :3] = turn @ spin
+    sine, cosine = sin(EARTH_ROTATION_RAD_S * time_s), cos(EARTH_ROTATION_RAD_S * time_s)
+    fast, slow = EARTH_ROTATION_RAD_S * cosine, EARTH_ROTATION_RAD_S * sine
+    change = np.array(
+        [
+            [cosine, sine, 0.0, 0.0, 0.0, 0.0],
+            [-sine, cosine, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+            [-slow, fast, 0.0, cosine, sine, 0.0],
+            [-fast, -slow, 0.0, -sine, cosine, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+        ]
+    )
     moved = change @ covariance @ change.T
-    return np.sum(change * state[:, None, :], axis=2), 0.5 * (moved + moved.transpose(0, 2, 1))
+    return state @ change.T, 0.5 * (moved + moved.transpose(0, 2, 1))

@@ -10,7 +10,6 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.flight.forces import Forces, forces_of
-from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking import initiation, upkeep
@@ -25,7 +24,7 @@ from opir_core.tracking.history_assignment import decided
 from opir_core.tracking.launch_points import launches
 from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_following import Followed, Following
-from opir_core.tracking.stereo_report import estimates, evidence_of
+from opir_core.tracking.stereo_report import estimates, evidence_of, type_posterior
 from opir_core.tracking.switching_filter import Bank, SwitchingFilter
 from opir_core.tracking.track_priors import filter_of, first_bank
 
@@ -98,23 +97,32 @@ class StereoTracking:
 
     def stepped(self, now: Situation, tick_s: float, detections: Detections) -> Situation:
         """Return the situation at a tick, with the detections since the last one."""
-        time_s = detections.time_s
-        for end in _slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)):
-            rows = slice(*np.searchsorted(time_s, [now.time_s, end if end < tick_s else np.inf]))
-            part = detections.take(rows)
-            now = self._sliced(now, end, self.biases.widened(Rays.of(part)), part.reported_type.astype(np.int64))
+        rays, reported = self.biases.widened(Rays.of(detections)), detections.reported_type.astype(np.int64)
+        ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
+        cuts = np.searchsorted(rays.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
+        for end, first, last in zip(ends, cuts[:-1], cuts[1:], strict=True):
+            whole = last - first == len(rays)
+            part = rays if whole else rays.take(slice(first, last))
+            now = self._sliced(now, end, part, reported[first:last])
         return now
 
     def _sliced(self, now: Situation, end_s: float, rays: Rays, reported: IntArray) -> Situation:
         span = end_s - now.time_s
         then, owner = self.followed(now, end_s, rays)
-        roster = now.roster.seen(owner, rays.time_s, rays.sensor.astype(np.int64), reported)
+        roster = now.roster.seen(owner, rays.time_s, rays.sensor, reported) if len(owner) else now.roster
+        then = self._pooled(evolve(then, roster=roster), rays, owner, reported, span)
+        return self._kept(self._launched(self._begun(then)), rays, owner)
+
+    def _pooled(self, now: Situation, rays: Rays, owner: IntArray, reported: IntArray, span: float) -> Situation:
+        """Return the situation with the rays that belong to no track in the pool, and those too old for it out."""
         free = np.flatnonzero(owner < 0)
+        if not len(free) and not len(now.pool):
+            return now
         pool = Rays.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
         told = np.concatenate([now.reported, reported[free]])
-        fresh = np.flatnonzero(end_s - pool.time_s <= self.config.recent_scans * self.period_s[pool.sensor] + span)
-        then = evolve(then, roster=roster, pool=pool.take(fresh), reported=told[fresh])
-        return self._kept(self._launched(self._begun(then)), rays, owner)
+        recent_s = self.config.recent_scans * self.period_s[pool.sensor] + span
+        fresh = np.flatnonzero(now.time_s - pool.time_s <= recent_s)
+        return evolve(now, pool=pool.take(fresh), reported=told[fresh])
 
     def followed(self, now: Situation, end_s: float, rays: Rays) -> tuple[Situation, IntArray]:
         """Return the situation with a slice's rays taken in by the tracks there are, and whose row each ray is."""
@@ -122,11 +130,13 @@ class StereoTracking:
         if not len(now.bank):
             return evolve(now, time_s=end_s), owner
         bank = self.following.moved(now.bank, span)
-        now = evolve(now, time_s=end_s, histories=now.histories.moved(self.filter.moved, span))
+        histories = now.histories.moved(self.filter.moved, span)
         if not len(rays):
-            return evolve(now, bank=self.filter.updated(bank, end_s, no_sights(), span)), owner
+            bank = self.filter.updated(bank, end_s, no_sights(), span)
+            return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
         told = self.following.followed(bank, end_s, rays, span)
-        return self._decided(evolve(now, bank=told.bank), told.own, rays, span), told.owner
+        now = evolve(now, time_s=end_s, histories=histories, bank=told.bank)
+        return self._decided(now, told.own, rays, span), told.owner
 
     def _decided(self, now: Situation, own: Pairs, rays: Rays, span: float) -> Situation:
         """Return the situation with the histories of young tracks where they belong, as far as that can be told."""
@@ -154,6 +164,8 @@ class StereoTracking:
     def estimated(self, now: Situation) -> Bank:
         """Return the estimates to tell: of a track that may have another's history, all it may have mixed."""
         number, told = now.doubtful
+        if not len(number):
+            return now.bank
         here = np.flatnonzero(np.isin(number, now.roster.number))
         return (
             now.bank.put(np.searchsorted(now.roster.number, number[here]), told.take(here)) if len(here) else now.bank
@@ -161,14 +173,17 @@ class StereoTracking:
 
     def _launched(self, now: Situation) -> Situation:
         """Return the situation with what the young tracks' paths say of their launches."""
-        young = np.flatnonzero((now.time_s - now.roster.begun_s <= _YOUNG_S) & (now.bank.weight[:, 0] > 0.5))
+        fresh = now.time_s - now.roster.begun_s <= _YOUNG_S
+        if not fresh.any():
+            return now
+        young = np.flatnonzero(fresh & (now.bank.weight[:, 0] > 0.5))
         if not len(young):
             return now
         told, bank = now.roster.take(young), now.bank.take(young)
         outlook, noise = self.filter.outlook(bank, now.time_s), self.config.jerk_noise_back_m_s3
         biased = self.biases.covariance(bank.likelier_position_m, now.time_s, told.reports >= 0)
-        fresh = launches(outlook, told.first_s, self._slowest(told), noise, biased)
-        best = renewed(GroundPoints(told.launch, told.launch_covariance), fresh)
+        found = launches(outlook, told.first_s, self._slowest(told), noise, biased)
+        best = renewed(GroundPoints(told.launch, told.launch_covariance), found)
         launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
         launch[young], covariance[young] = best
         return evolve(now, roster=evolve(now.roster, launch=launch, launch_covariance=covariance))
@@ -195,7 +210,7 @@ class StereoTracking:
         owner, count = row[told.owner], int(good.sum())
         number = np.arange(now.next_number, now.next_number + count)
         fresh = upkeep.Roster.fresh(number, now.time_s, len(self.period_s))
-        fresh = fresh.seen(owner, now.pool.time_s, now.pool.sensor.astype(np.int64), now.reported)
+        fresh = fresh.seen(owner, now.pool.time_s, now.pool.sensor, now.reported)
         left = np.flatnonzero(owner < 0)
         path = self.filter.outlook(told.bank, now.time_s)
         sensor = now.pool.sensor[told.own.ray].astype(np.int64)
@@ -215,20 +230,20 @@ class StereoTracking:
         """Return the situation without doubles and without tracks that are lost or came to nothing."""
         if not len(now.bank):
             return now
-        state, covariance = self.filter.moments(now.bank)
-        known = now.roster.hits >= 0
-        scan = scan_numbers(rays.sensor, rays.scan)
-        drop = upkeep.doubles(state[:, :3], state, covariance, owner, scan, now.roster.hits)
-        patience = self.config.recent_scans * self._slowest(now.roster)
-        drop |= upkeep.came_to_nothing(now.roster, now.time_s, 3 * self.config.needed_scans, patience)
-        height = ecef_to_geodetic(state[:, :3]).height_m
-        config = self.config
-        drop |= upkeep.lost(now.roster, covariance, height, now.time_s, config.silence_s, config.lost_sigma_m)
-        keep = np.flatnonzero(known & ~drop)
-        if len(keep) == len(now.bank):
+        state, covariance = self.following.moments(now.bank)
+        config, roster, place = self.config, now.roster, state[:, :3]
+        drop = upkeep.lost(roster, place, covariance, now.time_s, config.silence_s, config.lost_sigma_m)
+        if roster.hits.min() < 3 * config.needed_scans:
+            patience = config.recent_scans * self._slowest(roster)
+            drop |= upkeep.came_to_nothing(roster, now.time_s, 3 * config.needed_scans, patience)
+        if len(now.bank) > 1:
+            scan = scan_numbers(rays.sensor, rays.scan)
+            drop |= upkeep.doubles(place, state, covariance, owner, scan, roster.hits)
+        if not drop.any():
             return now
-        histories = now.histories.of(np.isin(now.histories.number, now.roster.number[keep]))
-        return evolve(now, bank=now.bank.take(keep), roster=now.roster.take(keep), histories=histories)
+        keep = np.flatnonzero(~drop)
+        histories = now.histories.of(np.isin(now.histories.number, roster.number[keep]))
+        return evolve(now, bank=now.bank.take(keep), roster=roster.take(keep), histories=histories)
 
     def _slowest(self, roster: upkeep.Roster) -> FloatArray:
         """Return the longest scan period of the sensors that saw each track, s."""
@@ -237,10 +252,20 @@ class StereoTracking:
 
     def told(self, now: Situation) -> Tracks:
         """Return what is told of the tracks seen often enough."""
-        sure = np.flatnonzero(now.roster.hits >= 2 * self.config.needed_scans)
-        bank, roster = self.estimated(now).take(sure), now.roster.take(sure)
-        biased = self.biases.covariance(bank.likelier_position_m, now.time_s, roster.reports >= 0)
-        return estimates(self.filter, bank, roster, now.time_s, self.forces, self.evidence, biased)
+        sure = now.roster.hits >= 2 * self.config.needed_scans
+        bank, roster = self.estimated(now), now.roster
+        if not sure.all():
+            bank, roster = bank.take(sure), roster.take(sure)
+        state, covariance = self.following.moments(bank)
+        if self.biases.any:
+            covariance = covariance.copy()
+            covariance[:, :3, :3] += self.biases.covariance(bank.likelier_position_m, now.time_s, roster.reports >= 0)
+        return estimates(state, covariance, bank.weight, roster, now.time_s, self.forces, self._types(roster))
+
+    def _types(self, roster: upkeep.Roster) -> FloatArray:
+        """Return the probabilities (n, types) of tracks' types, worked out anew where a report is new."""
+        reports, evidence = roster.reports, self.evidence
+        return self.following.remembered("types", lambda one, _: type_posterior(one, evidence), reports, 0.0)
 
     def nearest(self, now: Situation, rays: Rays) -> IntArray:
         """Return the number of the track (n,) that each ray is likeliest to belong to; -1 for none.
@@ -248,19 +273,17 @@ class StereoTracking:
         Rays of one sensor and one instant are weighed against each other, and no others: whatever part of the scene is
         asked for at once, these are in it together.
         """
-        number = np.full(len(rays), -1, dtype=np.int64)
         if not len(now.bank) or not len(rays):
-            return number
+            return np.full(len(rays), -1, dtype=np.int64)
         ahead = now.time_s + self.config.cadence_s
         outlook = self.following.outlook(self.following.moved(now.bank, self.config.cadence_s), ahead)
         pairs = self.following.paired(outlook, rays, self.config.cadence_s)
         sure = now.roster.hits >= 2 * self.config.needed_scans
-        mine = sure[pairs.track]
-        instant = evolve(rays, scan=np.round(rays.time_s * 1e9).astype(np.int64))
-        owner = self.following.nearest(pairs if mine.all() else pairs.take(np.flatnonzero(mine)), instant).owner
-        known = owner >= 0
-        number[known] = now.roster.number[owner[known]]
-        return number
+        if not sure.all():
+            pairs = pairs.take(np.flatnonzero(sure[pairs.track]))
+        instant = evolve(rays, scan=np.rint(rays.time_s * 1e9).astype(np.int64))
+        owner = self.following.nearest(pairs, instant).owner
+        return np.append(now.roster.number, -1)[owner]
 
 
 def _slice_ends(start_s: float, end_s: float, slice_s: float) -> Iterator[float]:

@@ -1,10 +1,13 @@
 """Which tracks live on: the roster of tracks, and which of them are doubles, lost or came to nothing."""
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.columns import Columns
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.geometry.ellipsoid import WGS84
+from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.tracking.rays import dot
 
 #: Tracks nearer to each other than this are looked at as possible doubles, m.
 _NEAR_M = 20e3
@@ -17,6 +20,10 @@ _BOTH_SEEN = 1
 
 #: How many scans have to speak before two tracks are judged to be one.
 _ENOUGH_SCANS = 4
+
+
+#: A track lower than this has come down, m.
+_LOWEST_M = -20e3
 
 
 @frozen(eq=False)
@@ -57,17 +64,19 @@ class Roster(Columns):
             launch_covariance=np.full((count, 3, 3), np.nan),
         )
 
-    def seen(self, owner: IntArray, time_s: FloatArray, sensor: IntArray, reported: IntArray) -> "Roster":
+    def seen(self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray) -> "Roster":
         """Return the roster after rays (m,) in order of time were given to rows `owner`, -1 for none."""
-        mine = np.flatnonzero(owner >= 0)
-        row = owner[mine]
-        seen_s, reports = self.seen_s.copy(), self.reports.copy()
-        np.maximum.at(seen_s, row, time_s[mine])
-        first_s = self.first_s.copy()
-        np.minimum.at(first_s, row, time_s[mine])
-        reports[row, sensor[mine]] = reported[mine]
-        hits = self.hits + np.bincount(row, minlength=len(self))
-        return evolve(self, first_s=first_s, seen_s=seen_s, hits=hits, reports=reports)
+        if len(owner) and owner.min() < 0:
+            mine = np.flatnonzero(owner >= 0)
+            owner, time_s, sensor, reported = owner[mine], time_s[mine], sensor[mine], reported[mine]
+        first_s, seen_s, reports = self.first_s.copy(), self.seen_s.copy(), self.reports
+        np.minimum.at(first_s, owner, time_s)
+        np.maximum.at(seen_s, owner, time_s)
+        if not np.array_equal(reports[owner, sensor], reported):
+            reports = reports.copy()
+            reports[owner, sensor] = reported
+        hits = self.hits + np.bincount(owner, minlength=len(self))
+        return Roster(self.number, self.begun_s, first_s, seen_s, hits, reports, self.launch, self.launch_covariance)
 
 
 def doubles(
@@ -107,10 +116,12 @@ def came_to_nothing(roster: Roster, now_s: float, needed: int, patience_s: Float
 
 
 def lost(
-    roster: Roster, covariance: FloatArray, height_m: FloatArray, now_s: float, silence_s: float, sigma_m: float
+    roster: Roster, position: FloatArray, covariance: FloatArray, now_s: float, silence_s: float, sigma_m: float
 ) -> BoolArray:
     """Return which tracks (n,) are silent for too long, came down, or are no longer anywhere in particular."""
-    spread = np.sqrt(np.trace(covariance[:, :3, :3], axis1=1, axis2=2))
-    gone: BoolArray = (now_s - roster.seen_s > silence_s) | (height_m < -20e3)
-    gone |= spread > sigma_m
+    variance = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
+    gone: BoolArray = (now_s - roster.seen_s > silence_s) | (variance > sigma_m * sigma_m)
+    low = dot(position, position) < (WGS84.equatorial_radius_m + _LOWEST_M) ** 2
+    if low.any():
+        gone |= ecef_to_geodetic(position).height_m < _LOWEST_M
     return gone
