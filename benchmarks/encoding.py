@@ -5,6 +5,7 @@
 Prints the median processor time, in ns an event, and its ratio to the first, of
 
 - `forge`: the encoder, block by block, for events without tracks, with tracks, and from moving sensors with tracks;
+- `forge, three bands` and `forge-bands`: events of sensors with three bands without and with what these measured;
 - `forge to file`: the same through the `jsonl` sink, the writing included;
 - `msgspec structs`: one struct an event, constant parts as ready-made JSON (`msgspec.Raw`), `encode_lines`;
 - `dictionaries`: one dictionary an event, the standard library's `json`, `isoformat` and `uuid`.
@@ -23,6 +24,7 @@ from datetime import UTC, datetime, timedelta
 
 import msgspec
 import numpy as np
+from attrs import evolve
 
 from opir_core.builtin.line_file import LineFile
 from opir_core.events.blocks import window_blocks
@@ -30,7 +32,7 @@ from opir_core.events.forge import ForgeEncoder
 from opir_core.events.identifiers import stream_key, uuid8_words, uuid_text
 from opir_core.events.number_text import rounded, rounded_bearing_deg, rounded_degrees
 from opir_core.events.timestamps import timestamp_text, unix_microseconds
-from opir_core.protocols import EncoderContext, Sensor
+from opir_core.protocols import Band, EncoderContext, Sensor
 from opir_core.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.scene import REPORTED_TYPES
 from opir_core.sites import AzimuthElevation
@@ -52,10 +54,13 @@ def main() -> None:
     tracked = sample_window(options.events, is_tracked=True, is_moving=False)
     moving = sample_window(options.events, is_tracked=True, is_moving=True)
     check_ways_agree(encoder, plain, sensors)
+    lit, without, with_bands = three_bands(plain)
     ways: dict[str, Callable[[], object]] = {
         "forge": lambda: encoded(encoder, plain),
         "forge, tracked": lambda: encoded(encoder, tracked),
         "forge, tracked, moving sensors": lambda: encoded(encoder, moving),
+        "forge, three bands": lambda: encoded(without, lit),
+        "forge-bands, three bands": lambda: encoded(with_bands, lit),
         "forge to file": lambda: filed(encoder, plain),
         "forge to file, tracked": lambda: filed(encoder, tracked),
         "msgspec structs": lambda: [struct_lines(block, sensors) for block in window_blocks(plain)],
@@ -64,6 +69,17 @@ def main() -> None:
     took = median_ns(ways, options.repeats)
     for name, median in took.items():
         print(f"{name:32} {median / options.events:8.0f} ns/event {median / took['forge']:8.2f}")
+
+
+def three_bands(window: Window) -> tuple[Window, ForgeEncoder, ForgeEncoder]:
+    """Return a window as sensors with three bands measure it, and the encoders `forge` and `forge-bands` for them."""
+    bands = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.2, 4.45), Band("LWIR", 8.0, 12.0)
+    slots = -170.5 + 35.0 * np.arange(SENSORS)
+    sensors = tuple(stub_sensor(f"NEXTGEN-{n}", slot, bands=bands) for n, slot in enumerate(slots.tolist()))
+    measured = 10.0 ** np.random.default_rng(2).uniform(-13.0, -10.0, (len(window.detections), 3))
+    lit = evolve(window, detections=evolve(window.detections, band_irradiance_w_m2=measured))
+    context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US)
+    return lit, ForgeEncoder(context), ForgeEncoder(context, has_irradiances=True)
 
 
 def sample_window(count: int, *, is_tracked: bool, is_moving: bool) -> Window:

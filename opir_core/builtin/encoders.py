@@ -14,6 +14,12 @@ def _forge(_config: Any, context: "EncoderContext") -> "Encoder":
     return ForgeEncoder(context)
 
 
+def _forge_bands(_config: Any, context: "EncoderContext") -> "Encoder":
+    from opir_core.events.forge import ForgeEncoder
+
+    return ForgeEncoder(context, has_irradiances=True)
+
+
 def _forge_c2(_config: Any, context: "EncoderContext") -> "Encoder":
     from opir_core.events.forge_c2 import ForgeC2Encoder
 
@@ -28,6 +34,11 @@ def _udl(_config: Any, context: "EncoderContext") -> "Encoder":
 
 ENCODERS = (
     EventEncoder(name="forge", summary="one flat JSON object an event, for the FORGE fusion pipeline", build=_forge),
+    EventEncoder(
+        name="forge-bands",
+        summary="the event of forge, with the irradiance that each band measured",
+        build=_forge_bands,
+    ),
     EventEncoder(
         name="forge-c2",
         summary="a flat record with a place, or none, for command-and-control consumers",

@@ -1,9 +1,11 @@
-"""The `forge` encoder: one flat JSON object a line, in the order of fields that the schema names.
+"""The encoders `forge` and `forge-bands`: one flat JSON object a line, in the order of fields that the schema names.
 
 A line is put together from pieces: text that is the same for many events (a sensor's name, a track's launch point) is
 made once and looked up, and what differs from event to event is made a column at a time. `benchmarks/encoding.py` holds
 the ways that were measured against it.
 """
+
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -29,6 +31,9 @@ from opir_core.records import Detections, IntArray, Window
 from opir_core.scene import REPORTED_TYPES
 from opir_core.sites import Viewpoints
 
+if TYPE_CHECKING:
+    from opir_core.events.irradiances import IrradianceTexts
+
 _OPENING = b'{"detection_id":"', b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
 _POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
@@ -44,13 +49,17 @@ _json = msgspec.json.Encoder().encode
 
 
 class ForgeEncoder:
-    """Detections to lines of JSON, one flat object each; the same bytes however detections are cut into windows."""
+    """Detections to lines of JSON, one flat object each; the same bytes however detections are cut into windows.
+
+    With `has_irradiances` an event has the irradiance that each band measured, where the detection model measures it.
+    """
 
     content_type = "application/json"
     schema_version = SCHEMA_VERSION
 
-    def __init__(self, context: EncoderContext) -> None:
+    def __init__(self, context: EncoderContext, *, has_irradiances: bool = False) -> None:
         self._sensors = context.sensors
+        self._irradiances = _irradiances(context) if has_irradiances else None
         self._epoch_us = context.epoch_us
         self._sensor_pieces = piece_table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
         self._band_pieces = piece_table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
@@ -81,6 +90,7 @@ class ForgeEncoder:
                 number_texts(rounded_degrees(angles.elevation_rad)),
                 *self._looks(detections, sensor),
                 number_texts(rounded(detections.snr, RATIO_DECIMALS)),
+                *(self._irradiances.pieces(detections, sensor) if self._irradiances else ()),
                 _sensor_positions(viewpoints),
                 *_type_probabilities(detections),
                 *_whereabouts(window),
@@ -95,6 +105,12 @@ class ForgeEncoder:
             return [taken(self._look_pieces, place)]
         sigma_urad = rounded(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS)
         return [_SIGMA, number_texts(sigma_urad), taken(self._band_pieces, place)]
+
+
+def _irradiances(context: EncoderContext) -> "IrradianceTexts":
+    from opir_core.events.irradiances import IrradianceTexts
+
+    return IrradianceTexts(context.sensors)
 
 
 def _sensor_pieces(sensor: Sensor) -> list[bytes]:

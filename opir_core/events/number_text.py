@@ -10,6 +10,12 @@ DEGREE_DECIMALS = 9
 METRE_DECIMALS = 3
 RATIO_DECIMALS = 6
 
+#: Digits of irradiances, whose sizes lie many powers of ten apart.
+IRRADIANCE_DIGITS = 6
+
+#: Between these sizes numbers are rounded to significant digits.
+_LEAST, _MOST = 1e-290, 1e290
+
 # Beyond it doubles have no half-units left to round.
 _ALL_WHOLE = 2.0**52
 
@@ -21,6 +27,21 @@ def rounded(values: FloatArray, decimals: int) -> FloatArray:
     scale = 10.0**decimals
     has_decimals = np.abs(values) < _ALL_WHOLE / scale
     return np.where(has_decimals, np.rint(np.where(has_decimals, values, 0.0) * scale) / scale, values) + 0.0
+
+
+def significant(values: FloatArray, digits: int) -> FloatArray:
+    """Return values rounded to so many significant digits, element by element; never -0, nan and inf as they are.
+
+    Below 1e-290 they are 0, and beyond 1e290 left as they are: there powers of ten leave the doubles.
+    """
+    size = np.abs(values)
+    lawful = (size >= _LEAST) & (size <= _MOST)
+    known = np.where(lawful, values, 1.0)
+    places = digits - 1 - np.floor(np.log10(np.abs(known)))
+    # Powers of ten up to the 22nd are doubles themselves: texts have no more than the digits then.
+    up, down = 10.0 ** np.maximum(places, 0.0), 10.0 ** np.maximum(-places, 0.0)
+    nearest = np.rint(known * up / down) * down / up
+    return np.where(lawful, nearest, np.where(size < _LEAST, 0.0, values)) + 0.0
 
 
 def rounded_number(value: float, decimals: int) -> float:

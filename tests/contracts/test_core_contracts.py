@@ -101,6 +101,10 @@ class TestForgeEncoder(EncoderContract):
     name = "forge"
 
 
+class TestForgeBandsEncoder(EncoderContract):
+    name = "forge-bands"
+
+
 class TestForgeC2Encoder(EncoderContract):
     name = "forge-c2"
 

@@ -29,7 +29,8 @@ def asyncapi_document() -> dict[str, Any]:
             "detections": {
                 "address": bare.topic,
                 "servers": [{"$ref": "#/servers/kafka"}],
-                "description": f"One of these, as the output's encoder says; by default {bare.encoder}.",
+                "description": f"One of these, as the output's encoder says; by default {bare.encoder}. Those of the"
+                " encoder forge-bands are forge's, with band_irradiance_w_m2.",
                 "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in names},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }
