@@ -1,0 +1,176 @@
+"""Two-body propagators of the libraries that are installed, each in a process of its own."""
+
+import multiprocessing
+import os
+import sys
+import time
+import types
+import warnings
+from collections.abc import Callable
+from importlib.metadata import version
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+from kepler_arcs import States
+
+from opir_core.constants import EARTH_MU_M3_S2 as MU
+from opir_core.flight.kepler import propagate_kepler
+
+Propagator = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def by_heyoka() -> Propagator:
+    """Return heyoka's compiled function: Kepler's equation of the difference of eccentric anomalies, ellipses only."""
+    import heyoka as hy
+
+    x, y, z, u, v, w, t = hy.make_vars("x", "y", "z", "u", "v", "w", "t")
+    r = hy.sqrt(x * x + y * y + z * z)
+    a = 1.0 / (2.0 / r - (u * u + v * v + w * w) / MU)
+    eta = (x * u + y * v + z * w) / np.sqrt(MU)
+    s0, c0 = eta / hy.sqrt(a), 1.0 - r / a
+    step = hy.kepDE(s0, c0, t * hy.sqrt(MU / (a * a * a)))
+    c, s = hy.cos(step), hy.sin(step)
+    end = a + (r - a) * c + eta * hy.sqrt(a) * s
+    f, g = 1.0 - a / r * (1.0 - c), a * eta / MU**0.5 * (1.0 - c) + r * hy.sqrt(a / MU) * s
+    df, dg = -hy.sqrt(MU * a) / (end * r) * s, 1.0 - a / end * (1.0 - c)
+    pairs = ((x, u), (y, v), (z, w))
+    outputs = [f * p + g * q for p, q in pairs] + [df * p + dg * q for p, q in pairs]
+    compiled = hy.cfunc(outputs, [x, y, z, u, v, w, t])
+
+    def propagate(position: np.ndarray, velocity: np.ndarray, duration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        columns = np.ascontiguousarray(np.column_stack([position, velocity, duration]).T)
+        end = compiled(columns)
+        return end[:3].T, end[3:].T
+
+    return propagate
+
+
+def by_pykep() -> Propagator:
+    """Return pykep's Lagrangian propagation, one call a state."""
+    # pykep 3.0.1's wheel lacks the data files of its trajectory gym, without which it does not import.
+    sys.modules.setdefault("pykep.trajopt.gym", types.ModuleType("pykep.trajopt.gym"))
+    import pykep
+
+    def propagate(position: np.ndarray, velocity: np.ndarray, duration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        states = np.stack([position, velocity], axis=1)
+        ends = [
+            pykep.propagate_lagrangian(rv, tof, MU, False) for rv, tof in zip(states, duration.tolist(), strict=True)
+        ]
+        end = np.array(ends)
+        return end[:, 0], end[:, 1]
+
+    return propagate
+
+
+def by_boinor_farnocchia() -> Propagator:
+    return by_boinor("farnocchia")
+
+
+def by_boinor_vallado() -> Propagator:
+    return by_boinor("vallado")
+
+
+def by_boinor(kernel_name: str) -> Propagator:
+    """Return one of boinor's kernels, looped over in numba, in its own unit, the kilometre."""
+    import boinor.core.propagation as kernels
+    import numba
+
+    kernel = getattr(kernels, kernel_name)
+    mu = MU / 1e9
+
+    def by_coefficients(r, v, t):  # type: ignore[no-untyped-def]
+        f, g, f_rate, g_rate = kernel(mu, r, v, t, 100)
+        return f * r + g * v, f_rate * r + g_rate * v
+
+    def by_elements(r, v, t):  # type: ignore[no-untyped-def]
+        return kernel(mu, r, v, t)
+
+    single = numba.njit(by_coefficients if kernel_name == "vallado" else by_elements)
+
+    @numba.njit  # type: ignore[untyped-decorator]
+    def loop(position, velocity, duration, end):  # type: ignore[no-untyped-def]
+        for i in range(duration.size):
+            end[0, i], end[1, i] = single(position[i], velocity[i], duration[i])
+
+    def propagate(position: np.ndarray, velocity: np.ndarray, duration: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        end = np.full((2, duration.size, 3), np.nan)
+        loop(position / 1e3, velocity / 1e3, duration, end)
+        return end[0] * 1e3, end[1] * 1e3
+
+    return propagate
+
+
+def by_opir() -> Propagator:
+    return propagate_kepler
+
+
+LIBRARIES: dict[str, tuple[str, Callable[[], Propagator]]] = {
+    "opir, numpy": ("numpy", by_opir),
+    "heyoka, compiled function": ("heyoka", by_heyoka),
+    "pykep, call a state": ("pykep", by_pykep),
+    "boinor farnocchia, in numba": ("boinor", by_boinor_farnocchia),
+    "boinor vallado, in numba": ("boinor", by_boinor_vallado),
+}
+
+
+def serve(label: str, pipe: Connection) -> None:
+    """Answer states with end positions and the time taken, in a process of its own: heyoka and pykep bear no other."""
+    warnings.simplefilter("ignore")
+    distribution, make = LIBRARIES[label]
+    try:
+        propagate = make()
+    except Exception as reason:
+        pipe.send(f"{type(reason).__name__}: {reason}")
+        return
+    pipe.send((version(distribution),))
+    while (states := pipe.recv()) is not None:
+        before = time.process_time()
+        try:
+            end = propagate(*states)[0]
+        except Exception:
+            end = None
+        pipe.send((end, time.process_time() - before))
+    pipe.send("done")
+    os._exit(0)  # pykep aborts a process that ends by itself
+
+
+class Library:
+    """A propagator in its own process; calling it returns end positions (none if it raised) and seconds."""
+
+    def __init__(self, label: str) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=serve, args=(label, theirs), daemon=True)
+        self.process.start()
+        theirs.close()
+        answer = self.answer()
+        self.problem = answer if isinstance(answer, str) else ""
+        self.version = "" if self.problem else answer[0]
+
+    def answer(self) -> Any:
+        try:
+            return self.pipe.recv()
+        except EOFError:
+            return "the process died"
+
+    def __call__(self, states: States) -> tuple[np.ndarray | None, float]:
+        self.pipe.send(states)
+        answer: tuple[np.ndarray | None, float] = self.answer()
+        return answer
+
+    def close(self) -> None:
+        self.pipe.send(None)
+        self.answer()
+
+
+def installed_libraries() -> dict[str, Library]:
+    """Return opir's propagator and those of the peers that can be imported, by name and version."""
+    found = {}
+    for label in LIBRARIES:
+        library = Library(label)
+        if library.problem:
+            print(f"{label}: left out ({library.problem})", file=sys.stderr)
+        else:
+            found[f"{label} {library.version}"] = library
+    return found
