@@ -10,6 +10,7 @@ from attrs import evolve
 
 from opir_core.records import BoolArray, FloatArray, Tracks
 from opir_core.tracking.profile_flight import off_ground, on_ground
+from opir_core.tracking.stereo_report import STAGED_S
 
 
 def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatArray) -> Tracks:
@@ -19,7 +20,7 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
     impact is told before they have been dark (n,) long enough, nor an end of the burn.
     """
     heavy = chance > 0.5
-    over = dark_s > _STAGED_S
+    over = dark_s > STAGED_S
     chance = np.where(chance < _LEAST_CHANCE, 0.0, chance)
     state, spread = _mixed(fitted.state, fitted.state_covariance, filtered.state, filtered.state_covariance, chance)
     launch, launch_spread = _mixed_places(
@@ -47,9 +48,6 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
 
 #: Chances below this are none: a mixture with little of what is far less certain says less than it knows.
 _LEAST_CHANCE = 0.1
-
-#: A target that has been dark for longer will not light another stage, s.
-_STAGED_S = 4.0
 
 
 def _mixed(

@@ -8,16 +8,17 @@ import numpy as np
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
 from opir_core.protocols import Sensor
-from opir_core.records import FloatArray, IntArray, Tracks
+from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.tracking.ground_points import GroundPoints, impacts
+from opir_core.tracking.switching_filter import Bank, SwitchingFilter
 from opir_core.tracking.upkeep import Roster
 
 
 def estimates(
     state: FloatArray,
     covariance: FloatArray,
-    weight: FloatArray,
+    is_free: BoolArray,
     roster: Roster,
     time_s: float,
     forces: Forces,
@@ -25,17 +26,16 @@ def estimates(
 ) -> Tracks:
     """Return the tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time; nan for the unknown.
 
-    `weight` (n, 2) are the probabilities of boost and coast: an impact is told of tracks that more likely coast than
-    burn, for where a burning target comes down depends on when its burn ends. `types` are those of the tracks' types.
+    An impact is told of the tracks `is_free` (n,), and `types` are those of the tracks' types.
     """
-    impact = GroundPoints.nowhere(len(weight))
-    free = np.flatnonzero(weight[:, 1] > 0.5)
+    impact = GroundPoints.nowhere(len(state))
+    free = np.flatnonzero(is_free)
     if len(free):
         landed = impacts(state[free], covariance[free], time_s, forces)
         impact.place[free], impact.covariance[free] = landed
     state, covariance = earth_fixed(state, covariance, time_s)
     return Tracks(
-        tick_s=np.full(len(weight), time_s),
+        tick_s=np.full(len(state), time_s),
         track=roster.number,
         state=state,
         state_covariance=covariance,
@@ -45,6 +45,20 @@ def estimates(
         impact_covariance=impact.covariance,
         type_probability=types,
     )
+
+
+#: A target that has been dark for longer will not light another stage, s.
+STAGED_S = 4.0
+
+
+def free_flights(filter_: SwitchingFilter, bank: Bank) -> BoolArray:
+    """Return which tracks (n,) are taken for free flights, of which an impact is told.
+
+    They more likely coast than burn, for where a burning target comes down depends on when its burn ends; and, where
+    silence is what tells the end, they have been dark for longer than stages are.
+    """
+    dark_s = bank.pace[:, 2] if filter_.switches and filter_.cold_chance < 1.0 else np.inf
+    return np.asarray((bank.weight[:, 1] > 0.5) & (dark_s > STAGED_S))
 
 
 def evidence_of(sensors: Sequence[Sensor]) -> FloatArray:

@@ -24,7 +24,7 @@ from opir_core.tracking.history_assignment import decided
 from opir_core.tracking.launch_points import launches
 from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_following import Followed, Following
-from opir_core.tracking.stereo_report import estimates, evidence_of, type_posterior
+from opir_core.tracking.stereo_report import estimates, evidence_of, free_flights, type_posterior
 from opir_core.tracking.switching_filter import Bank, SwitchingFilter
 from opir_core.tracking.track_priors import filter_of, first_bank
 
@@ -260,7 +260,8 @@ class StereoTracking:
         if self.biases.any:
             covariance = covariance.copy()
             covariance[:, :3, :3] += self.biases.covariance(bank.likelier_position_m, now.time_s, roster.reports >= 0)
-        return estimates(state, covariance, bank.weight, roster, now.time_s, self.forces, self._types(roster))
+        is_free = free_flights(self.filter, bank)
+        return estimates(state, covariance, is_free, roster, now.time_s, self.forces, self._types(roster))
 
     def _types(self, roster: upkeep.Roster) -> FloatArray:
         """Return the probabilities (n, types) of tracks' types, worked out anew where a report is new."""

@@ -12,8 +12,9 @@ from opir_core.protocols import TrackerContext
 from opir_core.reading import scene_from_mapping
 from opir_core.records import Detections, Tracks
 from opir_core.scene import TARGET_TYPES, UNKNOWN_TYPE
-from opir_core.tracking.configs import BoostProfileConfig
+from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
 from opir_core.tracking.profile_tracker import boost_profile_tracker
+from opir_core.tracking.stereo_tracker import stereo_filter
 
 #: SBIRS-GEO: scan period, s, error, rad, and chance of detection by type.
 PERIOD_S, SIGMA_RAD = 0.1, 20e-6
@@ -79,12 +80,15 @@ def detections_of(rays):
     )
 
 
-def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler"):
-    """Yield the ticks, one a second, of a tracker that sees flights."""
+def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", *, fitted=True):
+    """Yield the ticks, one a second, of a tracker that sees flights; unless `fitted`, of stereo-filter alone."""
     owner, rays = seen(truth, seeing, seed)
     context = TrackerContext(sensors=sensors or sensors_of(), epoch_us=0, duration_s=1e3, forces=forces)
-    tracker = boost_profile_tracker(BoostProfileConfig(), context)
-    heard = tracker._inner = Heard(tracker._inner)
+    if fitted:
+        tracker = boost_profile_tracker(BoostProfileConfig(), context)
+        heard = tracker._inner = Heard(tracker._inner)
+    else:
+        tracker = heard = Heard(stereo_filter(StereoFilterConfig(), context))
     every, shared, cut = detections_of(rays), np.zeros((0, len(truth) + 1)), 0
     for tick in range(1, int(until_s) + 1):
         end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))
@@ -107,9 +111,9 @@ def rows_of(tracks, shared):
     return np.where(hits.max(axis=0) > 0.0, known[np.argmax(hits, axis=0)], -1)
 
 
-def last_told(truth, seeing, seed, after_s):
+def last_told(truth, seeing, seed, after_s, *, fitted=True, forces="kepler"):
     """Return what is told of flights, one row each, so long after the last burn; of all of them there is a track."""
-    *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s)
+    *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces, fitted=fitted)
     rows = rows_of(last.told, last.shared)
     assert (rows >= 0).all()
     return last.told.take(rows)
