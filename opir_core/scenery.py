@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.geometry import ecef_to_geodetic
+from opir_core.geometry import ecef_to_height_m
 from opir_core.plugin.components import SignatureModel
 from opir_core.plugin.host import Host
 from opir_core.protocols import Band, Sensor
 from opir_core.radiometry.ascents import ascents
+from opir_core.radiometry.at_once import intensities_w_sr
 from opir_core.radiometry.protocols import (
     AtmosphereContext,
     Background,
@@ -62,7 +63,7 @@ class Scenery:
     def paths(self, exposures: Exposures) -> Paths:
         """Return the paths of light of looks."""
         return Paths(
-            height_m=ecef_to_geodetic(exposures.target_ecef_m).height_m,
+            height_m=ecef_to_height_m(exposures.target_ecef_m),
             elevation_sine=exposures.elevation_sine,
             target_ecef_m=exposures.target_ecef_m,
             sensor_ecef_m=exposures.sensor_ecef_m,
@@ -88,17 +89,19 @@ class Scenery:
             aspect[rows] = self._off_flight_rad(exposures.take(rows), to_sensor[rows]) if own is None else own
         return aspect
 
-    def intensity_w_sr(self, band: int, exposures: Exposures, height_m: FloatArray, aspect: FloatArray) -> FloatArray:
-        """Return the in-band radiant intensities (n,) of the targets of looks, at the source."""
+    def intensities_w_sr(
+        self, bands: Sequence[int], exposures: Exposures, height_m: FloatArray, aspect: FloatArray
+    ) -> FloatArray:
+        """Return the in-band radiant intensities (bands, n) of the targets of looks, at the source."""
         since_s = exposures.emission_time_s - self.targets.ignition_s[exposures.target]
-        group, place = self.group[exposures.target], self.place[exposures.target]
+        place = self.place[exposures.target]
         if len(self.signatures) == 1:
-            return self.signatures[0].intensity_w_sr(band, place, since_s, height_m, aspect)
-        intensity = np.empty(len(exposures))
+            return intensities_w_sr(self.signatures[0], bands, place, since_s, height_m, aspect)
+        intensity, group = np.empty((len(bands), len(exposures))), self.group[exposures.target]
         for number, signatures in enumerate(self.signatures):
             rows = np.flatnonzero(group == number)
-            columns = (place[rows], since_s[rows], height_m[rows], aspect[rows])
-            intensity[rows] = signatures.intensity_w_sr(band, *columns)
+            own = intensities_w_sr(signatures, bands, place[rows], since_s[rows], height_m[rows], aspect[rows])
+            intensity[:, rows] = own
         return intensity
 
     def kinks_s(self) -> FloatArray:

@@ -91,7 +91,7 @@ def gridded(shape: tuple[int, int]) -> Callable[[NodeTable], Model]:
 
     def made(nodes: NodeTable) -> Model:
         atmosphere = LowtranAtmosphere((fine_grid(nodes, shape),), None)
-        return lambda height, sine: atmosphere._looked_up(0, height, sine)
+        return lambda height, sine: atmosphere._looked_up((0,), height, sine)[0]
 
     return made
 

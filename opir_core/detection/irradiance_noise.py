@@ -31,6 +31,12 @@ def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> Floa
 
 
 def noise_w_m2(detector_w_m2: ArrayLike, photons_w_m2: ArrayLike = 0.0, clutter_w_m2: ArrayLike = 0.0) -> FloatArray:
-    """Return the standard deviation of independent noises together, at least `LEAST_NOISE_W_M2`."""
-    whole: FloatArray = np.hypot(np.hypot(detector_w_m2, photons_w_m2), clutter_w_m2)
-    return np.maximum(whole, LEAST_NOISE_W_M2)
+    """Return the standard deviation of independent noises together, at least `LEAST_NOISE_W_M2`.
+
+    Noises may be as large as 1e150 W/m²; what of them is below 1e-160 is nothing beside the least.
+    """
+    # Squares cost a tenth of what `numpy.hypot` does, which is for numbers that have none.
+    whole = np.square(np.asarray(detector_w_m2, dtype=np.float64))
+    whole = whole + np.square(np.asarray(photons_w_m2, dtype=np.float64))
+    whole = whole + np.square(np.asarray(clutter_w_m2, dtype=np.float64))
+    return np.maximum(np.sqrt(whole), LEAST_NOISE_W_M2)

@@ -1,6 +1,6 @@
 """The detection model `snr`: from intensity, air, aperture and noise to the probability of detection."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,14 @@ from opir_core.detection.measuring import MeasuredColumns
 from opir_core.detection.receivers import Receiver, by_number, noise_chance, receivers_of
 from opir_core.detection.redrawing import measured_to_pass
 from opir_core.protocols import Dice, Measured, ModelContext
-from opir_core.radiometry.protocols import WholeBackground
-from opir_core.radiometry.records import Views, in_a_row
+from opir_core.radiometry.at_once import radiances_and_clutter_w_m2_sr, transmittances
+from opir_core.radiometry.records import in_a_row
 from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response
 from opir_core.scenery import Scenery
+
+#: Numbers of receivers that measure alike, each with the rows of its looks.
+RowsOfKind = Sequence[tuple[int, slice | IntArray]]
 
 #: Signals over noise are held within it: its square is still a double.
 _MOST_SNR = 1e100
@@ -27,18 +30,16 @@ class SnrDetection:
     """Signal over noise in each band, and the sensor's rule over its bands; see docs/explanation/detection.md.
 
     `width` is the largest number of bands of the sensors; `alike` (sensors,) the first of those that measure as each
-    does; `band` (sensors, width) each band's number in the scenery, -1 beyond a sensor's own, and `count_w_m2` what one
-    photon in it stands for; `floor_rad` (sensors,) the spread of lines of sight that no signal betters;
-    `dark_noise_w_m2` (sensors, width) the noise before a dark background, 1 beyond a sensor's bands; `noise_chance`
-    (sensors,) the chance that it alone crosses in a resolution cell and look, `rate_per_scan` (sensors,) how often it
-    does on the mean in a scan.
+    does; `count_w_m2` (sensors, width) what one photon in a band stands for; `floor_rad` (sensors,) the spread of lines
+    of sight that no signal betters; `dark_noise_w_m2` (sensors, width) the noise before a dark background, 1 beyond a
+    sensor's bands; `noise_chance` (sensors,) the chance that it alone crosses in a resolution cell and look,
+    `rate_per_scan` (sensors,) how often it does on the mean in a scan.
     """
 
     scenery: Scenery
     receivers: tuple[Receiver, ...]
     width: int
     alike: IndexArray
-    band: IntArray
     count_w_m2: FloatArray
     floor_rad: FloatArray
     footprint_rad: FloatArray
@@ -61,15 +62,16 @@ class SnrDetection:
 
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
         """Return what looks would measure; with a `slack`, probabilities may be off by as much."""
-        signal = self._irradiance_w_m2(exposures)
-        noise = self._noise_w_m2(exposures)
+        rows_of_kind = by_number(self.alike[exposures.sensor], len(self.receivers))
+        signal = self._irradiance_w_m2(exposures, rows_of_kind)
+        noise = self._noise_w_m2(exposures, rows_of_kind)
         snr = np.minimum(signal / noise, _MOST_SNR)
         quantile = np.empty(len(exposures))
-        for number, rows in by_number(self.alike[exposures.sensor], len(self.receivers)):
+        for number, rows in rows_of_kind:
             receiver = self.receivers[number]
             width = len(receiver.bands)
-            quantile[rows] = receiver.quantile(snr[rows, :width], noise[rows, :width], slack)
-        return Response(quantile, snr, noise)
+            quantile[rows] = receiver.quantile(snr[:width, rows].T, noise[:width, rows].T, slack)
+        return Response(quantile, snr.T, noise.T)
 
     def kinks_s(self) -> FloatArray:
         """Return when (targets, k), by scene time, signals may jump or bend, as far as the scenery says."""
@@ -115,49 +117,34 @@ class SnrDetection:
             found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.footprint_rad[number]))
         return found.measured(self.dark_noise_w_m2[sensor])
 
-    def _irradiance_w_m2(self, exposures: Exposures) -> FloatArray:
-        """Return the irradiances (n, B) of targets at the aperture; 0 beyond a sensor's bands."""
+    def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
+        """Return the irradiances (B, n) of targets at the aperture; 0 beyond a sensor's bands."""
         paths, aspect = self.scenery.paths(exposures), self.scenery.aspect_rad(exposures)
-        irradiance = np.zeros((len(exposures), self.width))
-        for band, place, rows in self._by_band(exposures.sensor):
-            looks, path = exposures.take(rows), paths.take(rows)
-            intensity = self.scenery.intensity_w_sr(band, looks, path.height_m, aspect[rows])
-            shining = in_a_row(np.flatnonzero(intensity > 0.0))
-            through = self.scenery.atmosphere.transmittance(band, path.take(shining))
-            own = np.zeros(len(looks))
-            own[shining] = intensity[shining] * through / np.square(looks.range_m[shining])
-            irradiance[rows, place] = own
+        irradiance = np.zeros((self.width, len(exposures)))
+        for number, rows in rows_of_kind:
+            looks, path, bands = exposures.take(rows), paths.take(rows), self.receivers[number].bands.tolist()
+            intensity = self.scenery.intensities_w_sr(bands, looks, path.height_m, aspect[rows])
+            shining = in_a_row(np.flatnonzero(np.any(intensity > 0.0, axis=0)))
+            own = intensity[:, shining] / np.square(looks.range_m[shining])
+            own *= transmittances(self.scenery.atmosphere, bands, path.take(shining))
+            lit = np.zeros(intensity.shape)
+            lit[:, shining] = own
+            irradiance[: len(bands), rows] = lit
         return irradiance
 
-    def _noise_w_m2(self, exposures: Exposures) -> FloatArray:
-        """Return the noise (n, B) at the aperture; 1 beyond a sensor's bands."""
-        noise = self.dark_noise_w_m2.take(exposures.sensor, axis=0)
+    def _noise_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
+        """Return the noise (B, n) at the aperture; 1 beyond a sensor's bands."""
+        noise = np.ascontiguousarray(self.dark_noise_w_m2.T).take(exposures.sensor, axis=1)
         if not self.scenery.has_background:
             return noise
         view = self.scenery.views(exposures)
-        pixel_sr = np.square(self.footprint_rad)[exposures.sensor]
-        for band, place, rows in self._by_band(exposures.sensor):
-            radiance, clutter = self._backdrop(band, view.take(rows))
-            per_count = self.count_w_m2[exposures.sensor[rows], place]
-            photons = photon_noise_w_m2(radiance * pixel_sr[rows], per_count)
-            noise[rows, place] = noise_w_m2(noise[rows, place], photons, clutter * pixel_sr[rows])
+        for number, rows in rows_of_kind:
+            bands, pixel_sr = self.receivers[number].bands.tolist(), self.footprint_rad[number] ** 2
+            radiance, clutter = radiances_and_clutter_w_m2_sr(self.scenery.background, bands, view.take(rows))
+            per_count = self.count_w_m2[number, : len(bands), None]
+            photons = photon_noise_w_m2(radiance * pixel_sr, per_count)
+            noise[: len(bands), rows] = noise_w_m2(noise[: len(bands), rows], photons, clutter * pixel_sr)
         return noise
-
-    def _backdrop(self, band: int, view: Views) -> tuple[FloatArray, FloatArray]:
-        """Return the background's radiances and clutter (n,) in a band, W m⁻² sr⁻¹."""
-        background = self.scenery.background
-        if isinstance(background, WholeBackground):
-            return background.radiance_and_clutter_w_m2_sr(band, view)
-        return background.radiance_w_m2_sr(band, view), background.clutter_w_m2_sr(band, view)
-
-    def _by_band(self, sensor: IndexArray) -> "Iterator[tuple[int, int, slice | IntArray]]":
-        """Yield each band of the scenery, its place in sensors' columns, and the rows of the sensors it stands at."""
-        for place, own in enumerate(self.band.T):
-            standing = own[sensor]
-            for band in range(len(self.scenery.bands)):
-                rows = np.flatnonzero(standing == band)
-                if len(rows):
-                    yield band, place, in_a_row(rows)
 
 
 def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
@@ -176,7 +163,6 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
         receivers=tuple(receivers),
         width=max(len(receiver.bands) for receiver in receivers),
         alike=_alike(receivers, floor_rad),
-        band=_bands(receivers),
         count_w_m2=_counts_w_m2(receivers),
         floor_rad=floor_rad,
         footprint_rad=footprint_rad,
@@ -192,14 +178,6 @@ def _probability(quantile: FloatArray) -> FloatArray:
 
     chance: FloatArray = ndtr(quantile)
     return chance
-
-
-def _bands(receivers: Sequence[Receiver]) -> IntArray:
-    """Return the numbers (sensors, width) of sensors' bands in the scenery; -1 beyond them."""
-    numbers = np.full((len(receivers), max(len(receiver.bands) for receiver in receivers)), -1)
-    for row, receiver in zip(numbers, receivers, strict=True):
-        row[: len(receiver.bands)] = receiver.bands
-    return numbers
 
 
 def _counts_w_m2(receivers: Sequence[Receiver]) -> FloatArray:

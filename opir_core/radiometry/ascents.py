@@ -6,7 +6,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.columns import Columns
-from opir_core.geometry import ecef_to_geodetic
+from opir_core.geometry import ecef_to_height_m
 from opir_core.records import FloatArray, IndexArray
 from opir_core.targets import Targets
 
@@ -60,5 +60,5 @@ def ascents(targets: Targets) -> Ascents:
 
 
 def _heights_m(targets: Targets, target: IndexArray, time_s: FloatArray) -> FloatArray:
-    height_m: FloatArray = ecef_to_geodetic(targets.position_ecef_m(target, time_s)).height_m
+    height_m: FloatArray = ecef_to_height_m(targets.position_ecef_m(target, time_s))
     return height_m

@@ -32,24 +32,47 @@ class EarthBackground:
 
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return in-band radiances (n,), W m⁻² sr⁻¹; 0 beyond the limb."""
-        radiance = np.zeros(len(view))
+        radiance: FloatArray = self._radiances_w_m2_sr((band,), view)[0]
+        return radiance
+
+    def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
+        """Return the standard deviations (n,) of the radiance left after subtraction: a fixed share of the radiance."""
+        return self.residual * self.radiance_w_m2_sr(band, view)
+
+    def radiances_and_clutter_w_m2_sr(self, bands: Sequence[int], view: Views) -> tuple[FloatArray, FloatArray]:
+        """Return both of several bands (bands, n), which share their places in the tables."""
+        radiance = self._radiances_w_m2_sr(bands, view)
+        return radiance, self.residual * radiance
+
+    def _radiances_w_m2_sr(self, bands: Sequence[int], view: Views) -> FloatArray:
+        radiance = np.zeros((len(bands), len(view)))
         on_ground = view.height_m <= 0.0
         top_m = self.atmosphere.cloud_top_m(view.point_ecef_m)
         is_cloudy = np.isfinite(top_m)
         clear, cloudy = (in_a_row(np.flatnonzero(on_ground & sky)) for sky in (~is_cloudy, is_cloudy))
         if np.any(is_cloudy):
-            radiance[cloudy] = _cloud_radiance(self.clouds[band], view.take(cloudy), top_m[cloudy])
-        radiance[clear] = _sky_radiance(self.skies[band], view.take(clear))
+            high, sun = _Places(top_m[cloudy]), _Places(view.sun_elevation_sine[cloudy])
+            radiance[:, cloudy] = [_cloud_radiance(self.clouds[band], high, sun) for band in bands]
+        low, sun = _Places(view.elevation_sine[clear]), _Places(view.sun_elevation_sine[clear])
+        radiance[:, clear] = [_sky_radiance(self.skies[band], low, sun) for band in bands]
         return radiance
 
-    def radiance_and_clutter_w_m2_sr(self, band: int, view: Views) -> tuple[FloatArray, FloatArray]:
-        """Return radiances (n,) and the standard deviations (n,) of what subtraction leaves of them."""
-        radiance = self.radiance_w_m2_sr(band, view)
-        return radiance, self.residual * radiance
 
-    def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
-        """Return the standard deviations (n,) of the radiance left after subtraction: a fixed share of the radiance."""
-        return self.residual * self.radiance_w_m2_sr(band, view)
+class _Places:
+    """Where values (n,) fall between the points of tables: found once for all tables that have the same points."""
+
+    def __init__(self, at: FloatArray) -> None:
+        self.at = at
+        self._found: dict[bytes, tuple[IntArray, FloatArray]] = {}
+
+    def among(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return the point before each value, and the share of the way to the next: 0 or 1 beyond the ends."""
+        key = points.tobytes()
+        if key not in self._found:
+            row = np.clip(np.searchsorted(points, self.at, side="right") - 1, 0, len(points) - 2)
+            share = (self.at - points.take(row)) / np.diff(points).take(row)
+            self._found[key] = row, np.clip(share, 0.0, 1.0)
+        return self._found[key]
 
 
 def earth_background(config: EarthConfig, context: BackgroundContext) -> Background:
@@ -83,33 +106,35 @@ def _parts(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band], path
     return [(factor, known.index(one)) for one in chosen]
 
 
-def _sky_radiance(parts: Sequence[tuple[float, SkyTable]], view: Views) -> FloatArray:
-    total = np.zeros(len(view))
+def _sky_radiance(parts: Sequence[tuple[float, SkyTable]], look: _Places, sun: _Places) -> FloatArray:
+    total = np.zeros(len(look.at))
     for factor, table in parts:
-        night = np.interp(view.elevation_sine, table.night_sine, table.night)
-        added = _between(table.day_sine, table.sun_sine, table.day, view.elevation_sine, view.sun_elevation_sine)
+        night = _along(table.night, *look.among(table.night_sine))
+        added = _between(table.day, look.among(table.day_sine), sun.among(table.sun_sine))
         total += factor * (night + added)
     return np.maximum(total, 0.0)
 
 
-def _cloud_radiance(parts: Sequence[tuple[float, CloudTable]], view: Views, top_m: FloatArray) -> FloatArray:
-    total = np.zeros(len(view))
+def _cloud_radiance(parts: Sequence[tuple[float, CloudTable]], top: _Places, sun: _Places) -> FloatArray:
+    total = np.zeros(len(top.at))
     for factor, table in parts:
-        night = np.interp(top_m, table.top_m, table.night)
-        added = _between(table.top_m, table.sun_sine, table.day, top_m, view.sun_elevation_sine)
+        night = _along(table.night, *top.among(table.top_m))
+        added = _between(table.day, top.among(table.top_m), sun.among(table.sun_sine))
         total += factor * (night + added)
     return np.maximum(total, 0.0)
 
 
-def _between(x: FloatArray, y: FloatArray, table: FloatArray, at_x: FloatArray, at_y: FloatArray) -> FloatArray:
+def _between(
+    table: FloatArray, of_row: tuple[IntArray, FloatArray], of_column: tuple[IntArray, FloatArray]
+) -> FloatArray:
     """Return a table (x, y) straight between its points, constant beyond its ends."""
-    (row, across), (column, up) = _place(x, at_x), _place(y, at_y)
-    lower = table[row, column] * (1.0 - up) + table[row, column + 1] * up
-    upper = table[row + 1, column] * (1.0 - up) + table[row + 1, column + 1] * up
+    (row, across), (column, up) = of_row, of_column
+    flat, at = table.ravel(), row * table.shape[1] + column
+    lower, upper = _along(flat, at, up), _along(flat, at + table.shape[1], up)
     mixed: FloatArray = lower * (1.0 - across) + upper * across
     return mixed
 
 
-def _place(points: FloatArray, at: FloatArray) -> tuple[IntArray, FloatArray]:
-    row = np.clip(np.searchsorted(points, at, side="right") - 1, 0, len(points) - 2)
-    return row, np.clip((at - points[row]) / (points[row + 1] - points[row]), 0.0, 1.0)
+def _along(values: FloatArray, at: IntArray, share: FloatArray) -> FloatArray:
+    mixed: FloatArray = values.take(at) * (1.0 - share) + values.take(at + 1) * share
+    return mixed

@@ -6,7 +6,7 @@ Nothing is evaluated for targets above 100 km: there τ is 1.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, field, frozen
 
 from opir_core.errors import ModelError
 from opir_core.protocols import Band
@@ -22,7 +22,7 @@ from opir_core.radiometry.lowtran_table import (
 )
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import AtmosphereContext, Transmittance
-from opir_core.radiometry.records import Paths
+from opir_core.radiometry.records import Paths, in_a_row
 from opir_core.radiometry.sky_configs import CloudConfig, LowtranConfig
 from opir_core.records import FloatArray, IntArray
 
@@ -36,16 +36,24 @@ class LowtranAtmosphere:
 
     grids: tuple[FloatArray, ...]
     deck: Deck | None
+    _drawn_out: tuple[FloatArray, ...] = field(
+        init=False, default=Factory(lambda own: tuple(_drawn_out(grid) for grid in own.grids), takes_self=True)
+    )
 
     def transmittance(self, band: int, path: Paths) -> FloatArray:
         """Return in-band transmittances (n,): cubic in height, straight in asinh(sine / 0.05)."""
-        result = np.ones(len(path))
+        transmittance: FloatArray = self.transmittances((band,), path)[0]
+        return transmittance
+
+    def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
+        """Return those of several bands (bands, n), which share their places on the grid."""
+        result = np.ones((len(bands), len(path)))
         low = np.flatnonzero(path.height_m < TOP_M)
         if not len(low):
             return result
-        result[low] = self._looked_up(band, path.height_m[low], path.elevation_sine[low])
+        result[:, in_a_row(low)] = self._looked_up(bands, path.height_m[low], path.elevation_sine[low])
         if self.deck is not None:
-            result[low[is_hidden(self.deck, path.take(low))]] = 0.0
+            result[:, low[is_hidden(self.deck, path.take(low))]] = 0.0
         return result
 
     @property
@@ -59,36 +67,46 @@ class LowtranAtmosphere:
             return np.full(len(point_ecef_m), -np.inf)
         return np.where(self.deck.is_cloudy(point_ecef_m), self.deck.top_m, -np.inf)
 
-    def _looked_up(self, band: int, height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
-        grid = self.grids[band]
-        slants, heights = grid.shape
+    def _looked_up(self, bands: Sequence[int], height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
+        slants, heights = self.grids[bands[0]].shape
         scale = (slants - 1) / (HIGHEST_SLANT - LOWEST_SLANT)
         across = np.clip((np.arcsinh(elevation_sine / BEND) - LOWEST_SLANT) * scale, 0.0, slants - 1.0)
         up = np.clip(height_m * ((heights - 1) / TOP_M), 0.0, heights - 1.0)
         row = np.minimum(across.astype(np.int64), slants - 2)
         column = np.minimum(up.astype(np.int64), heights - 2)
         across -= row
-        lower = _along(grid, row, column, up - column)
-        upper = _along(grid, row + 1, column, up - column)
-        mixed: FloatArray = lower * (1.0 - across) + upper * across
-        return np.clip(mixed, 0.0, 1.0)
+        up -= column
+        # A grid that is drawn out has two columns more.
+        at = row * (heights + 2) + column
+        found = np.empty((len(bands), len(at)))
+        for value, band in zip(found, bands, strict=True):
+            _mixed(self._drawn_out[band], at, across, up, value)
+        return np.clip(found, 0.0, 1.0, out=found)
 
 
-def _along(grid: FloatArray, row: IntArray, column: IntArray, up: FloatArray) -> FloatArray:
-    """Return rows of a grid between two columns, by cubics whose slopes are those of their neighbours' chords.
+def _drawn_out(grid: FloatArray) -> FloatArray:
+    """Return a grid with a column more at both ends, straight on from the last two."""
+    before, after = 2.0 * grid[:, 0] - grid[:, 1], 2.0 * grid[:, -1] - grid[:, -2]
+    return np.concatenate([before[:, None], grid, after[:, None]], axis=1)
 
-    (Catmull and Rom, 1974.) They have no kinks, which what is interpolated along a track would stumble over.
+
+def _mixed(grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, into: FloatArray) -> None:
+    """Write values of a grid that is drawn out: between two rows straight, between columns by cubics.
+
+    The slopes of these are those of their neighbours' chords (Catmull and Rom, 1974): they have no kinks, which what is
+    interpolated along a track would stumble over.
     """
-    flat, width = grid.ravel(), grid.shape[1]
-    at = row * width + column
-    here, beyond = flat.take(at), flat.take(at + 1)
-    before = np.where(column > 0, flat.take(at - (column > 0)), 2.0 * here - beyond)
-    last = column == width - 2
-    after = np.where(last, 2.0 * beyond - here, flat.take(at + np.where(last, 1, 2)))
+    flat, width, taps = grid.ravel(), grid.shape[1], []
+    for place in range(4):
+        lower, upper = flat.take(at + place), flat.take(at + (width + place))
+        upper -= lower
+        upper *= across
+        upper += lower
+        taps.append(upper)
+    before, here, beyond, after = taps
     rise, bend = 0.5 * (beyond - before), 0.5 * (after - here)
     cubic = 2.0 * (here - beyond) + rise + bend
-    value: FloatArray = here + up * (rise + up * (beyond - here - rise - cubic + up * cubic))
-    return value
+    into[:] = here + up * (rise + up * (beyond - here - rise - cubic + up * cubic))
 
 
 def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Transmittance:

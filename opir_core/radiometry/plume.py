@@ -58,11 +58,26 @@ class PlumeSignatures:
         aspect_rad: FloatArray,
     ) -> FloatArray:
         """Return radiant intensities (n,) at the source, W/sr: 0 before ignition, the body's after burnout."""
-        peak: FloatArray = self.peak_w_sr[band][target]
+        intensity: FloatArray = self.intensities_w_sr((band,), target, time_since_ignition_s, altitude_m, aspect_rad)[0]
+        return intensity
+
+    def intensities_w_sr(
+        self,
+        bands: Sequence[int],
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return those of several bands (bands, n): bands differ by their peaks and bodies alone."""
         thrust = self._thrust(target, time_since_ignition_s)
-        plume = peak * thrust * self._altitude(target, altitude_m) * self._aspect(target, aspect_rad)
-        burnt_out = time_since_ignition_s > self.burn_time_s[target]
-        return np.where(burnt_out, self.body_w_sr[band][target], plume)
+        shape = thrust * self._altitude(target, altitude_m) * self._aspect(target, aspect_rad)
+        late = np.flatnonzero(time_since_ignition_s > self.burn_time_s[target])
+        intensities = np.empty((len(bands), len(target)))
+        for intensity, band in zip(intensities, bands, strict=True):
+            np.multiply(self.peak_w_sr[band].take(target), shape, out=intensity)
+            intensity[late] = self.body_w_sr[band].take(target[late])
+        return intensities
 
     @property
     def time_kinks_s(self) -> FloatArray:
@@ -100,9 +115,9 @@ class PlumeSignatures:
         return scale
 
     def _aspect(self, target: IndexArray, aspect_rad: FloatArray) -> FloatArray:
-        cosine, sine = np.cos(aspect_rad), np.sin(aspect_rad)
+        cosine = np.cos(aspect_rad)
         end_on = np.where(cosine > 0.0, self.nose_on[target], self.tail_on[target]) * cosine
-        shown: FloatArray = np.sqrt(sine * sine + end_on * end_on)
+        shown: FloatArray = np.sqrt((1.0 - cosine) * (1.0 + cosine) + end_on * end_on)
         return shown
 
 

@@ -116,11 +116,34 @@ class Background(Protocol):
 
 
 @runtime_checkable
-class WholeBackground(Protocol):
-    """What a `Background` also has that knows radiance and clutter at once, cheaper than one after the other."""
+class ManyBandSignatures(Protocol):
+    """What `Signatures` also have that know several bands at once, cheaper than one after the other."""
 
-    def radiance_and_clutter_w_m2_sr(self, band: int, view: Views) -> tuple[FloatArray, FloatArray]:
-        """Return what `radiance_w_m2_sr` and `clutter_w_m2_sr` do."""
+    def intensities_w_sr(
+        self,
+        bands: Sequence[int],
+        target: IndexArray,
+        time_since_ignition_s: FloatArray,
+        altitude_m: FloatArray,
+        aspect_rad: FloatArray,
+    ) -> FloatArray:
+        """Return what `intensity_w_sr` does of each band, (bands, n)."""
+
+
+@runtime_checkable
+class ManyBandTransmittance(Protocol):
+    """What a `Transmittance` also has that knows several bands at once, cheaper than one after the other."""
+
+    def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
+        """Return what `transmittance` does of each band, (bands, n)."""
+
+
+@runtime_checkable
+class ManyBandBackground(Protocol):
+    """What a `Background` also has that knows several bands, and their clutter, at once."""
+
+    def radiances_and_clutter_w_m2_sr(self, bands: Sequence[int], view: Views) -> tuple[FloatArray, FloatArray]:
+        """Return what `radiance_w_m2_sr` and `clutter_w_m2_sr` do of each band, (bands, n) both."""
 
 
 @frozen(kw_only=True)

@@ -11,6 +11,10 @@ from scipy.special import ndtr
 import opir_core as opir
 from opir_core.knots import Knots
 from opir_core.looks import Looks, exposures
+from opir_core.radiometry.at_once import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
+from opir_core.radiometry.earth import EarthBackground
+from opir_core.radiometry.lowtran import LowtranAtmosphere
+from opir_core.radiometry.plume import PlumeSignatures
 from opir_core.sites import Sites
 from opir_core.weaving import KNOTS, Weaver, sure_beyond
 
@@ -105,14 +109,40 @@ def test_pitch_over_is_told_beside_what_plumes_and_air_tell() -> None:
     assert np.all((way * vertical).sum(axis=1) > 0.99999 * np.linalg.norm(way, axis=1))
 
 
-def test_the_earth_says_radiance_and_clutter_at_once_as_it_does_one_by_one() -> None:
-    plan = planned("none", AIR)
+@pytest.mark.parametrize("sky", [{}, AIR], ids=["empty space", "air"])
+def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, Any]) -> None:
+    plan = planned("none", sky)
     looks, scenery = Looks.between(plan.pairs, 0, plan.end_ns), plan.detection.scenery
     every = slice(None, None, 97)
     exposed = exposures(plan, Sites.of(plan.sensors), looks.pair[every], looks.scan[every], geometry=True)
-    view = scenery.views(exposed)
-    for band in range(len(scenery.bands)):
-        both = scenery.background.radiance_and_clutter_w_m2_sr(band, view)
-        assert np.array_equal(both[0], scenery.background.radiance_w_m2_sr(band, view))
-        assert np.array_equal(both[1], scenery.background.clutter_w_m2_sr(band, view))
-        assert both[0].max() > 0.0
+    view, path, aspect = scenery.views(exposed), scenery.paths(exposed), scenery.aspect_rad(exposed)
+    bands = list(range(len(scenery.bands)))
+    radiance, clutter = radiances_and_clutter_w_m2_sr(scenery.background, bands, view)
+    passed = transmittances(scenery.atmosphere, bands, path)
+    since_s = exposed.emission_time_s - plan.targets.ignition_s[exposed.target]
+    columns = (scenery.place[exposed.target], since_s, path.height_m, aspect)
+    intensity = intensities_w_sr(scenery.signatures[0], bands, *columns)
+    for band in bands:
+        assert np.array_equal(radiance[band], scenery.background.radiance_w_m2_sr(band, view))
+        assert np.array_equal(clutter[band], scenery.background.clutter_w_m2_sr(band, view))
+        assert np.array_equal(passed[band], scenery.atmosphere.transmittance(band, path))
+        assert np.array_equal(intensity[band], scenery.signatures[0].intensity_w_sr(band, *columns))
+        assert intensity[band].max() > 0.0
+        assert (radiance[band].max() > 0.0) == bool(sky)
+
+
+def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = planned("none", AIR)
+    asked: list[str] = []
+    for kind, name in (
+        (PlumeSignatures, "_thrust"),
+        (LowtranAtmosphere, "_looked_up"),
+        (EarthBackground, "_radiances_w_m2_sr"),
+    ):
+        inner = getattr(kind, name)
+        monkeypatch.setattr(kind, name, lambda *given, inner=inner, name=name: asked.append(name) or inner(*given))
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair[::97], looks.scan[::97], geometry=True)
+    plan.detection.response(exposed)
+    assert {name: asked.count(name) for name in asked} == dict.fromkeys(asked, len(plan.sensors))
+    assert len(set(asked)) == 3
