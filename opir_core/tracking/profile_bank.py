@@ -36,6 +36,10 @@ _TRIED = 6
 #: The latest tick at which hypotheses are bent.
 _BENT_TICK = 14
 
+#: A drift of innovations so improbable, χ² beyond the number of its components, has what sees through windows split
+#: anew, every so many ticks: well before it is believed, and the past that would tell the right from the wrong fades.
+_DOUBTED, _AGAIN_TICKS = 8.0, 2
+
 
 @frozen(eq=False)
 class Fitting:
@@ -140,6 +144,8 @@ class Fitting:
         bends = (hypotheses.is_bent == 0) & (hypotheses_of.may_bend(hypotheses, self.priors) | (ticks >= _BENT_TICK))
         older = hypotheses.track[ticks > _YOUNG_TICKS]
         settled = self._through_windows(hypotheses.take(~bends), rows, seen, tick_s, older)
+        doubted = (seen.of(hypotheses.track).drifted() > _DOUBTED) & (ticks % _AGAIN_TICKS == 0)
+        settled = self._again(settled, rows, seen, tick_s, hypotheses.track[doubted])
         if not bends.any():
             return hypotheses_of.distinct(settled)
         spread = windows.windowed(hypotheses.take(bends), self.priors)
@@ -160,6 +166,15 @@ class Fitting:
         trial, lone = windows.straightened(trial)
         again = self._relinearised(trial.take(lone), rows, seen, tick_s, _LATER_STEPS)
         return Hypotheses.concatenate([trial.take(~lone), again])
+
+    def _again(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
+        """Return hypotheses with those that tracks by number have in headings where none was left."""
+        trial = windows.anew(found.take(np.isin(found.track, track)), self.priors)
+        if not len(trial):
+            return found
+        for _ in range(2):
+            trial = hypotheses_of.distinct(self._relinearised(trial, rows, seen, tick_s, _STEPS))
+        return windows.enlarged(found, trial)
 
     def _relinearised(self, trial: Hypotheses, rows: Rows, seen: Seen, tick_s: float, steps: int) -> Hypotheses:
         chosen, owner = joined(trial.track, rows.track)

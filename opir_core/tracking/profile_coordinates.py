@@ -31,6 +31,9 @@ REFERENCE = 0.4
 #: No pitch start comes later in the burn than this share.
 LAST_LIFT = 0.5
 
+#: The power of the mean that stands for the lesser of two pitch starts: 1.5 % below either of them at twice the other.
+_SHARP = 4.0
+
 #: The least of the turn's share that is reached at the reference time.
 _LEAST_LEAN = 1e-3
 
@@ -94,7 +97,9 @@ def _growth(shape: FloatArray) -> FloatArray:
 def _leans(parameters: FloatArray, priors: "Priors") -> tuple[FloatArray, FloatArray]:
     """Return the share (n,) of the turn reached at the reference time, of natural parameters, and its slopes (n, 3)."""
     reference = REFERENCE * np.exp(-parameters[:, BURN])
-    lift = np.minimum(priors.lift * np.exp(parameters[:, LIFT]), LAST_LIFT * reference)
+    latest, wanted = LAST_LIFT * reference, priors.lift * np.exp(parameters[:, LIFT])
+    # The lesser of both, without a corner: in one a fit that follows slopes goes to and fro.
+    lift = (wanted**-_SHARP + latest**-_SHARP) ** (-1.0 / _SHARP)
     share = np.minimum((reference - lift) / (1.0 - lift), 1.0)
     exponent = priors.pitch_exponent * np.exp(parameters[:, PITCH])
     angle = 0.5 * np.pi * share**exponent
@@ -103,7 +108,7 @@ def _leans(parameters: FloatArray, priors: "Priors") -> tuple[FloatArray, FloatA
         [
             -by_angle / (1.0 - lift) * (share < 1.0),
             by_angle * np.log(share),
-            by_angle * (lift / (1.0 - lift) - lift / (reference - lift)),
+            by_angle * (lift / (1.0 - lift) - lift / (reference - lift)) * (lift / wanted) ** _SHARP,
         ],
         axis=1,
     )

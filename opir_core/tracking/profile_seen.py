@@ -98,6 +98,12 @@ class Seen(Columns):
             np.zeros(len(track)),
         )
 
+    def drifted(self) -> FloatArray:
+        """Return by how much (n,) the χ² of the running means of innovations exceeds their number."""
+        square = np.square(self.drift) / np.maximum(self.wander, 1e-12)[:, :, None]
+        beyond: FloatArray = square.sum(axis=(1, 2)) - 2.0 * np.count_nonzero(self.wander, axis=1)
+        return beyond
+
     def of(self, track: IntArray) -> "Seen":
         """Return what is seen of tracks by number (n,)."""
         return self.take(np.searchsorted(self.track, track))

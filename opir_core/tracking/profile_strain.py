@@ -81,10 +81,7 @@ def strained(bank: Bank, fresh: Rows, priors: Priors, bias_sigma_rad: FloatArray
     seen = _drifted(bank.seen, fresh, innovation)
     tried = bank.ticks[np.searchsorted(seen.track, fresh.track)] > _UNTRIED
     seen = judged(seen, fresh.take(tried), innovation[tried])
-    variance = np.maximum(seen.wander, 1e-12)[:, :, None]
-    components = 2.0 * np.count_nonzero(seen.wander, axis=1)
-    square = np.sum(np.square(seen.drift) / variance, axis=(1, 2))
-    beyond = square > components + _BELIEVED
+    beyond = seen.drifted() > _BELIEVED
     bank = evolve(bank, seen=seen)
     return _faded(bank, np.where(beyond, _SHARE, 1.0)) if beyond.any() else bank
 

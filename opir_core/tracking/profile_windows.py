@@ -15,10 +15,10 @@ from attrs import evolve
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking import profile_fit as fit
-from opir_core.tracking.profile_coordinates import SIZE, TURN_EAST, TURN_NORTH, natural
+from opir_core.tracking.profile_coordinates import LIFT, SIZE, START, TURN_EAST, TURN_NORTH, natural
 from opir_core.tracking.profile_family import Priors
 from opir_core.tracking.profile_fit import Hypotheses
-from opir_core.tracking.profile_hypotheses import probability
+from opir_core.tracking.profile_hypotheses import joined, probability
 
 #: Where windows lie at first, over the length that the class's lean has; the least lean tried beside their line.
 _FIRST = np.linspace(-1.5, 1.5, 9)
@@ -35,6 +35,16 @@ _STRAIGHT = 0.15
 
 _LEAN = slice(TURN_EAST, TURN_NORTH + 1)
 
+#: A late pitch start, standard deviations of the class's.
+_LATE = 2.5
+
+#: By how much the logarithm of what trials found has to exceed what was found before, to take its place.
+_MORE = 0.5
+
+#: Trials beyond these standard deviations, squared, from all that was found are something else: in start and lean.
+_BESIDE = 9.0
+_APART = slice(START, TURN_NORTH + 1)
+
 
 def windowed(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
     """Return hypotheses of a class's lean in every heading, one of each track and class split by windows.
@@ -42,9 +52,13 @@ def windowed(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
     Windows lie along the part of the lean that is least known; each is tried on both sides of that line.
     """
     hypotheses = hypotheses.take(np.unique(_key(hypotheses), return_index=True)[1])
+    return _headed(hypotheses, priors, np.linalg.eigh(hypotheses.spread[:, _LEAN, _LEAN])[1][:, :, 1])
+
+
+def _headed(hypotheses: Hypotheses, priors: Priors, along: FloatArray) -> Hypotheses:
+    """Return hypotheses (n,) split by windows over the whole length of the class's lean, along lines (n, 2)."""
     prior = priors.take(hypotheses.kind)
     radius = prior.turn_rad * natural(hypotheses.parameters, prior).lean
-    along = np.linalg.eigh(hypotheses.spread[:, _LEAN, _LEAN])[1][:, :, 1]
     count, tries = len(hypotheses), 2 * len(_FIRST)
     middle = np.tile(np.repeat(_FIRST, 2), count)
     side = np.tile([1.0, -1.0], count * len(_FIRST)) * np.sqrt(np.maximum(1.0 - middle * middle, _LEAST_SIDE**2))
@@ -77,7 +91,7 @@ class _Ridges(NamedTuple):
 
     @classmethod
     def of(cls, hypotheses: Hypotheses) -> "_Ridges":
-        _, first, group = np.unique(_key(hypotheses), return_index=True, return_inverse=True)
+        _, group = np.unique(_key(hypotheses), return_inverse=True)
         share = np.maximum(probability(hypotheses), 1e-12)
         share = share / np.bincount(group, share)[group]
         lean = hypotheses.parameters[:, _LEAN]
@@ -87,8 +101,57 @@ class _Ridges(NamedTuple):
         whole = np.stack([np.bincount(group, share * parts[:, i, j]) for i in (0, 1) for j in (0, 1)], axis=1)
         value, axes = np.linalg.eigh(whole.reshape(-1, 2, 2))
         along, sigma = axes[:, :, 1], np.sqrt(np.maximum(value[:, 1], 1e-18))
-        width = 1.0 / np.sqrt(hypotheses.window[first, 3])
+        width = np.bincount(group, share / np.sqrt(hypotheses.window[:, 3]))
         return cls(group, share, along, np.sum(mean * along, axis=1), sigma, width / sigma)
+
+
+def anew(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
+    """Return trials in every heading of the tracks and classes that have windows, as if split for the first time.
+
+    A split that comes before the path leans takes noise for a lean, and what it then gives up does not come back by
+    itself. Each trial starts from the likeliest hypothesis, with its pitch start and with a late one.
+    """
+    seen = hypotheses.take(hypotheses.window[:, 3] > 0.0)
+    if not len(seen):
+        return seen
+    ridges = _Ridges.of(seen)
+    order = np.lexsort((-seen.evidence, ridges.group))
+    base = seen.take(order[np.append(True, np.diff(ridges.group[order]) != 0)])
+    late = base.parameters.copy()
+    late[:, LIFT] = np.maximum(late[:, LIFT], _LATE * priors.take(base.kind).lift_sigma)
+    # One width of windows for a class: that of its likeliest hypothesis.
+    trial = _headed(base, priors, ridges.along)
+    again = trial.parameters.copy()
+    again[:, LIFT] = np.repeat(late[:, LIFT], 2 * len(_FIRST))
+    return Hypotheses.concatenate([trial, evolve(trial, parameters=again)])
+
+
+def enlarged(found: Hypotheses, trial: Hypotheses) -> Hypotheses:
+    """Return hypotheses with what trials found beside them; where trials found much more, the trials instead.
+
+    The parts of a posterior add up to the evidence of the whole: of two sums, the larger has found more of it.
+    """
+    _, group = np.unique(np.append(_key(found), _key(trial)), return_inverse=True)
+    mine, theirs, count = group[: len(found)], group[len(found) :], int(group.max(initial=-1)) + 1
+    misfit = np.full(count, np.inf)
+    np.minimum.at(misfit, mine, found.misfit)
+    more = _summed(trial, theirs, count) > _summed(found, mine, count) + _MORE * misfit
+    near, other = joined(theirs, mine)
+    away = (trial.parameters[other] - found.parameters[near])[:, _APART]
+    spread = (trial.spread[other] + found.spread[near])[:, _APART, _APART]
+    square = np.sum(away * np.linalg.solve(spread, away[:, :, None])[:, :, 0], axis=1)
+    nearest = np.full(len(trial), np.inf)
+    np.minimum.at(nearest, other, square)
+    return Hypotheses.concatenate([found.take(~more[mine]), trial.take(more[theirs] | (nearest > _BESIDE))])
+
+
+def _summed(hypotheses: Hypotheses, group: IntArray, count: int) -> FloatArray:
+    """Return the logarithms (count,) of the sums of evidence of groups; minus infinity of none."""
+    most = np.full(count, -np.inf)
+    np.maximum.at(most, group, hypotheses.evidence)
+    with np.errstate(divide="ignore"):
+        total: FloatArray = np.log(np.bincount(group, np.exp(hypotheses.evidence - most[group]), count))
+    return np.where(np.isfinite(most), most + total, -np.inf)
 
 
 def laid(hypotheses: Hypotheses) -> tuple[Hypotheses, BoolArray]:

@@ -19,7 +19,7 @@ from opir_core.tracking.configs import BoostProfileConfig
 from opir_core.tracking.profile_bank import Fitting
 from opir_core.tracking.profile_coordinates import fitted, natural
 from opir_core.tracking.profile_end import Silence, ends_of
-from opir_core.tracking.profile_family import SIZE, SPEED, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
+from opir_core.tracking.profile_family import BURN, LIFT, SIZE, SPEED, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
 from opir_core.tracking.profile_hypotheses import probability
 from opir_core.tracking.profile_priors import priors_of
 from opir_core.tracking.profile_report import report
@@ -251,6 +251,51 @@ def test_one_sensor_alone_is_as_sure_as_it_may_be():
         assert np.median(np.sqrt(np.trace(each.state_covariance[:, :3, :3], axis1=1, axis2=2))) > 1e3
 
 
+def late_flights(kind, copies, **away):
+    """Return a flight several times over that is so many of the prior's standard deviations from the type's middle."""
+    number, columns = TARGET_TYPES.index(kind), {"speed": SPEED, "burn": BURN, "lift": LIFT}
+    prior, truth = PRIORS.take(np.full(copies, number)), flights(kind, copies, 1)
+    x = np.zeros((copies, SIZE))
+    x[:, TURN_EAST], x[:, TURN_NORTH] = -0.68 * prior.turn_rad, -0.73 * prior.turn_rad
+    for name, sigmas in away.items():
+        x[:, columns[name]] = sigmas * getattr(prior, f"{name}_sigma")
+    anchors = {name: np.repeat(getattr(truth, f"anchor_{name}_rad")[0], copies) for name in ("latitude", "longitude")}
+    there = {f"anchor_{name}_rad": value for name, value in anchors.items()}
+    return evolve(truth, parameters=fitted(x, prior), **there)
+
+
+def nees_of(truth, tick_s, sensors, chance):
+    """Return the NEES at a tick of flights of one type, seen by like, sharp sensors."""
+    track, rays = lines_of_sight(truth, 1e-5, 1, sensors=sensors, period_s=0.05, chance=chance)
+    fitting, bank, cut = (
+        Fitting(PRIORS.take(truth.kind[:1]), watch_of(sensors, 0.05, chance), True),
+        Bank.empty(sensors),
+        0,
+    )
+    for tick in range(1, tick_s + 1):
+        end = int(np.searchsorted(rays.time_s, tick))
+        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
+        cut = end
+    found = report(bank.hypotheses, probability(bank.hypotheses), float(tick_s), fitting.priors, "kepler", np.inf)
+    return nees(found.state - true_values(truth, float(tick_s))[0], found.state_covariance)
+
+
+#: The largest of six of χ² of six degrees of freedom is above this with a chance of 0.1 %.
+LARGEST_OF_SIX = 26.7
+
+
+def test_one_sensor_finds_the_side_of_a_flight_that_pitches_over_after_it_was_split():
+    # The pitch starts 17 s after the launch: a second after the split, and where the class's median is 8 s.
+    values = nees_of(late_flights("IRBM", 6, lift=2.6, speed=2.0), 45, sensors=1, chance=0.92)
+    assert values.max() < LARGEST_OF_SIX
+
+
+def test_a_fit_settles_where_the_pitch_starts_after_the_reference_time_of_the_lean():
+    truth = late_flights("SRBM", 6, lift=2.0, burn=1.3, speed=0.6)
+    after_s = int(fit.family_of(truth, PRIORS).burnout_s[0]) + 5
+    assert nees_of(truth, after_s, sensors=2, chance=0.85).max() < LARGEST_OF_SIX
+
+
 def test_windows_of_a_line_add_up_to_one():
     straight = evolve(fit.blank(1, 1), kind=np.array([2]), spread=np.diag([1.0] * 3 + [1.0, 0.1] + [1.0] * 5)[None])
     split = windowed(straight, PRIORS)
@@ -265,6 +310,8 @@ def test_natural_parameters_and_back():
     rng = np.random.default_rng(2)
     prior = PRIORS.take(rng.integers(0, 3, 20))
     truth = 0.2 * rng.normal(size=(20, SIZE))
+    # Pitch starts of up to three times the median come after the reference time.
+    truth[:, LIFT] = np.linspace(-0.3, 1.1, 20)
     there = fitted(truth, prior)
     assert natural(there, prior).parameters == pytest.approx(truth, abs=1e-12)
     slope = natural(there, prior).slope()
