@@ -22,6 +22,10 @@ class GroundPoints(NamedTuple):
         return cls(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
 
 
+#: Impacts are worked out to within this, m: they are known to hundreds of metres at best.
+_CLOSE_M = 1.0
+
+
 def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Forces) -> GroundPoints:
     """Return where free flights from inertial states (n, 6) come down.
 
@@ -33,7 +37,7 @@ def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Fo
     points = GroundPoints.nowhere(len(state))
     if not len(state):
         return points
-    duration, point = impact(state[:, :3], state[:, 3:], forces=forces)
+    duration, point = impact(state[:, :3], state[:, 3:], forces=forces, tolerance_m=_CLOSE_M)
     ground = turned(point, -(time_s + duration))
     side = np.linalg.cholesky(covariance)
     shifted = state[:, None, None, :] + np.stack([side, -side], axis=1).transpose(0, 1, 3, 2)

@@ -2,7 +2,8 @@
 
 A state of boost (12) is position, velocity, specific force a (all but gravity) and its rate; of coast (6) position and
 velocity. Both fall under the gravity of the scene's forces. White noise drives the rate of the specific force in boost,
-and the velocity in coast. Units m, s; the inertial frame is ECEF frozen at the scene's epoch.
+and the velocity in coast; drag on a free flight is added by `dragged_fall`. Units m, s; the inertial frame is ECEF
+frozen at the scene's epoch.
 """
 
 from functools import lru_cache
@@ -110,7 +111,7 @@ class Motion:
         """
         if self.noise == 0.0:
             return None
-        whole = self.noise * _noises(np.abs(step_s), self.size // 3)
+        whole = self.noise * noises(np.abs(step_s), self.size // 3)
         return np.broadcast_to(whole, (len(step_s), self.size, self.size))
 
     def taylor(self, state: FloatArray) -> FloatArray:
@@ -207,7 +208,7 @@ def _tables_of_one(step_s: float, blocks: int) -> tuple[FloatArray, FloatArray, 
     return both[0][:1], both[1][:1], both[2][:1]
 
 
-def _noises(step_s: FloatArray, blocks: int) -> FloatArray:
+def noises(step_s: FloatArray, blocks: int) -> FloatArray:
     """Return roots of the covariance that unit noise gathers in steps (n,); one for all where they are the same."""
     if len(step_s) and np.all(step_s == step_s[0]):
         return _noise_of_one(float(step_s[0]), blocks)
@@ -218,7 +219,7 @@ def _noises(step_s: FloatArray, blocks: int) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _noise_of_one(step_s: float, blocks: int) -> FloatArray:
-    return _noises(np.array([step_s, np.nan]), blocks)[:1]
+    return noises(np.array([step_s, np.nan]), blocks)[:1]
 
 
 def integrator_noise(blocks: int) -> FloatArray:

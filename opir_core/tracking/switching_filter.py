@@ -9,7 +9,7 @@ from attrs import evolve, frozen
 
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking import mode_mixing, slice_update, square_root
-from opir_core.tracking.motion import BOOST, COAST, Dynamics, Motion
+from opir_core.tracking.motion import BOOST, COAST, Dynamics
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Sights
 from opir_core.tracking.slice_update import Mode, Updated
@@ -27,7 +27,7 @@ class SwitchingFilter:
     """
 
     boost: Dynamics
-    coast: Motion
+    coast: Dynamics
     boost_s: float
     coast_s: float
     rounds: int = 4

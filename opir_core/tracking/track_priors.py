@@ -3,7 +3,7 @@
 import numpy as np
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.flight.forces import Forces, forces_of
+from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.protocols import TrackerContext
 from opir_core.records import FloatArray
 from opir_core.tracking.configs import StereoFilterConfig
@@ -34,11 +34,20 @@ def filter_of(config: StereoFilterConfig, context: TrackerContext) -> SwitchingF
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
     return SwitchingFilter(
         boost=_boost_of(config, free),
-        coast=Motion(COAST, config.coast_noise_m_s, free),
+        coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
         cold_chance=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _STRAY,
     )
+
+
+def _coast_of(config: StereoFilterConfig, forces: Forces, drag: Drag | None) -> Dynamics:
+    fall = Motion(COAST, config.coast_noise_m_s, forces)
+    if drag is None:
+        return fall
+    from opir_core.tracking.dragged_fall import DraggedFall
+
+    return DraggedFall(fall, drag)
 
 
 def _boost_of(config: StereoFilterConfig, forces: Forces) -> Dynamics:

@@ -1,0 +1,86 @@
+"""Free flight through the air as the stereo filter moves it, against the integrator of the scene."""
+
+import numpy as np
+import pytest
+
+from opir_core.flight import Drag, Forces, propagate
+from opir_core.protocols import TrackerContext
+from opir_core.tracking.configs import StereoFilterConfig
+from opir_core.tracking.dragged_fall import DraggedFall
+from opir_core.tracking.motion import COAST, Motion
+from opir_core.tracking.switching_bank import Bank
+from opir_core.tracking.track_priors import filter_of
+
+FORCES = Forces(("j2",), Drag(5000.0))
+
+
+def fall(noise=0.0):
+    return DraggedFall(Motion(COAST, noise, Forces(("j2",))), FORCES.drag)
+
+
+def states():
+    """Return states (n, 6) that climb out of the air at 25 to 80 km, and some that come down through it."""
+    rng = np.random.default_rng(1)
+    up = rng.normal(size=(12, 3))
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    velocity = rng.uniform(1200.0, 2500.0, (12, 1)) * np.where(np.arange(12)[:, None] < 9, up, -up)
+    velocity += 700.0 * rng.normal(size=(12, 3))
+    return np.concatenate([(6.378e6 + rng.uniform(25e3, 80e3, (12, 1))) * up, velocity], axis=1)
+
+
+@pytest.mark.parametrize("step_s", [1.0, 4.0])
+def test_falls_are_those_of_the_integrator(step_s):
+    start, step = states(), np.full(12, step_s)
+    told = fall().propagated(start, step)
+    expected = np.concatenate(propagate(start[:, :3], start[:, 3:], step, FORCES), axis=1)
+    slowed = np.linalg.norm(expected[:, 3:] - propagate(start[:, :3], start[:, 3:], step, Forces(("j2",)))[1], axis=1)
+    assert slowed.max() > 1.0
+    off = np.linalg.norm(told[:, 3:] - expected[:, 3:], axis=1)
+    assert (off < 0.02 * slowed + 1e-4).all()
+    # The first half kick stands for the whole second's: of a drag that changes by a share s, s/6 of its effect is left.
+    # Up to 2.8 km/s through scale heights of 6 km: 0.08.
+    assert (np.linalg.norm(told[:, :3] - expected[:, :3], axis=1) < 0.08 * slowed * step_s + 1e-3).all()
+
+
+def test_transitions_are_the_slopes_of_the_fall():
+    start, step = states(), np.full(12, 1.0)
+    told = fall().transition(start, step)
+    ahead = np.stack([fall().propagated(start + h, step) for h in np.diag([10.0] * 3 + [0.1] * 3)], axis=2)
+    back = np.stack([fall().propagated(start - h, step) for h in np.diag([10.0] * 3 + [0.1] * 3)], axis=2)
+    found = (ahead - back) / np.array([20.0] * 3 + [0.2] * 3)
+    still = fall().fall.transition(start, step)
+    scale = np.abs(found - still)[:, 3:].max(axis=(1, 2), keepdims=True)
+    # A step's middle and its start differ by what the density changes by within half a second: a sixth.
+    assert (np.abs(told - found)[:, 3:] < 0.25 * scale + 1e-8).all()
+
+
+def test_the_noise_is_that_of_the_fall_where_there_is_no_air():
+    high = states()
+    high[:, :3] *= 7.6e6 / np.linalg.norm(high[:, :3], axis=1)[:, None]
+    root = fall(0.01).noise_root(np.ones(12), high)
+    assert root == pytest.approx(np.broadcast_to(Motion(COAST, 0.01, FORCES).noise_root(np.ones(12)), root.shape))
+    assert (fall(0.01).noise_root(np.ones(12), states())[:, 3, 3] > root[:, 3, 3]).any()
+
+
+def test_states_are_the_same_bits_alone_and_among_others():
+    start, step = states(), np.ones(12)
+    every = fall().propagated(start, step)
+    for row in range(12):
+        assert np.array_equal(fall().propagated(start[row : row + 1], step[:1])[0], every[row])
+
+
+def test_the_stereo_filter_of_a_scene_with_drag_lets_it_slow_what_coasts():
+    context = TrackerContext(sensors=(), epoch_us=0, duration_s=1e3, forces=FORCES)
+    filter_, start = filter_of(StereoFilterConfig(motion="coast"), context), states()[:9]
+    root = np.broadcast_to(np.diag(1.0 / np.repeat([100.0, 10.0], 3)), (9, COAST, COAST))
+    boost = np.concatenate([start, np.zeros((9, 4))], axis=1), np.broadcast_to(np.eye(10), (9, 10, 10))
+    bank = Bank(np.tile([0.0, 1.0], (9, 1)), *boost, start, root, np.zeros((9, 3)))
+    for _ in range(20):
+        bank = filter_.moved(bank, 1.0)
+    expected, free = (
+        np.concatenate(propagate(start[:, :3], start[:, 3:], np.full(9, 20.0), forces), axis=1)
+        for forces in (FORCES, Forces(("j2",)))
+    )
+    apart = np.linalg.norm((expected - free)[:, :3], axis=1)
+    assert apart.max() > 200.0
+    assert (np.linalg.norm(bank.coast_mean[:, :3] - expected[:, :3], axis=1) < 0.02 * apart + 0.1).all()
