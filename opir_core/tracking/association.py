@@ -101,8 +101,8 @@ def uncontested(pairs: Pairs, rays: Rays) -> bool:
     ray = pairs.ray.tolist()
     if len(set(ray)) < len(ray):
         return False
-    scan = zip(pairs.track.tolist(), rays.sensor.take(ray).tolist(), rays.scan.take(ray).tolist(), strict=True)
-    return len(set(scan)) == len(ray)
+    sensor, scan = rays.sensor.take(pairs.ray).tolist(), rays.scan.take(pairs.ray).tolist()
+    return len(set(zip(pairs.track.tolist(), sensor, scan, strict=True))) == len(ray)
 
 
 def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
@@ -115,7 +115,7 @@ def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
 
 def as_owned(pairs: Pairs, rays: Rays, chosen: BoolArray) -> Associated:
     """Return undoubted sights of the pairs chosen."""
-    used = pairs if chosen.all() else pairs.take(np.flatnonzero(chosen))
+    used = pairs if np.count_nonzero(chosen) == len(chosen) else pairs.take(np.flatnonzero(chosen))
     owner = np.full(len(rays), -1, dtype=np.int64)
     owner[used.ray] = used.track
     return Associated(plain(used), owner, used)

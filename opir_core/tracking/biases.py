@@ -9,7 +9,7 @@ Determination", 2004, 6.2).
 from collections.abc import Sequence
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.protocols import Sensor
 from opir_core.records import BoolArray, FloatArray
@@ -21,20 +21,16 @@ _BEFOREHAND_M = 30e3
 
 @frozen(eq=False)
 class Biases:
-    """The sensors of a scene, and the standard deviation of each one's bias (sensors,), rad."""
+    """The sensors of a scene, the standard deviation of each one's bias (sensors,), rad, and whether there is any."""
 
     sensors: tuple[Sensor, ...]
     sigma_rad: FloatArray
+    any: bool = field(default=Factory(lambda self: bool(self.sigma_rad.any()), takes_self=True), init=False)
 
     @classmethod
     def of(cls, sensors: Sequence[Sensor]) -> "Biases":
         """Return the biases of sensors."""
         return cls(tuple(sensors), np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]))
-
-    @property
-    def any(self) -> bool:
-        """Return whether any sensor is biased."""
-        return bool(self.sigma_rad.any())
 
     def widened(self, rays: Rays) -> Rays:
         """Return rays as uncertain as noise and the biases of their sensors together make each of them."""

@@ -63,7 +63,7 @@ def candidates(outlook: Outlook, rays: Rays, span_s: float, gate: float, light_t
     """Return tracks and rays of pairs that may pass the gate (and some that do not): the bins of the two touch."""
     count = len(outlook.side)
     if count * len(rays) <= _FEW_PAIRS:
-        return np.repeat(np.arange(count), len(rays)), np.tile(np.arange(len(rays)), count)
+        return divmod(np.arange(count * len(rays)), max(len(rays), 1))
     sensor, which = np.unique(rays.sensor, return_inverse=True)
     parts = max(1, int(np.ceil(span_s / _PART_S)))
     part_s = float(span_s) / parts
@@ -173,7 +173,7 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
         span = outlook.time_s - float(whole.time_s.min(initial=outlook.time_s))
         widest = np.square(outlook.reach_m(span)[track] / range_m) + np.square(sigma)
         ahead &= np.sum(seen * seen, axis=1) <= gate * gate * widest
-    if not ahead.all():
+    if np.count_nonzero(ahead) < len(ahead):
         likely = np.flatnonzero(ahead)
         whole, track, ray = _Paired(*(part.take(likely, axis=0) for part in whole)), track[likely], ray[likely]
         range_m, seen, sigma = whole.range_m, seen[likely], sigma[likely]
@@ -187,7 +187,7 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
         track, ray, whole.time_s, whole.origin_m, whole.axes, seen, spread, distance, np.log(determinant), sigma
     )
     inside = distance <= gate * gate
-    return pairs if inside.all() else pairs.take(np.flatnonzero(inside))
+    return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(np.flatnonzero(inside))
 
 
 _DIAGONAL = np.array([0, 1])

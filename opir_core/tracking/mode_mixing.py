@@ -5,11 +5,12 @@ The mixing is that of Blom and Bar-Shalom ("The interacting multiple model algor
 """
 
 from functools import lru_cache
+from math import expm1
 
 import numpy as np
 
 from opir_core.records import FloatArray, IntArray
-from opir_core.tracking import square_root
+from opir_core.tracking import single_modes, square_root
 from opir_core.tracking.motion import COAST
 from opir_core.tracking.rays import along
 from opir_core.tracking.switching_bank import Bank
@@ -26,12 +27,7 @@ def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float) -> Bank:
 
     `boost_s` and `coast_s` are the mean times spent in each mode, inf for one that never ends.
     """
-    switch = _switching(step_s, boost_s, coast_s)
-    weight = bank.weight @ switch
-    share = bank.weight[:, :, None] * switch / np.maximum(weight, 1e-300)[:, None]
-    if boost_s < np.inf:
-        # A target that burns has not coasted before: what its coast mode made of the looks so far is let go.
-        share[bank.weight[:, 0] > 0.5, :, 1] = _ALL_BOOST
+    weight, share = _shares(bank.weight, _leaving(step_s, boost_s, coast_s))
     boost, coast = (bank.boost_mean, bank.boost_root), (bank.coast_mean, bank.coast_root)
     into_coast = (share[:, 0, 1] > _LEAST_SHARE).nonzero()[0]
     into_boost = (share[:, 1, 0] > _LEAST_SHARE).nonzero()[0]
@@ -42,14 +38,25 @@ def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float) -> Bank:
     return Bank(weight, *boost, *coast, bank.pace)
 
 
-_ALL_BOOST = np.array([1.0, 0.0])
-
-
 @lru_cache(maxsize=64)
-def _switching(step_s: float, boost_s: float, coast_s: float) -> FloatArray:
-    """Return the chances (2, 2) of going from one mode to another in a step."""
-    leave = -np.expm1(-step_s / np.array([boost_s, coast_s]))
-    return np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
+def _leaving(step_s: float, boost_s: float, coast_s: float) -> tuple[float, float]:
+    """Return the chances of leaving boost and coast in a step."""
+    return -expm1(-step_s / boost_s), -expm1(-step_s / coast_s)
+
+
+def _shares(before: FloatArray, leave: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Return weights (n, 2) after a step, and the shares (n, 2, 2) that each mode (last) is mixed of."""
+    if len(before) == 1:
+        boost, coast = before.tolist()[0]
+        weights, into_boost, into_coast = single_modes.shared((boost, coast), leave)
+        return np.array([weights]), np.array([list(zip(into_boost, into_coast, strict=True))])
+    switch = np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
+    weight = before @ switch
+    share = before[:, :, None] * switch / np.maximum(weight, 1e-300)[:, None]
+    if leave[0] > 0.0:
+        # A target that burns has not coasted before: what its coast mode made of the looks so far is let go.
+        share[before[:, 0] > 0.5, :, 1] = [1.0, 0.0]
+    return weight, share
 
 
 def _part(bank: Bank, rows: IntArray) -> Bank:
@@ -70,7 +77,7 @@ def _put(
 def _into_coast(bank: Bank, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the coast's means and roots, of which shares (n, 2) come from boost and coast."""
     burnt = _burnt_out(bank)
-    if not np.any(share[:, 1]):
+    if not np.count_nonzero(share[:, 1]):
         return burnt
     return square_root.mixed(share, (burnt[0], bank.coast_mean), (burnt[1], bank.coast_root))
 
@@ -90,10 +97,9 @@ def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
     hits, spell, silent = bank.pace.T
     pause = spell / np.maximum(hits, 1.0)
     since, doubt = np.maximum(silent - pause, 0.0), np.minimum(pause, silent)
-    times = np.empty((2, len(bank), 2, 1))
-    times[0, :, 0, 0], times[0, :, 1, 0] = 0.5 * since * since, since
-    times[1, :, 0, 0], times[1, :, 1, 0] = since * doubt, doubt
-    less, spread = (times * bank.boost_mean[:, None, COAST : COAST + 3]).reshape(2, len(bank), COAST)
+    times = np.array([0.5 * since * since, since, since * doubt, doubt]).reshape(2, 2, -1)
+    shifts = times.transpose(0, 2, 1)[:, :, :, None] * bank.boost_mean[:, None, COAST : COAST + 3]
+    less, spread = shifts.reshape(2, -1, COAST)
     root, size = bank.boost_root, bank.boost_root.shape[1]
     rows = np.zeros((len(bank), size + 1, size + 1))
     rows[:, 0, 0] = 1.0
@@ -116,7 +122,24 @@ def _extended_root(bank: Bank) -> FloatArray:
     return root
 
 
-def missed(
+def weighed(
+    bank: Bank, hits: FloatArray, silent_s: FloatArray, change: FloatArray, step_s: float, memory_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return weights (n, 2) and pace (n, 3) after a slice with `hits` (n,) looks of each track.
+
+    `silent_s` (n,) is the time since the last of them, `change` (n, 2) what they say of the log weights.
+    """
+    if len(bank) == 1:
+        pace, (boost, coast) = bank.pace.tolist()[0], change.tolist()[0]
+        log, after = single_modes.paced(pace, float(hits[0]), float(silent_s[0]), step_s, memory_s)
+        told = single_modes.reweighed(bank.weight.tolist()[0], (boost + log, coast), _LEAST_WEIGHT)
+        return np.array([told]), np.array([after])
+    missed, paced = _missed(bank.pace, hits, silent_s, step_s, memory_s)
+    change[:, 0] += missed
+    return _reweighed(bank.weight, change), paced
+
+
+def _missed(
     pace: FloatArray, hits: FloatArray, silent_s: FloatArray, step_s: float, memory_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return what a silent slice takes from the boost's log weight (n,), and the pace (n, 3) after it.
@@ -129,15 +152,15 @@ def missed(
     after[:, 0], after[:, 1], after[:, 2] = hits, step_s, silent_s
     after[:, :2] += np.exp(-step_s / memory_s) * pace[:, :2]
     log = np.zeros(len(pace))
-    if silent.any():
+    if np.count_nonzero(silent):
         after[silent, :2], after[silent, 2] = pace[silent, :2], pace[silent, 2] + step_s
         log[silent] = -pace[silent, 0] / np.maximum(pace[silent, 1], step_s) * step_s
     return log, after
 
 
-def reweighed(weight: FloatArray, change: FloatArray) -> FloatArray:
+def _reweighed(weight: FloatArray, change: FloatArray) -> FloatArray:
     """Return weights (n, 2) times exp(change), normalised, none of a mode in use below the least."""
-    log = change if weight.all() else np.where(weight > 0.0, change, -np.inf)
+    log = np.where(weight > 0.0, change, -np.inf)
     scaled = weight * np.exp(log - np.maximum(log[:, :1], log[:, 1:]))
     least = _LEAST_WEIGHT * (scaled[:, :1] + scaled[:, 1:])
     scaled = np.where(weight > 0.0, np.maximum(scaled, least), 0.0)

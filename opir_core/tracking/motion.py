@@ -7,7 +7,7 @@ frozen at the scene's epoch.
 """
 
 from functools import lru_cache
-from math import factorial
+from math import ceil, factorial
 from typing import Protocol
 
 import numpy as np
@@ -66,7 +66,7 @@ class Motion:
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, d) after steps (n,), s."""
-        pieces = max(1, int(np.ceil(np.max(np.abs(step_s), initial=0.0) / _LONGEST_STEP_S)))
+        pieces = pieces_of(step_s, _LONGEST_STEP_S)
         for _ in range(pieces):
             state = self.stepped(state, step_s / pieces)
         return state
@@ -112,7 +112,7 @@ class Motion:
         if self.noise == 0.0:
             return None
         whole = self.noise * noises(np.abs(step_s), self.size // 3)
-        return np.broadcast_to(whole, (len(step_s), self.size, self.size))
+        return whole if len(step_s) == 1 else np.broadcast_to(whole, (len(step_s), self.size, self.size))
 
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
@@ -188,6 +188,13 @@ class Dynamics(Protocol):
         ...
 
 
+def pieces_of(step_s: FloatArray, longest_s: float) -> int:
+    """Return in how many equal pieces none of the steps (n,) is longer than a limit."""
+    if len(step_s) == 1:
+        return max(1, ceil(abs(float(step_s[0])) / longest_s))
+    return max(1, ceil(float(np.abs(step_s).max(initial=0.0)) / longest_s))
+
+
 #: The power of time with which the unit matrix and the gradient enter the blocks of the exponential series; 5 for none.
 _STRAIGHT = np.array([[0, 1, 2, 3], [5, 0, 1, 2], [5, 5, 0, 1], [5, 5, 5, 0]])
 _BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
@@ -195,7 +202,7 @@ _BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
 
 def _tables(step_s: FloatArray, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return what steps (n,) alone say of transition matrices; one row for all where the steps are the same."""
-    if len(step_s) and np.all(step_s == step_s[0]):
+    if len(step_s) == 1 or (len(step_s) and np.all(step_s == step_s[0])):
         return _tables_of_one(float(step_s[0]), blocks)
     power = np.concatenate([weights_at(step_s), np.zeros((len(step_s), 1))], axis=1)
     straight, bent = (power[:, table[:blocks, :blocks]] for table in (_STRAIGHT, _BENT))
@@ -210,7 +217,7 @@ def _tables_of_one(step_s: float, blocks: int) -> tuple[FloatArray, FloatArray, 
 
 def noises(step_s: FloatArray, blocks: int) -> FloatArray:
     """Return roots of the covariance that unit noise gathers in steps (n,); one for all where they are the same."""
-    if len(step_s) and np.all(step_s == step_s[0]):
+    if len(step_s) == 1 or (len(step_s) and np.all(step_s == step_s[0])):
         return _noise_of_one(float(step_s[0]), blocks)
     scale = step_s[:, None] ** (np.arange(blocks - 1, -1, -1) + 0.5)
     small = scale[:, :, None] * integrator_noise(blocks)
@@ -237,7 +244,8 @@ _ORDERS = np.arange(1.0, 5.0)
 
 def weights_at(offset_s: FloatArray) -> FloatArray:
     """Return 1, τ, τ²/2, τ³/6, τ⁴/24 for offsets (n,), as (n, 5)."""
-    power = np.ones((len(offset_s), 5))
+    power = np.empty((len(offset_s), 5))
+    power[:, 0] = 1.0
     np.divide(offset_s[:, None], _ORDERS, out=power[:, 1:])
     powers: FloatArray = np.multiply.accumulate(power, axis=1, out=power)
     return powers

@@ -37,6 +37,11 @@ class Rays(Columns):
             detections.line_of_sight_sigma_rad,
         )
 
+    def of_instants(self) -> "Rays":
+        """Return the rays as if each instant of a sensor were a scan of its own."""
+        scan = np.rint(self.time_s * 1e9).astype(np.int64)
+        return Rays(self.time_s, self.sensor, scan, self.origin_ecef_m, self.direction_ecef, self.sigma_rad)
+
 
 @frozen(eq=False)
 class Sights(Columns):

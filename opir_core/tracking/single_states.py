@@ -23,25 +23,34 @@ def gradient(place: Sequence[float], mu_m3_s2: float) -> list[list[float]]:
 def stepped(state: Sequence[float], step: float, pull: Pull) -> list[float]:
     """Return a state of 6, or of 12 with a specific force and its rate, after one step of Nyström's method."""
     half = 0.5 * step
-    place, speed, rest = state[:3], state[3:6], list(state[6:])
-    middle = [p + half * v for p, v in zip(place, speed, strict=True)]
-    end = [p + step * v for p, v in zip(place, speed, strict=True)]
+    x, y, z, u, v, w = state[:6]
+    mx, my, mz, ex, ey, ez = x + half * u, y + half * v, z + half * w, x + step * u, y + step * v, z + step * w
+    rest = list(state[6:])
     if rest:
-        force, jerk = rest[:3], rest[3:]
-        pairs = list(zip(force, jerk, strict=True))
-        middle = [m + half * half * (0.5 * f + half / 6.0 * j) for m, (f, j) in zip(middle, pairs, strict=True)]
-        end = [e + step * step * (0.5 * f + step / 6.0 * j) for e, (f, j) in zip(end, pairs, strict=True)]
-        speed = [v + step * (f + half * j) for v, (f, j) in zip(speed, pairs, strict=True)]
-        rest[:3] = [f + step * j for f, j in pairs]
-    start = pull(*place)[:3]
+        fx, fy, fz, jx, jy, jz = rest
+        sixth, near, far = half / 6.0, half * half, step * step
+        mx, my, mz = (
+            mx + near * (0.5 * fx + sixth * jx),
+            my + near * (0.5 * fy + sixth * jy),
+            mz + near * (0.5 * fz + sixth * jz),
+        )
+        sixth = step / 6.0
+        ex, ey, ez = (
+            ex + far * (0.5 * fx + sixth * jx),
+            ey + far * (0.5 * fy + sixth * jy),
+            ez + far * (0.5 * fz + sixth * jz),
+        )
+        u, v, w = u + step * (fx + half * jx), v + step * (fy + half * jy), w + step * (fz + half * jz)
+        rest[:3] = fx + step * jx, fy + step * jy, fz + step * jz
+    ax, ay, az, _ = pull(x, y, z)
     bent = 0.5 * half * half
-    midway = pull(*(m + bent * g for m, g in zip(middle, start, strict=True)))[:3]
+    bx, by, bz, _ = pull(mx + bent * ax, my + bent * ay, mz + bent * az)
     fall = half * step
-    last = pull(*(e + fall * g for e, g in zip(end, midway, strict=True)))[:3]
+    cx, cy, cz, _ = pull(ex + fall * bx, ey + fall * by, ez + fall * bz)
     sixth, share = step * step / 6.0, step / 6.0
-    after = [e + sixth * (a + 2.0 * b) for e, a, b in zip(end, start, midway, strict=True)]
-    faster = [v + share * (a + 4.0 * b + c) for v, a, b, c in zip(speed, start, midway, last, strict=True)]
-    return [*after, *faster, *rest]
+    place = [ex + sixth * (ax + 2.0 * bx), ey + sixth * (ay + 2.0 * by), ez + sixth * (az + 2.0 * bz)]
+    speed = [u + share * (ax + 4.0 * bx + cx), v + share * (ay + 4.0 * by + cy), w + share * (az + 4.0 * bz + cz)]
+    return [*place, *speed, *rest]
 
 
 def taylor(state: Sequence[float], pull: Pull, mu_m3_s2: float) -> list[list[float]]:

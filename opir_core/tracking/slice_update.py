@@ -5,6 +5,7 @@ modes go through their rounds together, for the lines of sight are the same.
 """
 
 from collections.abc import Sequence
+from math import hypot, inf
 from typing import NamedTuple
 
 import numpy as np
@@ -36,90 +37,100 @@ class Updated(NamedTuple):
 
 def updated(modes: Sequence[Mode], time_s: float, sights: Sights, rounds: int) -> list[Updated]:
     """Return modes (k,) of the same tracks at a time after sights of all of them, in so many rounds at most."""
-    weight = weights_at(sights.time_s - time_s)
-    place, depth = _queued(sights.track, len(modes[0].mean))
+    slice_ = _Slice.of(sights, time_s, len(modes[0].mean))
     points = [mode.mean for mode in modes]
     for turn in range(rounds):
-        position = _positions(modes, points, sights.track, weight)
-        residual, slope, range_m = sights.projected(position)
+        residual, slope, range_m = sights.projected(slice_.positions(modes, points))
         after, steps = [], []
-        for (motion, mean, root), point, off, gain in zip(modes, points, residual, slope, strict=True):
-            rows = _rows(motion, point, sights.track, off, gain, weight)
-            owed = along(root, mean - point) if turn else np.zeros_like(mean)
-            upper, step, left = square_root.updated(root, owed, _stacked(rows, sights.track, place, len(mean), depth))
+        for mode, point, off, gain in zip(modes, points, residual, slope, strict=True):
+            stack = slice_.stacked(mode, point, off, gain)
+            if turn:
+                stack[:, : mode.mean.shape[1], -1] = along(mode.root, mode.mean - point)
+            upper, step, left = square_root.least_squares(stack)
             steps.append(step)
             after.append(Updated(point + step, upper, left))
         points = [found.mean for found in after]
-        if turn + 1 < rounds and _bend(sights, steps, range_m, weight) < _SETTLED_SIGMAS:
+        if turn + 1 < rounds and slice_.bend(steps, range_m) < _SETTLED_SIGMAS:
             break
     return after
 
 
 def gained(mode: Mode, after: Updated) -> FloatArray:
     """Return the log likelihoods (n,) of the looks that led from one to the other."""
-    log = square_root.log_determinant(mode.root) - square_root.log_determinant(after.root)
-    total: FloatArray = log - 0.5 * after.left
+    total: FloatArray = square_root.log_determinants(mode.root, after.root) - 0.5 * after.left
     return total
 
 
-def _positions(modes: Sequence[Mode], points: list[FloatArray], track: IntArray, weight: FloatArray) -> FloatArray:
-    """Return where each mode's tracks are at the times of sights, (k, m, 3)."""
-    path = np.array([mode.motion.taylor(point) for mode, point in zip(modes, points, strict=True)])
-    if path.shape[1] == 1:
-        lone: FloatArray = weight @ path[:, 0]
-        return lone
-    return followed(path.take(track, axis=1), weight)
+class _Slice(NamedTuple):
+    """Sights (m,) of n tracks in a slice, the weights (m, 5) of their times, and where their rows are to stand.
 
-
-def _queued(track: IntArray, count: int) -> tuple[IntArray, int]:
-    """Return each sight's place among those of its track, and how many the track with most has."""
-    if count == 1:
-        return track, len(track)
-    order = np.argsort(track, kind="stable")
-    starts = np.concatenate([[0], np.cumsum(np.bincount(track, minlength=count))])
-    place = np.empty(len(track), dtype=np.int64)
-    place[order] = np.arange(len(track)) - starts[track[order]]
-    return place, int(place.max(initial=-1)) + 1
-
-
-def _rows(
-    motion: Dynamics, point: FloatArray, track: IntArray, residual: FloatArray, slope: FloatArray, weight: FloatArray
-) -> FloatArray:
-    """Return whitened rows [H | residual] of sights, (m, 2, d + 1)."""
-    full = np.empty((*residual.shape, point.shape[1] + 1))
-    full[:, :, :-1] = motion.seen(slope, weight, point if len(point) == 1 else point.take(track, axis=0))
-    full[:, :, -1] = residual
-    return full
-
-
-def _stacked(full: FloatArray, track: IntArray, place: IntArray, count: int, depth: int) -> FloatArray:
-    """Return rows (m, 2, w) of sights below each other, track by track, (n, 2 depth, w), padded with zeros."""
-    width = full.shape[2]
-    if count == 1:
-        return full.reshape(1, 2 * depth, width)
-    rows = np.zeros((count, depth, 2, width))
-    rows[track, place] = full
-    return rows.reshape(count, 2 * depth, width)
-
-
-def _bend(sights: Sights, steps: list[FloatArray], range_m: FloatArray, weight: FloatArray) -> float:
-    """Return a bound, in standard deviations, on how far looks are off the straight lines of their linearisation.
-
-    A point moved by a small angle across and along the ray is off by the square of the angle. `steps` (n, d) each are
-    those of the modes.
+    `place` (m,) is each sight's place among those of its track, `depth` how many the track with most has.
     """
-    if not len(range_m[0]):
-        return 0.0
-    furthest = np.abs(weight).max(axis=0)
-    reach = max(_reach_m(step, furthest) for step in steps)
-    nearest = float(range_m.min())
-    sharp = np.square(sights.whitener).reshape(len(sights), 4).sum(axis=1).max()
-    return float((reach / nearest) ** 2 * np.sqrt(sharp)) if nearest > 0.0 else float("inf")
+
+    sights: Sights
+    tracks: int
+    weight: FloatArray
+    place: IntArray
+    depth: int
+
+    @classmethod
+    def of(cls, sights: Sights, time_s: float, tracks: int) -> "_Slice":
+        track = sights.track
+        weight = weights_at(sights.time_s - time_s)
+        if tracks == 1:
+            return cls(sights, 1, weight, track, len(track))
+        order = np.argsort(track, kind="stable")
+        starts = np.concatenate([[0], np.cumsum(np.bincount(track, minlength=tracks))])
+        place = np.empty(len(track), dtype=np.int64)
+        place[order] = np.arange(len(track)) - starts[track[order]]
+        return cls(sights, tracks, weight, place, int(place.max(initial=-1)) + 1)
+
+    def positions(self, modes: Sequence[Mode], points: list[FloatArray]) -> FloatArray:
+        """Return where each mode's tracks are at the times of sights, (k, m, 3)."""
+        path = np.array([mode.motion.taylor(point) for mode, point in zip(modes, points, strict=True)])
+        if self.tracks == 1:
+            lone: FloatArray = self.weight @ path[:, 0]
+            return lone
+        return followed(path.take(self.sights.track, axis=1), self.weight)
+
+    def stacked(self, mode: Mode, point: FloatArray, residual: FloatArray, slope: FloatArray) -> FloatArray:
+        """Return a mode's roots above whitened rows [H | residual], (n, d + 2 depth, d + 1), padded with zeros."""
+        size = point.shape[1]
+        stack = np.zeros((self.tracks, size + 2 * self.depth, size + 1))
+        stack[:, :size, :size] = mode.root
+        if self.tracks == 1:
+            rows = stack[0, size:].reshape(-1, 2, size + 1)
+            rows[:, :, :size], rows[:, :, size] = mode.motion.seen(slope, self.weight, point), residual
+            return stack
+        track = self.sights.track
+        rows = np.empty((len(track), 2, size + 1))
+        rows[:, :, :size] = mode.motion.seen(slope, self.weight, point.take(track, axis=0))
+        rows[:, :, size] = residual
+        stack[:, size:].reshape(self.tracks, -1, 2, size + 1)[track, self.place] = rows
+        return stack
+
+    def bend(self, steps: list[FloatArray], range_m: FloatArray) -> float:
+        """Return a bound, in standard deviations, on how far looks are off the straight lines of their linearisation.
+
+        A point moved by a small angle across and along the ray is off by the square of the angle. `steps` (n, d) each
+        are those of the modes, `range_m` (k, m) the distances of their looks.
+        """
+        if not self.depth:
+            return 0.0
+        span = float(np.abs(self.weight[:, 1]).max())
+        reach, nearest = max(_reach_m(step, span) for step in steps), float(range_m.min())
+        # A whitener's largest singular value is at most twice its largest element.
+        sharp = 2.0 * float(np.abs(self.sights.whitener).max())
+        return (reach / nearest) ** 2 * sharp if nearest > 0.0 else inf
 
 
-def _reach_m(step: FloatArray, furthest: FloatArray) -> float:
-    """Return how far steps (n, d) in position and its derivatives move a track at most, with weights of a time."""
+def _reach_m(step: FloatArray, span_s: float) -> float:
+    """Return how far steps (n, d) in position and its derivatives move a track at most, so long before or after."""
+    weights = (1.0, span_s, span_s**2 / 2.0, span_s**3 / 6.0)
+    if len(step) == 1:
+        numbers = step[0].tolist()
+        return sum(weight * hypot(*numbers[3 * k : 3 * k + 3]) for k, weight in enumerate(weights[: len(numbers) // 3]))
     blocks = step.shape[1] // 3
     parts = step[:, : 3 * blocks].reshape(len(step), blocks, 3)
     length = np.sqrt(np.add.reduce(parts * parts, axis=2))
-    return float((length @ furthest[:blocks]).max())
+    return float((length @ np.array(weights[:blocks])).max())

@@ -97,9 +97,15 @@ def updated(root: FloatArray, owed: FloatArray, rows: FloatArray) -> tuple[Float
     count, size = owed.shape
     stack = np.empty((count, size + rows.shape[1], size + 1))
     stack[:, :size, :size], stack[:, :size, size], stack[:, size:] = root, owed, rows
+    return least_squares(stack)
+
+
+def least_squares(stack: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return R (n, d, d), solutions (n, d) and least sums of squares (n,) of stacked rows (n, m, d + 1) [A | b]."""
+    size = stack.shape[2] - 1
     factor = triangular(stack)
     upper, right = factor[:, :size, :size], factor[:, :size, size:]
-    left = factor[:, size, size] ** 2 if factor.shape[1] > size else np.zeros(count)
+    left = factor[:, size, size] ** 2 if factor.shape[1] > size else np.zeros(len(stack))
     return upper, _solved(upper, right)[:, :, 0], left
 
 
@@ -116,9 +122,10 @@ def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
     return solution
 
 
-def log_determinant(root: FloatArray) -> FloatArray:
-    """Return log |det R| (n,)."""
-    total: FloatArray = np.add.reduce(np.log(np.abs(root.diagonal(axis1=1, axis2=2))), axis=1)
+def log_determinants(root: FloatArray, other: FloatArray) -> FloatArray:
+    """Return log |det R| (n,) less that of others."""
+    ratio = root.diagonal(axis1=1, axis2=2) / other.diagonal(axis1=1, axis2=2)
+    total: FloatArray = np.add.reduce(np.log(np.abs(ratio)), axis=1)
     return total
 
 

@@ -152,11 +152,11 @@ class Following:
 
     def nearest(self, pairs: Pairs, rays: Rays) -> Associated:
         """Return the likeliest assignment of each scan; the same question twice is worked out once."""
-        scan = None if uncontested(pairs, rays) else scan_numbers(rays.sensor, rays.scan)
         if self.assigned and self.assigned[0][0] is pairs:
             _, known, found = self.assigned[0]
+            scan = None if uncontested(pairs, rays) else scan_numbers(rays.sensor, rays.scan)
             if known is scan or (known is not None and scan is not None and np.array_equal(known, scan)):
                 return found
         found = associate_nearest(pairs, rays, self.chances)
-        self.assigned[:] = [(pairs, scan, found)]
+        self.assigned[:] = [(pairs, scan_numbers(rays.sensor, rays.scan) if found.contested else None, found)]
         return found

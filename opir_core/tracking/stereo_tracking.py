@@ -20,7 +20,7 @@ from opir_core.tracking.gating import Pairs
 from opir_core.tracking.ghosts import RANGE_M
 from opir_core.tracking.ground_points import GroundPoints, renewed
 from opir_core.tracking.histories import Histories, lasting_s, mean_sights
-from opir_core.tracking.history_assignment import decided
+from opir_core.tracking.history_assignment import Decision, decided
 from opir_core.tracking.launch_points import launches
 from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_following import Followed, Following
@@ -39,6 +39,9 @@ _SETTLED = 1e-4
 
 #: They are settled as they are after this time, s.
 _LONGEST_S = 60.0
+
+
+_NOBODY = np.array([-1])
 
 
 @frozen(eq=False)
@@ -115,9 +118,10 @@ class StereoTracking:
 
     def _pooled(self, now: Situation, rays: Rays, owner: IntArray, reported: IntArray, span: float) -> Situation:
         """Return the situation with the rays that belong to no track in the pool, and those too old for it out."""
-        free = np.flatnonzero(owner < 0)
-        if not len(free) and not len(now.pool):
+        is_free = owner < 0
+        if not np.count_nonzero(is_free) and not len(now.pool):
             return now
+        free = np.flatnonzero(is_free)
         pool = Rays.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
         told = np.concatenate([now.reported, reported[free]])
         recent_s = self.config.recent_scans * self.period_s[pool.sensor] + span
@@ -149,7 +153,12 @@ class StereoTracking:
         own, bank = own.take(np.flatnonzero(place[own.track] >= 0)), now.bank.take(rows)
         path = self.filter.outlook(bank, now.time_s)
         seen = mean_sights(path, plain(own).placed(place[own.track]), rays.sensor[own.ray].astype(np.int64), span)
-        found = decided(self.filter, known.seen(*seen), bank, now.time_s, self.biases.sigma_rad)
+        every = known.seen(*seen)
+        found = (
+            decided(self.filter, every, bank, now.time_s, self.biases.sigma_rad)
+            if len(every) > 1
+            else Decision(every, bank, np.zeros(len(every)), bank)
+        )
         age = now.time_s - known.begun_s
         lasts = np.where(bank.weight[:, 0] > 0.5, self.boost_lasts_s, _LONGEST_S)
         stays = (age < lasts) & ((age < _RIVALS_S) | (found.doubt > _SETTLED))
@@ -174,7 +183,7 @@ class StereoTracking:
     def _launched(self, now: Situation) -> Situation:
         """Return the situation with what the young tracks' paths say of their launches."""
         fresh = now.time_s - now.roster.begun_s <= _YOUNG_S
-        if not fresh.any():
+        if not np.count_nonzero(fresh):
             return now
         young = np.flatnonzero(fresh & (now.bank.weight[:, 0] > 0.5))
         if not len(young):
@@ -239,7 +248,7 @@ class StereoTracking:
         if len(now.bank) > 1:
             scan = scan_numbers(rays.sensor, rays.scan)
             drop |= upkeep.doubles(place, state, covariance, owner, scan, roster.hits)
-        if not drop.any():
+        if not np.count_nonzero(drop):
             return now
         keep = np.flatnonzero(~drop)
         histories = now.histories.of(np.isin(now.histories.number, roster.number[keep]))
@@ -254,7 +263,7 @@ class StereoTracking:
         """Return what is told of the tracks seen often enough."""
         sure = now.roster.hits >= 2 * self.config.needed_scans
         bank, roster = self.estimated(now), now.roster
-        if not sure.all():
+        if np.count_nonzero(sure) < len(sure):
             bank, roster = bank.take(sure), roster.take(sure)
         state, covariance = self.following.moments(bank)
         if self.biases.any:
@@ -280,11 +289,10 @@ class StereoTracking:
         outlook = self.following.outlook(self.following.moved(now.bank, self.config.cadence_s), ahead)
         pairs = self.following.paired(outlook, rays, self.config.cadence_s)
         sure = now.roster.hits >= 2 * self.config.needed_scans
-        if not sure.all():
+        if np.count_nonzero(sure) < len(sure):
             pairs = pairs.take(np.flatnonzero(sure[pairs.track]))
-        instant = evolve(rays, scan=np.rint(rays.time_s * 1e9).astype(np.int64))
-        owner = self.following.nearest(pairs, instant).owner
-        return np.append(now.roster.number, -1)[owner]
+        owner = self.following.nearest(pairs, rays.of_instants()).owner
+        return np.concatenate([now.roster.number, _NOBODY])[owner]
 
 
 def _slice_ends(start_s: float, end_s: float, slice_s: float) -> Iterator[float]:

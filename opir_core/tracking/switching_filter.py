@@ -4,6 +4,8 @@ Each mode is an iterated extended filter (`slice_update`); the modes interact by
 (`mode_mixing`). The noise of a slice enters at its start, so that within the slice a target follows one smooth path.
 """
 
+from math import log
+
 import numpy as np
 from attrs import evolve, frozen
 
@@ -65,24 +67,24 @@ class SwitchingFilter:
         if not len(bank):
             return bank
         hits = np.bincount(sights.track, minlength=len(bank)).astype(np.float64)
-        boost, coast, change = self._taken_in(bank, hits > 0.0, time_s, sights)
-        if not self.switches and not bank.weight.all():
+        seen = hits > 0.0
+        boost, coast, change = self._taken_in(bank, seen, time_s, sights)
+        if not self.switches and not all(_in_use(bank)):
             return Bank(bank.weight, *boost, *coast, bank.pace)
         last_s = np.full(len(bank), time_s - step_s)
         np.maximum.at(last_s, sights.track, sights.time_s)
-        missed, pace = mode_mixing.missed(bank.pace, hits, time_s - last_s, step_s, self.memory_s)
-        change[:, 0] += missed
-        change[hits > 0.0, 1] += np.log(self.cold_chance)
-        return Bank(mode_mixing.reweighed(bank.weight, change), *boost, *coast, pace)
+        change[seen, 1] += log(self.cold_chance)
+        weighed = mode_mixing.weighed(bank, hits, time_s - last_s, change, step_s, self.memory_s)
+        return Bank(weighed[0], *boost, *coast, weighed[1])
 
     def _taken_in(
         self, bank: Bank, seen: BoolArray, time_s: float, sights: Sights
     ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray], FloatArray]:
         """Return means and roots of both modes after sights, and log likelihoods (n, 2) where both are in use."""
         every, change, used = list(_modes_of(bank)), np.zeros((len(bank), 2)), _in_use(bank)
-        if not seen.any():
+        if not len(sights):
             return every[0], every[1], change
-        rows = None if seen.all() else seen.nonzero()[0]
+        rows = None if np.count_nonzero(seen) == len(seen) else seen.nonzero()[0]
         if rows is not None:
             sights = evolve(sights, track=(np.cumsum(seen) - 1)[sights.track])
         numbers = [number for number in (0, 1) if used[number]]
@@ -106,9 +108,10 @@ class SwitchingFilter:
         """Return where tracks are about the bank's time, by the likelier mode of each."""
         coasts = bank.weight[:, 1] > bank.weight[:, 0]
         boost, coast = _modes_of(bank)
-        if not coasts.any():
+        count = np.count_nonzero(coasts)
+        if not count:
             return Outlook(time_s, *_seen_ahead(self.boost, *boost))
-        if coasts.all():
+        if count == len(coasts):
             return Outlook(time_s, *_seen_ahead(self.coast, *coast))
         derivative, side = np.empty((len(bank), 5, 3)), np.empty((len(bank), BOOST, BOOST))
         derivative[coasts], side[coasts] = _seen_ahead(self.coast, coast[0][coasts], coast[1][coasts])
@@ -136,7 +139,8 @@ def _modes_of(bank: Bank) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArr
 
 def _in_use(bank: Bank) -> tuple[bool, bool]:
     """Return whether any track may be in boost, and in coast."""
-    return bool((bank.weight[:, 0] > 0.0).any()), bool((bank.weight[:, 1] > 0.0).any())
+    boost, coast = bank.weight.max(axis=0).tolist()
+    return boost > 0.0, coast > 0.0
 
 
 def _mode(motion: Dynamics, mean: FloatArray, root: FloatArray, rows: IntArray | None) -> Mode:

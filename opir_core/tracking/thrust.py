@@ -7,9 +7,8 @@ process of standard deviation tan(tilt) |f|, along it a random walk about its gr
 "Estimation with Applications to Tracking and Navigation", 2001, 8.2). Units m, s.
 """
 
-from collections.abc import Callable, Sequence
-from math import sqrt
-from typing import Any
+from functools import lru_cache
+from math import sqrt, tan
 
 import numpy as np
 from attrs import Factory, field, frozen
@@ -17,20 +16,19 @@ from attrs import Factory, field, frozen
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
 from opir_core.records import FloatArray
-from opir_core.tracking.motion import ALONE, BOOST, COAST, Motion, integrator_noise
+from opir_core.tracking import single_states, single_thrust
+from opir_core.tracking.motion import ALONE, BOOST, COAST, Motion, integrator_noise, pieces_of
 from opir_core.tracking.rays import along, dot
+from opir_core.tracking.single_states import Pull
+from opir_core.tracking.single_thrust import SLOW_M_S
 
 #: Size of the state.
 THRUST = 10
 
-#: Where a target is slower than this the direction of its velocity says little of that of its thrust, m/s; at rest, for
-#: whose sake all speeds are taken for larger by 1 m/s in squares, it says nothing.
-_SLOW_M_S = 100.0
-
 #: The longest step, s: with τ of 15 s, what the trapezoid leaves of the pull towards the velocity is below 1e-3.
 _LONGEST_STEP_S = 2.5
 
-_UNIT = np.eye(3)
+_UNIT, _WHOLE = np.eye(3), np.eye(THRUST)
 
 
 @frozen(eq=False)
@@ -52,9 +50,13 @@ class Thrust:
     fall: Motion = field(default=Factory(lambda self: Motion(COAST, 0.0, self.forces), takes_self=True), init=False)
     pushed: Motion = field(default=Factory(lambda self: Motion(BOOST, 0.0, self.forces), takes_self=True), init=False)
 
+    @property
+    def _pull(self) -> Pull:
+        return self.fall.field.alone_with_inverse_radius
+
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 10) after steps (n,), s."""
-        pieces = max(1, int(np.ceil(np.max(np.abs(step_s), initial=0.0) / _LONGEST_STEP_S)))
+        pieces = pieces_of(step_s, _LONGEST_STEP_S)
         for _ in range(pieces):
             state = self._stepped(state, step_s / pieces)
         return state
@@ -64,6 +66,9 @@ class Thrust:
 
         The force's rate goes from its value at the start to that where a constant rate leads, linearly.
         """
+        if len(state) <= ALONE:
+            rows = zip(state.tolist(), step_s.tolist(), strict=True)
+            return np.array([single_thrust.stepped(row, step, self.tilt_s, self._pull) for row, step in rows])
         early = self.jerk(state)
         path = np.concatenate([state[:, :9], early], axis=1)
         after = np.concatenate([self.pushed.stepped(path, step_s)[:, :9], state[:, 9:]], axis=1)
@@ -76,19 +81,16 @@ class Thrust:
     def jerk(self, state: FloatArray) -> FloatArray:
         """Return the rates (n, 3) of the specific forces of states (n, 10), m/s³."""
         told = np.concatenate([state, self.fall.gravity(state[:, :3])], axis=1)
-        if len(state) <= ALONE:
-            return np.array([_jerk(row, self.tilt_s, sqrt) for row in told.tolist()]).reshape(-1, 3)
         columns: list[FloatArray] = list(np.ascontiguousarray(told.T))
-        return np.stack(_jerk(columns, self.tilt_s, np.sqrt), axis=1)
+        return np.stack(single_thrust.jerk(columns, self.tilt_s, np.sqrt), axis=1)
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with constant slopes."""
         rate = self.slopes(state)
         scaled = rate * step_s[:, None, None]
-        unit = np.eye(THRUST)
-        series = unit + scaled / 4.0
+        series = _WHOLE + scaled / 4.0
         for order in (3.0, 2.0, 1.0):
-            series = unit + (scaled / order) @ series
+            series = _WHOLE + (scaled / order) @ series
         return series
 
     def slopes(self, state: FloatArray) -> FloatArray:
@@ -97,12 +99,14 @@ class Thrust:
         In terms of the direction u of the velocity, what turns it, b, and the force across it, all else is a multiple
         of the unit matrix. How the air's motion changes with the position is left out.
         """
+        if len(state) == 1:
+            return self._slopes_of_one(state)
         count, pull = len(state), 1.0 / self.tilt_s
         velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
         square = dot(velocity, velocity)
         speed = np.sqrt(square + 1.0)
         unit = velocity / speed[:, None]
-        soft = 1.0 / (square + _SLOW_M_S**2)
+        soft = 1.0 / (square + SLOW_M_S**2)
         turn, fast = speed * soft, square * soft
         push = self.fall.gravity(state[:, :3]) + force - _AIR * state[:, [4, 3, 5]]
         ahead, lift = dot(unit, push), dot(unit, force)
@@ -124,8 +128,17 @@ class Thrust:
         rate[:, 6:9, 9] = force
         return rate
 
+    def _slopes_of_one(self, state: FloatArray) -> FloatArray:
+        (numbers,) = state.tolist()
+        rate = _STRAIGHT.copy()
+        rate[0, 3:6, :3] = single_states.gradient(numbers[:3], self.forces.gravity.mu_m3_s2)
+        rate[0, 6:9, 3:] = single_thrust.slopes(numbers, self.tilt_s, self._pull(*numbers[:3]))
+        return rate
+
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
         """Return L (n, 10, 10) with L Lᵀ the covariance of the noise gathered in steps (n,) from states on."""
+        if len(state) == 1:
+            return self._noise_root_of_one(abs(float(step_s[0])), state)
         velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
         across = np.tan(self.tilt_rad) * np.sqrt(2.0 / self.tilt_s * dot(force, force))
         along_it = (self.noise_m_s2 - across) / (dot(velocity, velocity) + 1.0)
@@ -137,8 +150,20 @@ class Thrust:
         root[:, 9, 9] = self.growth_noise * np.sqrt(step)
         return root
 
+    def _noise_root_of_one(self, step_s: float, state: FloatArray) -> FloatArray:
+        share = tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s)
+        side = np.array(single_thrust.side(state[0].tolist(), share, self.noise_m_s2))
+        root = np.zeros((1, THRUST, THRUST))
+        root[0, :9, :9] = (_chain(step_s) * side[:, None]).reshape(9, 9)
+        root[0, 9, 9] = self.growth_noise * sqrt(step_s)
+        return root
+
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
+        if len(state) <= ALONE:
+            pull, mu = self._pull, self.forces.gravity.mu_m3_s2
+            rows = [single_thrust.taylor(row, self.tilt_s, pull, mu) for row in state.tolist()]
+            return np.array(rows).reshape(-1, 5, 3)
         path = np.concatenate([state[:, :9], self.jerk(state)], axis=1)
         return self.pushed.taylor(path)
 
@@ -169,19 +194,12 @@ _POWERS = np.array([2.5, 1.5, 0.5])
 _CHAIN = integrator_noise(3)
 
 
-def _jerk(numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any]) -> tuple[Any, Any, Any]:
-    """Return the rate of the specific force from a state and its gravity, as 13 numbers or columns (n,): the same bits.
+@lru_cache(maxsize=64)
+def _chain(step_s: float) -> FloatArray:
+    """Return what unit noise of each axis gathers in a step, (3, 1, 3, 1)."""
+    return np.asarray((step_s**_POWERS)[:, None] * _CHAIN)[:, None, :, None]
 
-    ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the turn of the velocity and w what a slow velocity counts for.
-    """
-    x, y, _, vx, vy, vz, fx, fy, fz, growth, gx, gy, gz = numbers
-    ax, ay, az = gx + fx + _SPIN * vy, gy + fy - _SPIN * vx, gz + fz
-    vx, vy = vx + _SPIN * y, vy - _SPIN * x
-    square = vx * vx + vy * vy + vz * vz
-    speed = root(square + 1.0)
-    ux, uy, uz = vx / speed, vy / speed, vz / speed
-    soft = 1.0 / (square + _SLOW_M_S * _SLOW_M_S)
-    lift, ahead = fx * ux + fy * uy + fz * uz, ax * ux + ay * uy + az * uz
-    turn, pull = lift * speed * soft, square * soft / tilt_s
-    own, back = growth - pull, pull * lift - turn * ahead
-    return own * fx + turn * ax + back * ux, own * fy + turn * ay + back * uy, own * fz + turn * az + back * uz
+
+#: The rates of the state of which nothing is said but that it moves and that its force drives it.
+_STRAIGHT = np.zeros((1, THRUST, THRUST))
+_STRAIGHT[0, :3, 3:6] = _STRAIGHT[0, 3:6, 6:9] = _UNIT

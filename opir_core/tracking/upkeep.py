@@ -66,8 +66,9 @@ class Roster(Columns):
 
     def seen(self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray) -> "Roster":
         """Return the roster after rays (m,) in order of time were given to rows `owner`, -1 for none."""
-        if len(owner) and owner.min() < 0:
-            mine = np.flatnonzero(owner >= 0)
+        known = owner >= 0
+        if np.count_nonzero(known) < len(known):
+            mine = np.flatnonzero(known)
             owner, time_s, sensor, reported = owner[mine], time_s[mine], sensor[mine], reported[mine]
         first_s, seen_s, reports = self.first_s.copy(), self.seen_s.copy(), self.reports
         np.minimum.at(first_s, owner, time_s)
@@ -122,6 +123,6 @@ def lost(
     variance = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
     gone: BoolArray = (now_s - roster.seen_s > silence_s) | (variance > sigma_m * sigma_m)
     low = dot(position, position) < (WGS84.equatorial_radius_m + _LOWEST_M) ** 2
-    if low.any():
+    if np.count_nonzero(low):
         gone |= ecef_to_geodetic(position).height_m < _LOWEST_M
     return gone

@@ -1,0 +1,41 @@
+"""What `mode_mixing` works out of the weights of modes for columns of tracks, for one track's numbers."""
+
+from math import exp
+
+Pair = tuple[float, float]
+
+
+def shared(weight: Pair, leave: Pair) -> tuple[Pair, Pair, Pair]:
+    """Return the weights of boost and coast after a step, and of what shares of both modes each is mixed.
+
+    `leave` are the chances of leaving each mode. A target that burns has not coasted before.
+    """
+    boost, coast = weight
+    ends, begins = boost * leave[0], coast * leave[1]
+    burning, coasting = boost - ends + begins, coast - begins + ends
+    into_boost = (1.0 - begins / burning, begins / burning) if burning > 0.0 else (0.0, 0.0)
+    into_coast = (ends / coasting, 1.0 - ends / coasting) if coasting > 0.0 else (0.0, 0.0)
+    if boost > 0.5 and leave[0] > 0.0:
+        into_coast = (1.0, 0.0)
+    return (burning, coasting), into_boost, into_coast
+
+
+def paced(
+    pace: tuple[float, float, float], hits: float, silent_s: float, step_s: float, memory_s: float
+) -> tuple[float, tuple[float, float, float]]:
+    """Return what a slice takes from the boost's log weight, and the pace after it, as `mode_mixing.missed`."""
+    if hits:
+        fade = exp(-step_s / memory_s)
+        return 0.0, (hits + fade * pace[0], step_s + fade * pace[1], silent_s)
+    return -pace[0] / max(pace[1], step_s) * step_s, (pace[0], pace[1], pace[2] + step_s)
+
+
+def reweighed(weight: Pair, change: Pair, least: float) -> Pair:
+    """Return weights times exp(change), normalised, none of a mode in use below the least."""
+    if weight[0] <= 0.0 or weight[1] <= 0.0:
+        return weight
+    most = max(change)
+    boost, coast = weight[0] * exp(change[0] - most), weight[1] * exp(change[1] - most)
+    floor = least * (boost + coast)
+    boost, coast = max(boost, floor), max(coast, floor)
+    return boost / (boost + coast), coast / (boost + coast)

@@ -1,0 +1,89 @@
+"""What a tick of one lone target costs, in counts: calls of Python and of C functions, whatever the machine."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from attrs import evolve
+
+import opir_core as opir
+from opir_core.records import Detections, IntArray, Tracks
+from opir_core.run import run_of_plan
+
+SCENE = {
+    "scene": "budget",
+    "epoch": "2026-04-01T12:00:00Z",
+    "seed": 100,
+    "sensors": [
+        {"model": "SBIRS-GEO", "id": "WEST", "orbital_slot_deg": -150.0},
+        {"model": "SBIRS-GEO", "id": "EAST", "orbital_slot_deg": -90.0},
+    ],
+}
+LAUNCH = {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 2.0}
+
+
+def calls_of(work: Callable[[], Any]) -> tuple[Any, int]:
+    """Return what some work returns, and how many functions it called."""
+    count = 0
+
+    def counted(_frame: Any, event: str, _function: Any) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(counted)
+    try:
+        answer = work()
+    finally:
+        sys.setprofile(None)
+    return answer, count
+
+
+class Counting:
+    """A tracker whose calls are counted, tick by tick."""
+
+    def __init__(self, tracker: Any) -> None:
+        self._tracker = tracker
+        self.cadence_s = tracker.cadence_s
+        self.calls: list[int] = []
+        self._since = 0
+
+    def associate(self, detections: Detections) -> IntArray:
+        answer, count = calls_of(lambda: self._tracker.associate(detections))
+        self._since += count
+        found: IntArray = answer
+        return found
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        answer, count = calls_of(lambda: self._tracker.step(tick_s, detections))
+        self.calls.append(self._since + count)
+        self._since = 0
+        told: Tracks = answer
+        return told
+
+
+def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
+    aim = {"ICBM": (9.0, 167.7), "SRBM": (37.0, -122.5)}[kind]
+    target = {"id": "T", "type": kind, "launch": LAUNCH, "aim": {"lat_deg": aim[0], "lon_deg": aim[1]}}
+    scene = {**SCENE, "duration_s": duration_s, "targets": [target], "tracker": tracker}
+    plan = opir.compile_plan(opir.scene_from_mapping(scene))
+    counting = Counting(plan.tracker)
+    run_of_plan(evolve(plan, tracker=counting))
+    return counting
+
+
+@pytest.mark.parametrize(
+    ("settings", "most"),
+    [({}, 870), ({"boost_model": "jerk"}, 810), ({"slice_s": 0.5}, 1900)],
+    ids=["thrust", "jerk", "two slices a tick"],
+)
+def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
+    calls = counted({"model": "stereo-filter", **settings}, "ICBM", 30.0).calls
+    assert np.median(calls[20:]) <= most
+
+
+def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
+    calls = counted({"model": "stereo-filter"}, "SRBM", 85.0).calls
+    assert max(calls[3:12]) <= 2520
+    assert np.median(calls[75:]) <= 2450
