@@ -84,7 +84,7 @@ class Engine:
         if noise is None:
             return self._assembled(looks, numbers, hits, measured, order)
         if not len(order):
-            return noise.detections, noise.truth
+            return noise.alone()
         places = noise.places(time_ns[order], self.plan.pairs.sensor[hits.pair[order]])
         detections, truth = self._assembled(looks, numbers, hits, measured, _with_gaps(order, places))
         detections.overwrite(places, noise.detections)
@@ -95,6 +95,7 @@ class Engine:
         self, looks: Looks, numbers: WindowNumbers, hits: Hits, measured: Measured | None, order: IntArray
     ) -> tuple[Detections, DetectionTruth]:
         """Return the detections of hits in an order, and their truth."""
+        # Gathered column by column: rows of all pairs in all columns at once are more pages than a processor knows.
         hits, measured = hits.take(order), None if measured is None else measured.take(order)
         detections, truth = Filling(Detections, len(hits)), Filling(DetectionTruth, len(hits))
         for rows in blocks(len(hits)):
@@ -120,7 +121,7 @@ class Engine:
         for rows in blocks(len(hits)):
             row, pair = hits.row[rows], hits.pair[rows]
             sensor = self.plan.pairs.sensor[pair]
-            found = spans.measured(self.plan.detection, row, sensor, numbers.of(row, pair))
+            found = spans.measured(row, sensor, numbers.of(row, pair))
             filling.put(found if self._assembly.judges else evolve(found, band_noise_w_m2=None))
         return filling.record() if len(hits) else None
 
@@ -190,10 +191,12 @@ def _tick_ns(pairs: Pairs) -> int:
 
 
 def _with_gaps(order: IntArray, places: IntArray) -> IntArray:
-    """Return an order (n,) of rows with a place at each of these (m,) of the result: a neighbour's row stands there."""
-    gap = np.zeros(len(order) + len(places), dtype=np.int64)
-    gap[places] = 1
-    longer: IntArray = order[np.maximum(np.arange(len(gap)) - np.cumsum(gap), 0)]
+    """Return an order (n,) of rows with a place at each of these (m,) of the result: the first row stands there."""
+    longer = np.empty(len(order) + len(places), dtype=np.int64)
+    is_own = np.ones(len(longer), dtype=np.bool_)
+    is_own[places] = False
+    longer[is_own] = order
+    longer[places] = order[0]
     return longer
 
 

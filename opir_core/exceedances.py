@@ -6,6 +6,7 @@ scans by block of scans, so that neither windows nor other sensors or targets ch
 """
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,10 +15,12 @@ from numpy.typing import NDArray
 
 from opir_core.assembly import judged
 from opir_core.columns import Columns
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.dice import Words
 from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
-from opir_core.geometry import elevation_rad, intersection_with_ellipsoid
+from opir_core.geometry import intersection_with_ellipsoid
+from opir_core.geometry.vectors import components, length
 from opir_core.plan import Plan
 from opir_core.protocols import Measured
 from opir_core.randomness import Stream, stream_key, uniforms_of
@@ -50,10 +53,15 @@ class _Draws(Columns):
 
 @frozen(eq=False)
 class Noise:
-    """A window's exceedances as detections with their truth, sorted by time, then sensor."""
+    """A window's exceedances as detections with their truth, sensor by sensor; `order` (n,) sorts them by time."""
 
     detections: Detections
     truth: DetectionTruth
+    order: IntArray
+
+    def alone(self) -> tuple[Detections, DetectionTruth]:
+        """Return them sorted by time, then sensor: what a window is in which no target is detected."""
+        return self.detections.take(self.order), self.truth.take(self.order)
 
     def places(self, time_ns: IntArray, sensor: IndexArray) -> IntArray:
         """Return the exceedances' rows among all detections, where targets' come in this order of times and sensors.
@@ -61,11 +69,12 @@ class Noise:
         At the same moment a sensor's own targets come first.
         """
         own = self.detections
-        start_ns = min(int(time_ns[0]), int(own.time_ns[0]))
+        start_ns = min(int(time_ns[0]), int(own.time_ns[self.order[0]]))
         sensors = max(int(sensor.max()), int(own.sensor.max())) + 1
         keys = (time_ns - start_ns) * sensors + sensor
-        before = np.searchsorted(keys, (own.time_ns - start_ns) * sensors + own.sensor, side="right")
-        places: IntArray = before + np.arange(len(before))
+        own_keys = ((own.time_ns - start_ns) * sensors + own.sensor).take(self.order)
+        places = np.empty(len(self.order), dtype=np.int64)
+        places[self.order] = np.searchsorted(keys, own_keys, side="right") + np.arange(len(own_keys))
         return places
 
 
@@ -78,20 +87,17 @@ class NoiseMaker:
             raise ModelError("a detection model with rate_per_scan also needs words and measure_noise")
         self._plan, self._sites, self._model = plan, sites, model
         self._rate = model.rate_per_scan
+        self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors])
         self._sensors = [
             _SensorNoise(plan, sites, number, float(self._rate[number]), model.words)
             for number in np.flatnonzero(self._rate > 0.0).tolist()
         ]
 
     def between(self, start_ns: int, end_ns: int) -> "Noise | None":
-        """Return the exceedances in [start, end) of scene time, sorted by time, then sensor; None where none is."""
+        """Return the exceedances in [start, end) of scene time; None where none is."""
         parts = [sensor.between(start_ns, end_ns) for sensor in self._sensors]
         found = [part for part in parts if part is not None]
-        if not found:
-            return None
-        # Sensors come in their order, which a stable sort keeps at each moment.
-        joined = _Draws.concatenate(found)
-        return self._told(joined.take(np.argsort(joined.time_ns, kind="stable")))
+        return self._told(_Draws.concatenate(found)) if found else None
 
     def _told(self, noise: _Draws) -> "Noise":
         measured = self._model.measure_noise(noise.sensor, noise.uniforms)
@@ -119,27 +125,25 @@ class NoiseMaker:
             type_log_probability=log_probability,
         )
         truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, unknown)
-        return Noise(detections, truth)
+        # Sensors come in their order, which a stable sort keeps at each moment.
+        return Noise(detections, truth, np.argsort(noise.time_ns, kind="stable"))
 
     def _sightings(self, noise: _Draws, measured: Measured) -> Sightings:
         """Return what classifiers and confidence models see: the line of sight is taken to end on the ground."""
         rows = len(noise.time_ns)
         ground = intersection_with_ellipsoid(noise.sensor_ecef_m, noise.line_of_sight_ecef)
         hits = np.isfinite(ground[:, 0])
-        sine = np.zeros(rows)
-        sine[hits] = np.sin(elevation_rad(ground[hits], noise.sensor_ecef_m[hits]))
-        away = ground - noise.sensor_ecef_m
-        range_m = np.sqrt(away[:, 0] ** 2 + away[:, 1] ** 2 + away[:, 2] ** 2)
+        range_m, sine = _seen_from(ground, noise.sensor_ecef_m)
         irradiance = measured.band_irradiance_w_m2
         return Sightings(
             time_s=noise.time_ns.astype(np.float64) * 1e-9,
             sensor=noise.sensor,
             target=np.full(rows, -1, dtype=np.int32),
-            range_m=np.where(hits, range_m, np.sqrt(np.square(noise.sensor_ecef_m).sum(axis=1))),
-            elevation_sine=np.maximum(sine, 0.0),
+            range_m=np.where(hits, range_m, length(*components(noise.sensor_ecef_m))),
+            elevation_sine=np.where(hits, np.maximum(sine, 0.0), 0.0),
             bands=measured.bands,
             band_count=_BITS_SET[measured.bands],
-            band_total=np.array([len(sensor.bands) for sensor in self._plan.sensors])[noise.sensor],
+            band_total=self._band_totals[noise.sensor],
             detection_count=np.ones(rows, dtype=np.int32),
             snr=measured.snr,
             band_irradiance_w_m2=np.empty((rows, 0)) if irradiance is None else irradiance,
@@ -257,12 +261,21 @@ class _SensorNoise:
         return unit
 
 
+def _seen_from(ground_ecef_m: FloatArray, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the ranges (n,) of sensors from places on the ellipsoid, and the sines of their elevation there."""
+    (x, y, z), away = components(ground_ecef_m), components(sensor_ecef_m - ground_ecef_m)
+    z = z * (EARTH_EQUATORIAL_RADIUS_M / EARTH_POLAR_RADIUS_M) ** 2
+    range_m = length(*away)
+    return range_m, (x * away[0] + y * away[1] + z * away[2]) / (range_m * length(x, y, z))
+
+
 def _places(counts: IntArray) -> IntArray:
     """Return the place of each exceedance in its block."""
     places: IntArray = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     return places
 
 
+@lru_cache(maxsize=64)
 def poisson_table(mean: float) -> FloatArray:
     """Return the probabilities of at most 0, 1, 2, … events of a Poisson law, to where hardly any are left."""
     most = int(mean + 12.0 * math.sqrt(mean) + 40.0)
@@ -272,4 +285,5 @@ def poisson_table(mean: float) -> FloatArray:
     # The last is reached by no number below 1: rounding must not leave a gap.
     cumulative[-1] = 1.0
     table: FloatArray = np.minimum(cumulative, 1.0)
+    table.flags.writeable = False
     return table

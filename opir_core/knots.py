@@ -57,10 +57,12 @@ class _Stretches(NamedTuple):
 class Knots:
     """Curves of quantiles, one a piece, and straight lines of signals, one a stretch from knot to knot.
 
-    `sure` (p,) is the probability of pieces whose looks are certain or hopeless, nan of others. `at` and `rise`
-    (1 + 2 B, k) are the quantile, signals and noise at a stretch's first scan, and by how much they rise a scan.
+    `model` is who was asked; `sure` (p,) is the probability of pieces whose looks are certain or hopeless, nan of
+    others. `at` and `rise` (1 + 2 B, k) are the quantile, signals and noise at a stretch's first scan, and by how much
+    they rise a scan.
     """
 
+    model: Responsive
     pieces: _Stretches
     curves: Curves
     sure: FloatArray
@@ -81,7 +83,7 @@ class Knots:
         at = woven.values[:, lines.row[0]]
         rise = (woven.values[:, lines.row[1]] - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
         stretches = _Stretches.of(plan, lines.pair, lines.scan[0])
-        return cls(pieces, curves, sure, stretches, at, rise, (len(at) - 1) // 2)
+        return cls(model, pieces, curves, sure, stretches, at, rise, (len(at) - 1) // 2)
 
     def over(self, looks: Looks) -> "Spans":
         """Return which pieces and stretches a window's looks fall in."""
@@ -122,10 +124,9 @@ class Spans:
         undecided[np.searchsorted(self._looks.active, self._knots.pieces.pair[open_])] = True
         return undecided
 
-    def measured(self, model: object, row: IntArray, sensor: IndexArray, dice: Dice) -> Measured:
+    def measured(self, row: IntArray, sensor: IndexArray, dice: Dice) -> Measured:
         """Return what is measured in looks (n,) that detected, given by their rows in the window, in order."""
-        assert isinstance(model, Responsive)
-        return model.measure_response(self.response(row), sensor, dice)
+        return self._knots.model.measure_response(self.response(row), sensor, dice)
 
     def response(self, row: IntArray) -> Response:
         """Return what looks (n,), given by their rows in the window, in order, would measure."""
@@ -135,10 +136,19 @@ class Spans:
         times = np.diff(np.searchsorted(row, self._ends[first : last + 1]), prepend=0)
         used, times = used[times > 0], times[times > 0]
         since = (self._looks.scan[row] - np.repeat(knots.stretches.first[used], times)).astype(np.float64)
-        columns = np.repeat(knots.rise[:, used], times, axis=1)
-        columns *= since
-        columns += np.repeat(knots.at[:, used], times, axis=1)
+        columns = np.empty((len(knots.at), len(row)))
+        for column, at, rise in zip(columns, knots.at[:, used], knots.rise[:, used], strict=True):
+            _drawn_into(column, at, rise, times, since)
         return Response(columns[0], columns[1 : 1 + knots.width].T, columns[1 + knots.width :].T)
+
+
+def _drawn_into(column: FloatArray, at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArray) -> None:
+    """Write lines (m,), so many `times` (m,) each, at scans (n,) since their starts; what stands still is only told."""
+    if rise.any():
+        np.multiply(np.repeat(rise, times), since, out=column)
+        column += np.repeat(at, times)
+    else:
+        column[:] = at[0] if np.all(at == at[0]) else np.repeat(at, times)
 
 
 def _curved(plan: Plan, woven: Woven, beyond: float) -> tuple[_Stretches, Curves, FloatArray]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core.detection.threshold import probit
 from opir_core.detection.truncated import tail_normals
@@ -36,13 +37,17 @@ class AnyBand:
 
     def passes(self, measured: FloatArray, _noise: FloatArray) -> BoolArray:
         """Return which measurements (n, B) detect."""
-        result: BoolArray = np.any(measured >= self.threshold, axis=1)
-        return result
+        passed: BoolArray = measured[:, 0] >= self.threshold
+        for band in range(1, measured.shape[1]):
+            passed |= measured[:, band] >= self.threshold
+        return passed
 
-    def confirms(self, measured: FloatArray) -> BoolArray:
-        """Return which bands (n, B) confirm."""
-        result: BoolArray = measured >= self.threshold
-        return result
+    def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
+        """Return masks (n,) of the bands that confirm, in measurements (n, B) that detect."""
+        bands = np.zeros(len(measured), dtype=np.uint8)
+        for band in range(measured.shape[1]):
+            bands |= (measured[:, band] >= self.threshold).view(np.uint8) << np.uint8(band)
+        return bands
 
     def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) that detect, from numbers (n, B + 1) in [0, 1): the inverse is cheap."""

@@ -36,12 +36,10 @@ class MeasuredColumns:
         floor_and_footprint_rad: tuple[float, float],
     ) -> None:
         """Fill in what one kind measured, in standard deviations (n, B) of the noise (n, B), in some of the rows."""
-        confirms, width = rule.confirms(measured), measured.shape[1]
-        bands, best = confirms[:, 0].astype(np.uint8), measured[:, 0].copy()
+        width, best = measured.shape[1], measured[:, 0].copy()
         for band in range(1, width):
-            bands |= confirms[:, band].view(np.uint8) << np.uint8(band)
             np.maximum(best, measured[:, band], out=best)
-        self.bands[rows], self.snr[rows] = bands, best
+        self.bands[rows], self.snr[rows] = rule.confirming(measured), best
         floor_rad, footprint_rad = floor_and_footprint_rad
         spread = footprint_rad / best
         spread *= spread

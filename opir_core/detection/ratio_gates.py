@@ -9,6 +9,7 @@ condition alone already fix the probability, no integral is evaluated.
 
 import numpy as np
 from attrs import frozen
+from numpy.typing import NDArray
 
 from opir_core.detection.log_integrals import FAR, LOG_HALF, MOST_PANELS, by_steepness, log_between, log_integral
 from opir_core.detection.panels import Panels
@@ -100,12 +101,9 @@ class RatioGates:
                 passed &= measured_w_m2 <= self.upper[band] * reference_w_m2
         return passed
 
-    def confirms(self, measured: FloatArray) -> BoolArray:
-        """Return which bands (n, B) confirm."""
-        levels = np.full(measured.shape[1], self.coincidence)
-        levels[self.reference] = self.threshold
-        result: BoolArray = measured >= levels
-        return result
+    def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
+        """Return masks (n,) of the bands that confirm, in measurements (n, B) that detect: all do."""
+        return np.full(len(measured), (1 << measured.shape[1]) - 1, dtype=np.uint8)
 
     def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) above each band's own threshold, from numbers (n, B + 1) in [0, 1)."""

@@ -226,6 +226,22 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
     assert len(noise) <= len(plan.sensors) * 2 + 220 * 1000 // 200 // 20
 
 
+def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}))
+    asked, inner = [], type(plan.detection).measure_noise
+    monkeypatch.setattr(type(plan.detection), "measure_noise", lambda *given: asked.append(given[1]) or inner(*given))
+    window = Engine(plan).advance(plan.end_ns)
+    assert len(asked) == 1
+    assert len(asked[0]) > 1000
+    assert np.all(np.diff(asked[0]) >= 0)
+    noise = window.detections.take(window.truth.target < 0)
+    assert np.all(np.diff(window.detections.time_ns) >= 0)
+    assert np.array_equal(np.sort(noise.sensor), asked[0])
+    # Without a target they are what they were, in the same order.
+    alone = Engine(opir.compile_plan(scene(names="I", duration_s=60, detection={"model": "snr", "calibrate": "paper"})))
+    assert_same(alone.advance(round(3e9)).detections, noise.take(noise.time_ns < 3e9))
+
+
 class _Given:
     """Dice that hand out given normal numbers (n, B)."""
 
