@@ -8,7 +8,7 @@ over all times before the first look that saw it, and the place follows for each
 import numpy as np
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry import ecef_to_geodetic, local_axes
+from opir_core.geometry import Geodetic, east_north_up_axes, ecef_to_geodetic
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.ground_points import GroundPoints
 from opir_core.tracking.motion import BOOST, followed, weights_at
@@ -68,23 +68,21 @@ def _from_rest(
     weight = weights_at(when - outlook.time_s)
     path = outlook.derivative[track]
     position, velocity = followed(path, weight), _speeds(path, weight)
-    up = _up(position, when)
+    ground = ecef_to_geodetic(turned(position, -when))
+    up = _up(ground, when)
     covariance = _covariances(outlook, track, weight, noise * noise, outlook.time_s - when)
     if biased is not None:
         covariance[:, :3, :3] += biased[track]
     gain = np.zeros((len(track), 4, 6))
     gain[:, 0, :3], gain[:, 1:, :3], gain[:, 1:, 3:] = up, -_SPIN, np.eye(3)
-    height = ecef_to_geodetic(turned(position, -when)).height_m
-    off = np.concatenate([height[:, None], velocity - position @ _SPIN.T], axis=1)
+    off = np.concatenate([ground.height_m[:, None], velocity - position @ _SPIN.T], axis=1)
     crossed = gain @ covariance
     spread = crossed @ gain.transpose(0, 2, 1) + np.diag(np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S]))
     side = np.linalg.cholesky(spread)
     white = np.linalg.solve(side, np.concatenate([crossed[:, :, :3], off[:, :, None]], axis=2))
     place = position - np.sum(white[:, :, :3] * white[:, :, 3:], axis=1)
     left = covariance[:, :3, :3] - white[:, :, :3].transpose(0, 2, 1) @ white[:, :, :3]
-    turn = np.stack(
-        [turned(column, -when) for column in np.broadcast_to(np.eye(3)[:, None], (3, len(when), 3))], axis=2
-    )
+    turn = _turns(-when)
     log = -np.log(np.diagonal(side, axis1=1, axis2=2)).sum(axis=1)
     misfit = np.sum(white[:, :, 3] ** 2, axis=1)
     return turned(place, -when), turn @ left @ turn.transpose(0, 2, 1), misfit, log
@@ -98,9 +96,21 @@ def _speeds(path: FloatArray, weight: FloatArray) -> FloatArray:
     return velocity
 
 
-def _up(position: FloatArray, when: FloatArray) -> FloatArray:
+def _up(ground: Geodetic, when: FloatArray) -> FloatArray:
     """Return the inertial directions (m, 3) in which height grows."""
-    return turned(local_axes(turned(position, -when))[:, 2], when)
+    east = ground.longitude_rad + EARTH_ROTATION_RAD_S * when
+    level = np.cos(ground.latitude_rad)
+    return np.stack([level * np.cos(east), level * np.sin(east), np.sin(ground.latitude_rad)], axis=1)
+
+
+def _turns(time_s: FloatArray) -> FloatArray:
+    """Return the matrices (m, 3, 3) that turn ECEF vectors into the inertial frame at scene times (m,)."""
+    angle = EARTH_ROTATION_RAD_S * time_s
+    turn = np.zeros((len(angle), 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+    turn[:, 1, 0], turn[:, 2, 2] = np.sin(angle), 1.0
+    turn[:, 0, 1] = -turn[:, 1, 0]
+    return turn
 
 
 def _covariances(
@@ -130,12 +140,12 @@ def _blended(
     """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of mixtures over times."""
     count, times = chance.shape
     each = np.concatenate([place, when[:, None]], axis=1).reshape(count, times, 4)
-    mean = np.sum(chance[:, :, None] * each, axis=1)
+    mean = (chance[:, None] @ each)[:, 0]
     apart = each - mean[:, None]
-    total = np.sum(chance[:, :, None, None] * apart[:, :, :, None] * apart[:, :, None, :], axis=1)
-    total[:, :3, :3] += np.sum(chance[:, :, None, None] * covariance.reshape(count, times, 3, 3), axis=1)
-    flat = np.zeros((count, 3, 4))
-    flat[:, :2, :3], flat[:, 2, 3] = local_axes(mean[:, :3])[:, :2], 1.0
+    total = (chance[:, :, None] * apart).transpose(0, 2, 1) @ apart
+    total[:, :3, :3] += (chance[:, None] @ covariance.reshape(count, times, 9)).reshape(count, 3, 3)
     where = ecef_to_geodetic(mean[:, :3])
+    flat = np.zeros((count, 3, 4))
+    flat[:, :2, :3], flat[:, 2, 3] = east_north_up_axes(where.latitude_rad, where.longitude_rad)[:, :2], 1.0
     told = np.stack([where.latitude_rad, where.longitude_rad, mean[:, 3]], axis=1)
     return told, flat @ total @ flat.transpose(0, 2, 1)
