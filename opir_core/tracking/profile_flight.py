@@ -35,11 +35,10 @@ class Moments(Columns):
 def burnouts(family: Family, spread: FloatArray) -> tuple[Moments, FloatArray]:
     """Return the ends of burns, ECEF position, velocity and time (n, 7), and slopes by the parameters (n, 7, 10)."""
     end_s, count = family.burnout_s, len(spread)
-    mean, slope = _state(family, end_s)
+    mean, slope, before = _state(family, end_s, also_s=end_s - 2.0 * _TIME_STEP_S)
     by_end = np.zeros((count, SIZE))
     by_end[:, START], by_end[:, BURN] = 1.0, family.courses.burn_s
-    before, _ = _state(family, end_s - 2.0 * _TIME_STEP_S)
-    rate = np.concatenate([mean[:, 3:], (mean - before)[:, 3:] / (2.0 * _TIME_STEP_S)], axis=1)
+    rate = np.concatenate([mean[:, 3:], (mean[:, 3:] - before) / (2.0 * _TIME_STEP_S)], axis=1)
     slope = slope + rate[:, :, None] * by_end[:, None]
     slope = np.concatenate([slope, by_end[:, None]], axis=1)
     return Moments(np.column_stack([mean, end_s]), _through(slope, spread)), slope
@@ -69,7 +68,7 @@ def states(
 
 def sloped_states(family: Family, tick_s: float, ends: Moments, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the states (n, 6) at a tick, in the two-body problem, and their slopes by the parameters (n, 6, 10)."""
-    mean, by_parameters = _state(family, np.minimum(np.maximum(tick_s, family.start_s), family.burnout_s))
+    mean, by_parameters, _ = _state(family, np.minimum(np.maximum(tick_s, family.start_s), family.burnout_s))
     late = np.flatnonzero(tick_s > family.burnout_s)
     if len(late):
         mean[late] = _flown(ends.mean[late], tick_s)
@@ -82,10 +81,9 @@ def sloped_states(family: Family, tick_s: float, ends: Moments, slope: FloatArra
 
 def sloped_impacts(ends: Moments, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return impacts (n, 3), as `impacts` does, in free flight, and slopes (n, 3, 10) of east, north and time."""
-    middle = _landed(ends.mean)
-    moved = _landed(_stepped(ends.mean).reshape(-1, 7)).reshape(7, -1, 3)
-    by_end = np.moveaxis(on_ground(moved, middle) / _STEPS[:, None, None], 0, 2)
-    return middle, by_end @ slope
+    every = _landed(np.concatenate([ends.mean[None], _stepped(ends.mean)]).reshape(-1, 7)).reshape(8, -1, 3)
+    by_end = np.moveaxis(on_ground(every[1:], every[0]) / _STEPS[:, None, None], 0, 2)
+    return every[0], by_end @ slope
 
 
 def impacts(ends: Moments, slope: FloatArray, spread: FloatArray, forces: "ForceModel") -> Moments:
@@ -111,20 +109,19 @@ def impacts(ends: Moments, slope: FloatArray, spread: FloatArray, forces: "Force
 
 
 def open_impacts(
-    ends: Moments, parts: list[tuple[Moments, FloatArray, FloatArray]], weights: FloatArray, forces: "ForceModel"
+    ends: Moments, parts: Moments, slope: FloatArray, spread: FloatArray, weights: FloatArray, forces: "ForceModel"
 ) -> Moments:
-    """Return impacts, as `impacts` does, of burns whose ends are open: sums over parts that end at other times.
+    """Return impacts, as `impacts` does, of burns whose ends are open: sums over k parts that end at other times.
 
-    `parts` are ends, their slopes and the parameters' covariances of n hypotheses each, `weights` (n, parts) theirs.
-    What does not come down is left out: targets do.
+    `parts` are the ends (k n,) of all n hypotheses' first parts, then of their second ones, and so on, with their
+    slopes (k n, 7, 10) and the parameters' covariances (k n, 10, 10); `weights` (n, k) are theirs. What does not come
+    down is left out: targets do.
     """
+    count, number = weights.shape
     middle = _landed(ends.mean)
-    means, covariances = [], []
-    for there, slope, spread in parts:
-        point, linear = sloped_impacts(there, slope)
-        means.append(on_ground(point, middle))
-        covariances.append(_through(linear, spread))
-    away, within = np.stack(means, axis=1), np.stack(covariances, axis=1)
+    point, linear = sloped_impacts(parts, slope)
+    away = on_ground(point.reshape(number, count, 3), middle).transpose(1, 0, 2)
+    within = _through(linear, spread).reshape(number, count, 3, 3).transpose(1, 0, 2, 3)
     known = np.asarray(np.isfinite(away).all(axis=2) & np.isfinite(within).all(axis=(2, 3)))
     share = np.where(known, weights, 0.0)
     total = share.sum(axis=1)
@@ -155,15 +152,17 @@ def _cloud(ends: Moments, slope: FloatArray, spread: FloatArray, linear: FloatAr
     return cloud, weights
 
 
-def _state(family: Family, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return states (n, 6) at times on the burn (n,), and their slopes (n, 6, 10)."""
-    row = np.arange(len(time_s))
-    here = family.places(row, time_s)
-    before = family.places(row, time_s - _TIME_STEP_S)
-    after = family.places(row, time_s + _TIME_STEP_S)
-    turning = (after.slope - before.slope) / (2.0 * _TIME_STEP_S)
-    slope = np.concatenate([here.slope, turning], axis=2).transpose(0, 2, 1)
-    return np.concatenate([here.position_m, here.velocity_m_s], axis=1), slope
+def _state(
+    family: Family, time_s: FloatArray, also_s: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return states (n, 6) at times on the burn (n,), their slopes (n, 6, 10), and velocities (n, 3) at other times."""
+    count = len(time_s)
+    times = [time_s, time_s - _TIME_STEP_S, time_s + _TIME_STEP_S, *([] if also_s is None else [also_s])]
+    places = family.places(np.tile(np.arange(count), len(times)), np.concatenate(times))
+    here, before, after = (places.slope[part * count : (part + 1) * count] for part in range(3))
+    slope = np.concatenate([here, (after - before) / (2.0 * _TIME_STEP_S)], axis=2).transpose(0, 2, 1)
+    state = np.concatenate([places.position_m[:count], places.velocity_m_s[:count]], axis=1)
+    return state, slope, places.velocity_m_s[3 * count :]
 
 
 def _stepped(ends: FloatArray) -> FloatArray:

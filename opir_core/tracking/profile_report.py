@@ -81,12 +81,11 @@ def _impacts(
     gain, sigma = gain[rows] / variance[rows, None], np.sqrt(variance[rows])
     left = spread[rows] - variance[rows, None, None] * gain[:, :, None] * gain[:, None]
     nodes, weights = hypotheses.end[rows, 0], hypotheses.end[rows, 1]
-    parts = []
-    for node in nodes.T:
-        parameters = hypotheses.parameters[rows] + gain * (sigma * node)[:, None]
-        there = family_of(evolve(hypotheses.take(rows), parameters=parameters), priors)
-        parts.append((*flight.burnouts(there, left), left))
-    others = flight.open_impacts(ends.take(rows), parts, weights, forces)
+    again = np.tile(np.arange(len(rows)), nodes.shape[1])
+    parts, left = hypotheses.take(rows[again]), left[again]
+    parameters = parts.parameters + gain[again] * (sigma[again] * nodes.T.ravel())[:, None]
+    there = flight.burnouts(family_of(evolve(parts, parameters=parameters), priors), left)
+    others = flight.open_impacts(ends.take(rows), *there, left, weights, forces)
     if not len(closed):
         return others
     found = flight.impacts(ends.take(closed), slope[closed], spread[closed], forces)
