@@ -165,7 +165,8 @@ def begun(tracking: StereoTracking, case: Problem) -> Situation:
     """Return the situation at time 0: a track a target, begun with its noisy truth."""
     number, bank = np.arange(len(case.prior)), first_bank(case.prior)
     roster = Roster.fresh(number, 0.0, len(_SLOTS))
-    histories = evolve(Histories.none(), number=number, begun_s=np.zeros(len(bank)), first=bank)
+    none = Histories.none()
+    histories = Histories(number, np.zeros(len(bank)), bank, none.sights, none.sensor)
     return evolve(tracking.start(), bank=bank, roster=roster, histories=histories, next_number=len(bank))
 
 

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.tracking.contested import Contested
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Sights, along, axes_across, no_sights
 from opir_core.tracking.switching_filter import Bank, SwitchingFilter
@@ -26,7 +27,8 @@ class Histories:
 
     `number` (n,), rising, are the tracks' numbers, `begun_s` (n,) when they began and `first` (n rows) the estimates
     they began with, carried to the present without a ray; `sights` (m rows) are mean lines of sight of tracks 0 to
-    n - 1, and `sensor` (m,) says whose each is.
+    n - 1, and `sensor` (m,) says whose each is. `contested` are the rays of which it is open whose they are, and
+    `doubt` (n,) is how doubtful it was when last asked which histories are whose.
     """
 
     number: IntArray
@@ -34,6 +36,8 @@ class Histories:
     first: Bank
     sights: Sights
     sensor: IntArray
+    contested: Contested = field(factory=Contested.empty)
+    doubt: FloatArray = field(default=Factory(lambda self: np.ones(len(self.first)), takes_self=True))
 
     @classmethod
     def none(cls) -> "Histories":
@@ -42,6 +46,13 @@ class Histories:
 
     def __len__(self) -> int:
         return len(self.number)
+
+    @property
+    def blur(self) -> FloatArray:
+        """Return how many rays, by the chance that they are another's or none's (n,), each track may have and not."""
+        open_ = self.contested
+        track = self.sights.track[open_.sight]
+        return np.bincount(track, open_.weight * (1.0 - open_.weight), len(self)).astype(np.float64)
 
     def joined(self, new: "Histories") -> "Histories":
         """Return the histories with those of new tracks, of higher numbers."""
@@ -52,6 +63,8 @@ class Histories:
             first=Bank.concatenate([self.first, new.first]),
             sights=Sights.concatenate([self.sights, sights]),
             sensor=np.concatenate([self.sensor, new.sensor]),
+            contested=self.contested,
+            doubt=np.concatenate([self.doubt, new.doubt]),
         )
 
     def moved(self, move: Callable[[Bank, float], Bank], step_s: float) -> "Histories":
@@ -63,7 +76,8 @@ class Histories:
         if keep.all():
             return self
         place = np.cumsum(keep) - 1
-        mine = np.flatnonzero(keep[self.sights.track])
+        stays = keep[self.sights.track]
+        mine = np.flatnonzero(stays)
         sights = self.sights.take(mine)
         return Histories(
             number=self.number[keep],
@@ -71,12 +85,23 @@ class Histories:
             first=self.first.take(np.flatnonzero(keep)),
             sights=sights.placed(place[sights.track]),
             sensor=self.sensor[mine],
+            contested=self.contested.without(~stays, np.cumsum(stays) - 1),
+            doubt=self.doubt[keep],
         )
 
-    def seen(self, sights: Sights, sensor: IntArray) -> "Histories":
-        """Return the histories with more lines of sight."""
+    def seen(self, sights: Sights, sensor: IntArray, contested: Contested) -> "Histories":
+        """Return the histories with more lines of sight, and the rays that may be part of these."""
+        fresh = evolve(
+            contested,
+            sight=contested.sight + len(self.sights),
+            ray=contested.ray + int(self.contested.ray.max(initial=-1)) + 1,
+            scan=contested.scan + int(self.contested.scan.max(initial=-1)) + 1,
+        )
         return evolve(
-            self, sights=Sights.concatenate([self.sights, sights]), sensor=np.concatenate([self.sensor, sensor])
+            self,
+            sights=Sights.concatenate([self.sights, sights]),
+            sensor=np.concatenate([self.sensor, sensor]),
+            contested=Contested.concatenate([self.contested, fresh]),
         )
 
 
@@ -96,8 +121,15 @@ def mean_sights(outlook: Outlook, sights: Sights, sensor: IntArray, slice_s: flo
 
     Residuals to the track's own path are averaged, each as sure as it is: near that path nothing is lost.
     """
+    return parted_sights(outlook, sights, sensor, slice_s)[:2]
+
+
+def parted_sights(
+    outlook: Outlook, sights: Sights, sensor: IntArray, slice_s: float
+) -> tuple[Sights, IntArray, IntArray]:
+    """Return mean lines of sight and the sensors, as `mean_sights`, and which mean (n,) each sight is part of."""
     if not len(sights):
-        return sights, sensor
+        return sights, sensor, sensor
     part = np.floor((sights.time_s - outlook.time_s) / slice_s).astype(np.int64)
     part -= part.min()
     sensors, parts = int(sensor.max()) + 1, int(part.max()) + 1
@@ -113,7 +145,7 @@ def mean_sights(outlook: Outlook, sights: Sights, sensor: IntArray, slice_s: flo
     apart = outlook.positions(track, time_s) - origin
     axes = axes_across(apart / np.sqrt(np.sum(apart * apart, axis=1))[:, None])
     root: Any = np.linalg.cholesky(weight)
-    return Sights(track, time_s, origin, axes, mean[:, :, 0], root.transpose(0, 2, 1)), key // parts % sensors
+    return Sights(track, time_s, origin, axes, mean[:, :, 0], root.transpose(0, 2, 1)), key // parts % sensors, group
 
 
 def with_biases(known: Histories, bias_sigma_rad: FloatArray) -> Sights:

@@ -13,6 +13,7 @@ from attrs import evolve
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking import square_root
 from opir_core.tracking.assignment import lone, nearest
+from opir_core.tracking.exchange_evidence import settled_exchanges
 from opir_core.tracking.histories import Histories, rows_of, weighed, with_biases
 from opir_core.tracking.joint_association import marginals
 from opir_core.tracking.outlook import Outlook
@@ -25,6 +26,9 @@ _GATE = 4.5
 #: Histories this much less likely (log) than the track's likeliest are left out.
 _LEAST_LOG = -40.0
 
+#: An exchange this much less likely (log) as the lines of sight stand is not tried out.
+_HOPELESS = 30.0
+
 #: Of what a track may have, so many are mixed in what is told of it, and none less probable than this.
 _MIXED, _LEAST_SHARE = 4, 1e-3
 
@@ -33,15 +37,14 @@ _LEAST_DOUBT = 1e-2
 
 
 class Decision(NamedTuple):
-    """Histories as assigned, estimates (a bank of n rows) that follow, how doubtful that is (n,), and what to tell.
+    """Histories as assigned, estimates (a bank of n rows) that follow, and what to tell.
 
-    `doubt` is the probability that a track has another history than it was given, of the sensor where that is largest;
-    `told` are the estimates with all a track may have mixed in.
+    The histories' `doubt` is the probability that a track has another history than it was given, of the sensor where
+    that is largest; `told` are the estimates with all a track may have mixed in.
     """
 
     histories: Histories
     bank: Bank
-    doubt: FloatArray
     told: Bank
 
 
@@ -58,17 +61,27 @@ class _Trials(NamedTuple):
 
 
 def decided(
-    filter_: SwitchingFilter, known: Histories, bank: Bank, time_s: float, bias_sigma_rad: FloatArray
+    filter_: SwitchingFilter,
+    known: Histories,
+    bank: Bank,
+    time_s: float,
+    bias_sigma_rad: FloatArray,
+    asked: BoolArray | None = None,
 ) -> Decision:
     """Return what follows from histories of tracks whose estimates at `time_s` are a bank (n rows).
 
-    `bias_sigma_rad` (sensors,) are standard deviations of the sensors' biases.
+    `bias_sigma_rad` (sensors,) are standard deviations of the sensors' biases; `asked` (n,) are the tracks whose
+    histories are not settled, by default all.
     """
     told, doubt = bank, np.zeros(len(known))
+    if len(known) < 2:
+        return Decision(evolve(known, doubt=doubt), bank, bank)
+    asked = np.ones(len(known), dtype=bool) if asked is None else asked
     for sensor in np.unique(known.sensor).tolist():
-        trials = _trials(filter_, known, with_biases(known, bias_sigma_rad), bank, time_s, sensor)
+        trials = _trials(filter_, known, with_biases(known, bias_sigma_rad), bank, time_s, sensor, asked)
         if not len(trials.track):
             continue
+        trials = _settled(filter_, known, trials, bank, time_s, sensor)
         chosen = nearest(trials.track, trials.source, _costs(trials.gain))
         beta = marginals(trials.track, trials.source, np.exp(trials.gain + _SURELY))
         known, bank, told = _exchanged(known, bank, told, sensor, trials, chosen)
@@ -78,7 +91,7 @@ def decided(
         if len(worse):
             told = told.put(worse, _mixed(worse, trials, chosen, beta, bank))
         doubt = np.maximum(doubt, open_)
-    return Decision(known, bank, doubt, told)
+    return Decision(evolve(known, doubt=doubt), bank, told)
 
 
 #: Every track has some history: e to this times as likely as none, when that is its likeliest.
@@ -92,13 +105,19 @@ def _costs(gain: FloatArray) -> FloatArray:
 
 
 def _trials(
-    filter_: SwitchingFilter, known: Histories, sights: Sights, bank: Bank, time_s: float, sensor: int
+    filter_: SwitchingFilter,
+    known: Histories,
+    sights: Sights,
+    bank: Bank,
+    time_s: float,
+    sensor: int,
+    asked: BoolArray,
 ) -> _Trials:
     """Return the histories of a sensor that tracks may have, of tracks that share some with others."""
     mine = known.sensor == sensor
     count = len(known)
     seen = np.bincount(sights.track[mine], minlength=count) > 0
-    seen &= np.bincount(sights.track[~mine], minlength=count) > 0
+    seen &= (np.bincount(sights.track[~mine], minlength=count) > 0) & asked
     rows = np.flatnonzero(seen)
     first = evolve(known.first, weight=bank.weight, pace=bank.pace)
     others = sights.take(np.flatnonzero(~mine & seen[sights.track]))
@@ -114,6 +133,39 @@ def _trials(
     gain = gain - best[track]
     likely = np.flatnonzero((gain > _LEAST_LOG) | (track == source))
     return _rivals(_Trials(track, source, np.maximum(gain, _LEAST_LOG), after).of(likely))
+
+
+def _settled(
+    filter_: SwitchingFilter, known: Histories, trials: _Trials, bank: Bank, time_s: float, sensor: int
+) -> _Trials:
+    """Return the trials with those in which two tracks exchange contested histories judged by what both settle into."""
+    go, back = _exchanges(trials, np.unique(known.sights.track[known.contested.sight]))
+    own = np.full(len(known), -1, dtype=np.int64)
+    same = np.flatnonzero(trials.track == trials.source)
+    own[trials.track[same]] = same
+    mine, theirs = own[trials.track[go]], own[trials.track[back]]
+    loss = trials.gain[mine] + trials.gain[theirs] - trials.gain[go] - trials.gain[back]
+    some = np.flatnonzero(loss < _HOPELESS)
+    if not len(some):
+        return trials
+    rows, theirs = np.stack([go, back], axis=1)[some], np.stack([mine, theirs], axis=1)[some]
+    better, after = settled_exchanges(
+        filter_, known, bank, time_s, sensor, trials.track[rows], trials.bank.take(rows.ravel())
+    )
+    gain = trials.gain.copy()
+    gain[rows] = trials.gain[theirs] + 0.5 * better[:, None]
+    return _Trials(trials.track, trials.source, gain, trials.bank.put(rows.ravel(), after))
+
+
+def _exchanges(trials: _Trials, contested: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the trials in which one of two `contested` tracks has the other's history, and those of the other way."""
+    size = int(max(trials.track.max(), trials.source.max())) + 1
+    key, back = trials.track * size + trials.source, trials.source * size + trials.track
+    order = np.argsort(key)
+    place = order[np.minimum(np.searchsorted(key[order], back), len(key) - 1)]
+    both = (key[place] == back) & np.isin(trials.track, contested) & np.isin(trials.source, contested)
+    go = np.flatnonzero(both & (trials.track < trials.source))
+    return go, place[go]
 
 
 def _rivals(trials: _Trials) -> _Trials:

@@ -39,11 +39,12 @@ _NONE = np.empty(0, dtype=np.int64)
 
 
 class Followed(NamedTuple):
-    """Estimates after a slice, the row that each ray was given to, -1 for none, and the pairs in which it was."""
+    """Estimates after a slice, the row that each ray was given to, -1 for none, the pairs in which it was, and all."""
 
     bank: Bank
     owner: IntArray
     own: Pairs
+    pairs: Pairs
 
 
 @frozen(eq=False)
@@ -89,7 +90,7 @@ class Following:
         found = self._associated(pairs, rays)
         after = self.filter.updated(bank, end_s, found.sights, span)
         busy = self._restless(bank, after, pairs, rays) if self.config.settling and found.contested else _NONE
-        first = Followed(after, found.owner, found.own)
+        first = Followed(after, found.owner, found.own, pairs)
         return self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
 
     def _restless(self, bank: Bank, after: Bank, pairs: Pairs, rays: Rays) -> IntArray:
@@ -126,6 +127,7 @@ class Following:
             first.bank.put(busy, then),
             np.where(mine >= 0, busy[mine], others),
             Pairs.concatenate([kept, settled]),
+            pairs,
         )
 
     def _unghosted(self, bank: Bank, end_s: float, pairs: Pairs, rays: Rays, found: Associated) -> Associated:

@@ -16,11 +16,11 @@ from opir_core.tracking import initiation, upkeep
 from opir_core.tracking.association import Chances, associate_nearest, plain, scan_numbers
 from opir_core.tracking.biases import Biases
 from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.gating import Pairs
+from opir_core.tracking.contested_histories import LONGEST_S, asked, kept, slice_sights, turned
 from opir_core.tracking.ghosts import RANGE_M
 from opir_core.tracking.ground_points import GroundPoints, renewed
 from opir_core.tracking.histories import Histories, lasting_s, mean_sights
-from opir_core.tracking.history_assignment import Decision, decided
+from opir_core.tracking.history_assignment import decided
 from opir_core.tracking.launch_points import launches
 from opir_core.tracking.rays import Rays, no_rays, no_sights
 from opir_core.tracking.stereo_following import Followed, Following
@@ -30,16 +30,6 @@ from opir_core.tracking.track_priors import filter_of, first_bank
 
 #: A track's launch is worked out as long as it is no older than this, s.
 _YOUNG_S = 10.0
-
-#: For this long a track's histories are kept in any case: a rival may begin some slices later, s.
-_RIVALS_S = 4.0
-
-#: Histories whose assignment is less doubtful than this are settled, and kept no longer.
-_SETTLED = 1e-4
-
-#: They are settled as they are after this time, s.
-_LONGEST_S = 60.0
-
 
 _NOBODY = np.array([-1])
 
@@ -90,7 +80,7 @@ class StereoTracking:
             biases=Biases.of(context.sensors),
             forces=forces_of(context.forces),
             evidence=evidence_of(context.sensors),
-            boost_lasts_s=min(lasting_s(config.jerk_noise_m_s3, look_m, float(period_s.min(initial=1.0))), _LONGEST_S),
+            boost_lasts_s=min(lasting_s(config.jerk_noise_m_s3, look_m, float(period_s.min(initial=1.0))), LONGEST_S),
         )
 
     def start(self) -> Situation:
@@ -140,33 +130,25 @@ class StereoTracking:
             return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
         told = self.following.followed(bank, end_s, rays, span)
         now = evolve(now, time_s=end_s, histories=histories, bank=told.bank)
-        return self._decided(now, told.own, rays, span), told.owner
+        return self._decided(now, told, rays, span), told.owner
 
-    def _decided(self, now: Situation, own: Pairs, rays: Rays, span: float) -> Situation:
+    def _decided(self, now: Situation, told: Followed, rays: Rays, span: float) -> Situation:
         """Return the situation with the histories of young tracks where they belong, as far as that can be told."""
         known = now.histories
         if not len(known):
             return now
         rows = np.searchsorted(now.roster.number, known.number)
-        place = np.full(len(now.bank), -1, dtype=np.int64)
-        place[rows] = np.arange(len(rows))
-        own, bank = own.take(np.flatnonzero(place[own.track] >= 0)), now.bank.take(rows)
-        path = self.filter.outlook(bank, now.time_s)
-        seen = mean_sights(path, plain(own).placed(place[own.track]), rays.sensor[own.ray].astype(np.int64), span)
-        every = known.seen(*seen)
-        found = (
-            decided(self.filter, every, bank, now.time_s, self.biases.sigma_rad)
-            if len(every) > 1
-            else Decision(every, bank, np.zeros(len(every)), bank)
-        )
-        age = now.time_s - known.begun_s
-        lasts = np.where(bank.weight[:, 0] > 0.5, self.boost_lasts_s, _LONGEST_S)
-        stays = (age < lasts) & ((age < _RIVALS_S) | (found.doubt > _SETTLED))
-        open_ = np.flatnonzero(stays & (found.doubt > 0.0))
+        bank, age = now.bank.take(rows), now.time_s - known.begun_s
+        seen = slice_sights(self.filter.outlook(bank, now.time_s), told, rows, rays, self.following.chances, span)
+        known, bank = turned(self.filter, known.seen(*seen), bank, now.time_s)
+        found = decided(self.filter, known, bank, now.time_s, self.biases.sigma_rad, asked(known, age, span))
+        known, boosts = found.histories, bank.weight[:, 0] > 0.5
+        stays = kept(known, age, boosts, self.boost_lasts_s)
+        open_ = np.flatnonzero(stays & (known.doubt > 0.0))
         return evolve(
             now,
             bank=now.bank.put(rows, found.bank),
-            histories=found.histories.of(stays),
+            histories=known.of(stays),
             doubtful=(known.number[open_], found.told.take(open_)),
         )
 
@@ -209,7 +191,7 @@ class StereoTracking:
         pairs = self.following.paired(self.filter.outlook(first, now.time_s), now.pool, span)
         found = associate_nearest(pairs, now.pool, self.following.chances)
         bank = self.filter.updated(first, now.time_s, found.sights, span)
-        return self._joined(now, first, Followed(bank, found.owner, found.own))
+        return self._joined(now, first, Followed(bank, found.owner, found.own, pairs))
 
     def _joined(self, now: Situation, first: Bank, told: Followed) -> Situation:
         """Return the situation with those new tracks that got their rays, numbered in order."""

@@ -90,7 +90,7 @@ def test_any_exchange_among_three_is_put_right_at_once(order: tuple[int, ...]) -
     nearest = np.array([np.argmin(errors_m(found.bank.take([k]), THREE)) for k in range(3)])
     assert sorted(nearest.tolist()) == [0, 1, 2]
     assert (errors_m(found.bank, THREE[nearest]) < 450.0).all()
-    assert (found.doubt < 1e-3).all()
+    assert (found.histories.doubt < 1e-3).all()
     assert np.allclose(found.told.coast_mean, found.bank.coast_mean, atol=1.0)
 
 
@@ -104,7 +104,7 @@ def test_the_order_of_tracks_does_not_matter() -> None:
     )
     other = decided(FILTER, turned, bank.take(turn), END_S, UNBIASED)
     assert np.allclose(other.bank.coast_mean[place], found.bank.coast_mean, rtol=0.0, atol=1e-3)
-    assert np.allclose(other.doubt[place], found.doubt, atol=1e-9)
+    assert np.allclose(other.histories.doubt[place], found.histories.doubt, atol=1e-9)
 
 
 def test_what_cannot_be_told_is_told_as_undecided() -> None:
@@ -112,7 +112,7 @@ def test_what_cannot_be_told_is_told_as_undecided() -> None:
     states = apart(-1500.0 * WITHIN, 1500.0 * WITHIN)
     ghostly, bank = known(states, (1, 0))
     found = decided(FILTER, ghostly, bank, END_S, UNBIASED)
-    assert ((found.doubt > 0.02) & (found.doubt < 0.98)).all()
+    assert ((found.histories.doubt > 0.02) & (found.histories.doubt < 0.98)).all()
     assert np.linalg.norm(found.told.coast_mean[0, :3] - found.bank.coast_mean[0, :3]) > 20.0
     told, firm = (FILTER.moments(one)[1][:, :3, :3] for one in (found.told, found.bank))
     shift = (
