@@ -20,7 +20,7 @@ _CHANCE = -7.0
 
 #: The logarithm of the odds that a target does not fly as the family does, beforehand, and the variance of what it
 #: would be off by, in units of what is expected of innovations.
-FIRST_STRANGE, LEAN_VARIANCE = float(np.log(0.015)), 0.2
+FIRST_STRANGE, LEAN_VARIANCE = float(np.log(0.015)), 0.3
 
 #: Of a pause no more is made than this, log.
 _MOST = 12.0

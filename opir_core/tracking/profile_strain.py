@@ -26,10 +26,10 @@ _BELIEVED = 25.0
 _SHARE = 0.6
 
 #: What strange targets are off by stays from tick to tick to this share.
-_KEPT = 0.9
+KEPT = 0.95
 
 #: A target turns strange at a tick with this chance: a stage, a turn.
-TURNS = 1.5e-3
+TURNS = 4e-3
 
 #: Innovations are believed to be as large as expected, as if so many had said so.
 _SMOOTH = 40.0
@@ -121,8 +121,8 @@ def judged(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
     for number in range(int(turn.max(initial=-1)) + 1):
         one = order[turn == number]
         at = place[one], rows.sensor[one]
-        expected = _KEPT * lean[at]
-        variance = _KEPT**2 * doubt[at] + (1.0 - _KEPT**2) * LEAN_VARIANCE
+        expected = KEPT * lean[at]
+        variance = KEPT**2 * doubt[at] + (1.0 - KEPT**2) * LEAN_VARIANCE
         jump = 0.5 * np.square(innovation[one] - newest[at])
         np.add.at(rough, place[one], np.nansum(jump, axis=1))
         np.add.at(jumps, place[one], np.isfinite(jump).sum(axis=1))

@@ -15,8 +15,8 @@ from opir_core.tracking import profile_fit, profile_flight
 from opir_core.tracking.profile_bank import Fitting
 from opir_core.tracking.profile_family import SIZE
 from opir_core.tracking.profile_rows import Rows
-from opir_core.tracking.profile_seen import FIRST_STRANGE, Seen
-from opir_core.tracking.profile_strain import TURNS, Bank, judged
+from opir_core.tracking.profile_seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
+from opir_core.tracking.profile_strain import KEPT, TURNS, Bank, judged
 from opir_core.tracking.profile_trust import blended
 
 
@@ -57,7 +57,7 @@ def test_odds_are_those_of_the_process_they_stand_for():
 
     innovation = np.random.default_rng(2).normal(size=(1, 6, 1, 2))
     lag = np.abs(np.subtract.outer(np.arange(6), np.arange(6)))
-    leaning = multivariate_normal(np.zeros(6), np.eye(6) + 0.2 * 0.9**lag)
+    leaning = multivariate_normal(np.zeros(6), np.eye(6) + LEAN_VARIANCE * KEPT**lag)
     white, expected = multivariate_normal(np.zeros(6), np.eye(6)), FIRST_STRANGE
     for axis in range(2):
         expected += leaning.logpdf(innovation[0, :, 0, axis]) - white.logpdf(innovation[0, :, 0, axis])
