@@ -92,7 +92,12 @@ def measured(kind: str, case: Case, count: int, seed: int) -> list[dict[str, Any
     said = dict.fromkeys(TARGET_TYPES, seeing.chance) if "chance" in dict(case.seeing) else CHANCES
     sensors = sensors_of(said, case.told_bias_rad)
     landed, rows = truth.impacts(case.flies), []
-    for tick in followed(truth, seeing, seed, truth.burnout_s.max() + AFTER_S[-1] + 1.0, sensors, case.believes):
+    until_s = truth.burnout_s.max() + AFTER_S[-1] + 1.0
+
+    def asked(tick_s: float) -> np.ndarray:
+        return np.flatnonzero(marks_at(truth, tick_s) >= 0)
+
+    for tick in followed(truth, seeing, seed, until_s, sensors, case.believes, asked=asked):
         marks = marks_at(truth, tick.time_s)
         flights = np.flatnonzero(marks >= 0)
         if not len(flights):

@@ -13,7 +13,7 @@ from opir_core.reading import scene_from_mapping
 from opir_core.records import Detections, Tracks
 from opir_core.scene import TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
-from opir_core.tracking.profile_tracker import boost_profile_tracker
+from opir_core.tracking.profile_tracker import ProfileTracker, boost_profile_tracker
 from opir_core.tracking.stereo_tracker import stereo_filter
 
 #: SBIRS-GEO: scan period, s, error, rad, and chance of detection by type.
@@ -41,6 +41,20 @@ class Heard:
         """Return what the filter tells, and keep it."""
         self.told = self._inner.step(tick_s, detections)
         return self.told
+
+
+class Asked(ProfileTracker):
+    """The tracker, whose fit tells of the tracks `numbers` alone, what it tells of all: a fit's report costs most."""
+
+    numbers = np.empty(0, dtype=np.int64)
+
+    def _told(self, followed, tick_s):
+        whole = self._bank
+        mine = np.isin(whole.hypotheses.track, self.numbers)
+        self._bank = evolve(whole, hypotheses=whole.hypotheses.take(mine))
+        told = super()._told(followed, tick_s)
+        self._bank = whole
+        return told
 
 
 def sensors_of(chances=CHANCES, bias_rad=0.0):
@@ -80,13 +94,18 @@ def detections_of(rays):
     )
 
 
-def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", *, fitted=True):
-    """Yield the ticks, one a second, of a tracker that sees flights; unless `fitted`, of stereo-filter alone."""
+def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", *, fitted=True, asked=None):
+    """Yield the ticks, one a second, of a tracker that sees flights; unless `fitted`, of stereo-filter alone.
+
+    `asked` says which flights a tick is asked of; of others the fit need not tell.
+    """
     owner, rays = seen(truth, seeing, seed)
     context = TrackerContext(sensors=sensors or sensors_of(), epoch_us=0, duration_s=1e3, forces=forces)
     if fitted:
         tracker = boost_profile_tracker(BoostProfileConfig(), context)
         heard = tracker._inner = Heard(tracker._inner)
+        if asked:
+            tracker.__class__ = Asked
     else:
         tracker = heard = Heard(stereo_filter(StereoFilterConfig(), context))
     every, shared, cut = detections_of(rays), np.zeros((0, len(truth) + 1)), 0
@@ -94,10 +113,12 @@ def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", *, fit
         end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))
         part = every.take(slice(cut, end))
         label = tracker.associate(part)
-        told = tracker.step(float(tick), evolve(part, track=label))
         more = max(int(label.max(initial=-1)) + 1 - len(shared), 0)
         shared = np.concatenate([shared, np.zeros((more, len(truth) + 1))])
         np.add.at(shared, (label[label >= 0], owner[cut:end][label >= 0]), 1.0)
+        if asked:
+            tracker.numbers = np.flatnonzero(shared[:, asked(float(tick))].any(axis=1))
+        told = tracker.step(float(tick), evolve(part, track=label))
         cut = end
         yield Tick(float(tick), told, heard.told, shared)
 
