@@ -80,25 +80,27 @@ class Following:
         answer: _Answer = known[2]
         return answer
 
-    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float) -> Followed:
+    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float, young: IntArray) -> Followed:
         """Return the bank with a slice's rays taken in, and what each ray told.
 
         The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
-        near targets a whole slice tells more than one scan does.
+        near targets a whole slice tells more than one scan does. Rows `young` need it not: they are settled by all that
+        was seen of them.
         """
         pairs = self.paired(self.outlook(bank, end_s), rays, span)
         found = self._associated(pairs, rays)
         after = self.filter.updated(bank, end_s, found.sights, span)
-        busy = self._restless(bank, after, pairs, rays) if self.config.settling and found.contested else _NONE
+        busy = self._restless(bank, after, pairs, rays, young) if self.config.settling and found.contested else _NONE
         first = Followed(after, found.owner, found.own, pairs)
         return self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
 
-    def _restless(self, bank: Bank, after: Bank, pairs: Pairs, rays: Rays) -> IntArray:
-        """Return the tracks that have rivals, of clusters in which a track moved enough for other rays to be its."""
+    def _restless(self, bank: Bank, after: Bank, pairs: Pairs, rays: Rays, young: IntArray) -> IntArray:
+        """Return the tracks that have rivals, of clusters in which one, not young, moved enough for other rays."""
         rivals = crowded(pairs, rays)
         shift = after.take(rivals).likelier_position_m - bank.take(rivals).likelier_position_m
         far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * rays.sigma_rad.max(initial=0.0) * RANGE_M
-        return rivals[related(pairs, rivals[far])[rivals]]
+        restless = np.setdiff1d(rivals[far], young, assume_unique=True)
+        return rivals[related(pairs, restless)[rivals]]
 
     def _settled(
         self, first: Followed, bank: Bank, end_s: float, rays: Rays, span: float, pairs: Pairs, busy: IntArray

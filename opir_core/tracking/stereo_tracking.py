@@ -128,16 +128,16 @@ class StereoTracking:
         if not len(rays):
             bank = self.filter.updated(bank, end_s, no_sights(), span)
             return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
-        told = self.following.followed(bank, end_s, rays, span)
+        young = np.searchsorted(now.roster.number, histories.number)
+        told = self.following.followed(bank, end_s, rays, span, young)
         now = evolve(now, time_s=end_s, histories=histories, bank=told.bank)
-        return self._decided(now, told, rays, span), told.owner
+        return self._decided(now, told, young, rays, span), told.owner
 
-    def _decided(self, now: Situation, told: Followed, rays: Rays, span: float) -> Situation:
-        """Return the situation with the histories of young tracks where they belong, as far as that can be told."""
+    def _decided(self, now: Situation, told: Followed, rows: IntArray, rays: Rays, span: float) -> Situation:
+        """Return the situation with the histories of tracks `rows` where they belong, as far as that can be told."""
         known = now.histories
         if not len(known):
             return now
-        rows = np.searchsorted(now.roster.number, known.number)
         bank, age = now.bank.take(rows), now.time_s - known.begun_s
         seen = slice_sights(self.filter.outlook(bank, now.time_s), told, rows, rays, self.following.chances, span)
         known, bank = turned(self.filter, known.seen(*seen), bank, now.time_s)
