@@ -36,7 +36,8 @@ _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64
 class Hits(Columns):
     """Looks of a window that detect: their rows among the looks, pairs, and running detection counts.
 
-    `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error.
+    `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error, and seed what
+    else is drawn for the detection.
     """
 
     row: IntArray
@@ -65,7 +66,7 @@ class Assembly:
         self, looks: Looks, hits: Hits, numbers: WindowNumbers, measured: Measured | None = None
     ) -> tuple[Detections, DetectionTruth]:
         """Return the detections of a block of hits, and their truth; the model is asked where nothing is measured."""
-        plan, dice = self._plan, numbers.of(hits.row, hits.pair)
+        plan, dice = self._plan, numbers.of(hits.row, hits.pair, hits.direction_words)
         scan = looks.scan[hits.row]
         exposed = exposures(plan, self._sites, hits.pair, scan, geometry=True)
         measured = plan.detection.measure(exposed, dice) if measured is None else measured

@@ -1,13 +1,13 @@
 """The random numbers of a window's looks: one stream a pair and purpose, read in bulk, handed out by row."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.randomness import Reader, normal_pairs, stream_key, uniforms_of
+from opir_core.randomness import Reader, further_words, normal_pairs, purpose_number, stream_key, uniforms_of
 from opir_core.records import BoolArray, FloatArray, IntArray
 
 Words = NDArray[np.uint64]
@@ -124,9 +124,9 @@ class WindowNumbers:
         self._streams.fill(read, purpose, self._active[chosen], scan, span, at)
         return read if len(read) == len(rows) else read.take(rows + np.repeat(at - first, count), axis=0)
 
-    def of(self, rows: IntArray, pair: IntArray) -> "RowDice":
-        """Return the dice of some of the looks; `pair` is each row's pair."""
-        return RowDice(self, self._streams, rows, pair)
+    def of(self, rows: IntArray, pair: IntArray, seeds: Words | None = None) -> "RowDice":
+        """Return the dice of some of the looks; `pair` is each row's pair, `seeds` a random word of each, if known."""
+        return RowDice(self, self._streams, rows, pair, seeds)
 
     def _draw(self, into: Words, purpose: str, pairs: BoolArray) -> None:
         chosen = np.flatnonzero(pairs)
@@ -137,12 +137,16 @@ class WindowNumbers:
 
 @frozen(eq=False)
 class RowDice:
-    """The dice of a batch of rows, as `opir_core.protocols.Dice` promises them."""
+    """The dice of a batch of rows, as `opir_core.protocols.Dice` promises them.
+
+    Rows that have `seeds`, raw words of their looks, spin their normal numbers from these: no stream is read again.
+    """
 
     numbers: WindowNumbers
     streams: PairStreams
     rows: IntArray
     pair: IntArray
+    seeds: Words | None = None
 
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), fresh for each scan."""
@@ -150,12 +154,18 @@ class RowDice:
 
     def normals(self, purpose: str, count: int = 1) -> FloatArray:
         """Return (rows, count) standard normal numbers, fresh for each scan: two of each raw word."""
-        words = self.numbers.of_rows(purpose, (count + 1) // 2, self.rows, self.pair)
         columns = np.empty((count, len(self.rows)))
-        for word in range(words.shape[1]):
-            pair = normal_pairs(words[:, word])
-            columns[2 * word : 2 * word + 2] = pair[: count - 2 * word]
+        for place, words in enumerate(self._words(purpose, (count + 1) // 2)):
+            pair = normal_pairs(words)
+            columns[2 * place : 2 * place + 2] = pair[: count - 2 * place]
         return columns.T
+
+    def _words(self, purpose: str, count: int) -> Iterable[Words]:
+        """Return so many columns (rows,) of raw words."""
+        if self.seeds is None:
+            return self.numbers.of_rows(purpose, count, self.rows, self.pair).T
+        numbers = purpose_number(purpose) + np.arange(count, dtype=np.uint64)
+        return [further_words(self.seeds, numbers[place : place + 1]) for place in range(count)]
 
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
@@ -164,4 +174,5 @@ class RowDice:
 
     def take(self, rows: Any) -> "RowDice":
         """Return the dice of some of the rows."""
-        return RowDice(self.numbers, self.streams, self.rows[rows], self.pair[rows])
+        seeds = None if self.seeds is None else self.seeds[rows]
+        return RowDice(self.numbers, self.streams, self.rows[rows], self.pair[rows], seeds)

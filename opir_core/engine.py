@@ -121,7 +121,7 @@ class Engine:
         for rows in blocks(len(hits)):
             row, pair = hits.row[rows], hits.pair[rows]
             sensor = self.plan.pairs.sensor[pair]
-            found = spans.measured(row, sensor, numbers.of(row, pair))
+            found = spans.measured(row, sensor, numbers.of(row, pair, hits.direction_words[rows]))
             filling.put(found if self._assembly.judges else evolve(found, band_noise_w_m2=None))
         return filling.record() if len(hits) else None
 

@@ -3,9 +3,12 @@
 A stream is Philox4x64-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11) as numpy implements it,
 with the 128-bit key blake2b(seed, names) and the counter as address: word w of scan k is output k · W + w of the
 stream, where W is the number of words a scan has. So a number depends on the seed, the names and the scan alone; which
-other streams exist, in which order they are read and in what slices changes nothing.
+other streams exist, in which order they are read and in what slices changes nothing. What a look that detects needs
+besides is spun from the word of its direction by SplitMix64, a place in the sequence for each purpose: reading another
+stream of every pair would cost four times as much.
 """
 
+from functools import cache
 from hashlib import blake2b
 from typing import Any
 
@@ -15,7 +18,10 @@ from numpy.typing import NDArray
 from opir_core.records import FloatArray
 
 #: How the manifest names this scheme; it changes when any number would.
-SCHEME = "philox4x64-10, key blake2b-128(seed, names), counter scan; uniforms 53 bits"
+SCHEME = (
+    "philox4x64-10, key blake2b-128(seed, names), counter scan; uniforms 53 bits; normals of detections splitmix64 of"
+    " the word of their direction"
+)
 
 _WORDS_PER_BLOCK = 4
 _HALF_MASK = (1 << 64) - 1
@@ -37,6 +43,12 @@ def stream_key(seed: int, *names: str) -> int:
     """Return the 128-bit key of the stream of these names under a seed."""
     text = _SEPARATOR.join([str(seed).encode(), *(name.encode() for name in names)])
     return int.from_bytes(blake2b(text, digest_size=16).digest(), "little")
+
+
+@cache
+def purpose_number(purpose: str) -> np.uint64:
+    """Return where in a look's own sequence the words of a purpose begin: far from those of any other."""
+    return np.uint64(int.from_bytes(blake2b(purpose.encode(), digest_size=8).digest(), "little"))
 
 
 class Reader:
@@ -87,12 +99,11 @@ def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
 
 
 def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return word number (n,) of the sequence that each seed (n,) starts, for draws whose count no one knows before.
+    """Return word number (n,), or (1,), of the sequence that each seed (n,) starts: seeds are random words themselves.
 
     SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014), read anywhere.
     """
-    words = numbers * _WEYL
-    words += seeds
+    words = seeds + numbers * _WEYL
     for shift, factor in _MIXING:
         words ^= words >> shift
         words *= factor
