@@ -1,6 +1,6 @@
 """What all records of columns can do: numpy arrays of one length, taken, joined and filled as one."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
@@ -47,10 +47,6 @@ class Columns:
         for name in names_of(type(self)):
             getattr(self, name)[rows] = getattr(other, name)
 
-    def blank(self, rows: int) -> Self:
-        """Return a record like this one, of so many rows that are still to be written."""
-        return self._map(lambda column: np.empty((rows, *column.shape[1:]), column.dtype))
-
     @classmethod
     def concatenate(cls, parts: Iterable[Self]) -> Self:
         """Return one record of all rows, in order; of none, the empty record."""
@@ -72,27 +68,34 @@ class Columns:
 
 
 class Filling(Generic[_Filled]):
-    """A record of a known number of rows that is filled part by part, each copied while it is still in the cache."""
+    """A record of a known number of rows that is filled part by part, each copied while it is still in the cache.
 
-    def __init__(self, record: type[_Filled], rows: int) -> None:
+    Columns that are known as a whole are `given`: parts have views of them, which are not copied.
+    """
+
+    def __init__(self, record: type[_Filled], rows: int, given: Mapping[str, Any] | None = None) -> None:
         self._record = record
         self._rows = rows
-        self._whole: _Filled | None = None
+        self._given = {} if given is None else given
+        self._names = [name for name in names_of(record) if name not in self._given]
+        self._columns: dict[str, Any] = {}
         self._at = 0
 
     def put(self, part: _Filled) -> None:
         """Take the next rows."""
-        if self._whole is None:
-            self._whole = part.blank(self._rows)
-        for name in names_of(self._record):
-            column = getattr(part, name)
-            if column is not None:
-                getattr(self._whole, name)[self._at : self._at + len(part)] = column
+        if not self._columns:
+            self._columns = {name: self._blank(getattr(part, name)) for name in self._names}
+        for name, whole in self._columns.items():
+            if whole is not None:
+                whole[self._at : self._at + len(part)] = getattr(part, name)
         self._at += len(part)
 
     def record(self) -> _Filled:
         """Return what has been put."""
-        return self._record.empty() if self._whole is None else self._whole
+        return self._record(**self._columns, **self._given) if self._columns else self._record.empty()
+
+    def _blank(self, column: Any) -> Any:
+        return None if column is None else np.empty((self._rows, *column.shape[1:]), column.dtype)
 
 
 def names_of(record: Any) -> tuple[str, ...]:

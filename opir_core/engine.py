@@ -5,7 +5,7 @@ the pair's own dice; what is detected is measured, classified, given a confidenc
 windows begin and end.
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import evolve
@@ -97,7 +97,9 @@ class Engine:
         """Return the detections of hits in an order, and their truth."""
         # Gathered column by column: rows of all pairs in all columns at once are more pages than a processor knows.
         hits, measured = hits.take(order), None if measured is None else measured.take(order)
-        detections, truth = Filling(Detections, len(hits)), Filling(DetectionTruth, len(hits))
+        given = {"detection_count": hits.count} | ({} if measured is None else _known(measured))
+        detections = Filling(Detections, len(hits), given)
+        truth = Filling(DetectionTruth, len(hits), {"probability": hits.probability})
         for rows in blocks(len(hits)):
             of_rows = None if measured is None else measured.take(rows)
             found, true = self._assembly.block(looks, hits.take(rows), numbers, of_rows)
@@ -121,7 +123,8 @@ class Engine:
         for rows in blocks(len(hits)):
             row, pair = hits.row[rows], hits.pair[rows]
             sensor = self.plan.pairs.sensor[pair]
-            found = spans.measured(row, sensor, numbers.of(row, pair, hits.direction_words[rows]))
+            dice = numbers.of(row, pair, hits.direction_words[rows])
+            found = spans.measured(row, sensor, dice, hits.probability[rows])
             filling.put(found if self._assembly.judges else evolve(found, band_noise_w_m2=None))
         return filling.record() if len(hits) else None
 
@@ -198,6 +201,17 @@ def _with_gaps(order: IntArray, places: IntArray) -> IntArray:
     longer[is_own] = order
     longer[places] = order[0]
     return longer
+
+
+def _known(measured: Measured) -> dict[str, Any]:
+    """Return the columns of detections that their measurements are."""
+    columns = {
+        "bands": measured.bands,
+        "snr": measured.snr,
+        "line_of_sight_sigma_rad": measured.line_of_sight_sigma_rad,
+        "band_irradiance_w_m2": measured.band_irradiance_w_m2,
+    }
+    return {name: column for name, column in columns.items() if column is not None}
 
 
 def checked_probability(probability: FloatArray, rows: int) -> FloatArray:

@@ -58,8 +58,7 @@ class Knots:
     """Curves of quantiles, one a piece, and straight lines of signals, one a stretch from knot to knot.
 
     `model` is who was asked; `sure` (p,) is the probability of pieces whose looks are certain or hopeless, nan of
-    others. `at` and `rise` (1 + 2 B, k) are the quantile, signals and noise at a stretch's first scan, and by how much
-    they rise a scan.
+    others. `at` and `rise` (2 B, k) are signals and noise at a stretch's first scan, and by how much they rise a scan.
     """
 
     model: Responsive
@@ -69,7 +68,6 @@ class Knots:
     stretches: _Stretches
     at: FloatArray
     rise: FloatArray
-    width: int
 
     @classmethod
     def of(cls, plan: Plan, sites: Sites, tolerance: float) -> "Knots":
@@ -80,10 +78,11 @@ class Knots:
         pieces, curves, sure = _curved(plan, woven, sure_beyond(tolerance))
         lines = _lines(woven.settled) + _lines(woven.curved)
         lines = lines.take(_in_order(lines.pair, lines.scan[0]))
-        at = woven.values[:, lines.row[0]]
-        rise = (woven.values[:, lines.row[1]] - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
+        light = woven.values[1:]
+        at = light.take(lines.row[0], axis=1)
+        rise = (light.take(lines.row[1], axis=1) - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
         stretches = _Stretches.of(plan, lines.pair, lines.scan[0])
-        return cls(model, pieces, curves, sure, stretches, at, rise, (len(at) - 1) // 2)
+        return cls(model, pieces, curves, sure, stretches, at, rise)
 
     def over(self, looks: Looks) -> "Spans":
         """Return which pieces and stretches a window's looks fall in."""
@@ -124,31 +123,36 @@ class Spans:
         undecided[np.searchsorted(self._looks.active, self._knots.pieces.pair[open_])] = True
         return undecided
 
-    def measured(self, row: IntArray, sensor: IndexArray, dice: Dice) -> Measured:
+    def measured(self, row: IntArray, sensor: IndexArray, dice: Dice, probability: FloatArray) -> Measured:
         """Return what is measured in looks (n,) that detected, given by their rows in the window, in order."""
-        return self._knots.model.measure_response(self.response(row), sensor, dice)
+        return self._knots.model.measure_response(self.response(row), sensor, dice, probability)
 
     def response(self, row: IntArray) -> Response:
-        """Return what looks (n,), given by their rows in the window, in order, would measure."""
+        """Return the signals and noise of looks (n,), given by their rows in the window, in order."""
         knots = self._knots
         first, last = np.searchsorted(self._ends, row[[0, -1]], side="right")
         used = self._used[first : last + 1]
         times = np.diff(np.searchsorted(row, self._ends[first : last + 1]), prepend=0)
         used, times = used[times > 0], times[times > 0]
         since = (self._looks.scan[row] - np.repeat(knots.stretches.first[used], times)).astype(np.float64)
-        columns = np.empty((len(knots.at), len(row)))
-        for column, at, rise in zip(columns, knots.at[:, used], knots.rise[:, used], strict=True):
-            _drawn_into(column, at, rise, times, since)
-        return Response(columns[0], columns[1 : 1 + knots.width].T, columns[1 + knots.width :].T)
+        at, rise = knots.at.take(used, axis=1), knots.rise.take(used, axis=1)
+        width = len(at) // 2
+        return Response(
+            None, *(_drawn_out(at[half], rise[half], times, since).T for half in (slice(width), slice(width, None)))
+        )
 
 
-def _drawn_into(column: FloatArray, at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArray) -> None:
-    """Write lines (m,), so many `times` (m,) each, at scans (n,) since their starts; what stands still is only told."""
-    if rise.any():
-        np.multiply(np.repeat(rise, times), since, out=column)
-        column += np.repeat(at, times)
-    else:
-        column[:] = at[0] if np.all(at == at[0]) else np.repeat(at, times)
+def _drawn_out(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArray) -> FloatArray:
+    """Return lines (B, m), so many `times` (m,) each, at scans (n,) since their starts; what stands still is a view."""
+    moving = np.flatnonzero(rise.any(axis=1) | (at != at[:, :1]).any(axis=1))
+    if not len(moving):
+        return np.broadcast_to(at[:, :1], (len(at), len(since)))
+    columns = np.empty((len(at), len(since)))
+    columns[moving[-1] + 1 :] = at[moving[-1] + 1 :, :1]
+    for column, start, climb in zip(columns[: moving[-1] + 1], at, rise, strict=False):
+        np.multiply(np.repeat(climb, times), since, out=column)
+        column += np.repeat(start, times)
+    return columns
 
 
 def _curved(plan: Plan, woven: Woven, beyond: float) -> tuple[_Stretches, Curves, FloatArray]:

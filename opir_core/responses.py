@@ -17,13 +17,17 @@ from opir_core.records import Exposures, FloatArray, IndexArray
 class Response(Columns):
     """What looks would measure: the quantile of their probability of detection, and each band's signal and noise.
 
-    `probit` (n,) is the standard normal quantile of the probability; `snr` (n, B) the expected signals over
-    `noise_w_m2` (n, B), the standard deviations of the noise at the aperture; 0 and 1 beyond a sensor's own bands.
+    `probit` (n,) is the standard normal quantile of the probability, None where the engine knows that; `snr` (n, B) the
+    expected signals over `noise_w_m2` (n, B), the standard deviations of the noise at the aperture; 0 and 1 beyond a
+    sensor's own bands.
     """
 
-    probit: FloatArray
+    probit: FloatArray | None
     snr: FloatArray
     noise_w_m2: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.snr)
 
 
 @runtime_checkable
@@ -37,8 +41,10 @@ class Responsive(Protocol):
     def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
         """Return what looks would measure; with a `slack`, probabilities need to be right only to within it."""
 
-    def measure_response(self, response: Response, sensor: IndexArray, dice: Dice) -> Measured:
-        """Return what is measured in looks that detected."""
+    def measure_response(
+        self, response: Response, sensor: IndexArray, dice: Dice, probability: FloatArray | None = None
+    ) -> Measured:
+        """Return what is measured in looks that detected; `probability` (n,) stands in for a probit of None."""
 
 
 @runtime_checkable

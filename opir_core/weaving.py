@@ -137,6 +137,7 @@ class Weaver:
         for rows in blocks(len(pair)):
             exposed = exposures(self._plan, self._sites, pair[rows], scan[rows], geometry=True)
             response = self._model.response(exposed, slack=slack)
+            assert response.probit is not None
             quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
             self._asked.append(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T]))
         self._count += len(pair)
