@@ -4,7 +4,8 @@
 
 A launch of each class is repeated many times, each time with dice of its own, in one run of the engine. What it finds
 first, and when and how high, is held against the distribution that follows exactly from the probabilities of its looks:
-the first detection is at look k with probability p(k) times the product of 1 - p over the looks before it. `--write`
+the first detection is at look k with probability p(k) times the product of 1 - p over the looks before it. Where it
+does not fit, the script fails. `--write`
 puts tables, and, where matplotlib is installed, a plot into a folder.
 """
 
@@ -237,6 +238,8 @@ def main() -> None:
     text, worst = tables(found, climates), max(cell.ratio for cell in found)
     print(text)
     print(f"\n{len(found)} cells, worst distance over its bound: {worst:.2f}")
+    if worst > 1.0:
+        raise SystemExit("the engine's first detections are not those of the probabilities of their looks")
     if options.write:
         page = PAGE.format(
             tables=text,

@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from contextlib import suppress
 
 UNITS = {"W/m2": 1.0, "W/cm2": 1e4}
 
@@ -32,10 +33,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _positive(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
-    return value
+    with suppress(ValueError):
+        value = float(text)
+        if 0.0 < value < float("inf"):
+            return value
+    raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
 
 
 def _share(text: str) -> float:

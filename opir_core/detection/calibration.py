@@ -24,11 +24,12 @@ _SLACK = 1e-13
 
 
 def calibrated(
-    radiometer: Radiometer, rule: AnyBand | RatioGates, intensity_w_sr: FloatArray, wanted: float
+    radiometer: Radiometer, rule: AnyBand | RatioGates, intensity_w_sr: FloatArray, wanted: float, owner: str
 ) -> Radiometer:
     """Return a radiometer whose noise is scaled so that the reference target is detected with a probability.
 
-    `intensity_w_sr` (B,) are the reference target's in the sensor's bands. Raises `ModelError` where no factor does it.
+    `intensity_w_sr` (B,) are the reference target's in the sensor's bands. Raises `ModelError`, which names the sensor
+    as `owner` does, where no factor does it.
     """
     from scipy.special import ndtri
 
@@ -40,9 +41,11 @@ def calibrated(
         return float(probit(*rule.log_chances(signal[None, :] / noise, noise, _SLACK))[0]) < quantile
 
     if not misses(_DECADES) or misses(-_DECADES):
+        told = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
         raise ModelError(
-            f"calibrate: paper finds no noise with which the reference ICBM, {np.array2string(intensity_w_sr)} W/sr in"
-            f" the sensor's bands, is detected with probability {wanted:g}: its bands or plausible ratios leave it out"
+            f"{owner}: calibrate: paper finds no noise with which the reference ICBM, {told} W/sr in the sensor's"
+            f" bands, is detected with probability {wanted:g}; give it bands and plausible_ratios that do not leave"
+            " the ICBM out, or calibrate: none"
         )
     factor = 10.0 ** _turn(misses)
     return evolve(radiometer, nei_w_m2=tuple(float(nei * factor) for nei in radiometer.nei_w_m2))

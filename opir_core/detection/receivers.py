@@ -68,8 +68,9 @@ def receivers_of(sensors: Sequence[Sensor], scenery: Scenery, config: SnrConfig)
             wanted = _wanted(sensor)
             kind = (*receiver.kind, wanted)
             if kind not in known:
+                owner = f"sensor {sensor.id} ({sensor.type})"
                 intensity = scenery.reference_intensity_w_sr[receiver.bands]
-                known[kind] = calibrated(receiver.radiometer, receiver.rule, intensity, wanted)
+                known[kind] = calibrated(receiver.radiometer, receiver.rule, intensity, wanted, owner)
             receiver = evolve(receiver, radiometer=known[kind])
         receivers.append(receiver)
     return receivers

@@ -1,9 +1,9 @@
 """How a scanning sensor's configuration says how it measures light, and the radiometer that comes of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from attrs import Factory, frozen
+from attrs import Factory, fields, frozen
 
 from opir_core.fields import nested, number
 
@@ -105,6 +105,21 @@ class RadiometerConfig:
         check=_ratios_complaint,
         help="by band [least, most] irradiance over that of the shortest band, where bands are compared",
     )
+
+
+def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
+    """Return what is wrong where a setting by band names a band that the sensor has not; else None.
+
+    A model's default ratios may stand beside other bands than the model's own: those that are not there count nothing.
+    """
+    for name in ("band_nei_w_m2", "plausible_ratios"):
+        given = getattr(config, name)
+        default: Any = getattr(fields(type(config)), name).default
+        is_default = given == (default.factory() if hasattr(default, "takes_self") else default)
+        strange = [band for band in given if band not in bands]
+        if strange and not is_default:
+            return f"{name}: {strange[0]} is not one of the sensor's bands, {', '.join(bands)}"
+    return None
 
 
 def radiometer_of(config: RadiometerConfig, bands: "tuple[Band, ...]") -> Radiometer:

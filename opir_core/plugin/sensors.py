@@ -12,7 +12,7 @@ from attrs import Factory, asdict, fields_dict, frozen
 from opir_core.fields import flag, nested, number, text
 from opir_core.orbits.configs import OrbitConfig
 from opir_core.plugin.confusion import confusion_complaint, is_probability
-from opir_core.plugin.radiometer import RadiometerConfig, radiometer_of
+from opir_core.plugin.radiometer import RadiometerConfig, radiometer_of, strange_band_complaint
 from opir_core.scene import TARGET_TYPES
 
 if TYPE_CHECKING:
@@ -174,6 +174,7 @@ class ScanningSensorConfig(RadiometerConfig):
             self._period_complaint(),
             self._raster_complaint(),
             self._discrimination_complaint(),
+            strange_band_complaint(self, list(self.bands)),
         ]
 
     def _period_complaint(self) -> str | None:

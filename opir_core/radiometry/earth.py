@@ -14,7 +14,7 @@ from attrs import frozen
 from opir_core.errors import ModelError
 from opir_core.protocols import Band
 from opir_core.radiometry.earth_table import CloudTable, SkyTable, cloud_tables, sky_tables
-from opir_core.radiometry.lowtran import parts_of
+from opir_core.radiometry.lowtran import nearest_of, parts_of
 from opir_core.radiometry.protocols import Background, BackgroundContext, Transmittance
 from opir_core.radiometry.records import Views, in_a_row
 from opir_core.radiometry.sky_configs import EarthConfig
@@ -98,8 +98,8 @@ def _parts(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band], path
         names = ", ".join(f"{one.name} {one.lower_um:g}-{one.upper_um:g}" for one in known)
         raise ModelError(
             f"{path}: the band {band.name}, {band.lower_um:g} to {band.upper_um:g} um, is not one of the table's"
-            f" ({names}), nor made of them side by side; say in bands which of them stands for it,"
-            f" {{{band.name}: {known[0].name}}}"
+            f" ({names}), nor made of them side by side; say in {path}.bands which of them stands for it,"
+            f" as in bands: {{{band.name}: {nearest_of(band, known).name}}}"
         )
     width = sum(one.upper_um - one.lower_um for one in chosen)
     factor = (band.upper_um - band.lower_um) / width if band.name in stand_ins else 1.0

@@ -160,14 +160,19 @@ def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: s
         known = ", ".join(f"{one.band.name} {one.band.lower_um:g}-{one.band.upper_um:g}" for one in nodes)
         raise ModelError(
             f"{path}: the band {band.name}, {band.lower_um:g} to {band.upper_um:g} um, is not one of LOWTRAN's table"
-            f" ({known}), nor made of them side by side; say in bands which of them stands for it,"
-            f" {{{band.name}: {nodes[0].band.name}}}"
+            f" ({known}), nor made of them side by side; say in {path}.bands which of them stands for it,"
+            f" as in bands: {{{band.name}: {nearest_of(band, [one.band for one in nodes]).name}}}"
         )
     weights = np.array([_weight(part, config.weighting) for part in chosen])
     shares = (weights / weights.sum())[:, None, None]
     grids = [fine_grid(next(table for table in nodes if table.band == part)) for part in chosen]
     above, below = (np.array([getattr(grid, name) for grid in grids]) for name in ("above", "below"))
     return BandGrid((shares * above).sum(axis=0), (shares * below).sum(axis=0))
+
+
+def nearest_of(band: Band, known: Sequence[Band]) -> Band:
+    """Return the band of a table whose middle is nearest to that of another."""
+    return min(known, key=lambda one: abs(one.lower_um + one.upper_um - band.lower_um - band.upper_um))
 
 
 def parts_of(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band]) -> list[Band]:
