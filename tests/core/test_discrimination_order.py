@@ -3,53 +3,55 @@
 The objects and looks are those of benchmarks/discrimination.py, fewer of them.
 """
 
-import importlib.util
+import importlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from attrs import fields
 from numpy.typing import NDArray
 from scipy.stats import norm
 
 from opir_core.flight.profiles import boost_profile
+from opir_core.plugin.host import Host
+from opir_core.plugin.radiometer import RadiometerConfig
 from opir_core.scene import TARGET_TYPES
 
-SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "discrimination.py"
+BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 FLOATS = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def benchmark_() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("discrimination", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+def benchmark_() -> Iterator[SimpleNamespace]:
+    """Yield the names of the benchmark's modules."""
+    sys.path.insert(0, str(BENCHMARKS))
+    modules = [importlib.import_module(f"discrimination{part}") for part in ("_objects", "_statistics", "")]
+    yield SimpleNamespace(**{name: value for module in modules for name, value in vars(module).items()})
+    sys.path.remove(str(BENCHMARKS))
 
 
 @pytest.fixture(scope="module")
-def people(benchmark_: ModuleType) -> Any:
+def people(benchmark_: SimpleNamespace) -> Any:
     return benchmark_.population(54, 20, seed=2)
 
 
 @pytest.fixture(scope="module")
-def simulated(benchmark_: ModuleType, people: Any) -> Any:
+def simulated(benchmark_: SimpleNamespace, people: Any) -> Any:
     return benchmark_.simulated(people)
 
 
 @pytest.fixture(scope="module")
-def burning(benchmark_: ModuleType, people: Any, simulated: Any) -> tuple[Any, dict[str, Any]]:
+def burning(benchmark_: SimpleNamespace, people: Any, simulated: Any) -> tuple[Any, dict[str, Any]]:
     """Return what is looked at within its own burn, and the looks."""
     return people, benchmark_.looks_at(people, *simulated)
 
 
 @pytest.fixture(scope="module")
-def streamed(benchmark_: ModuleType, people: Any, simulated: Any) -> tuple[Any, dict[str, Any]]:
+def streamed(benchmark_: SimpleNamespace, people: Any, simulated: Any) -> tuple[Any, dict[str, Any]]:
     """Return what is looked at within one span for all: types are seen as often as in a stream of detections."""
     span_s = np.full(len(people.kind), boost_profile("ICBM_liquid").burn_time_s)
     moment_s = benchmark_.moments_s(np.random.default_rng(3), span_s)
@@ -59,7 +61,7 @@ def streamed(benchmark_: ModuleType, people: Any, simulated: Any) -> tuple[Any, 
 
 @pytest.mark.parametrize("of_looks", [False, True])
 def test_sensors_tell_plumes_from_other_hot_things_in_the_order_of_their_bands(
-    benchmark_: ModuleType, burning: tuple[Any, dict[str, Any]], of_looks: bool
+    benchmark_: SimpleNamespace, burning: tuple[Any, dict[str, Any]], of_looks: bool
 ) -> None:
     orders = benchmark_.area_orders(*burning, of_looks=of_looks)
     assert [order[:2] for order in orders] == [("DSP", "SBIRS-GEO"), ("SBIRS-GEO", "NEXTGEN-GEO")]
@@ -68,7 +70,7 @@ def test_sensors_tell_plumes_from_other_hot_things_in_the_order_of_their_bands(
 
 
 def test_sensors_tell_types_in_the_order_of_their_bands(
-    benchmark_: ModuleType, burning: tuple[Any, dict[str, Any]]
+    benchmark_: SimpleNamespace, burning: tuple[Any, dict[str, Any]]
 ) -> None:
     orders = benchmark_.type_orders(*burning)
     assert min(gain for _, _, gain, _ in orders) > 0.0
@@ -100,7 +102,7 @@ def surprise(chance: FLOATS, happened: NDArray[np.bool_]) -> float:
     return float(np.sign(off) * max(abs(off) - 0.5, 0.0) / np.sqrt(np.sum(chance * (1.0 - chance)) + 1e-12))
 
 
-def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(benchmark_: ModuleType) -> None:
+def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(benchmark_: SimpleNamespace) -> None:
     # Scores N(1, 1) against N(0, 1): the area is Phi(1/sqrt 2); deviations are held to those of many repetitions.
     rng, found = np.random.default_rng(9), []
     for _ in range(400):
@@ -112,7 +114,7 @@ def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(benchma
     assert 0.90 < np.mean((low <= true) & (true <= high)) < 0.985
 
 
-def test_a_gain_of_nothing_is_seldom_significant(benchmark_: ModuleType) -> None:
+def test_a_gain_of_nothing_is_seldom_significant(benchmark_: SimpleNamespace) -> None:
     rng, p = np.random.default_rng(10), []
     for _ in range(400):
         shared = rng.normal(0.0, 1.0, (2, 60))
@@ -123,3 +125,12 @@ def test_a_gain_of_nothing_is_seldom_significant(benchmark_: ModuleType) -> None
         worse[0][hidden] = better[0][hidden] = -np.inf
         p.append(benchmark_.area_gain(worse, better, of_looks=False)[2])
     assert 0.015 < np.mean(np.array(p) < 0.05) < 0.10
+
+
+def test_the_heo_sensor_measures_light_as_sbirs_geo_does() -> None:
+    """Why the benchmark has no row of its own for it."""
+    host = Host.discover(["sbirs", "heo"])
+    geo, heo = (host.component("opir_sensor_models", name).config for name in ("SBIRS-GEO", "HEO"))
+    names = [*(field.name for field in fields(RadiometerConfig)), "bands", "spectral_discrimination"]
+    for name in names:
+        assert getattr(fields(geo), name).default == getattr(fields(heo), name).default, name

@@ -1,0 +1,152 @@
+"""The objects of `discrimination.py`: launches and hot sources drawn at random, and the looks that are judged."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import opir_core as opir
+from opir_core.flight.profiles import PROFILES_BY_TYPE, boost_profile
+from opir_core.radiometry.plume import plume_table
+from opir_core.records import FloatArray, Run
+from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
+
+SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
+KINDS = ("fire", "flare", "glint")
+PERIOD_S, DURATION_S = 2.0, 256.0
+RADIUS_KM, SLOT_KM = 6371.0, 42164.2
+BRIGHTNESS, COLOUR, AREA = 0.2, 0.05, 1.0
+CODES = (*REPORTED_TYPES, "not detected")
+
+
+class Population(NamedTuple):
+    """A scene's plain values; of each emitter its kind (a type, or a kind of source) and the moment looked at."""
+
+    scene: dict[str, Any]
+    kind: NDArray[np.str_]
+    moment_s: FloatArray
+
+
+class Looks(NamedTuple):
+    """Of one sensor, for each emitter: ln of the likelihood ratio (-inf undetected), reported code, posterior."""
+
+    log_ratio: FloatArray
+    code: NDArray[np.int64]
+    probability: FloatArray
+
+
+def population(launches: int, sources: int, seed: int) -> Population:
+    """Return launches of each type and sources of each kind, with every sensor, twice: with and without its gates."""
+    rng = np.random.default_rng([seed, 17])
+    targets = [launched(rng, kind, number) for kind in TARGET_TYPES for number in range(launches)]
+    blocks = [sourced(rng, kind, sources) for kind in KINDS]
+    sensors = [
+        {"model": model, "id": f"{model}{suffix}", "orbital_slot_deg": 0.0, "scan_period_ms": 1e3 * PERIOD_S, **rule}
+        for model in SENSORS
+        for suffix, rule in (("", {}), ("-ANY", {"spectral_discrimination": "none"}))
+    ]
+    scene = {
+        "scene": "discrimination",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": DURATION_S,
+        "seed": seed,
+        "sensors": sensors,
+        "targets": targets,
+        "sources": blocks,
+        "detection": "snr",
+        "classification": "spectral",
+        "atmosphere": {"model": "lowtran", "climate": "midlat_summer"},
+        "background": "earth",
+    }
+    kind = np.array([*(target["type"] for target in targets), *(k for k in KINDS for _ in range(sources))])
+    burn_s = np.array([boost_profile(target["profile"]).burn_time_s for target in targets])
+    within_s = np.concatenate([burn_s, np.full(len(KINDS) * sources, DURATION_S)])
+    return Population(scene, kind, moments_s(rng, within_s))
+
+
+def moments_s(rng: np.random.Generator, within_s: FloatArray) -> FloatArray:
+    """Return moments (n,) of looks, drawn evenly within spans (n,) of scene time."""
+    drawn: FloatArray = PERIOD_S * np.ceil(rng.random(len(within_s)) * np.floor(within_s / PERIOD_S - 0.5))
+    return drawn
+
+
+def launched(rng: np.random.Generator, kind: str, number: int) -> dict[str, Any]:
+    """Return a launch of a type."""
+    profile = boost_profile(str(rng.choice(PROFILES_BY_TYPE[kind])))
+    latitude, longitude = seen_from(np.arcsin(rng.uniform(0.03, 1.0)), 2.0 * np.pi * rng.random())
+    limits = np.log([1.02 * profile.minimum_range_m, min(profile.maximum_range_m, 1.5e7) / 1.02])
+    angle = float(np.exp(rng.uniform(*limits))) / 1e3 / RADIUS_KM
+    aim = moved(latitude, longitude, angle, 2.0 * np.pi * rng.random())
+    spread = BRIGHTNESS * rng.standard_normal() + COLOUR * rng.standard_normal(3)
+    peaks = plume_table()["peak_w_sr"][profile.name]
+    brightness = {name: float(peak * np.exp(more)) for (name, peak), more in zip(peaks.items(), spread, strict=True)}
+    return {
+        "id": f"{kind}-{number}",
+        "type": kind,
+        "profile": profile.name,
+        "launch": place(latitude, longitude),
+        "aim": place(*aim),
+        "signature": {"model": "plume", "peak_w_sr": brightness},
+    }
+
+
+def sourced(rng: np.random.Generator, kind: str, count: int) -> dict[str, Any]:
+    """Return a block of sources of a kind."""
+    rows = []
+    for area in {"fire": 2000.0, "flare": 30.0, "glint": 1e6}[kind] * np.exp(AREA * rng.standard_normal(count)):
+        if kind == "glint":
+            where = np.radians(2.2 + rng.uniform(-10.0, 10.0)), np.radians(rng.uniform(-10.0, 10.0))
+        else:
+            where = seen_from(np.arcsin(rng.uniform(0.03, 1.0)), 2.0 * np.pi * rng.random())
+        row = {**place(*where), "area_m2": float(area)}
+        if kind != "glint":
+            row["temperature_k"] = float(rng.uniform(*{"fire": (800.0, 1200.0), "flare": (1600.0, 2000.0)}[kind]))
+        rows.append(row)
+    return {"id": kind, "model": f"{kind}s", "at": rows}
+
+
+def seen_from(elevation: float, bearing: float) -> tuple[float, float]:
+    """Return latitude and longitude, rad, of a place that has the satellite at an elevation, rad."""
+    angle = float(np.arccos(RADIUS_KM * np.cos(elevation) / SLOT_KM) - elevation)
+    return moved(0.0, 0.0, angle, bearing)
+
+
+def moved(latitude: float, longitude: float, angle: float, heading: float) -> tuple[float, float]:
+    """Return the place at an angle from another, on a sphere."""
+    sine = np.sin(latitude) * np.cos(angle) + np.cos(latitude) * np.sin(angle) * np.cos(heading)
+    across = np.sin(heading) * np.sin(angle) * np.cos(latitude)
+    return float(np.arcsin(sine)), longitude + float(np.arctan2(across, np.cos(angle) - np.sin(latitude) * sine))
+
+
+def place(latitude: float, longitude: float) -> dict[str, float]:
+    """Return a place as scenes write it."""
+    return {"lat_deg": float(np.degrees(latitude)), "lon_deg": float((np.degrees(longitude) + 180.0) % 360.0 - 180.0)}
+
+
+def simulated(people: Population) -> tuple[Any, Run]:
+    """Return the classifier and the run of a population."""
+    scene = opir.scene_from_mapping(people.scene)
+    return opir.compile_plan(scene).classifier, opir.simulate(scene)
+
+
+def looks_at(people: Population, classifier: Any, run: Run) -> dict[str, Looks]:
+    """Return, by sensor id, what the engine says of each emitter at its moment."""
+    found, target = run.detections, run.truth.target
+    due = np.append(np.round(people.moment_s * 1e9).astype(np.int64), -1)[target]
+    log_ratio = classifier.log_ratio(found.type_log_probability)
+    looks = {}
+    for number, sensor in enumerate(run.sensors):
+        rows = np.flatnonzero((found.sensor == number) & (found.time_ns == due))
+        score, code = np.full(len(people.kind), -np.inf), np.full(len(people.kind), len(REPORTED_TYPES))
+        probability = np.full((len(people.kind), 4), np.nan)
+        score[target[rows]], code[target[rows]] = log_ratio[rows], found.reported_type[rows]
+        probability[target[rows]] = found.type_probability[rows]
+        looks[sensor.id] = Looks(score, code, probability)
+    return looks
+
+
+def is_right(looks: Looks, kind: NDArray[np.str_]) -> NDArray[np.bool_]:
+    """Return which looks at launches are told their type."""
+    launches = np.isin(kind, TARGET_TYPES)
+    right: NDArray[np.bool_] = np.array(CODES)[looks.code[launches]] == kind[launches]
+    return right

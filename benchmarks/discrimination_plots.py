@@ -1,0 +1,70 @@
+"""The plots of `discrimination.py`: ROC curves and the confusion of types."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from discrimination_objects import CODES, KINDS, SENSORS, Looks, Population
+from discrimination_statistics import interval, roc
+
+from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
+
+
+def plots(people: Population, looks: dict[str, Looks], folder: Path) -> None:
+    """Draw the curves and the confusion of types."""
+    import matplotlib
+
+    matplotlib.use("svg")
+    matplotlib.rcParams["svg.hashsalt"] = "opir"
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(2, 3, figsize=(11.0, 7.4), sharex=True, sharey=True, layout="constrained")
+    for row, of_looks in enumerate((False, True)):
+        for axis, kind in zip(axes[row], KINDS, strict=True):
+            draw_curves(axis, people, looks, kind, of_looks=of_looks)
+        axes[row, 0].set_ylabel(f"share of {'looks' if of_looks else 'detections'} of plumes told so")
+    axes[1, 2].legend(frameon=False, loc="lower right")
+    figure.savefig(folder / "discrimination.svg", metadata={"Date": None})
+    figure, axes = pyplot.subplots(1, 3, figsize=(11.0, 3.4), sharey=True, layout="constrained")
+    for axis, sensor in zip(axes, SENSORS, strict=True):
+        draw_confusion(axis, people, looks[sensor])
+        axis.set_title(sensor)
+    axes[0].set_ylabel("true type")
+    figure.savefig(folder / "classification.svg", metadata={"Date": None})
+
+
+def draw_curves(axis: Any, people: Population, looks: dict[str, Looks], kind: str, *, of_looks: bool) -> None:
+    """Draw the curves of all sensors against a kind, with bands of resampled objects."""
+    rng, at = np.random.default_rng(5), np.linspace(0.0, 1.0, 101)
+    plume, other = np.isin(people.kind, TARGET_TYPES), people.kind == kind
+    for sensor, colour in zip(SENSORS, ("C1", "C0", "C2"), strict=True):
+        score = looks[f"{sensor}-ANY"].log_ratio
+        shown = np.isfinite(score) | of_looks
+        parts = score[plume & shown], score[other & shown]
+        drawn = [roc(*(rng.choice(part, len(part)) for part in parts), at) for _ in range(200)]
+        axis.fill_between(at, *np.quantile(drawn, [0.025, 0.975], axis=0), color=colour, alpha=0.15, linewidth=0)
+        axis.plot(at, roc(*parts, at), color=colour, label=sensor)
+        if of_looks:
+            passed = looks[sensor].code < len(REPORTED_TYPES)
+            axis.plot(passed[other].mean(), passed[plume].mean(), "x", color=colour, markersize=8)
+    told = "looks" if of_looks else "detections"
+    axis.set(xlabel=f"share of {told} of {kind}s told a plume", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
+    axis.grid(alpha=0.3)
+
+
+def draw_confusion(axis: Any, people: Population, looks: Looks) -> None:
+    """Draw what looks at launches of each type are reported as, in percent with intervals."""
+    for row, kind in enumerate(TARGET_TYPES):
+        codes = looks.code[people.kind == kind]
+        share = np.bincount(codes, minlength=len(CODES)) / len(codes)
+        axis.imshow(
+            share[None], vmin=0.0, vmax=1.0, cmap="Blues", aspect="auto", extent=(-0.5, 4.5, row + 0.5, row - 0.5)
+        )
+        for column, value in enumerate(share.tolist()):
+            low, high = interval(round(value * len(codes)), len(codes))
+            told = f"{100 * value:.0f}\n{100 * low:.0f}–{100 * high:.0f}"
+            ink = "white" if value > 0.6 else "black"
+            axis.text(column, row, told, ha="center", va="center", fontsize=8, color=ink)
+    axis.set(xlim=(-0.5, 4.5), ylim=(2.5, -0.5))
+    axis.set_xticks(range(5), [code.replace(" ", "\n") for code in CODES], fontsize=8)
+    axis.set_yticks(range(3), TARGET_TYPES)
