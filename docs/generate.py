@@ -30,7 +30,7 @@ def pages() -> Mapping[Path, str]:
     return {
         DOCS / "reference" / "scene.md": scene_page(),
         DOCS / "reference" / "components.md": components_page(),
-        DOCS / "explanation" / "what-is-modelled.md": modelled_page(Host.discover(PLUGINS)),
+        DOCS / "explanation" / "what-is-modelled.md": modelled_page(Host.discover([*PLUGINS, "kafka", "stonesoup"])),
         DOCS / "reference" / "http.md": reference_page(),
         DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
     }

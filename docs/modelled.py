@@ -3,12 +3,15 @@
 The parts of the chain are told here; the defaults of every component come from the components themselves.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from opir_core.plugin.components import CATALOGUE, Component
 from opir_core.plugin.description import FieldRow, field_rows
 from opir_core.plugin.host import Host
+from opir_core.reading.heading import SceneFile
+from opir_core.scene import SceneDrag
+from opir_core.spool.settings import SpoolConfig
 
 
 class Part(NamedTuple):
@@ -141,9 +144,9 @@ parts follow from stated physics, *tabulated* ones are interpolated in shipped t
 DEFAULTS = """
 ## Every default
 
-Of each component that a scene may name: its defaults, and where each comes from or the word *notional*. Those that set
-nothing (`none`) are left out, and what stands below them. A preset's values stand on the page of
-[components](../reference/components.md).
+Of each component that a scene may name, of the scene itself and of what runs it: its defaults, and where each comes
+from or the word *notional*. Those that set nothing (`none`) are left out, and what stands below them. A preset's values
+stand on the page of [components](../reference/components.md).
 
 | component | key | default | source |
 |---|---|---|---|
@@ -165,6 +168,21 @@ def _defaults(host: Host) -> Iterator[str]:
             for row in _set(offered.config):
                 source = _cell(row.source)
                 yield f"| {kind.kind} `{name}` | `{row.key}` | `{_cell(row.default_text)}` | {source} |"
+    for name, config in _others().items():
+        for row in _set(config):
+            yield f"| {name} | `{row.key}` | `{_cell(row.default_text)}` | {_cell(row.source)} |"
+
+
+def _others() -> Mapping[str, type]:
+    """Return the configuration classes that are no component's, by what they set."""
+    from opir_http.settings import HttpSettings
+
+    return {
+        "a scene": SceneFile,
+        "`forces: [{drag: ...}]`": SceneDrag,
+        "an output's `spool`": SpoolConfig,
+        "`opir serve`": HttpSettings,
+    }
 
 
 def _set(config: type) -> Iterator[FieldRow]:
