@@ -44,7 +44,9 @@ def report(
     ends, slope = flight.burnouts(family, spread)
     state = flight.states(family, spread, tick_s, ends, slope, forces)
     state.covariance[...] += _at_rest(family, spread, tick_s)
-    state.covariance[...] += _upright(family, spread, tick_s, state.mean)
+    # What has no heading yet tells no turn either: it is the class's.
+    turn_rad = np.where(hypotheses.is_bent > 0, family.courses.turn_rad, priors.turn_rad[hypotheses.kind])
+    state.covariance[...] += _upright(family, spread, tick_s, state.mean, turn_rad)
     places = _launches(hypotheses, family), _impacts(hypotheses, family, ends, slope, priors, forces)
     launch, impact = (_blended(each, weight, row, len(number), True) for each in places)
     state, ends = (_blended(each, weight, row, len(number), False) for each in (state, ends))
@@ -125,11 +127,11 @@ def _at_rest(family: Family, spread: FloatArray, tick_s: float) -> FloatArray:
     return more
 
 
-def _upright(family: Family, spread: FloatArray, tick_s: float, state: FloatArray) -> FloatArray:
+def _upright(family: Family, spread: FloatArray, tick_s: float, state: FloatArray, turn_rad: FloatArray) -> FloatArray:
     """Return the covariances (n, 6, 6) by which states of upright flight are less certain than their slopes say.
 
     A target that is estimated to pitch over later may have done so already: it then leans by what the time in doubt
-    bends it.
+    bends it, of the whole turn (n,).
     """
     flown = family.courses
     pitch_s = flown.lift * flown.burn_s
@@ -137,7 +139,7 @@ def _upright(family: Family, spread: FloatArray, tick_s: float, state: FloatArra
     doubt_s = np.sqrt(np.maximum(both + np.square(pitch_s) * spread[:, LIFT, LIFT], 0.0))
     upright = tick_s <= family.start_s + pitch_s + doubt_s
     share = np.minimum(doubt_s / flown.burn_s, 1.0) ** flown.pitch_exponent
-    lean = flown.turn_rad * np.sin(0.5 * np.pi * share)
+    lean = turn_rad * np.sin(0.5 * np.pi * share)
     sideways = 0.5 * lean * np.sqrt(np.sum(np.square(state[:, 3:]), axis=1))
     sigma = np.stack([0.5 * sideways * doubt_s] * 3 + [sideways] * 3, axis=1)
     variance = np.where(upright[:, None], np.square(sigma), 0.0)

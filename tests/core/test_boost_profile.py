@@ -332,6 +332,13 @@ def test_a_target_that_still_climbs_straight_may_lean_already():
     assert np.linalg.eigvalsh(told.state_covariance[:, 3:, 3:])[:, 0].min() > 1.0
 
 
+def test_a_target_whose_heading_is_unknown_may_lean_in_every_direction():
+    sigma = np.array([50.0, 50.0, 3.0, 0.3, 0.3, 0.02, 0.2, 0.2, 0.15, 0.3])
+    straight = evolve(fit.blank(1, 2), spread=np.diag(np.square(sigma))[None])
+    told = report(straight, np.ones(1), 8.0, PRIORS, "kepler", np.inf)
+    assert np.linalg.eigvalsh(told.state_covariance[:, 3:, 3:])[:, 0].min() > 1.0
+
+
 def test_impact_ellipses_hold_the_truth():
     truth, (found,) = told("SRBM", 30, 11, None)
     _, impact, _ = true_values(truth, float(found.tick_s[0]))
