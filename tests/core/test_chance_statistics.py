@@ -24,6 +24,10 @@ RISK = 0.001
 CLASSES = {"SRBM": (38.0, -108.0), "IRBM": (50.0, -85.0), "ICBM": (60.0, 60.0)}
 SENSORS = {"DSP": -95.0, "SBIRS-GEO": -105.0, "NEXTGEN-GEO": -115.0}
 BINS = 20
+CLIMATES = ("us1976", "tropical", "midlat_summer", "midlat_winter", "subarctic_winter")
+CLOUDS = ({}, {"cloud": {"top_km": 10.0}}, {"cloud": {"top_km": 6.0, "cover": 0.5}})
+#: Launches of each class under each sky.
+FEW = max(TARGETS // 8, 1)
 
 
 def scene(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> opir.Scene:
@@ -71,23 +75,27 @@ class Story(NamedTuple):
     found: list[np.ndarray]
 
 
-@pytest.fixture(scope="module")
-def stories() -> dict[tuple[str, str], Story]:
-    """Return what becomes of each class before each sensor, through humid air, before the sunlit Earth."""
-    sky = {"atmosphere": {"model": "lowtran", "climate": "tropical"}, "background": "earth"}
-    one = opir.compile_plan(scene(1, fleet(), **sky))
+def told(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dict[tuple[str, str], Story]:
+    """Return what becomes of each class before each sensor."""
+    one = opir.compile_plan(scene(1, sensors, **changes))
     looks = Looks.between(one.pairs, 0, one.end_ns)
     exposed = exposures(one, Sites.of(one.sensors), looks.pair, looks.scan, geometry=True)
     chance, snr = one.detection.probability(exposed), one.detection.response(exposed).snr[:, 0]
-    detections, truth = drawn(opir.compile_plan(scene(TARGETS, fleet(), **sky)))
-    told = {}
+    detections, truth = drawn(opir.compile_plan(scene(repeats, sensors, **changes)))
+    found = {}
     for sensor, model in enumerate(SENSORS):
         for number, kind in enumerate(CLASSES):
             rows = (exposed.sensor == sensor) & (exposed.target == number)
-            own = [(detections.sensor == sensor) & (truth.target == number * TARGETS + each) for each in range(TARGETS)]
-            found = [np.sort(detections.scan[each]) for each in own]
-            told[model, kind] = Story(exposed.scan[rows], chance[rows], snr[rows], found)
-    return told
+            own = [(detections.sensor == sensor) & (truth.target == number * repeats + each) for each in range(repeats)]
+            scans = [np.sort(detections.scan[each]) for each in own]
+            found[model, kind] = Story(exposed.scan[rows], chance[rows], snr[rows], scans)
+    return found
+
+
+@pytest.fixture(scope="module")
+def stories() -> dict[tuple[str, str], Story]:
+    """Return what becomes of each class before each sensor, through humid air, before the sunlit Earth."""
+    return told(TARGETS, fleet(), atmosphere={"model": "lowtran", "climate": "tropical"}, background="earth")
 
 
 @pytest.mark.parametrize("model", SENSORS)
@@ -124,6 +132,29 @@ def test_first_detections_follow_the_product_of_misses(stories: dict[tuple[str, 
         shares[key] = 1.0 - missed[-1]
     assert max(shares.values()) > 0.999
     assert min(shares.values()) < 0.999
+
+
+def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
+    """Class by class, sensor by sensor, climate by climate, cloud by cloud: the level of each launch's first detection.
+
+    The level in its own law, drawn evenly within the look's step, is uniform; so are all of them together, and those of
+    each class and sensor. While a target climbs the time of its first detection tells its height.
+    """
+    rng, levels = np.random.default_rng(21), {}
+    for climate, cloud in itertools.product(CLIMATES, CLOUDS):
+        sky = {"model": "lowtran", "climate": climate, **cloud}
+        seldom = fleet(scan_period_ms=500.0)
+        for cell, story in told(FEW, seldom, atmosphere=sky, background="earth", duration_s=60.0).items():
+            law = np.concatenate([[0.0], 1.0 - np.cumprod(1.0 - story.chance), [1.0]])
+            for scans in story.found:
+                step = np.searchsorted(story.scan, scans[0]) if len(scans) else len(story.scan)
+                levels.setdefault(cell, []).append(rng.uniform(law[step], law[step + 1]))
+    everything = [one for cell in levels.values() for one in cell]
+    assert len(everything) == 9 * FEW * len(CLIMATES) * len(CLOUDS)
+    for some in (everything, *levels.values()):
+        count = len(some)
+        distance = np.abs(np.sort(some) - (np.arange(count) + 0.5) / count).max() + 0.5 / count
+        assert distance <= np.sqrt(np.log(2.0 * (1 + len(levels)) / RISK) / (2.0 * count))
 
 
 def noise_chance(sensor: Any) -> float:
