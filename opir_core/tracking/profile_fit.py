@@ -15,6 +15,7 @@ from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.grouped_squares import squares
 from opir_core.tracking.profile_coordinates import BURN, LIFT, PITCH, SIZE, TURN_EAST, TURN_NORTH, fitted, natural
 from opir_core.tracking.profile_end import normal_rule
 from opir_core.tracking.profile_family import STRAIGHT_RAD, Anchors, Family, Places, Priors
@@ -122,31 +123,30 @@ def with_rows(hypotheses: Hypotheses, family: Family, rows: Rows, owner: IntArra
     expected, slope = linearised(family, rows, owner)
     per_sigma = np.sqrt(share) / rows.sigma_rad
     wanted = _times(slope, hypotheses.parameters[owner]) - expected
-    slope, wanted = slope * per_sigma[:, None, None], wanted * per_sigma[:, None]
+    told = np.concatenate([slope, wanted[:, :, None]], axis=2) * per_sigma[:, None, None]
     first = np.flatnonzero(np.append(True, np.diff(owner) != 0))
-    mine = owner[first]
+    mine, products = owner[first], squares(told, first)
     added = {
-        "normal": slope[:, 0, :, None] * slope[:, 0, None] + slope[:, 1, :, None] * slope[:, 1, None],
-        "right": slope[:, 0] * wanted[:, :1] + slope[:, 1] * wanted[:, 1:],
-        "square": np.sum(wanted * wanted, axis=1),
-        "rows": np.asarray(share),
-    }
-    columns = {}
-    for name, values in added.items():
-        columns[name] = getattr(hypotheses, name).copy()
-        columns[name][mine] += np.add.reduceat(values, first, axis=0)
-    by_sensor = {
-        "pull": slope.transpose(0, 2, 1) * per_sigma[:, None, None],
-        "pulled": wanted * per_sigma[:, None],
-        "weight": per_sigma * per_sigma,
+        "normal": products[:, :SIZE, :SIZE],
+        "right": products[:, :SIZE, SIZE],
+        "square": products[:, SIZE, SIZE],
+        "rows": np.add.reduceat(share, first),
     }
     key = owner * hypotheses.weight.shape[1] + rows.sensor
     order = np.argsort(key, kind="stable")
     first = np.flatnonzero(np.append(True, np.diff(key[order]) != 0))
-    mine, sensor = owner[order][first], rows.sensor[order][first]
-    for name, values in by_sensor.items():
-        columns[name] = getattr(hypotheses, name).copy()
-        columns[name][mine, sensor] += np.add.reduceat(values[order], first, axis=0)
+    whose = owner[order[first]], rows.sensor[order[first]]
+    pulls = np.add.reduceat((told * per_sigma[:, None, None]).take(order, axis=0), first, axis=0)
+    by_sensor = {
+        "pull": pulls[:, :, :SIZE].transpose(0, 2, 1),
+        "pulled": pulls[:, :, SIZE],
+        "weight": np.add.reduceat((per_sigma * per_sigma)[order], first),
+    }
+    columns = {}
+    for places, values in ((mine, added), (whose, by_sensor)):
+        for name, sums in values.items():
+            columns[name] = getattr(hypotheses, name).copy()
+            columns[name][places] += sums
     return evolve(hypotheses, **columns)
 
 
