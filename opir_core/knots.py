@@ -76,7 +76,7 @@ class Knots:
         assert isinstance(model, Responsive)
         woven = Weaver(plan, sites, model, tolerance).woven()
         pieces, curves, sure = _curved(plan, woven, sure_beyond(tolerance))
-        lines = _lines(woven.settled) + _lines(woven.curved)
+        lines = Pieces.joined([_lines(woven.settled), _lines(woven.curved)])
         lines = lines.take(_in_order(lines.pair, lines.scan[0]))
         light = woven.values[1:]
         at = light.take(lines.row[0], axis=1)
@@ -161,7 +161,7 @@ def _curved(plan: Plan, woven: Woven, beyond: float) -> tuple[_Stretches, Curves
     is_dense = np.all(np.diff(woven.curved.scan, axis=0) <= 1, axis=0)
     dense, smooth = _lines(woven.curved.take(is_dense)), woven.curved.take(~is_dense)
     # What is settled has no curve but its sureness: a line stands in for one.
-    straight = dense + settled.knots(slice(0, 3, 2))
+    straight = Pieces.joined([dense, settled.knots(slice(0, 3, 2))])
     inner, ends = quantile[smooth.row], quantile[straight.row]
     pair = np.concatenate([smooth.pair, straight.pair])
     first = np.concatenate([smooth.scan[0], straight.scan[0]])

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.geometry import ecef_to_height_m
 from opir_core.plugin.components import SignatureModel
 from opir_core.plugin.host import Host
 from opir_core.protocols import Band, Sensor
-from opir_core.radiometry.ascents import ascents
+from opir_core.radiometry.ascents import ascents, heights_m
 from opir_core.radiometry.at_once import intensities_w_sr
 from opir_core.radiometry.protocols import (
     AtmosphereContext,
@@ -63,7 +62,7 @@ class Scenery:
     def paths(self, exposures: Exposures) -> Paths:
         """Return the paths of light of looks."""
         return Paths(
-            height_m=ecef_to_height_m(exposures.target_ecef_m),
+            height_m=heights_m(exposures.target_ecef_m),
             elevation_sine=exposures.elevation_sine,
             target_ecef_m=exposures.target_ecef_m,
             sensor_ecef_m=exposures.sensor_ecef_m,

@@ -1,5 +1,6 @@
 """Laying knots: all pairs together, where their looks bend, and one halving of all that need it at a time."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,16 +52,21 @@ class Pieces(NamedTuple):
     foretold: FloatArray
 
     def take(self, rows: Any) -> "Pieces":
-        """Return some of the pieces."""
-        return Pieces(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.foretold[:, rows])
+        """Return some of the pieces: those of a slice, of a mask, or of numbers."""
+        if isinstance(rows, slice):
+            return Pieces(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.foretold[:, rows])
+        numbers = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+        scan, row = self.scan.take(numbers, axis=1), self.row.take(numbers, axis=1)
+        return Pieces(self.pair.take(numbers), scan, row, self.foretold.take(numbers, axis=1))
 
     def knots(self, places: Any) -> "Pieces":
         """Return the pieces with some of their knots."""
         return Pieces(self.pair, self.scan[places], self.row[places], self.foretold)
 
-    def __add__(self, other: Any) -> "Pieces":
-        columns = (np.concatenate(both, axis=-1) for both in zip(self, other, strict=True))
-        return Pieces(*columns)
+    @classmethod
+    def joined(cls, parts: "Sequence[Pieces]") -> "Pieces":
+        """Return the pieces of all parts, in order."""
+        return cls(*(np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)))
 
 
 class Woven(NamedTuple):
@@ -80,24 +86,23 @@ class Weaver:
     def __init__(self, plan: Plan, sites: Sites, model: Responsive, tolerance: float) -> None:
         self._plan, self._sites, self._model, self._tolerance = plan, sites, model, tolerance
         self._sure = sure_beyond(tolerance)
-        self._asked: list[FloatArray] = []
-        self._count = 0
+        self._known, self._count = np.empty((1, 0)), 0
 
     def woven(self) -> Woven:
         """Return the pieces, and what was asked."""
         pieces = self._first_pieces()
-        settled, curved = pieces.take(slice(0, 0)).knots(_SPARE), pieces.take(slice(0, 0))
+        settled, curved = [pieces.take(slice(0, 0)).knots(_SPARE)], [pieces.take(slice(0, 0))]
         while len(pieces.pair):
             is_settled = self._is_settled(pieces.knots(_SPARE))
-            settled += pieces.take(is_settled).knots(_SPARE)
+            settled.append(pieces.take(is_settled).knots(_SPARE))
             pieces = self._filled(pieces.take(~is_settled))
             # Between neighbouring scans there is nothing to be judged.
             fine = np.all(np.diff(pieces.scan, axis=0) <= 1, axis=0)
             open_ = np.flatnonzero(~fine)
             fine[open_] = self._is_fine(pieces.take(open_))
-            curved += pieces.take(fine)
+            curved.append(pieces.take(fine))
             pieces = _halved(pieces.take(~fine), self._values()[0])
-        return Woven(settled, curved, self._values())
+        return Woven(Pieces.joined(settled), Pieces.joined(curved), self._values())
 
     def _first_pieces(self) -> Pieces:
         """Return the first pieces, with their first, middle and last knots asked."""
@@ -139,12 +144,21 @@ class Weaver:
             response = self._model.response(exposed, slack=slack)
             assert response.probit is not None
             quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
-            self._asked.append(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T]))
-        self._count += len(pair)
+            self._keep(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T]))
+
+    def _keep(self, values: FloatArray) -> None:
+        """Append what looks (n,) came to, (1 + 2 B, n), to what is known."""
+        count = self._count + values.shape[1]
+        if count > self._known.shape[1]:
+            # Twice the room, so that what is known is seldom moved.
+            wider = np.empty((len(values), 2 * count))
+            wider[:, : self._count] = self._known[:, : self._count]
+            self._known = wider
+        self._known[:, self._count : count] = values
+        self._count = count
 
     def _values(self) -> FloatArray:
-        self._asked = [np.concatenate(self._asked, axis=1)] if self._asked else [np.empty((1, 0))]
-        return self._asked[0]
+        return self._known[:, : self._count]
 
     def _is_settled(self, pieces: Pieces) -> BoolArray:
         """Return which pieces of three knots are certain or hopeless throughout, with lines as near as they must be."""
@@ -220,7 +234,7 @@ def _halved(pieces: Pieces, quantile: FloatArray) -> Pieces:
         foretold = np.full((2, len(pieces.pair)), np.nan)
         foretold[:, distinct] = [curves.each_at(one) for one in scan[1::2, distinct]]
         halves.append(Pieces(pieces.pair, scan, row, foretold))
-    return halves[0] + halves[1]
+    return Pieces.joined(halves)
 
 
 def judged_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -91,7 +91,8 @@ class Panels(NamedTuple):
 def quick_chances(rule: Gates, snr: FloatArray, noise: FloatArray, margins: FloatArray) -> FloatArray:
     """Return P_d (n,) for signals (n, B) in noise (n, B) that meet their conditions by margins (n, 1 + 3 · others)."""
     panels = panels_of(looks_of(rule, snr, noise, margins[:, 1:] < _FAR))
-    size = np.searchsorted(WIDTHS, panels.width)
+    # Where no side moves there is nothing to be integrated, however wide it is.
+    size = np.searchsorted(WIDTHS, panels.width) * panels.moves.any(axis=0)
     code = (1 << np.arange(len(panels.moves))) @ panels.moves * len(NODES) + size
     part = np.empty(len(code))
     order = np.argsort(code, kind="stable")

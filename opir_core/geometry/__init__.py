@@ -13,7 +13,7 @@ from opir_core.geometry.angles import (
 from opir_core.geometry.ellipsoid import Ellipsoid
 from opir_core.geometry.frames import ecef_to_eci, ecef_to_eci_state, eci_to_ecef, eci_to_ecef_state
 from opir_core.geometry.geodesics import DistanceBearing, LatitudeLongitude, geodesic_direct, geodesic_inverse
-from opir_core.geometry.geodetic import Geodetic, ecef_to_geodetic, ecef_to_height_m, geodetic_to_ecef
+from opir_core.geometry.geodetic import Geodetic, ecef_to_geodetic, geodetic_to_ecef
 from opir_core.geometry.intersection import intersection_with_ellipsoid
 from opir_core.geometry.occlusion import grazing_height_m, is_occluded
 from opir_core.geometry.sidereal import gmst_rad, julian_date
@@ -37,7 +37,6 @@ __all__ = [
     "ecef_to_eci",
     "ecef_to_eci_state",
     "ecef_to_geodetic",
-    "ecef_to_height_m",
     "eci_to_ecef",
     "eci_to_ecef_state",
     "elevation_rad",

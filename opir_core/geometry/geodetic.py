@@ -65,30 +65,6 @@ def ecef_to_geodetic(position_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84) -> 
     radius. On the axis longitude is 0. Not finite, or beyond 1e77 m: `nan`.
     """
     x, y, z = components(position_m)
-    foot = _foot(x, y, z, ellipsoid)
-    longitude = np.arctan2(y + 0.0, x + 0.0) + 0.0 * foot.height
-    a, b = ellipsoid.equatorial_radius_m, ellipsoid.polar_radius_m
-    latitude = _latitude(foot.rho, foot.rho_remainder, z, foot.sine, foot.cosine, a, b)
-    return Geodetic(latitude, longitude, foot.height)
-
-
-@np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def ecef_to_height_m(position_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84) -> Floats:
-    """Return the heights (...), m, that `ecef_to_geodetic` does, for who needs no angles: at half the cost."""
-    return _foot(*components(position_m), ellipsoid).height
-
-
-class _Foot(NamedTuple):
-    """Distance from the axis and what it is short of the true one, m, normal at the foot, and height above it, m."""
-
-    rho: Floats
-    rho_remainder: Floats
-    sine: Floats
-    cosine: Floats
-    height: Floats
-
-
-def _foot(x: Floats, y: Floats, z: Floats, ellipsoid: Ellipsoid) -> _Foot:
     a, b = ellipsoid.equatorial_radius_m, ellipsoid.polar_radius_m
     rho, rho_remainder = length_and_remainder(x, y, np.zeros(()))
     distance, distance_remainder = length_and_remainder(x, y, z)
@@ -98,7 +74,8 @@ def _foot(x: Floats, y: Floats, z: Floats, ellipsoid: Ellipsoid) -> _Foot:
     lean, along = sine * rho - cosine * z, cosine * rho + sine * z
     height, rounding = exact_sum(distance, -support_m(sine, cosine, a, b))
     height = height + (rounding + (distance_remainder - lean * lean / (distance + along + NEVER_ZERO)))
-    return _Foot(rho, rho_remainder, sine, cosine, height)
+    longitude = np.arctan2(y + 0.0, x + 0.0) + 0.0 * height
+    return Geodetic(_latitude(rho, rho_remainder, z, sine, cosine, a, b), longitude, height)
 
 
 def _latitude(

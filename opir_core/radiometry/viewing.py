@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.geometry import ecef_to_height_m, eci_to_ecef, intersection_with_ellipsoid, sun_position_eci_m
+from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, intersection_with_ellipsoid, sun_position_eci_m
 from opir_core.geometry.vectors import components, length, vector
 from opir_core.radiometry.records import Views
 from opir_core.records import BoolArray, FloatArray
@@ -61,7 +61,7 @@ def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> Float
     """Return 0 on the Earth, the height beyond the limb, inf where a line only leads away."""
     height = np.where(hits, 0.0, np.inf)
     beyond = np.flatnonzero(~hits & is_ahead)
-    height[beyond] = np.maximum(ecef_to_height_m(point[beyond]), np.finfo(np.float64).tiny)
+    height[beyond] = np.maximum(ecef_to_geodetic(point[beyond]).height_m, np.finfo(np.float64).tiny)
     return height
 
 

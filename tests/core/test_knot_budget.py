@@ -9,6 +9,7 @@ from attrs import evolve
 from scipy.special import ndtr
 
 import opir_core as opir
+from opir_core.geometry import ecef_to_geodetic
 from opir_core.knots import Knots
 from opir_core.looks import Looks, exposures
 from opir_core.radiometry.at_once import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
@@ -93,6 +94,26 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
     sure = (probability == 0.0) | (probability == 1.0)
     assert sure.mean() > 0.5
     assert np.abs(probability - exact)[sure].max() <= 1.1e-4 * tolerance
+
+
+def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = planned("paper", AIR)
+    weaver = Weaver(plan, Sites.of(plan.sensors), plan.detection, 1e-4)
+    rooms, keep = [], Weaver._keep
+
+    def keeping(self: Weaver, values: np.ndarray) -> None:
+        keep(self, values)
+        rooms.append(self._known.shape[1])
+
+    monkeypatch.setattr(Weaver, "_keep", keeping)
+    woven = weaver.woven()
+    assert len(rooms) >= 5
+    assert len(set(rooms)) <= 3
+    assert woven.values.shape[1] == weaver._count <= rooms[-1]
+    looks = Looks.between(plan.pairs, 0, plan.end_ns)
+    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair[::53], looks.scan[::53], geometry=True)
+    true_m = ecef_to_geodetic(exposed.target_ecef_m).height_m
+    assert np.abs(plan.detection.scenery.paths(exposed).height_m - true_m).max() < 3e-8
 
 
 def test_pitch_over_is_told_beside_what_plumes_and_air_tell() -> None:

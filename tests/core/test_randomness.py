@@ -99,6 +99,13 @@ def test_normal_pairs_are_box_and_mullers_to_1e_12() -> None:
     assert second == pytest.approx(radius * np.sin(2.0 * np.pi * turns), abs=3e-12)
 
 
+def test_normal_pairs_are_the_same_however_many_are_made_at_once() -> None:
+    words = raw(50_000, seed=10)
+    whole = np.array(normal_pairs(words))
+    parts = [np.array(normal_pairs(words[start : start + 777])) for start in range(0, len(words), 777)]
+    assert whole.tobytes() == np.concatenate(parts, axis=1).tobytes()
+
+
 def test_further_words_are_those_of_splitmix64() -> None:
     # The first five of the seed 1234567, as Rosetta Code's page "Pseudo-random numbers/Splitmix64" has them.
     known = [
