@@ -56,7 +56,7 @@ coast mode at 1 s on those alone. The bound is Cramér and Rao's for known dynam
 P_d 0.9, 20 clutter points a frame, {raid_seconds} s, 20 frames a second, association unknown; GOSPA (c = 5 km, p = 2,
 alpha = 2) a target, over the last half: the median of {raid_seeds} seeds and the least and largest of them, for Stone
 Soup the first seed alone. "Known" is the stereo filter told which ray is whose, at the same times. Constants of the
-tracker were chosen on other seeds (10 to 15).
+tracker were chosen on seeds 0 to 15.
 
 {raid}
 """
