@@ -85,7 +85,7 @@ class Engine:
             return self._assembled(looks, numbers, hits, measured, order)
         if not len(order):
             return noise.alone()
-        places = noise.places(time_ns[order], self.plan.pairs.sensor[hits.pair[order]])
+        places = noise.places(time_ns, self.plan.pairs.sensor[hits.pair], order)
         detections, truth = self._assembled(looks, numbers, hits, measured, _with_gaps(order, places))
         detections.overwrite(places, noise.detections)
         truth.overwrite(places, noise.truth)

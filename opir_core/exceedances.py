@@ -63,17 +63,19 @@ class Noise:
         """Return them sorted by time, then sensor: what a window is in which no target is detected."""
         return self.detections.take(self.order), self.truth.take(self.order)
 
-    def places(self, time_ns: IntArray, sensor: IndexArray) -> IntArray:
-        """Return the exceedances' rows among all detections, where targets' come in this order of times and sensors.
+    def places(self, time_ns: IntArray, sensor: IndexArray, order: IntArray) -> IntArray:
+        """Return the exceedances' rows among all detections, where targets' times and sensors (n,) come in an order.
 
         At the same moment a sensor's own targets come first.
         """
         own = self.detections
-        start_ns = min(int(time_ns[0]), int(own.time_ns[self.order[0]]))
+        start_ns = min(int(time_ns.min()), int(own.time_ns.min()))
         sensors = max(int(sensor.max()), int(own.sensor.max())) + 1
-        keys = (time_ns - start_ns) * sensors + sensor
-        own_keys = ((own.time_ns - start_ns) * sensors + own.sensor).take(self.order)
-        places = np.empty(len(self.order), dtype=np.int64)
+        keys, own_keys = (
+            ((times - start_ns) * sensors + of_sensor).take(sorted_by)
+            for times, of_sensor, sorted_by in ((time_ns, sensor, order), (own.time_ns, own.sensor, self.order))
+        )
+        places = np.empty(len(own_keys), dtype=np.int64)
         places[self.order] = np.searchsorted(keys, own_keys, side="right") + np.arange(len(own_keys))
         return places
 
