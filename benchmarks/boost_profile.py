@@ -39,18 +39,18 @@ from profile_flights import PRIORS, flights, lines_of_sight, watch_of
 
 from opir_core.scene import TARGET_TYPES
 from opir_core.scoring.consistency import consistency, containment, nees
-from opir_core.tracking import profile_fit as fit
-from opir_core.tracking import profile_flight
-from opir_core.tracking.profile_bank import Fitting
-from opir_core.tracking.profile_end import ends_of
-from opir_core.tracking.profile_family import BURN, EAST, SIZE, START, TURN_EAST
-from opir_core.tracking.profile_fit import Hypotheses
-from opir_core.tracking.profile_flight import Moments, on_ground
-from opir_core.tracking.profile_hypotheses import probability
-from opir_core.tracking.profile_report import report
-from opir_core.tracking.profile_rows import means, single
-from opir_core.tracking.profile_seen import Seen, Watch
-from opir_core.tracking.profile_strain import Bank
+from opir_core.tracking.profile import fit
+from opir_core.tracking.profile import flight as profile_flight
+from opir_core.tracking.profile.bank import Fitting
+from opir_core.tracking.profile.end import ends_of
+from opir_core.tracking.profile.family import BURN, EAST, SIZE, START, TURN_EAST
+from opir_core.tracking.profile.fit import Hypotheses
+from opir_core.tracking.profile.flight import Moments, on_ground
+from opir_core.tracking.profile.hypotheses import probability
+from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.rows import means, single
+from opir_core.tracking.profile.seen import Seen, Watch
+from opir_core.tracking.profile.strain import Bank
 from opir_core.tracking.rays import Rays
 
 #: Scan period, s, line of sight error, rad, and chance of detection of ICBM, IRBM and SRBM: each model's defaults.

@@ -29,7 +29,7 @@ from opir_core.protocols import TrackerContext
 from opir_core.records import Detections
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.rays import axes_across
-from opir_core.tracking.stereo_tracker import stereo_filter
+from opir_core.tracking.stereo.tracker import stereo_filter
 
 SLOTS_DEG = (-175.0, -155.0, -135.0, -120.0, -100.0)
 DISC_RAD = 0.15

@@ -6,7 +6,7 @@ import numpy as np
 
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.rays import Rays, axes_across, emission_s, turned
-from opir_core.tracking.stereo_report import earth_fixed
+from opir_core.tracking.stereo.report import earth_fixed
 from opir_core.tracking.triangulation import meeting_points
 
 #: How fast the acceleration wanders, m/s²/√s, and how surely the filter starts: m, m/s, m/s².

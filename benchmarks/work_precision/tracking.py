@@ -27,10 +27,10 @@ from tracking_problems import problem as made
 from opir_core.protocols import TrackerContext
 from opir_core.testing.doubles import stub_sensor
 from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.histories import Histories
 from opir_core.tracking.metrics import gospa
-from opir_core.tracking.stereo_tracking import Situation, StereoTracking
-from opir_core.tracking.upkeep import Roster
+from opir_core.tracking.stereo.histories import Histories
+from opir_core.tracking.stereo.tracking import Situation, StereoTracking
+from opir_core.tracking.stereo.upkeep import Roster
 
 CADENCES_S = (0.1, 1.0, 5.0, 10.0)
 CUTOFF_M = 5000.0

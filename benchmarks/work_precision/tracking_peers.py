@@ -8,7 +8,7 @@ import numpy as np
 from tracking_problems import CHANCE, CLUTTER, KEPLER, PRIOR_M, PRIOR_M_S, SENSORS_M, SIGMA_RAD, Problem
 
 from opir_core.geometry import ecef_to_eci
-from opir_core.tracking.motion import COAST, Motion
+from opir_core.tracking.filter.motion import COAST, Motion
 from opir_core.tracking.rays import axes_across
 
 EPOCH = datetime.datetime(2026, 4, 1)

@@ -12,9 +12,9 @@ from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
 from opir_core.records import FloatArray
-from opir_core.tracking.motion import BOOST, Motion, weights_at
+from opir_core.tracking.filter.motion import BOOST, Motion, weights_at
+from opir_core.tracking.filter.square_root import covariance, moved, triangular
 from opir_core.tracking.rays import axes_across
-from opir_core.tracking.square_root import covariance, moved, triangular
 
 #: Before the first look a state is known this poorly: m, m/s. It keeps the information invertible.
 PRIOR_SIGMA = (1e6, 1e6, 1e6, 1e4, 1e4, 1e4)

@@ -10,8 +10,8 @@ import numpy as np
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import Geodetic, east_north_up_axes, ecef_to_geodetic
 from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.filter.motion import BOOST, followed, weights_at
 from opir_core.tracking.ground_points import GroundPoints
-from opir_core.tracking.motion import BOOST, followed, weights_at
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import turned
 

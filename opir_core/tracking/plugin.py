@@ -15,19 +15,19 @@ if TYPE_CHECKING:
 
 
 def _stereo_filter(config: StereoFilterConfig, context: "TrackerContext") -> "Tracker":
-    from opir_core.tracking.stereo_tracker import stereo_filter
+    from opir_core.tracking.stereo.tracker import stereo_filter
 
     return stereo_filter(config, context)
 
 
 def _boost_profile(config: BoostProfileConfig, context: "TrackerContext") -> "Tracker":
-    from opir_core.tracking.profile_tracker import boost_profile_tracker
+    from opir_core.tracking.profile.tracker import boost_profile_tracker
 
     return boost_profile_tracker(config, context)
 
 
 def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker":
-    from opir_core.tracking.arc_tracker import kepler_arc_tracker
+    from opir_core.tracking.arc.tracker import kepler_arc_tracker
 
     return kepler_arc_tracker(config, context)
 

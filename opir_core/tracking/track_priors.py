@@ -7,11 +7,11 @@ from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.protocols import TrackerContext
 from opir_core.records import FloatArray
 from opir_core.tracking.configs import StereoFilterConfig
+from opir_core.tracking.filter.motion import BOOST, COAST, Dynamics, Motion
+from opir_core.tracking.filter.switching import Bank, SwitchingFilter
+from opir_core.tracking.filter.thrust import Thrust
 from opir_core.tracking.initiation import Beginnings, prior_axes, prior_sides
-from opir_core.tracking.motion import BOOST, COAST, Dynamics, Motion
 from opir_core.tracking.rays import turned
-from opir_core.tracking.switching_filter import Bank, SwitchingFilter
-from opir_core.tracking.thrust import Thrust
 
 #: Specific force of a boost before anything is known of it: straight up, and how far from that with any jerk, m/s².
 FIRST_FORCE_M_S2 = 20.0
@@ -45,7 +45,7 @@ def _coast_of(config: StereoFilterConfig, forces: Forces, drag: Drag | None) -> 
     fall = Motion(COAST, config.coast_noise_m_s, forces)
     if drag is None:
         return fall
-    from opir_core.tracking.dragged_fall import DraggedFall
+    from opir_core.tracking.filter.dragged_fall import DraggedFall
 
     return DraggedFall(fall, drag)
 
@@ -92,6 +92,6 @@ def _first_rates(config: StereoFilterConfig) -> tuple[FloatArray, FloatArray]:
 
 def _upper(axes: FloatArray, sigma: FloatArray) -> FloatArray:
     """Return upper triangular roots (n, 3, 3) of information with deviations (n, 3) along the rows of axes."""
-    from opir_core.tracking.square_root import triangular
+    from opir_core.tracking.filter.square_root import triangular
 
     return triangular(axes / sigma[:, :, None])

@@ -13,19 +13,19 @@ from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees
-from opir_core.tracking import profile_fit as fit
-from opir_core.tracking import profile_flight
 from opir_core.tracking.configs import BoostProfileConfig
-from opir_core.tracking.profile_bank import Fitting
-from opir_core.tracking.profile_coordinates import fitted, natural
-from opir_core.tracking.profile_end import Silence, ends_of
-from opir_core.tracking.profile_family import BURN, LIFT, SIZE, SPEED, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
-from opir_core.tracking.profile_hypotheses import probability
-from opir_core.tracking.profile_priors import priors_of
-from opir_core.tracking.profile_report import report
-from opir_core.tracking.profile_rows import axes_about, compressed, normal_points, single
-from opir_core.tracking.profile_strain import Bank
-from opir_core.tracking.profile_windows import windowed
+from opir_core.tracking.profile import fit
+from opir_core.tracking.profile import flight as profile_flight
+from opir_core.tracking.profile.bank import Fitting
+from opir_core.tracking.profile.coordinates import fitted, natural
+from opir_core.tracking.profile.end import Silence, ends_of
+from opir_core.tracking.profile.family import BURN, LIFT, SIZE, SPEED, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
+from opir_core.tracking.profile.hypotheses import probability
+from opir_core.tracking.profile.priors import priors_of
+from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.rows import axes_about, compressed, normal_points, single
+from opir_core.tracking.profile.strain import Bank
+from opir_core.tracking.profile.windows import windowed
 from opir_core.tracking.rays import Rays
 
 

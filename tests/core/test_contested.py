@@ -5,13 +5,13 @@ import pytest
 from attrs import evolve
 
 from opir_core.flight.forces import Forces
-from opir_core.tracking.contested import Contested
-from opir_core.tracking.contested_histories import turned
-from opir_core.tracking.exchange_evidence import settled_exchanges
-from opir_core.tracking.histories import Histories, weighed
-from opir_core.tracking.motion import BOOST, COAST, Motion
+from opir_core.tracking.filter.motion import BOOST, COAST, Motion
+from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.rays import Sights, axes_across
-from opir_core.tracking.switching_filter import Bank, SwitchingFilter
+from opir_core.tracking.stereo.contested import Contested
+from opir_core.tracking.stereo.contested_histories import turned
+from opir_core.tracking.stereo.exchange_evidence import settled_exchanges
+from opir_core.tracking.stereo.histories import Histories, weighed
 
 KEPLER = Forces(zonal=())
 COASTING = Motion(COAST, 0.0, KEPLER)

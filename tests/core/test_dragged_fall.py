@@ -6,9 +6,9 @@ import pytest
 from opir_core.flight import Drag, Forces, propagate
 from opir_core.protocols import TrackerContext
 from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.dragged_fall import DraggedFall
-from opir_core.tracking.motion import COAST, Motion
-from opir_core.tracking.switching_bank import Bank
+from opir_core.tracking.filter.bank import Bank
+from opir_core.tracking.filter.dragged_fall import DraggedFall
+from opir_core.tracking.filter.motion import COAST, Motion
 from opir_core.tracking.track_priors import filter_of
 
 FORCES = Forces(("j2",), Drag(5000.0))

@@ -12,7 +12,7 @@ from opir_core.tracking.ground_points import GroundPoints, impacts, renewed
 from opir_core.tracking.launch_points import launches
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import turned
-from opir_core.tracking.stereo_report import evidence_of, type_posterior
+from opir_core.tracking.stereo.report import evidence_of, type_posterior
 
 STATE = np.array([4.1e6, 3.9e6, 3.3e6, 500.0, 2500.0, 4500.0])
 

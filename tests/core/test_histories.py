@@ -7,11 +7,11 @@ import pytest
 from attrs import evolve
 
 from opir_core.flight.forces import Forces
-from opir_core.tracking.histories import Histories, lasting_s, mean_sights, with_biases
-from opir_core.tracking.history_assignment import decided
-from opir_core.tracking.motion import BOOST, COAST, Motion
+from opir_core.tracking.filter.motion import BOOST, COAST, Motion
+from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.rays import Sights, axes_across
-from opir_core.tracking.switching_filter import Bank, SwitchingFilter
+from opir_core.tracking.stereo.histories import Histories, lasting_s, mean_sights, with_biases
+from opir_core.tracking.stereo.history_assignment import decided
 
 KEPLER = Forces(zonal=())
 COASTING = Motion(COAST, 0.0, KEPLER)

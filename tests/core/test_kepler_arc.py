@@ -14,10 +14,10 @@ from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.run import run_of_plan
 from opir_core.testing.doubles import stub_sensor
-from opir_core.tracking import arc_fit
-from opir_core.tracking.arc_ends import Watch, impacts, launches, shots, states_at
-from opir_core.tracking.arc_fit import Arcs
-from opir_core.tracking.arc_types import likeliest_types, ranges_m, type_probabilities
+from opir_core.tracking.arc import fit as arc_fit
+from opir_core.tracking.arc.ends import Watch, impacts, launches, shots, states_at
+from opir_core.tracking.arc.fit import Arcs
+from opir_core.tracking.arc.types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.rays import Rays
 
 SLOTS_DEG = np.array([-150.0, -90.0])

@@ -6,11 +6,11 @@ from attrs import evolve
 
 from opir_core.columns import names_of
 from opir_core.flight.forces import Forces
+from opir_core.tracking.filter.motion import BOOST, COAST, Motion
+from opir_core.tracking.filter.switching import Bank, SwitchingFilter
+from opir_core.tracking.filter.thrust import THRUST, Thrust
 from opir_core.tracking.gating import candidates, gated
-from opir_core.tracking.motion import BOOST, COAST, Motion
 from opir_core.tracking.rays import Rays, Sights, axes_across
-from opir_core.tracking.switching_filter import Bank, SwitchingFilter
-from opir_core.tracking.thrust import THRUST, Thrust
 
 FORCES, COUNT, END_S = Forces(), 30, 40.0
 FALL = Motion(COAST, 0.01, FORCES)

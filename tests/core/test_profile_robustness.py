@@ -11,13 +11,14 @@ from opir_core.flight import Drag, Forces, propagate
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state
 from opir_core.records import Tracks
 from opir_core.scoring.consistency import nees
-from opir_core.tracking import profile_fit, profile_flight
-from opir_core.tracking.profile_bank import Fitting
-from opir_core.tracking.profile_family import SIZE
-from opir_core.tracking.profile_rows import Rows
-from opir_core.tracking.profile_seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
-from opir_core.tracking.profile_strain import KEPT, TURNS, Bank, judged
-from opir_core.tracking.profile_trust import blended
+from opir_core.tracking.profile import fit as profile_fit
+from opir_core.tracking.profile import flight as profile_flight
+from opir_core.tracking.profile.bank import Fitting
+from opir_core.tracking.profile.family import SIZE
+from opir_core.tracking.profile.rows import Rows
+from opir_core.tracking.profile.seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
+from opir_core.tracking.profile.strain import KEPT, TURNS, Bank, judged
+from opir_core.tracking.profile.trust import blended
 
 
 def rows_at(time_s, sensors, tracks=1):

@@ -14,10 +14,10 @@ from opir_core.records import Detections, Tracks
 from opir_core.testing.doubles import stub_sensor
 from opir_core.testing.windows import stub_window
 from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.tracking.filter.motion import BOOST, COAST, Motion, followed, weights_at
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import axes_across
-from opir_core.tracking.stereo_tracker import StereoTracker, stereo_filter
+from opir_core.tracking.stereo.tracker import StereoTracker, stereo_filter
 
 SENSORS = (stub_sensor("WEST", -30.0), stub_sensor("EAST", 40.0), stub_sensor("FAR", 70.0))
 KEPLER = Forces(zonal=())

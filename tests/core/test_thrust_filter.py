@@ -6,11 +6,11 @@ from profile_flights import GEO_M, PRIORS, SLOTS_RAD, flights
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
-from opir_core.tracking import profile_fit as fit
-from opir_core.tracking.motion import BOOST, COAST, Dynamics, Motion
+from opir_core.tracking.filter.motion import BOOST, COAST, Dynamics, Motion
+from opir_core.tracking.filter.switching import Bank, SwitchingFilter
+from opir_core.tracking.filter.thrust import Thrust
+from opir_core.tracking.profile import fit
 from opir_core.tracking.rays import Sights, axes_across
-from opir_core.tracking.switching_filter import Bank, SwitchingFilter
-from opir_core.tracking.thrust import Thrust
 
 FREE, SIGMA_RAD, FLIGHTS = Forces(), 2e-5, 40
 TICKS_S = np.arange(10.0, 66.0)

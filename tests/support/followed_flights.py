@@ -13,8 +13,8 @@ from opir_core.reading import scene_from_mapping
 from opir_core.records import Detections, Tracks
 from opir_core.scene import TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
-from opir_core.tracking.profile_tracker import ProfileTracker, boost_profile_tracker
-from opir_core.tracking.stereo_tracker import stereo_filter
+from opir_core.tracking.profile.tracker import ProfileTracker, boost_profile_tracker
+from opir_core.tracking.stereo.tracker import stereo_filter
 
 #: SBIRS-GEO: scan period, s, error, rad, and chance of detection by type.
 PERIOD_S, SIGMA_RAD = 0.1, 20e-6

@@ -13,10 +13,10 @@ import mpmath
 import numpy as np
 
 from opir_core.flight.forces import Forces
-from opir_core.tracking import square_root
-from opir_core.tracking.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.tracking.filter import square_root
+from opir_core.tracking.filter.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.tracking.filter.switching import SwitchingFilter
 from opir_core.tracking.rays import Sights, axes_across
-from opir_core.tracking.switching_filter import SwitchingFilter
 
 DIGITS = 50
 KEPLER = Forces(zonal=())

@@ -15,9 +15,9 @@ from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
-from opir_core.tracking import profile_fit as fit
-from opir_core.tracking.profile_flight import on_ground
-from opir_core.tracking.profile_rows import axes_about
+from opir_core.tracking.profile import fit
+from opir_core.tracking.profile.flight import on_ground
+from opir_core.tracking.profile.rows import axes_about
 from opir_core.tracking.rays import Rays
 
 #: Rows of a table, evenly over the burn.

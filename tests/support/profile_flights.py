@@ -5,14 +5,14 @@ from attrs import evolve
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.scene import TARGET_TYPES
-from opir_core.tracking import profile_fit as fit
-from opir_core.tracking import profile_flight
 from opir_core.tracking.configs import BoostProfileConfig
-from opir_core.tracking.profile_coordinates import fitted
-from opir_core.tracking.profile_family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH
-from opir_core.tracking.profile_priors import priors_of
-from opir_core.tracking.profile_rows import axes_about
-from opir_core.tracking.profile_seen import Watch
+from opir_core.tracking.profile import fit
+from opir_core.tracking.profile import flight as profile_flight
+from opir_core.tracking.profile.coordinates import fitted
+from opir_core.tracking.profile.family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH
+from opir_core.tracking.profile.priors import priors_of
+from opir_core.tracking.profile.rows import axes_about
+from opir_core.tracking.profile.seen import Watch
 from opir_core.tracking.rays import Rays
 
 GEO_M = 4.2164e7

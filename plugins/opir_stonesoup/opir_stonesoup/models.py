@@ -18,7 +18,7 @@ from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
 from opir_core.flight.forces import ForceModel, Forces, forces_of
 from opir_core.records import FloatArray
-from opir_core.tracking.motion import BOOST, Motion
+from opir_core.tracking.filter.motion import BOOST, Motion
 from opir_core.tracking.rays import turned
 
 #: Size of the state of each motion.
@@ -31,7 +31,8 @@ class EarthFixedMotion(TransitionModel, GaussianModel, TimeVariantModel):  # typ
     """Motion under gravity over the turning Earth, driven by white noise in the state's last derivative.
 
     Two-body motion (6; with the zonal harmonics that `forces` has), a nearly constant specific force (9), or a nearly
-    constant rate of it (12): `opir_core.tracking.motion`, carried from the inertial frame to ECEF. Drag is left out.
+    constant rate of it (12): `opir_core.tracking.filter.motion`, carried from the inertial frame to ECEF. Drag is left
+    out.
     """
 
     ndim_state: int = Property(default=9, doc="6, 9 or 12")

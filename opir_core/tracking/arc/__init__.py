@@ -1,0 +1,1 @@
+"""The tracker `kepler-arc`: a Keplerian arc, as the paper has it."""

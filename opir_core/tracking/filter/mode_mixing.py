@@ -1,0 +1,168 @@
+"""How the modes of the stereo filter interact: mixed by the chance of having switched, weighed by looks and by silence.
+
+The mixing is that of Blom and Bar-Shalom ("The interacting multiple model algorithm", IEEE Trans. Automatic Control
+33(8), 1988), by first and second moments.
+"""
+
+from functools import lru_cache
+from math import expm1
+
+import numpy as np
+
+from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.filter import single_modes, square_root
+from opir_core.tracking.filter.bank import Bank
+from opir_core.tracking.filter.motion import COAST
+from opir_core.tracking.rays import along
+
+#: Mode weights stay above this, so that no mode is ever lost.
+_LEAST_WEIGHT = 1e-6
+
+#: A mode takes part in a mixture from this share on.
+_LEAST_SHARE = 1e-4
+
+
+def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float) -> Bank:
+    """Return a bank whose modes are mixed by the chance of having switched during a step.
+
+    `boost_s` and `coast_s` are the mean times spent in each mode, inf for one that never ends.
+    """
+    weight, share = _shares(bank.weight, _leaving(step_s, boost_s, coast_s))
+    boost, coast = (bank.boost_mean, bank.boost_root), (bank.coast_mean, bank.coast_root)
+    into_coast = (share[:, 0, 1] > _LEAST_SHARE).nonzero()[0]
+    into_boost = (share[:, 1, 0] > _LEAST_SHARE).nonzero()[0]
+    if len(into_coast):
+        coast = _put(coast, into_coast, _into_coast(_part(bank, into_coast), share[into_coast, :, 1]))
+    if len(into_boost):
+        boost = _put(boost, into_boost, _into_boost(_part(bank, into_boost), share[into_boost, :, 0]))
+    return Bank(weight, *boost, *coast, bank.pace)
+
+
+@lru_cache(maxsize=64)
+def _leaving(step_s: float, boost_s: float, coast_s: float) -> tuple[float, float]:
+    """Return the chances of leaving boost and coast in a step."""
+    return -expm1(-step_s / boost_s), -expm1(-step_s / coast_s)
+
+
+def _shares(before: FloatArray, leave: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    """Return weights (n, 2) after a step, and the shares (n, 2, 2) that each mode (last) is mixed of."""
+    if len(before) == 1:
+        boost, coast = before.tolist()[0]
+        weights, into_boost, into_coast = single_modes.shared((boost, coast), leave)
+        return np.array([weights]), np.array([list(zip(into_boost, into_coast, strict=True))])
+    switch = np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
+    weight = before @ switch
+    share = before[:, :, None] * switch / np.maximum(weight, 1e-300)[:, None]
+    if leave[0] > 0.0:
+        # A target that burns has not coasted before: what its coast mode made of the looks so far is let go.
+        share[before[:, 0] > 0.5, :, 1] = [1.0, 0.0]
+    return weight, share
+
+
+def _part(bank: Bank, rows: IntArray) -> Bank:
+    return bank if len(rows) == len(bank) else bank.take(rows)
+
+
+def _put(
+    whole: tuple[FloatArray, FloatArray], rows: IntArray, part: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Return means and roots with some rows replaced."""
+    if len(rows) == len(whole[0]):
+        return part
+    mean, root = whole[0].copy(), whole[1].copy()
+    mean[rows], root[rows] = part
+    return mean, root
+
+
+def _into_coast(bank: Bank, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the coast's means and roots, of which shares (n, 2) come from boost and coast."""
+    burnt = _burnt_out(bank)
+    if not np.count_nonzero(share[:, 1]):
+        return burnt
+    return square_root.mixed(share, (burnt[0], bank.coast_mean), (burnt[1], bank.coast_root))
+
+
+def _into_boost(bank: Bank, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the boost's means and roots, of which shares (n, 2) come from boost and coast."""
+    means, roots = (bank.boost_mean, _extended_mean(bank)), (bank.boost_root, _extended_root(bank))
+    return square_root.mixed(share, means, roots)
+
+
+def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
+    """Return position and velocity of boosts that ended soon after they were last seen.
+
+    Of a target seen r times a second the burn ended 1/r ± 1/r after the last look. A time u after the end, velocity and
+    position are less by f u and f u²/2 than had the force f gone on.
+    """
+    hits, spell, silent = bank.pace.T
+    pause = spell / np.maximum(hits, 1.0)
+    since, doubt = np.maximum(silent - pause, 0.0), np.minimum(pause, silent)
+    times = np.array([0.5 * since * since, since, since * doubt, doubt]).reshape(2, 2, -1)
+    shifts = times.transpose(0, 2, 1)[:, :, :, None] * bank.boost_mean[:, None, COAST : COAST + 3]
+    less, spread = shifts.reshape(2, -1, COAST)
+    root, size = bank.boost_root, bank.boost_root.shape[1]
+    rows = np.zeros((len(bank), size + 1, size + 1))
+    rows[:, 0, 0] = 1.0
+    rows[:, 1:, 0] = along(root[:, :, :COAST], spread)
+    rows[:, 1:, 1:-COAST], rows[:, 1:, -COAST:] = root[:, :, COAST:], root[:, :, :COAST]
+    # What is known of the last columns whatever the first ones are.
+    return bank.boost_mean[:, :COAST] - less, square_root.triangular(rows)[:, -COAST:, -COAST:]
+
+
+def _extended_mean(bank: Bank) -> FloatArray:
+    """Return the coast means with the boost's specific force and its rate."""
+    return np.concatenate([bank.coast_mean, bank.boost_mean[:, COAST:]], axis=1)
+
+
+def _extended_root(bank: Bank) -> FloatArray:
+    """Return the coast roots with what the boost knows of specific force and its rate alone."""
+    root = np.zeros_like(bank.boost_root)
+    root[:, :COAST, :COAST] = bank.coast_root
+    root[:, COAST:, COAST:] = square_root.root_of_spread(square_root.spread(bank.boost_root)[:, COAST:])
+    return root
+
+
+def weighed(
+    bank: Bank, hits: FloatArray, silent_s: FloatArray, change: FloatArray, step_s: float, memory_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return weights (n, 2) and pace (n, 3) after a slice with `hits` (n,) looks of each track.
+
+    `silent_s` (n,) is the time since the last of them, `change` (n, 2) what they say of the log weights.
+    """
+    if len(bank) == 1:
+        pace, (boost, coast) = bank.pace.tolist()[0], change.tolist()[0]
+        log, after = single_modes.paced(pace, float(hits[0]), float(silent_s[0]), step_s, memory_s)
+        told = single_modes.reweighed(bank.weight.tolist()[0], (boost + log, coast), _LEAST_WEIGHT)
+        return np.array([told]), np.array([after])
+    missed, paced = _missed(bank.pace, hits, silent_s, step_s, memory_s)
+    change[:, 0] += missed
+    return _reweighed(bank.weight, change), paced
+
+
+def _missed(
+    pace: FloatArray, hits: FloatArray, silent_s: FloatArray, step_s: float, memory_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return what a silent slice takes from the boost's log weight (n,), and the pace (n, 3) after it.
+
+    A burning target that was seen r times a second stays unseen for t with the chance exp(-r t); one whose burn is
+    over is not seen at all. Of rows with `hits` (n,) in the slice `silent_s` (n,) is the time since the last.
+    """
+    silent = hits == 0.0
+    after = np.empty_like(pace)
+    after[:, 0], after[:, 1], after[:, 2] = hits, step_s, silent_s
+    after[:, :2] += np.exp(-step_s / memory_s) * pace[:, :2]
+    log = np.zeros(len(pace))
+    if np.count_nonzero(silent):
+        after[silent, :2], after[silent, 2] = pace[silent, :2], pace[silent, 2] + step_s
+        log[silent] = -pace[silent, 0] / np.maximum(pace[silent, 1], step_s) * step_s
+    return log, after
+
+
+def _reweighed(weight: FloatArray, change: FloatArray) -> FloatArray:
+    """Return weights (n, 2) times exp(change), normalised, none of a mode in use below the least."""
+    log = np.where(weight > 0.0, change, -np.inf)
+    scaled = weight * np.exp(log - np.maximum(log[:, :1], log[:, 1:]))
+    least = _LEAST_WEIGHT * (scaled[:, :1] + scaled[:, 1:])
+    scaled = np.where(weight > 0.0, np.maximum(scaled, least), 0.0)
+    total: FloatArray = scaled / (scaled[:, :1] + scaled[:, 1:])
+    return total

@@ -1,0 +1,262 @@
+"""How targets move between looks: boost with a nearly constant jerk, and free flight, in the inertial frame.
+
+A state of boost (12) is position, velocity, specific force a (all but gravity) and its rate; of coast (6) position and
+velocity. Both fall under the gravity of the scene's forces. White noise drives the rate of the specific force in boost,
+and the velocity in coast; drag on a free flight is added by `dragged_fall`. Units m, s; the inertial frame is ECEF
+frozen at the scene's epoch.
+"""
+
+from functools import lru_cache
+from math import ceil, factorial
+from typing import Protocol
+
+import numpy as np
+from attrs import Factory, field, frozen
+
+from opir_core.flight.forces import Forces
+from opir_core.flight.gravity import Gravity
+from opir_core.records import FloatArray
+from opir_core.tracking.filter import single_states
+from opir_core.tracking.rays import FEW, dot
+
+#: Sizes of the states.
+BOOST, COAST = 12, 6
+
+#: For no more states than this gravity is worked out one by one: the same operations, sooner without numpy's calls.
+ALONE = 4
+
+#: The longest step, s: with a mean motion n, it leaves (n h)⁵ r / 120 < 0.1 mm in low orbits.
+_LONGEST_STEP_S = 10.0
+
+_UNIT = np.eye(3)
+
+
+@frozen(eq=False)
+class Motion:
+    """The motion of one mode: the size of its state and the intensity of the noise, as a standard deviation per √s.
+
+    `noise` has the unit of the state's last derivative per √s: m/s³ for boost, m/s for coast.
+    """
+
+    size: int
+    noise: float
+    forces: Forces
+    field: Gravity = field(
+        default=Factory(lambda self: Gravity(self.forces.gravity, self.forces.zonal), takes_self=True), init=False
+    )
+
+    def gravity(self, position_m: FloatArray) -> FloatArray:
+        """Return the acceleration of gravity (n, 3), m/s², at positions (n, 3)."""
+        if len(position_m) <= ALONE:
+            pull = self.field.alone_with_inverse_radius
+            return np.array([pull(x, y, z)[:3] for x, y, z in position_m.tolist()]).reshape(-1, 3)
+        down: FloatArray = np.ascontiguousarray(self.field(np.ascontiguousarray(position_m.T)).T)
+        return down
+
+    def gradient(self, position_m: FloatArray) -> FloatArray:
+        """Return the gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of it, is left out."""
+        if len(position_m) <= ALONE:
+            mu = self.forces.gravity.mu_m3_s2
+            return np.array([single_states.gradient(row, mu) for row in position_m.tolist()]).reshape(-1, 3, 3)
+        square = dot(position_m, position_m)
+        scale = self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square))
+        weighed = position_m * (3.0 * scale / square)[:, None]
+        gradient: FloatArray = weighed[:, :, None] * position_m[:, None, :] - scale[:, None, None] * _UNIT
+        return gradient
+
+    def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states (n, d) after steps (n,), s."""
+        pieces = pieces_of(step_s, _LONGEST_STEP_S)
+        for _ in range(pieces):
+            state = self.stepped(state, step_s / pieces)
+        return state
+
+    def stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states after one step of Nyström's method of order 4 (Hairer, Norsett and Wanner, II.14)."""
+        if len(state) <= ALONE:
+            pull, rows = self.field.alone_with_inverse_radius, zip(state.tolist(), step_s.tolist(), strict=True)
+            return np.array([single_states.stepped(row, step, pull) for row, step in rows]).reshape(state.shape)
+        step, half = step_s[:, None], 0.5 * step_s[:, None]
+        position, velocity = state[:, :3], state[:, 3:6]
+        middle, end = position + half * velocity, position + step * velocity
+        after = state.copy()
+        if self.size == BOOST:
+            force, jerk = state[:, 6:9], state[:, 9:12]
+            middle += half * half * (0.5 * force + half / 6.0 * jerk)
+            end += step * step * (0.5 * force + step / 6.0 * jerk)
+            after[:, 3:6] += step * (force + half * jerk)
+            after[:, 6:9] += step * jerk
+        start = self.gravity(position)
+        midway = self.gravity(middle + 0.5 * half * half * start)
+        last = self.gravity(end + half * step * midway)
+        after[:, :3] = end + step * step / 6.0 * (start + 2.0 * midway)
+        after[:, 3:6] += step / 6.0 * (start + 4.0 * midway + last)
+        return after
+
+    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return the transition matrices (n, d, d) of steps (n,): the exponential series with a constant gradient.
+
+        Of the states (n, d or more than 2) that say where, the position counts alone.
+        """
+        gradient, blocks = self.gradient(state[:, :3]), self.size // 3
+        straight, bent, fourth = _tables(step_s, blocks)
+        matrix = straight + bent[:, :, None, :, None] * gradient[:, None, :, None, :]
+        matrix[:, 0, :, 0] += fourth * (gradient @ gradient)
+        return matrix.reshape(len(step_s), self.size, self.size)
+
+    def noise_root(self, step_s: FloatArray, state: FloatArray | None = None) -> FloatArray | None:
+        """Return L (n, d, d) with L Lᵀ the covariance of the noise gathered in steps (n,); None where there is none.
+
+        It is the same whatever the states.
+        """
+        if self.noise == 0.0:
+            return None
+        whole = self.noise * noises(np.abs(step_s), self.size // 3)
+        return whole if len(step_s) == 1 else np.broadcast_to(whole, (len(step_s), self.size, self.size))
+
+    def taylor(self, state: FloatArray) -> FloatArray:
+        """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
+        if len(state) <= ALONE:
+            pull, mu = self.field.alone_with_inverse_radius, self.forces.gravity.mu_m3_s2
+            return np.array([single_states.taylor(row, pull, mu) for row in state.tolist()]).reshape(-1, 5, 3)
+        position, velocity = state[:, :3], state[:, 3:6]
+        square = dot(position, position)
+        scale = (self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square)))[:, None]
+        derivative = np.empty((len(state), 5, 3))
+        derivative[:, 0], derivative[:, 1], derivative[:, 2] = position, velocity, self.gravity(position)
+        if self.size == BOOST:
+            derivative[:, 2] += state[:, 6:9]
+        fall = derivative[:, 2]
+        # The gradient times a vector u is scale (3 (r·u) r / r² - u); what it gains along the way, times the velocity,
+        # is 3 scale / r² (v² r + 2 (r·v) v - 5 (r·v)²/r² r).
+        climb = dot(position, velocity)
+        share = climb / square
+        derivative[:, 3] = scale * ((3.0 * share)[:, None] * position - velocity)
+        if self.size == BOOST:
+            derivative[:, 3] += state[:, 9:12]
+        inward = (dot(position, fall) + dot(velocity, velocity) - 5.0 * climb * share) / square
+        derivative[:, 4] = scale * ((3.0 * inward)[:, None] * position + (6.0 * share)[:, None] * velocity - fall)
+        return derivative
+
+    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return what whitened looks gain (m, 2, d) a unit of state, from what they gain a metre (m, 2, 3).
+
+        `weight` (m, 5) are those of the looks' times; how the gradient bends the path within a slice is left out.
+        """
+        rows: FloatArray = slope[:, :, None, :] * weight[:, None, : self.size // 3, None]
+        return rows.reshape(len(slope), 2, self.size)
+
+    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return the spreads (n, 12, 12) of the position's first four derivatives from those of states, (n, d, d)."""
+        if self.size == BOOST:
+            return side
+        out = np.zeros((len(side), BOOST, BOOST))
+        out[:, : self.size, : self.size] = side
+        return out
+
+
+class Dynamics(Protocol):
+    """What the switching filter asks of a mode: how its states (n, d) move, and how looks see them."""
+
+    @property
+    def size(self) -> int:
+        """Return the size of the state."""
+        ...
+
+    def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states after steps (n,), s."""
+        ...
+
+    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return the transition matrices (n, d, d) of steps (n,) about states."""
+        ...
+
+    def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray | None:
+        """Return a root (n, d, k) of the covariance of the noise gathered in steps (n,), or None."""
+        ...
+
+    def taylor(self, state: FloatArray) -> FloatArray:
+        """Return the derivatives (n, 5, 3) of the position."""
+        ...
+
+    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return what looks gain a unit of state (m, 2, d) from what they gain a metre (m, 2, 3)."""
+        ...
+
+    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return the spreads (n, 12, 12) of the first four derivatives of the position."""
+        ...
+
+
+def pieces_of(step_s: FloatArray, longest_s: float) -> int:
+    """Return in how many equal pieces none of the steps (n,) is longer than a limit."""
+    if len(step_s) == 1:
+        return max(1, ceil(abs(float(step_s[0])) / longest_s))
+    return max(1, ceil(float(np.abs(step_s).max(initial=0.0)) / longest_s))
+
+
+#: The power of time with which the unit matrix and the gradient enter the blocks of the exponential series; 5 for none.
+_STRAIGHT = np.array([[0, 1, 2, 3], [5, 0, 1, 2], [5, 5, 0, 1], [5, 5, 5, 0]])
+_BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
+
+
+def _tables(step_s: FloatArray, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what steps (n,) alone say of transition matrices; one row for all where the steps are the same."""
+    if len(step_s) == 1 or (len(step_s) and np.all(step_s == step_s[0])):
+        return _tables_of_one(float(step_s[0]), blocks)
+    power = np.concatenate([weights_at(step_s), np.zeros((len(step_s), 1))], axis=1)
+    straight, bent = (power[:, table[:blocks, :blocks]] for table in (_STRAIGHT, _BENT))
+    return straight[:, :, None, :, None] * _UNIT[:, None, :], bent, power[:, 4, None, None]
+
+
+@lru_cache(maxsize=64)
+def _tables_of_one(step_s: float, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    both = _tables(np.array([step_s, np.nan]), blocks)
+    return both[0][:1], both[1][:1], both[2][:1]
+
+
+def noises(step_s: FloatArray, blocks: int) -> FloatArray:
+    """Return roots of the covariance that unit noise gathers in steps (n,); one for all where they are the same."""
+    if len(step_s) == 1 or (len(step_s) and np.all(step_s == step_s[0])):
+        return _noise_of_one(float(step_s[0]), blocks)
+    scale = step_s[:, None] ** (np.arange(blocks - 1, -1, -1) + 0.5)
+    small = scale[:, :, None] * integrator_noise(blocks)
+    return (small[:, :, None, :, None] * _UNIT[:, None, :]).reshape(len(step_s), 3 * blocks, 3 * blocks)
+
+
+@lru_cache(maxsize=64)
+def _noise_of_one(step_s: float, blocks: int) -> FloatArray:
+    return noises(np.array([step_s, np.nan]), blocks)[:1]
+
+
+def integrator_noise(blocks: int) -> FloatArray:
+    """Return the Cholesky factor of the covariance of a chain of integrators driven by unit noise for one second.
+
+    Its elements are 1 / (a! b! (a + b + 1)) for the a-th and b-th integrals.
+    """
+    powers = range(blocks - 1, -1, -1)
+    unit = np.array([[1.0 / (factorial(a) * factorial(b) * (a + b + 1)) for b in powers] for a in powers])
+    return np.linalg.cholesky(unit)
+
+
+_ORDERS = np.arange(1.0, 5.0)
+
+
+def weights_at(offset_s: FloatArray) -> FloatArray:
+    """Return 1, τ, τ²/2, τ³/6, τ⁴/24 for offsets (n,), as (n, 5)."""
+    power = np.empty((len(offset_s), 5))
+    power[:, 0] = 1.0
+    np.divide(offset_s[:, None], _ORDERS, out=power[:, 1:])
+    powers: FloatArray = np.multiply.accumulate(power, axis=1, out=power)
+    return powers
+
+
+def followed(derivative: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return positions (..., n, 3) from derivatives (..., n, 5, 3) and the weights (n, 5) of the times."""
+    if len(weight) < FEW:
+        few: FloatArray = np.add.reduce(derivative * weight[:, :, None], axis=-2)
+        return few
+    position: FloatArray = derivative[..., 0, :].copy()
+    for order in range(1, 5):
+        position += derivative[..., order, :] * weight[:, order, None]
+    return position

@@ -1,0 +1,205 @@
+"""Boost with the thrust along the velocity: a gravity turn whose thrust over mass slowly grows, in the inertial frame.
+
+A state (10) is position, velocity, specific force f (all but gravity) and the rate κ, 1/s, at which its size grows. The
+force turns with the velocity relative to the air, which turns with the Earth (drag is along it too), and keeps its tilt
+against it, but for a pull of 1/τ back towards it and white noise: across the velocity f is an Ornstein and Uhlenbeck
+process of standard deviation tan(tilt) |f|, along it a random walk about its growth (Bar-Shalom, Li and Kirubarajan,
+"Estimation with Applications to Tracking and Navigation", 2001, 8.2). Units m, s.
+"""
+
+from functools import lru_cache
+from math import sqrt, tan
+
+import numpy as np
+from attrs import Factory, field, frozen
+
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.flight.forces import Forces
+from opir_core.records import FloatArray
+from opir_core.tracking.filter import single_states, single_thrust
+from opir_core.tracking.filter.motion import ALONE, BOOST, COAST, Motion, integrator_noise, pieces_of
+from opir_core.tracking.filter.single_states import Pull
+from opir_core.tracking.filter.single_thrust import SLOW_M_S
+from opir_core.tracking.rays import along, dot
+
+#: Size of the state.
+THRUST = 10
+
+#: The longest step, s: with τ of 15 s, what the trapezoid leaves of the pull towards the velocity is below 1e-3.
+_LONGEST_STEP_S = 2.5
+
+_UNIT, _WHOLE = np.eye(3), np.eye(THRUST)
+
+
+@frozen(eq=False)
+class Thrust:
+    """The motion of a boost along its velocity.
+
+    `tilt_rad` and `tilt_s` are the standard deviation of the angle between thrust and velocity and the time after which
+    it is another one; `noise_m_s2` how fast the force along the velocity wanders, m/s²/√s; `growth_noise` how fast κ
+    does, 1/s/√s.
+    """
+
+    tilt_rad: float
+    tilt_s: float
+    noise_m_s2: float
+    growth_noise: float
+    forces: Forces
+    size: int = field(default=THRUST, init=False)
+    #: Free flight, and flight with a given force, under the same gravity.
+    fall: Motion = field(default=Factory(lambda self: Motion(COAST, 0.0, self.forces), takes_self=True), init=False)
+    pushed: Motion = field(default=Factory(lambda self: Motion(BOOST, 0.0, self.forces), takes_self=True), init=False)
+
+    @property
+    def _pull(self) -> Pull:
+        return self.fall.field.alone_with_inverse_radius
+
+    def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states (n, 10) after steps (n,), s."""
+        pieces = pieces_of(step_s, _LONGEST_STEP_S)
+        for _ in range(pieces):
+            state = self._stepped(state, step_s / pieces)
+        return state
+
+    def _stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states after one step: Nyström's for the path, the trapezoid for the force.
+
+        The force's rate goes from its value at the start to that where a constant rate leads, linearly.
+        """
+        if len(state) <= ALONE:
+            rows = zip(state.tolist(), step_s.tolist(), strict=True)
+            return np.array([single_thrust.stepped(row, step, self.tilt_s, self._pull) for row, step in rows])
+        early = self.jerk(state)
+        path = np.concatenate([state[:, :9], early], axis=1)
+        after = np.concatenate([self.pushed.stepped(path, step_s)[:, :9], state[:, 9:]], axis=1)
+        bend, step = self.jerk(after) - early, step_s[:, None]
+        after[:, :3] += bend * (step**3 / 24.0)
+        after[:, 3:6] += bend * (step**2 / 6.0)
+        after[:, 6:9] += bend * (step / 2.0)
+        return after
+
+    def jerk(self, state: FloatArray) -> FloatArray:
+        """Return the rates (n, 3) of the specific forces of states (n, 10), m/s³."""
+        told = np.concatenate([state, self.fall.gravity(state[:, :3])], axis=1)
+        columns: list[FloatArray] = list(np.ascontiguousarray(told.T))
+        return np.stack(single_thrust.jerk(columns, self.tilt_s, np.sqrt), axis=1)
+
+    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with constant slopes."""
+        rate = self.slopes(state)
+        scaled = rate * step_s[:, None, None]
+        series = _WHOLE + scaled / 4.0
+        for order in (3.0, 2.0, 1.0):
+            series = _WHOLE + (scaled / order) @ series
+        return series
+
+    def slopes(self, state: FloatArray) -> FloatArray:
+        """Return how the rate of the state changes with it, (n, 10, 10), 1/s: what `_jerk` says, differentiated.
+
+        In terms of the direction u of the velocity, what turns it, b, and the force across it, all else is a multiple
+        of the unit matrix. How the air's motion changes with the position is left out.
+        """
+        if len(state) == 1:
+            return self._slopes_of_one(state)
+        count, pull = len(state), 1.0 / self.tilt_s
+        velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
+        square = dot(velocity, velocity)
+        speed = np.sqrt(square + 1.0)
+        unit = velocity / speed[:, None]
+        soft = 1.0 / (square + SLOW_M_S**2)
+        turn, fast = speed * soft, square * soft
+        push = self.fall.gravity(state[:, :3]) + force - _AIR * state[:, [4, 3, 5]]
+        ahead, lift = dot(unit, push), dot(unit, force)
+        bend, across = push - unit * ahead[:, None], force - unit * lift[:, None]
+        basis = np.stack([unit, bend, across], axis=1)
+        same = lift * (turn * pull - soft * ahead)
+        other = lift * turn - fast * pull
+        weigh = np.zeros((2, count, 3, 3))
+        weigh[0, :, 0, 0], weigh[0, :, 0, 1], weigh[0, :, 0, 2] = -same, -lift * soft, turn * pull
+        weigh[0, :, 1, 0], weigh[0, :, 1, 2] = lift * soft * (1.0 - 2.0 * fast), soft
+        weigh[0, :, 2, 0] = -2.0 * pull * turn * (1.0 - fast)
+        weigh[1, :, 0, 0], weigh[1, :, 1, 0] = -other, turn
+        both = basis.transpose(0, 2, 1) @ (weigh @ basis)
+        rate = np.zeros((count, THRUST, THRUST))
+        rate[:, :3, 3:6] = rate[:, 3:6, 6:9] = _UNIT
+        rate[:, 3:6, :3] = self.fall.gradient(state[:, :3])
+        rate[:, 6:9, 3:6] = both[0] + same[:, None, None] * _UNIT
+        rate[:, 6:9, 6:9] = both[1] + (state[:, 9] + other)[:, None, None] * _UNIT
+        rate[:, 6:9, 9] = force
+        return rate
+
+    def _slopes_of_one(self, state: FloatArray) -> FloatArray:
+        (numbers,) = state.tolist()
+        rate = _STRAIGHT.copy()
+        rate[0, 3:6, :3] = single_states.gradient(numbers[:3], self.forces.gravity.mu_m3_s2)
+        rate[0, 6:9, 3:] = single_thrust.slopes(numbers, self.tilt_s, self._pull(*numbers[:3]))
+        return rate
+
+    def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
+        """Return L (n, 10, 10) with L Lᵀ the covariance of the noise gathered in steps (n,) from states on."""
+        if len(state) == 1:
+            return self._noise_root_of_one(abs(float(step_s[0])), state)
+        velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
+        across = np.tan(self.tilt_rad) * np.sqrt(2.0 / self.tilt_s * dot(force, force))
+        along_it = (self.noise_m_s2 - across) / (dot(velocity, velocity) + 1.0)
+        side = along_it[:, None, None] * velocity[:, :, None] * velocity[:, None, :] + across[:, None, None] * _UNIT
+        step = np.abs(step_s)
+        small = (step[:, None] ** _POWERS)[:, :, None] * _CHAIN
+        root = np.zeros((len(state), THRUST, THRUST))
+        root[:, :9, :9] = (small[:, :, None, :, None] * side[:, None, :, None, :]).reshape(len(state), 9, 9)
+        root[:, 9, 9] = self.growth_noise * np.sqrt(step)
+        return root
+
+    def _noise_root_of_one(self, step_s: float, state: FloatArray) -> FloatArray:
+        share = tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s)
+        side = np.array(single_thrust.side(state[0].tolist(), share, self.noise_m_s2))
+        root = np.zeros((1, THRUST, THRUST))
+        root[0, :9, :9] = (_chain(step_s) * side[:, None]).reshape(9, 9)
+        root[0, 9, 9] = self.growth_noise * sqrt(step_s)
+        return root
+
+    def taylor(self, state: FloatArray) -> FloatArray:
+        """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
+        if len(state) <= ALONE:
+            pull, mu = self._pull, self.forces.gravity.mu_m3_s2
+            rows = [single_thrust.taylor(row, self.tilt_s, pull, mu) for row in state.tolist()]
+            return np.array(rows).reshape(-1, 5, 3)
+        path = np.concatenate([state[:, :9], self.jerk(state)], axis=1)
+        return self.pushed.taylor(path)
+
+    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return what whitened looks gain (m, 2, 10) a unit of state, from what they gain a metre (m, 2, 3).
+
+        `weight` (m, 5) are those of the looks' times, `state` (m, 10) those of their tracks.
+        """
+        rows = np.empty((len(slope), 2, THRUST))
+        rows[:, :, :9] = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(len(slope), 2, 9)
+        rows[:, :, 9] = along(slope, state[:, 6:9]) * weight[:, 3, None]
+        return rows
+
+    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return the spreads (n, 12, 12) of the position's first four derivatives from those of states, (n, 10, 10)."""
+        out = np.zeros((len(state), BOOST, BOOST))
+        out[:, :9, :THRUST] = side[:, :9]
+        out[:, 9:, :THRUST] = self.slopes(state)[:, 6:9] @ side
+        return out
+
+
+_SPIN = EARTH_ROTATION_RAD_S
+
+#: The velocity of the air at (x, y, z) is this times (y, x, z).
+_AIR = np.array([-_SPIN, _SPIN, 0.0])
+
+_POWERS = np.array([2.5, 1.5, 0.5])
+_CHAIN = integrator_noise(3)
+
+
+@lru_cache(maxsize=64)
+def _chain(step_s: float) -> FloatArray:
+    """Return what unit noise of each axis gathers in a step, (3, 1, 3, 1)."""
+    return np.asarray((step_s**_POWERS)[:, None] * _CHAIN)[:, None, :, None]
+
+
+#: The rates of the state of which nothing is said but that it moves and that its force drives it.
+_STRAIGHT = np.zeros((1, THRUST, THRUST))
+_STRAIGHT[0, :3, 3:6] = _STRAIGHT[0, 3:6, 6:9] = _UNIT

@@ -1,0 +1,228 @@
+"""The family of boosts that the tracker `boost-profile` fits: parameters, their priors by class, and the paths.
+
+A path has ten parameters: where (east and north of an anchor on the ground) and when it starts, its lean from the
+vertical at a reference time as a vector (its direction the heading, so that nothing is singular while the flight is
+still vertical), and logarithms over the medians of the class, of what looks see of a burn that goes on
+(`coordinates`). The priors are of natural parameters: turn, burnout speed, burn time, speed shape, pitch
+exponent and the pitch start's share of the burn.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.columns import Columns
+from opir_core.flight.boost import LaunchSite, launch_site
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.profile import course
+from opir_core.tracking.profile.coordinates import (
+    BURN,
+    EAST,
+    LAST_LIFT,
+    LIFT,
+    NORTH,
+    PITCH,
+    SHAPE,
+    SIZE,
+    SPEED,
+    START,
+    TURN_EAST,
+    TURN_NORTH,
+    Natural,
+    natural,
+)
+from opir_core.tracking.profile.course import Courses
+
+__all__ = (
+    "BURN",
+    "EAST",
+    "LIFT",
+    "NORTH",
+    "PITCH",
+    "SHAPE",
+    "SIZE",
+    "SPEED",
+    "START",
+    "TURN_EAST",
+    "TURN_NORTH",
+    "Anchors",
+    "Family",
+    "Places",
+    "Priors",
+)
+
+#: Standard deviations of the prior of place, m, and start, s: the anchor is below the first line of sight.
+PLACE_SIGMA_M = 50e3
+START_SIGMA_S = 15.0
+
+#: The vague prior of each component of the turn, rad.
+VAGUE_TURN_RAD = 2.0
+
+#: A turn shorter than this has no direction to speak of, rad.
+STRAIGHT_RAD = 1e-3
+
+#: Metres to a radian of latitude.
+RADIUS_M = 6.371e6
+
+
+@frozen(eq=False)
+class Priors(Columns):
+    """Priors of n hypotheses, (n,) each: medians, and standard deviations of logarithms; the turn's is in rad."""
+
+    burn_s: FloatArray
+    speed_m_s: FloatArray
+    speed_shape: FloatArray
+    pitch_exponent: FloatArray
+    lift: FloatArray
+    turn_rad: FloatArray
+    burn_sigma: FloatArray
+    speed_sigma: FloatArray
+    shape_sigma: FloatArray
+    pitch_sigma: FloatArray
+    lift_sigma: FloatArray
+    turn_sigma_rad: FloatArray
+
+    def information(self) -> FloatArray:
+        """Return the diagonals (n, 10) of what is linear in natural parameters; the turn's length is not."""
+        sigma = np.ones((len(self.burn_s), SIZE))
+        sigma[:, [EAST, NORTH]], sigma[:, START] = PLACE_SIGMA_M, START_SIGMA_S
+        sigma[:, [TURN_EAST, TURN_NORTH]] = VAGUE_TURN_RAD
+        sigma[:, SPEED], sigma[:, BURN], sigma[:, SHAPE] = self.speed_sigma, self.burn_sigma, self.shape_sigma
+        sigma[:, PITCH], sigma[:, LIFT] = self.pitch_sigma, self.lift_sigma
+        return 1.0 / np.square(sigma)
+
+
+@frozen(eq=False)
+class Anchors(Columns):
+    """What parameters count from: points on the ground (n, 3) in ECEF and scene times (n,)."""
+
+    latitude_rad: FloatArray
+    longitude_rad: FloatArray
+    time_s: FloatArray
+
+    @classmethod
+    def at(cls, position_ecef_m: FloatArray, time_s: FloatArray) -> "Anchors":
+        """Return the anchors below positions."""
+        place = ecef_to_geodetic(position_ecef_m)
+        return cls(np.asarray(place.latitude_rad), np.asarray(place.longitude_rad), time_s)
+
+    def places(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return latitudes and longitudes (n,) of starts."""
+        latitude = self.latitude_rad + parameters[:, NORTH] / RADIUS_M
+        limit = 0.5 * np.pi - 1e-9
+        return np.clip(latitude, -limit, limit), self.longitude_rad + parameters[:, EAST] / self.across_m()
+
+    def across_m(self) -> FloatArray:
+        """Return metres to a radian of longitude, (n,)."""
+        return RADIUS_M * np.maximum(np.cos(self.latitude_rad), 1e-6)
+
+
+class Places(NamedTuple):
+    """Where paths are: ECEF positions and velocities (m, 3), and the position's slopes by the parameters (m, 10, 3)."""
+
+    position_m: FloatArray
+    velocity_m_s: FloatArray
+    slope: FloatArray
+
+
+@frozen(eq=False)
+class Family:
+    """The paths of n hypotheses."""
+
+    courses: Courses
+    site: LaunchSite
+    up: FloatArray
+    heading: FloatArray
+    right: FloatArray
+    radius_m: FloatArray
+    start_s: FloatArray
+    turn_east: FloatArray
+    turn_north: FloatArray
+    across_m: FloatArray
+    natural: Natural
+
+    @classmethod
+    def of(cls, parameters: FloatArray, anchors: Anchors, priors: Priors) -> "Family":
+        """Return the paths of parameters (n, 10)."""
+        turn = np.hypot(parameters[:, TURN_EAST], parameters[:, TURN_NORTH])
+        azimuth = np.arctan2(parameters[:, TURN_EAST], parameters[:, TURN_NORTH])
+        site = launch_site(*anchors.places(parameters), 0.0)
+        plane = site.plane(azimuth)
+        found = natural(parameters, priors)
+        scales = np.exp(found.parameters[:, SPEED:])
+        courses = Courses.of(
+            priors.speed_m_s * scales[:, 0],
+            priors.burn_s * scales[:, 1],
+            priors.speed_shape * scales[:, 2],
+            priors.pitch_exponent * scales[:, 3],
+            np.maximum(turn / found.lean, STRAIGHT_RAD),
+            np.minimum(priors.lift * scales[:, 4], LAST_LIFT),
+            plane.radius_m,
+        )
+        sine, cosine = np.sin(azimuth)[:, None], np.cos(azimuth)[:, None]
+        right = cosine * site.axes[:, 0] - sine * site.axes[:, 1]
+        start_s = anchors.time_s + parameters[:, START]
+        return cls(
+            courses, site, plane.up, plane.heading, right, plane.radius_m, start_s, sine[:, 0], cosine[:, 0],
+            anchors.across_m(), found,
+        )  # fmt: skip
+
+    @property
+    def burnout_s(self) -> FloatArray:
+        """Return the scene times (n,) at which the burns end."""
+        end_s: FloatArray = self.start_s + self.courses.burn_s
+        return end_s
+
+    def places(self, row: IntArray, time_s: FloatArray) -> Places:
+        """Return where rows (m,) are at scene times (m,): at rest before the start, burning on after the end."""
+        elapsed = time_s - self.start_s[row]
+        read = self.courses.read(row, elapsed)
+        up, heading, right, radius = self.up[row], self.heading[row], self.right[row], self.radius_m[row]
+        sine, cosine = np.sin(read.swept_rad), np.cos(read.swept_rad)
+        half = np.sin(0.5 * read.swept_rad)
+        rise = read.height_m * cosine - 2.0 * radius * half * half
+        along = (radius + read.height_m) * sine
+        position = self.site.launch_m[row] + rise[:, None] * up + along[:, None] * heading
+        tilt = read.lean_rad + read.swept_rad
+        velocity = read.speed_m_s[:, None] * (np.cos(tilt)[:, None] * up + np.sin(tilt)[:, None] * heading)
+        reach = radius + read.height_m
+        by_height, by_sweep = (self._by_fitted(row, each) for each in (read.height_slope, read.swept_slope))
+        rises = by_height * cosine[:, None] - by_sweep * (reach * sine)[:, None]
+        alongs = by_height * sine[:, None] + by_sweep * (reach * cosine)[:, None]
+        by_course = rises[:, :, None] * up[:, None] + alongs[:, :, None] * heading[:, None]
+        slope = np.empty((len(row), SIZE, 3))
+        slope[:, SPEED : PITCH + 1] = by_course[:, : course.PITCH + 1]
+        slope[:, LIFT] = by_course[:, course.LIFT]
+        slope[:, START] = -velocity
+        sideways = (along / (self.courses.turn_rad * self.natural.lean)[row])[:, None] * right
+        to_east, to_north = self.turn_east[row][:, None], self.turn_north[row][:, None]
+        slope[:, TURN_EAST] = to_east * by_course[:, course.TURN] + to_north * sideways
+        slope[:, TURN_NORTH] = to_north * by_course[:, course.TURN] - to_east * sideways
+        self._shift(slope, row, position, rise, along)
+        return Places(position, velocity, slope)
+
+    def _by_fitted(self, row: IntArray, slope: FloatArray) -> FloatArray:
+        """Return slopes (m, 6) of courses by fitted parameters, from those by natural ones; a lean's by its length."""
+        found, by_lean = slope.copy(), self.natural.lean_slope * self.courses.turn_rad[:, None]
+        turn = slope[:, course.TURN]
+        found[:, course.BURN] += slope[:, course.SPEED] * self.natural.by_burn[row]
+        found[:, course.BURN] += slope[:, course.SHAPE] - slope[:, course.LIFT]
+        found[:, course.SHAPE] += slope[:, course.SPEED] * self.natural.by_rate[row]
+        for place, column in enumerate((course.BURN, course.PITCH, course.LIFT)):
+            found[:, column] -= turn * by_lean[row, place]
+        found[:, course.TURN] = turn / self.natural.lean[row]
+        return found
+
+    def _shift(
+        self, slope: FloatArray, row: IntArray, position: FloatArray, rise: FloatArray, along: FloatArray
+    ) -> None:
+        """Write how positions move with the start: with longitude about the Earth's axis, with latitude in a plane."""
+        slope[:, EAST, 0] = -position[:, 1] / self.across_m[row]
+        slope[:, EAST, 1] = position[:, 0] / self.across_m[row]
+        slope[:, EAST, 2] = 0.0
+        north = self.site.axes[row, 1]
+        level = along * self.turn_north[row]
+        by_latitude = (self.site.meridian_radius_m[row] + rise)[:, None] * north - level[:, None] * self.up[row]
+        slope[:, NORTH] = by_latitude / RADIUS_M

@@ -1,0 +1,161 @@
+"""What sensors are to a fit, and what they have seen of its tracks: the evidence for the end of a burn."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.columns import Columns
+from opir_core.protocols import Sensor
+from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.scene import TARGET_TYPES
+from opir_core.tracking.profile.end import Silence
+from opir_core.tracking.profile.rows import Rows
+
+#: A sensor's chance of detection is believed as much as so many looks.
+_BELIEVED_LOOKS = 10.0
+
+#: The logarithm of the chance that a stage ends just then, of a thousand looks: a pause has to be less probable.
+_CHANCE = -7.0
+
+#: The logarithm of the odds that a target does not fly as the family does, beforehand, and the variance of what it
+#: would be off by, in units of what is expected of innovations.
+FIRST_STRANGE, LEAN_VARIANCE = float(np.log(0.015)), 0.3
+
+#: Of a pause no more is made than this, log.
+_MOST = 12.0
+
+#: A sensor that saw nothing for longer may have failed, s: its silence says nothing of a burn that others see.
+_FAILED_S = 5.0
+
+
+@frozen(eq=False)
+class Watch:
+    """What the sensors of a scene are: scan periods, chances of detection by type, biases, (sensors, ...).
+
+    A sensor that `follows` bodies sees them after the burn too: of its end it tells nothing.
+    """
+
+    period_s: FloatArray
+    chance: FloatArray
+    bias_sigma_rad: FloatArray
+    follows: BoolArray
+
+    @classmethod
+    def of(cls, sensors: Sequence[Sensor]) -> "Watch":
+        """Return the watch of a scene's sensors."""
+        chances = [[sensor.detection_probability.get(kind, 0.5) for kind in TARGET_TYPES] for sensor in sensors]
+        return cls(
+            period_s=np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors]),
+            chance=np.clip(np.array(chances, dtype=np.float64).reshape(len(sensors), len(TARGET_TYPES)), 0.02, 0.999),
+            bias_sigma_rad=np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]),
+            follows=np.array([sensor.follows_bodies for sensor in sensors], dtype=np.bool_),
+        )
+
+
+@frozen(eq=False)
+class Seen(Columns):
+    """What sensors saw of tracks, sorted by number: first and last light, times at which it left, and how often.
+
+    `drift` (n, sensors, 2) is the running mean of whitened innovations, `wander` (n, sensors) its variance if well.
+    `lean` (n, sensors, 2) and `doubt` (n, sensors) are the mean and variance of what innovations would be off by, did
+    the target not fly as the family does, and `strange` (n,) the logarithm of the odds that it does not
+    (`strain`). `newest` (n, sensors, 2) are the last innovations, `rough` (n,) is the sum of half the squares
+    of what they differ by from one to the next, and `jumps` (n,) the number of those.
+    """
+
+    track: IntArray
+    first_s: FloatArray
+    last_s: FloatArray
+    hits: FloatArray
+    travel_s: FloatArray
+    drift: FloatArray
+    wander: FloatArray
+    lean: FloatArray
+    doubt: FloatArray
+    strange: FloatArray
+    newest: FloatArray
+    rough: FloatArray
+    jumps: FloatArray
+
+    @classmethod
+    def nothing(cls, track: IntArray, sensors: int) -> "Seen":
+        """Return what is seen of tracks before anything is."""
+        shape = (len(track), sensors)
+        return cls(
+            track,
+            np.full(shape, np.inf),
+            np.full(shape, -np.inf),
+            np.zeros(shape),
+            np.zeros(shape),
+            np.zeros((*shape, 2)),
+            np.zeros(shape),
+            np.zeros((*shape, 2)),
+            np.full(shape, LEAN_VARIANCE),
+            np.full(len(track), FIRST_STRANGE),
+            np.full((*shape, 2), np.nan),
+            np.zeros(len(track)),
+            np.zeros(len(track)),
+        )
+
+    def drifted(self) -> FloatArray:
+        """Return by how much (n,) the χ² of the running means of innovations exceeds their number."""
+        square = np.square(self.drift) / np.maximum(self.wander, 1e-12)[:, :, None]
+        beyond: FloatArray = square.sum(axis=(1, 2)) - 2.0 * np.count_nonzero(self.wander, axis=1)
+        return beyond
+
+    def of(self, track: IntArray) -> "Seen":
+        """Return what is seen of tracks by number (n,)."""
+        return self.take(np.searchsorted(self.track, track))
+
+    def with_rays(self, rays: Rows, look_s: FloatArray) -> "Seen":
+        """Return what is seen with rays (m,), looked at `look_s` (m,)."""
+        fresh = np.setdiff1d(rays.track, self.track)
+        every = Seen.concatenate([self, Seen.nothing(fresh, self.hits.shape[1])]) if len(fresh) else self
+        every = every.take(np.argsort(every.track, kind="stable"))
+        first, last, hits = every.first_s.copy(), every.last_s.copy(), every.hits.copy()
+        travel = every.travel_s.copy()
+        key = np.searchsorted(every.track, rays.track), rays.sensor
+        np.minimum.at(first, key, rays.time_s)
+        np.maximum.at(last, key, rays.time_s)
+        np.add.at(hits, key, 1.0)
+        travel[key] = look_s - rays.time_s
+        return evolve(every, first_s=first, last_s=last, hits=hits, travel_s=travel)
+
+    def paused(self, before: "Seen", rays: Rows, watch: Watch) -> "Seen":
+        """Return what is seen, made stranger where rays (m,) come after a pause that no single burn has by chance.
+
+        Between stages nothing burns. `before` is what was seen before the rays. The pause's probability is that of as
+        many missed looks of all sensors that have seen the target lately.
+        """
+        known = np.isin(rays.track, before.track)
+        order = np.lexsort((rays.time_s[known], rays.track[known]))
+        track, time_s = rays.track[known][order], rays.time_s[known][order]
+        place = np.searchsorted(before.track, track)
+        latest = np.max(before.last_s, axis=1)[place]
+        first = np.append(True, np.diff(track) != 0)[: len(track)]
+        since = np.where(first, latest, np.append(0.0, time_s)[: len(track)])
+        pause = np.maximum(time_s - since, 0.0)[:, None]
+        hears = (before.last_s[place] > latest[:, None] - _FAILED_S) & ~watch.follows
+        looks = np.maximum((before.last_s - before.first_s)[place] / watch.period_s + 1.0, 1.0)
+        believed = _BELIEVED_LOOKS * watch.chance.mean(axis=1)
+        share = np.clip((before.hits[place] + believed) / (looks + _BELIEVED_LOOKS), 0.01, 0.9)
+        missed = np.maximum(pause / watch.period_s - 1.0, 0.0)
+        log = np.sum(np.where(hears, missed * np.log1p(-np.nan_to_num(share, nan=0.01)), 0.0), axis=1)
+        gain = np.zeros(len(self.track))
+        np.maximum.at(gain, np.searchsorted(self.track, track), np.clip(_CHANCE - log, 0.0, _MOST))
+        return evolve(self, strange=self.strange + gain)
+
+    def silence(self, kind: IntArray, tick_s: float, watch: Watch) -> Silence:
+        """Return the silence at a tick of hypotheses (n,) of these classes, one row each.
+
+        The chance of a detection is what the sensor is built for, and the more what was seen, the longer it was.
+        """
+        heard = (self.hits > 0) & ~watch.follows
+        last = np.where(heard, self.last_s, np.nan)
+        looks = np.where(heard, (self.last_s - self.first_s) / watch.period_s + 1.0, 0.0)
+        share = (np.where(heard, self.hits, 0.0) + _BELIEVED_LOOKS * watch.chance[:, kind].T) / (
+            looks + _BELIEVED_LOOKS
+        )
+        until = np.where(heard, np.maximum(tick_s - self.travel_s, self.last_s), np.nan)
+        return Silence(last, until, np.clip(share, 0.01, 0.999), watch.period_s)

@@ -1,0 +1,106 @@
+"""The tracker `boost-profile`: association by the stereo filter, estimates by the fit of boost profiles."""
+
+import numpy as np
+from attrs import evolve
+
+from opir_core.protocols import TrackerContext
+from opir_core.records import Detections, FloatArray, IntArray, Tracks
+from opir_core.scene import TARGET_TYPES
+from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
+from opir_core.tracking.profile import hypotheses as hypotheses_of
+from opir_core.tracking.profile.bank import Fitting
+from opir_core.tracking.profile.claim import claimed
+from opir_core.tracking.profile.priors import priors_of
+from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.seen import Watch
+from opir_core.tracking.profile.strain import Bank
+from opir_core.tracking.profile.trust import blended
+from opir_core.tracking.rays import Rays, no_rays
+from opir_core.tracking.stereo.tracker import StereoTracker
+
+#: The tick of a track at which earlier rays that belong to no track are claimed, and how long rays wait for it, s.
+_CLAIM_TICK = 3
+_POOL_S = 20.0
+
+#: No type is ruled out by what sensors report.
+_LEAST_CHANCE = 1e-6
+
+
+class ProfileTracker:
+    """The tracker `boost-profile`."""
+
+    def __init__(self, config: BoostProfileConfig, context: TrackerContext, inner: StereoTracker) -> None:
+        self.cadence_s: float | None = config.cadence_s
+        self._inner = inner
+        self._fitting = Fitting(priors_of(config.priors), Watch.of(context.sensors), context.light_time)
+        self._forces = context.forces
+        self._largest_impact_m = 1e3 * config.largest_impact_km
+        self._bank = Bank.empty(len(context.sensors))
+        self._pool = no_rays()
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
+        return self._inner.associate(detections)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Take in the detections since the last tick and return the estimates at this one."""
+        followed = self._inner.step(tick_s, detections)
+        mine = detections.track >= 0
+        rays = Rays.of(detections)
+        self._bank = self._fitting.stepped(self._bank, tick_s, detections.track[mine], rays.take(mine))
+        self._bank = self._bank.without(np.setdiff1d(self._bank.seen.track, followed.track))
+        self._claim(rays.take(~mine), tick_s)
+        return self._told(followed, tick_s)
+
+    def _claim(self, free: Rays, tick_s: float) -> None:
+        """Give rays that belong to no track to young tracks that explain them."""
+        pool = Rays.concatenate([self._pool.take(self._pool.time_s > tick_s - _POOL_S), free])
+        claiming = self._bank.seen.track[self._bank.ticks == _CLAIM_TICK]
+        if len(claiming) and len(pool):
+            self._bank, owner = claimed(self._fitting, self._bank, claiming, pool)
+            pool = pool.take(owner < 0)
+        self._pool = pool
+
+    def _told(self, followed: Tracks, tick_s: float) -> Tracks:
+        """Return the estimates of all tracks with a fit; of the others, what the stereo filter tells."""
+        ready = self._bank.hypotheses
+        if not len(ready):
+            return followed
+        ready = evolve(ready, evidence=ready.evidence + _reported(followed, ready.track, ready.kind))
+        probability = hypotheses_of.probability(ready)
+        told = report(ready, probability, tick_s, self._fitting.priors, self._forces, self._largest_impact_m)
+        sound = np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2))
+        told = self._trusted(told.take(sound), followed)
+        rest = followed.take(~np.isin(followed.track, told.track))
+        every = Tracks.concatenate([told, rest])
+        return every.take(np.argsort(every.track, kind="stable"))
+
+    def _trusted(self, told: Tracks, followed: Tracks) -> Tracks:
+        """Return what is told, mixed with what the filter tells by the chance that a target flies otherwise."""
+        row = np.searchsorted(followed.track, told.track)
+        present = np.flatnonzero(followed.track[np.minimum(row, len(followed) - 1)] == told.track)
+        filtered, fitted = followed.take(row[present]), told.take(present)
+        seen = self._bank.seen.of(filtered.track)
+        dark_s = filtered.tick_s - np.max(seen.last_s, axis=1)
+        chance = 1.0 / (1.0 + np.exp(-seen.strange))
+        chance[np.count_nonzero(seen.hits > 0, axis=1) < 2] = 0.0
+        mixed = blended(fitted, filtered, chance, dark_s)
+        every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
+        return every.take(np.argsort(every.track, kind="stable"))
+
+
+def _reported(followed: Tracks, track: IntArray, kind: IntArray) -> FloatArray:
+    """Return what sensors' reports of the type say of hypotheses (n,), as log likelihoods."""
+    types = followed.type_probability[np.searchsorted(followed.track, track), : len(TARGET_TYPES)]
+    chance = types[np.arange(len(kind)), kind]
+    said = np.isfinite(types).all(axis=1) & (types.sum(axis=1) > 0.5)
+    log: FloatArray = np.where(said, np.log(np.maximum(np.nan_to_num(chance), _LEAST_CHANCE)), 0.0)
+    return log
+
+
+def boost_profile_tracker(config: BoostProfileConfig, context: TrackerContext) -> ProfileTracker:
+    """Return the tracker `boost-profile`."""
+    from opir_core.tracking.stereo.tracker import stereo_filter
+
+    following = StereoFilterConfig(cadence_s=config.cadence_s, association=config.association)
+    return ProfileTracker(config, context, stereo_filter(following, context))

@@ -1,0 +1,76 @@
+"""What is told of a target that may fly as no family does: the fit and a filter that knows no family, mixed.
+
+The filter needs two sensors, and is then the surer the less the family holds. What is told is the mixture of both, by
+the chance that the target flies otherwise: where the two differ while that is open, the covariance holds what they
+differ by.
+"""
+
+import numpy as np
+from attrs import evolve
+
+from opir_core.records import BoolArray, FloatArray, Tracks
+from opir_core.tracking.profile.flight import off_ground, on_ground
+from opir_core.tracking.stereo.report import STAGED_S
+
+
+def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatArray) -> Tracks:
+    """Return the tracks of both, row by row, as mixtures in which the filter's have these chances (n,).
+
+    The type is the fit's. A burn that has stages may go on: of targets that more likely than not fly otherwise, no
+    impact is told before they have been dark (n,) long enough, nor an end of the burn.
+    """
+    heavy = chance > 0.5
+    over = dark_s > STAGED_S
+    chance = np.where(chance < _LEAST_CHANCE, 0.0, chance)
+    state, spread = _mixed(fitted.state, fitted.state_covariance, filtered.state, filtered.state_covariance, chance)
+    launch, launch_spread = _mixed_places(
+        fitted.launch, fitted.launch_covariance, filtered.launch, filtered.launch_covariance, chance, heavy
+    )
+    impact, impact_spread = _mixed_places(
+        fitted.impact, fitted.impact_covariance, filtered.impact, filtered.impact_covariance, chance, heavy
+    )
+    early = heavy & ~over
+    impact[early], impact_spread[early] = np.nan, np.nan
+    burnout, burnout_spread = fitted.burnout.copy(), fitted.burnout_covariance.copy()
+    burnout[heavy], burnout_spread[heavy] = np.nan, np.nan
+    return evolve(
+        fitted,
+        state=state,
+        state_covariance=spread,
+        launch=launch,
+        launch_covariance=launch_spread,
+        impact=impact,
+        impact_covariance=impact_spread,
+        burnout=burnout,
+        burnout_covariance=burnout_spread,
+    )
+
+
+#: Chances below this are none: a mixture with little of what is far less certain says less than it knows.
+_LEAST_CHANCE = 0.1
+
+
+def _mixed(
+    mean: FloatArray, spread: FloatArray, other: FloatArray, other_spread: FloatArray, chance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return means (n, d) and covariances (n, d, d) of mixtures of two normal distributions."""
+    away, share = other - mean, chance[:, None, None]
+    apart = share * (1.0 - share) * away[:, :, None] * away[:, None, :]
+    return mean + chance[:, None] * away, (1.0 - share) * spread + share * other_spread + apart
+
+
+def _mixed_places(
+    place: FloatArray,
+    spread: FloatArray,
+    other: FloatArray,
+    other_spread: FloatArray,
+    chance: FloatArray,
+    heavy: BoolArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return mixtures of places on the ground and times (n, 3); where one is unknown, the likelier, known or not."""
+    away = on_ground(other, place)
+    both: BoolArray = np.asarray(np.isfinite(away).all(axis=1))
+    mean, total = _mixed(np.zeros_like(away), spread, np.where(both[:, None], away, 0.0), other_spread, chance)
+    told, told_spread = np.where(heavy[:, None], other, place), np.where(heavy[:, None, None], other_spread, spread)
+    told[both], told_spread[both] = off_ground(mean[both], place[both]), total[both]
+    return told, told_spread

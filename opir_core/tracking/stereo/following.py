@@ -1,0 +1,166 @@
+"""How tracks take in the rays of a slice: gates, assignments, and their being settled by what they led to."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.association import (
+    Associated,
+    Chances,
+    as_owned,
+    associate_joint,
+    associate_nearest,
+    crowded,
+    related,
+    scan_numbers,
+    uncontested,
+)
+from opir_core.tracking.configs import StereoFilterConfig
+from opir_core.tracking.filter.switching import Bank, SwitchingFilter
+from opir_core.tracking.gating import Pairs, candidates, gated
+from opir_core.tracking.outlook import Outlook
+from opir_core.tracking.rays import Rays, alike
+from opir_core.tracking.stereo.ghosts import RANGE_M, Slice, without_ghosts
+
+#: A settled assignment may reach this much farther than the first gate, in standard deviations.
+_SETTLING_GATE = 6.0
+
+#: Rays are assigned anew where a slice moved a track by more than this share of one look's error: a shift s changes the
+#: log odds of a ray between two rivals d apart by s d, in errors; rivals farther apart than 3 contest few rays.
+_RESTLESS = 1.0 / 3.0
+
+_Asked = TypeVar("_Asked")
+_Answer = TypeVar("_Answer")
+
+_NONE = np.empty(0, dtype=np.int64)
+
+
+class Followed(NamedTuple):
+    """Estimates after a slice, the row that each ray was given to, -1 for none, the pairs in which it was, and all."""
+
+    bank: Bank
+    owner: IntArray
+    own: Pairs
+    pairs: Pairs
+
+
+@frozen(eq=False)
+class Following:
+    """How tracks take in rays."""
+
+    config: StereoFilterConfig
+    filter: SwitchingFilter
+    chances: Chances
+    light_time: bool
+    #: The last bank moved, and the last one looked out from and held against rays: labels and estimates ask the same.
+    last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
+    met: list[tuple[Outlook, float, Rays, Pairs]] = field(factory=list)
+    assigned: list[tuple[Pairs, IntArray | None, Associated]] = field(factory=list)
+
+    def moved(self, bank: Bank, step_s: float) -> Bank:
+        """Return a bank a step later."""
+        return self.remembered("moved", self.filter.moved, bank, step_s)
+
+    def outlook(self, bank: Bank, time_s: float) -> Outlook:
+        """Return where the tracks of a bank are about its time."""
+        return self.remembered("outlook", self.filter.outlook, bank, time_s)
+
+    def moments(self, bank: Bank) -> tuple[FloatArray, FloatArray]:
+        """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity of a bank's tracks."""
+        return self.remembered("moments", lambda one, _: self.filter.moments(one), bank, 0.0)
+
+    def remembered(self, name: str, way: Callable[[_Asked, float], _Answer], asked: _Asked, value: float) -> _Answer:
+        """Return what a way leads to from what it is asked; the last answer is kept by name."""
+        known = self.last.get(name)
+        if known is None or known[0] is not asked or known[1] != value:
+            known = self.last[name] = asked, value, way(asked, value)
+        answer: _Answer = known[2]
+        return answer
+
+    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float, young: IntArray) -> Followed:
+        """Return the bank with a slice's rays taken in, and what each ray told.
+
+        The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
+        near targets a whole slice tells more than one scan does. Rows `young` need it not: they are settled by all that
+        was seen of them.
+        """
+        pairs = self.paired(self.outlook(bank, end_s), rays, span)
+        found = self._associated(pairs, rays)
+        after = self.filter.updated(bank, end_s, found.sights, span)
+        busy = self._restless(bank, after, pairs, rays, young) if self.config.settling and found.contested else _NONE
+        first = Followed(after, found.owner, found.own, pairs)
+        return self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
+
+    def _restless(self, bank: Bank, after: Bank, pairs: Pairs, rays: Rays, young: IntArray) -> IntArray:
+        """Return the tracks that have rivals, of clusters in which one, not young, moved enough for other rays."""
+        rivals = crowded(pairs, rays)
+        shift = after.take(rivals).likelier_position_m - bank.take(rivals).likelier_position_m
+        far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * rays.sigma_rad.max(initial=0.0) * RANGE_M
+        restless = np.setdiff1d(rivals[far], young, assume_unique=True)
+        return rivals[related(pairs, restless)[rivals]]
+
+    def _settled(
+        self, first: Followed, bank: Bank, end_s: float, rays: Rays, span: float, pairs: Pairs, busy: IntArray
+    ) -> Followed:
+        """Return what was followed with the rays of the tracks `busy`, which have rivals, assigned anew."""
+        place = np.full(len(bank) + 1, -1, dtype=np.int64)
+        place[busy] = np.arange(len(busy))
+        rows = np.flatnonzero(place[pairs.track] >= 0)
+        track, ray, before, then = place[pairs.track[rows]], pairs.ray[rows], bank.take(busy), first.bank.take(busy)
+        found, mine = None, place[first.owner]
+        for turn in range(self.config.settling):
+            closer = gated(self.filter.outlook(then, end_s), rays, track, ray, _SETTLING_GATE, self.light_time)
+            anew = self._associated(closer, rays)
+            if turn == 0:
+                anew = self._unghosted(before, end_s, closer, rays, anew)
+            if np.array_equal(anew.owner, mine):
+                break
+            found, mine = anew, anew.owner
+            then = self.filter.updated(before, end_s, found.sights, span)
+        if found is None:
+            return first
+        others = np.where((first.owner >= 0) & (place[first.owner] < 0), first.owner, -1)
+        kept = first.own.take(np.flatnonzero(place[first.own.track] < 0))
+        settled = evolve(found.own, track=busy[found.own.track])
+        return Followed(
+            first.bank.put(busy, then),
+            np.where(mine >= 0, busy[mine], others),
+            Pairs.concatenate([kept, settled]),
+            pairs,
+        )
+
+    def _unghosted(self, bank: Bank, end_s: float, pairs: Pairs, rays: Rays, found: Associated) -> Associated:
+        """Return the association with the rays of one sensor exchanged where that explains the slice better."""
+        used = found.owner[pairs.ray] == pairs.track
+        better = without_ghosts(Slice(self.filter, self.chances, self.light_time, bank, end_s, rays), pairs, used)
+        return found if np.array_equal(better, used) else as_owned(pairs, rays, better)
+
+    def paired(self, outlook: Outlook, rays: Rays, span: float) -> Pairs:
+        """Return the gated pairs of all tracks and the rays of a span; the same question twice is worked out once."""
+        if self.met:
+            before, reach, known, pairs = self.met[0]
+            if before is outlook and reach == span and alike(known, rays):
+                return pairs
+        gate = self.config.gate_sigma
+        pairs = gated(outlook, rays, *candidates(outlook, rays, span, gate, self.light_time), gate, self.light_time)
+        self.met[:] = [(outlook, span, rays, pairs)]
+        return pairs
+
+    def _associated(self, pairs: Pairs, rays: Rays) -> Associated:
+        if self.config.association == "joint":
+            return associate_joint(pairs, rays, self.chances)
+        return self.nearest(pairs, rays)
+
+    def nearest(self, pairs: Pairs, rays: Rays) -> Associated:
+        """Return the likeliest assignment of each scan; the same question twice is worked out once."""
+        if self.assigned and self.assigned[0][0] is pairs:
+            _, known, found = self.assigned[0]
+            scan = None if uncontested(pairs, rays) else scan_numbers(rays.sensor, rays.scan)
+            if known is scan or (known is not None and scan is not None and np.array_equal(known, scan)):
+                return found
+        found = associate_nearest(pairs, rays, self.chances)
+        self.assigned[:] = [(pairs, scan_numbers(rays.sensor, rays.scan) if found.contested else None, found)]
+        return found

@@ -1,0 +1,69 @@
+"""The tracker `stereo-filter` as scenes name it, with late detections."""
+
+from collections import deque
+
+import numpy as np
+
+from opir_core.protocols import TrackerContext
+from opir_core.records import Detections, IntArray, Tracks
+from opir_core.tracking.configs import StereoFilterConfig
+from opir_core.tracking.rays import Rays
+from opir_core.tracking.stereo.tracking import Situation, StereoTracking
+
+
+class StereoTracker:
+    """The tracker `stereo-filter`."""
+
+    def __init__(self, tracking: StereoTracking) -> None:
+        self.cadence_s: float | None = tracking.config.cadence_s
+        self._tracking = tracking
+        self._now = tracking.start()
+        self._past: deque[tuple[Situation, float, Detections]] = deque()
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
+        rays = self._tracking.biases.widened(Rays.of(detections))
+        return self._tracking.nearest(self._now, rays)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Take in the detections since the last tick, and late ones, and return the estimates at this tick."""
+        late = detections.time_s < self._now.time_s
+        if late.any():
+            self._go_back(detections.take(np.flatnonzero(late)))
+        self._advance(tick_s, detections.take(np.flatnonzero(~late)) if late.any() else detections)
+        return self._tracking.told(self._now)
+
+    def _advance(self, tick_s: float, detections: Detections) -> None:
+        late_s = self._tracking.config.late_s
+        if late_s:
+            self._past.append((self._now, tick_s, detections))
+            while self._past and self._past[0][1] <= tick_s - late_s:
+                self._past.popleft()
+        self._now = self._tracking.stepped(self._now, tick_s, detections)
+
+    def _go_back(self, late: Detections) -> None:
+        """Step again from before the late detections; those from before the remembered past are left out."""
+        steps = list(self._past)
+        if not steps:
+            return
+        self._past.clear()
+        earliest = late.time_s.min()
+        again = next((k for k, (_, tick_s, _) in enumerate(steps) if earliest < tick_s), len(steps))
+        self._past.extend(steps[:again])
+        if again == len(steps):
+            return
+        self._now = steps[again][0]
+        for _, tick_s, known in steps[again:]:
+            mine = (late.time_s >= self._now.time_s) & (late.time_s < tick_s)
+            self._advance(tick_s, _merged(known, late.take(np.flatnonzero(mine))))
+
+
+def _merged(known: Detections, late: Detections) -> Detections:
+    """Return all detections in the order in which they would have come."""
+    every = Detections.concatenate([known, late])
+    return every.take(np.lexsort((every.scan, every.sensor, every.time_ns)))
+
+
+def stereo_filter(config: StereoFilterConfig, context: TrackerContext) -> StereoTracker:
+    """Return the tracker `stereo-filter`."""
+    return StereoTracker(StereoTracking.of(config, context))

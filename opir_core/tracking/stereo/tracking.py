@@ -1,0 +1,286 @@
+"""The tracker `stereo-filter`: association, track management and the switching filter, slice by slice.
+
+What is known is one frozen `Situation`; a step makes a new one. So late detections are taken in by going back to the
+situation before them and stepping forward again: the result is that of their having been in time.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from attrs import evolve, field, frozen
+
+from opir_core.flight.forces import Forces, forces_of
+from opir_core.protocols import TrackerContext
+from opir_core.records import Detections, FloatArray, IntArray, Tracks
+from opir_core.tracking import initiation
+from opir_core.tracking.association import Chances, associate_nearest, plain, scan_numbers
+from opir_core.tracking.biases import Biases
+from opir_core.tracking.configs import StereoFilterConfig
+from opir_core.tracking.filter.switching import Bank, SwitchingFilter
+from opir_core.tracking.ground_points import GroundPoints, renewed
+from opir_core.tracking.launch_points import launches
+from opir_core.tracking.rays import Rays, no_rays, no_sights
+from opir_core.tracking.stereo import upkeep
+from opir_core.tracking.stereo.contested_histories import LONGEST_S, asked, kept, slice_sights, turned
+from opir_core.tracking.stereo.following import Followed, Following
+from opir_core.tracking.stereo.ghosts import RANGE_M
+from opir_core.tracking.stereo.histories import Histories, lasting_s, mean_sights
+from opir_core.tracking.stereo.history_assignment import decided
+from opir_core.tracking.stereo.report import estimates, evidence_of, free_flights, type_posterior
+from opir_core.tracking.track_priors import filter_of, first_bank
+
+#: A track's launch is worked out as long as it is no older than this, s.
+_YOUNG_S = 10.0
+
+_NOBODY = np.array([-1])
+
+
+@frozen(eq=False)
+class Situation:
+    """All a tracker knows at a time: estimates, roster, recent rays that belong to no track, and the next number.
+
+    `doubtful` are the numbers of tracks that may have others' histories, and what is told of them.
+    """
+
+    time_s: float
+    bank: Bank
+    roster: upkeep.Roster
+    pool: Rays
+    reported: IntArray
+    histories: Histories = field(factory=Histories.none)
+    doubtful: tuple[IntArray, Bank] = field(factory=lambda: (np.empty(0, dtype=np.int64), Bank.empty()))
+    next_number: int = 0
+
+
+@frozen(eq=False)
+class StereoTracking:
+    """How one situation leads to the next."""
+
+    config: StereoFilterConfig
+    filter: SwitchingFilter
+    following: Following
+    period_s: FloatArray
+    biases: Biases
+    forces: Forces
+    evidence: FloatArray
+    boost_lasts_s: float
+
+    @classmethod
+    def of(cls, config: StereoFilterConfig, context: TrackerContext) -> "StereoTracking":
+        """Return the tracking of a scene's sensors."""
+        chance = [np.mean(list(sensor.detection_probability.values()) or [0.8]) for sensor in context.sensors]
+        chances = Chances(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr)
+        period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
+        look_m = RANGE_M * max((sensor.line_of_sight_sigma_rad for sensor in context.sensors), default=0.0)
+        filter_ = filter_of(config, context)
+        return cls(
+            config=config,
+            filter=filter_,
+            following=Following(config, filter_, chances, context.light_time),
+            period_s=period_s,
+            biases=Biases.of(context.sensors),
+            forces=forces_of(context.forces),
+            evidence=evidence_of(context.sensors),
+            boost_lasts_s=min(lasting_s(config.jerk_noise_m_s3, look_m, float(period_s.min(initial=1.0))), LONGEST_S),
+        )
+
+    def start(self) -> Situation:
+        """Return the situation before the first detection."""
+        roster = upkeep.Roster.of(len(self.period_s))
+        return Situation(0.0, Bank.empty(), roster, no_rays(), np.empty(0, dtype=np.int64))
+
+    def stepped(self, now: Situation, tick_s: float, detections: Detections) -> Situation:
+        """Return the situation at a tick, with the detections since the last one."""
+        rays, reported = self.biases.widened(Rays.of(detections)), detections.reported_type.astype(np.int64)
+        ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
+        cuts = np.searchsorted(rays.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
+        for end, first, last in zip(ends, cuts[:-1], cuts[1:], strict=True):
+            whole = last - first == len(rays)
+            part = rays if whole else rays.take(slice(first, last))
+            now = self._sliced(now, end, part, reported[first:last])
+        return now
+
+    def _sliced(self, now: Situation, end_s: float, rays: Rays, reported: IntArray) -> Situation:
+        span = end_s - now.time_s
+        then, owner = self.followed(now, end_s, rays)
+        roster = now.roster.seen(owner, rays.time_s, rays.sensor, reported) if len(owner) else now.roster
+        then = self._pooled(evolve(then, roster=roster), rays, owner, reported, span)
+        return self._kept(self._launched(self._begun(then)), rays, owner)
+
+    def _pooled(self, now: Situation, rays: Rays, owner: IntArray, reported: IntArray, span: float) -> Situation:
+        """Return the situation with the rays that belong to no track in the pool, and those too old for it out."""
+        is_free = owner < 0
+        if not np.count_nonzero(is_free) and not len(now.pool):
+            return now
+        free = np.flatnonzero(is_free)
+        pool = Rays.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
+        told = np.concatenate([now.reported, reported[free]])
+        recent_s = self.config.recent_scans * self.period_s[pool.sensor] + span
+        fresh = np.flatnonzero(now.time_s - pool.time_s <= recent_s)
+        return evolve(now, pool=pool.take(fresh), reported=told[fresh])
+
+    def followed(self, now: Situation, end_s: float, rays: Rays) -> tuple[Situation, IntArray]:
+        """Return the situation with a slice's rays taken in by the tracks there are, and whose row each ray is."""
+        span, owner = end_s - now.time_s, np.full(len(rays), -1, dtype=np.int64)
+        if not len(now.bank):
+            return evolve(now, time_s=end_s), owner
+        bank = self.following.moved(now.bank, span)
+        histories = now.histories.moved(self.filter.moved, span)
+        if not len(rays):
+            bank = self.filter.updated(bank, end_s, no_sights(), span)
+            return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
+        young = np.searchsorted(now.roster.number, histories.number)
+        told = self.following.followed(bank, end_s, rays, span, young)
+        now = evolve(now, time_s=end_s, histories=histories, bank=told.bank)
+        return self._decided(now, told, young, rays, span), told.owner
+
+    def _decided(self, now: Situation, told: Followed, rows: IntArray, rays: Rays, span: float) -> Situation:
+        """Return the situation with the histories of tracks `rows` where they belong, as far as that can be told."""
+        known = now.histories
+        if not len(known):
+            return now
+        bank, age = now.bank.take(rows), now.time_s - known.begun_s
+        seen = slice_sights(self.filter.outlook(bank, now.time_s), told, rows, rays, self.following.chances, span)
+        known, bank = turned(self.filter, known.seen(*seen), bank, now.time_s)
+        found = decided(self.filter, known, bank, now.time_s, self.biases.sigma_rad, asked(known, age, span))
+        known, boosts = found.histories, bank.weight[:, 0] > 0.5
+        stays = kept(known, age, boosts, self.boost_lasts_s)
+        open_ = np.flatnonzero(stays & (known.doubt > 0.0))
+        return evolve(
+            now,
+            bank=now.bank.put(rows, found.bank),
+            histories=known.of(stays),
+            doubtful=(known.number[open_], found.told.take(open_)),
+        )
+
+    def estimated(self, now: Situation) -> Bank:
+        """Return the estimates to tell: of a track that may have another's history, all it may have mixed."""
+        number, told = now.doubtful
+        if not len(number):
+            return now.bank
+        here = np.flatnonzero(np.isin(number, now.roster.number))
+        return (
+            now.bank.put(np.searchsorted(now.roster.number, number[here]), told.take(here)) if len(here) else now.bank
+        )
+
+    def _launched(self, now: Situation) -> Situation:
+        """Return the situation with what the young tracks' paths say of their launches."""
+        fresh = now.time_s - now.roster.begun_s <= _YOUNG_S
+        if not np.count_nonzero(fresh):
+            return now
+        young = np.flatnonzero(fresh & (now.bank.weight[:, 0] > 0.5))
+        if not len(young):
+            return now
+        told, bank = now.roster.take(young), now.bank.take(young)
+        outlook, noise = self.filter.outlook(bank, now.time_s), self.config.jerk_noise_back_m_s3
+        biased = self.biases.covariance(bank.likelier_position_m, now.time_s, told.reports >= 0)
+        found = launches(outlook, told.first_s, self._slowest(told), noise, biased)
+        best = renewed(GroundPoints(told.launch, told.launch_covariance), found)
+        launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
+        launch[young], covariance[young] = best
+        return evolve(now, roster=evolve(now.roster, launch=launch, launch_covariance=covariance))
+
+    def _begun(self, now: Situation) -> Situation:
+        """Return the situation with tracks begun where unclaimed rays show a target."""
+        if len(now.pool) < self.config.needed_scans:
+            return now
+        begun = initiation.beginnings(now.pool, self.config.needed_scans, self.biases.sigma_rad)
+        if not len(begun):
+            return now
+        first = first_bank(begun, now.time_s, self.config)
+        span = now.time_s - float(now.pool.time_s.min())
+        pairs = self.following.paired(self.filter.outlook(first, now.time_s), now.pool, span)
+        found = associate_nearest(pairs, now.pool, self.following.chances)
+        bank = self.filter.updated(first, now.time_s, found.sights, span)
+        return self._joined(now, first, Followed(bank, found.owner, found.own, pairs))
+
+    def _joined(self, now: Situation, first: Bank, told: Followed) -> Situation:
+        """Return the situation with those new tracks that got their rays, numbered in order."""
+        hits = np.bincount(told.owner[told.owner >= 0], minlength=len(first))
+        good = hits >= self.config.needed_scans
+        row = np.append(np.where(good, np.cumsum(good) - 1, -1), -1)
+        owner, count = row[told.owner], int(good.sum())
+        number = np.arange(now.next_number, now.next_number + count)
+        fresh = upkeep.Roster.fresh(number, now.time_s, len(self.period_s))
+        fresh = fresh.seen(owner, now.pool.time_s, now.pool.sensor, now.reported)
+        left = np.flatnonzero(owner < 0)
+        path = self.filter.outlook(told.bank, now.time_s)
+        sensor = now.pool.sensor[told.own.ray].astype(np.int64)
+        seen = mean_sights(path, plain(told.own), sensor, self.config.slice_s)
+        begun = Histories(np.arange(len(first)), np.full(len(first), now.time_s), first, *seen).of(good)
+        return evolve(
+            now,
+            bank=Bank.concatenate([now.bank, told.bank.take(np.flatnonzero(good))]),
+            roster=upkeep.Roster.concatenate([now.roster, fresh]),
+            pool=now.pool.take(left),
+            reported=now.reported[left],
+            histories=now.histories.joined(evolve(begun, number=number)),
+            next_number=now.next_number + count,
+        )
+
+    def _kept(self, now: Situation, rays: Rays, owner: IntArray) -> Situation:
+        """Return the situation without doubles and without tracks that are lost or came to nothing."""
+        if not len(now.bank):
+            return now
+        state, covariance = self.following.moments(now.bank)
+        config, roster, place = self.config, now.roster, state[:, :3]
+        drop = upkeep.lost(roster, place, covariance, now.time_s, config.silence_s, config.lost_sigma_m)
+        if roster.hits.min() < 3 * config.needed_scans:
+            patience = config.recent_scans * self._slowest(roster)
+            drop |= upkeep.came_to_nothing(roster, now.time_s, 3 * config.needed_scans, patience)
+        if len(now.bank) > 1:
+            scan = scan_numbers(rays.sensor, rays.scan)
+            drop |= upkeep.doubles(place, state, covariance, owner, scan, roster.hits)
+        if not np.count_nonzero(drop):
+            return now
+        keep = np.flatnonzero(~drop)
+        histories = now.histories.of(np.isin(now.histories.number, roster.number[keep]))
+        return evolve(now, bank=now.bank.take(keep), roster=roster.take(keep), histories=histories)
+
+    def _slowest(self, roster: upkeep.Roster) -> FloatArray:
+        """Return the longest scan period of the sensors that saw each track, s."""
+        slowest: FloatArray = np.max(np.where(roster.reports >= 0, self.period_s, 0.0), axis=1, initial=0.0)
+        return slowest
+
+    def told(self, now: Situation) -> Tracks:
+        """Return what is told of the tracks seen often enough."""
+        sure = now.roster.hits >= 2 * self.config.needed_scans
+        bank, roster = self.estimated(now), now.roster
+        if np.count_nonzero(sure) < len(sure):
+            bank, roster = bank.take(sure), roster.take(sure)
+        state, covariance = self.following.moments(bank)
+        if self.biases.any:
+            covariance = covariance.copy()
+            covariance[:, :3, :3] += self.biases.covariance(bank.likelier_position_m, now.time_s, roster.reports >= 0)
+        is_free = free_flights(self.filter, bank)
+        return estimates(state, covariance, is_free, roster, now.time_s, self.forces, self._types(roster))
+
+    def _types(self, roster: upkeep.Roster) -> FloatArray:
+        """Return the probabilities (n, types) of tracks' types, worked out anew where a report is new."""
+        reports, evidence = roster.reports, self.evidence
+        return self.following.remembered("types", lambda one, _: type_posterior(one, evidence), reports, 0.0)
+
+    def nearest(self, now: Situation, rays: Rays) -> IntArray:
+        """Return the number of the track (n,) that each ray is likeliest to belong to; -1 for none.
+
+        Rays of one sensor and one instant are weighed against each other, and no others: whatever part of the scene is
+        asked for at once, these are in it together.
+        """
+        if not len(now.bank) or not len(rays):
+            return np.full(len(rays), -1, dtype=np.int64)
+        ahead = now.time_s + self.config.cadence_s
+        outlook = self.following.outlook(self.following.moved(now.bank, self.config.cadence_s), ahead)
+        pairs = self.following.paired(outlook, rays, self.config.cadence_s)
+        sure = now.roster.hits >= 2 * self.config.needed_scans
+        if np.count_nonzero(sure) < len(sure):
+            pairs = pairs.take(np.flatnonzero(sure[pairs.track]))
+        owner = self.following.nearest(pairs, rays.of_instants()).owner
+        return np.concatenate([now.roster.number, _NOBODY])[owner]
+
+
+def _slice_ends(start_s: float, end_s: float, slice_s: float) -> Iterator[float]:
+    """Yield the ends of equal slices no longer than `slice_s`."""
+    count = max(1, int(np.ceil((end_s - start_s) / slice_s - 1e-9)))
+    for number in range(1, count):
+        yield start_s + (end_s - start_s) * number / count
+    yield end_s
