@@ -66,7 +66,7 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
 def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand, 1280, "dark")
     drawn = "() => opirMap.drawn && opirMap.drawn.launches && opirMap.drawn.ellipses"
-    page.wait_for_function(drawn, timeout=60_000)
+    page.wait_for_function(drawn, timeout=180_000)
     # A track of our own, where nothing else is: marks are looked for by their colours.
     page.evaluate(f"opirMap.setTrack({json.dumps(TRACK)})")
     page.wait_for_function(f"() => ({SEEN})(-20, -30, 'launch') > 5")
