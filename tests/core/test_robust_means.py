@@ -106,3 +106,15 @@ def test_medians_are_those_of_numpy():
     seen = np.random.default_rng(4).normal(size=(19, 2))
     expected = [np.median(seen[group == each], axis=0) for each in range(5)]
     assert medians(group, seen) == pytest.approx(np.array(expected))
+
+
+@pytest.mark.parametrize(("size", "strays"), [(2, 0.3), (5, 0.1), (5, 0.3), (8, 0.3)])
+def test_where_the_share_of_strays_is_known_a_mean_knows_how_good_it_is(size, strays):
+    group, seen, centre = rays_of(3000, size, strays, GATE, 7, offset=0.4)
+    error, share = np.full(len(group), SIGMA_RAD), np.full(len(group), strays)
+    weights = weights_of(group, group, seen, error, True, share)
+    total = np.bincount(group, weights.weight)
+    mean = np.stack([np.bincount(group, weights.weight * seen[:, axis]) / total for axis in (0, 1)], axis=1)
+    values = 0.5 * np.sum(np.square(mean - centre), axis=1) * np.bincount(group, weights.information)
+    # Expectation and maximisation know the observed information, which for so few rays is right to a twentieth.
+    assert values.mean() == pytest.approx(1.0, abs=0.05 + 3.3 * values.std() / np.sqrt(3000))

@@ -48,9 +48,12 @@ class Fitting:
     watch: Watch
     light_time: bool
 
-    def stepped(self, bank: Bank, tick_s: float, track: IntArray, rays: Rays) -> Bank:
-        """Return the bank at a tick, with rays (m,) since the last one, given to tracks by number (m,)."""
-        fresh, travelled = self._points(bank, track, rays)
+    def stepped(self, bank: Bank, tick_s: float, track: IntArray, rays: Rays, stray: FloatArray | None = None) -> Bank:
+        """Return the bank at a tick, with rays (m,) since the last one, given to tracks by number (m,).
+
+        `stray` (m,) is the share of strays among each ray's track's, where that is known.
+        """
+        fresh, travelled = self._points(bank, track, rays, stray)
         seen = bank.seen.with_rays(travelled, rays.time_s) if len(rays) else bank.seen
         seen = seen.paused(bank.seen, travelled, self.watch)
         ticks = np.zeros(len(seen.track), dtype=np.int64)
@@ -64,7 +67,7 @@ class Fitting:
             else bank
         )
 
-    def _points(self, bank: Bank, track: IntArray, rays: Rays) -> tuple[Rows, Rows]:
+    def _points(self, bank: Bank, track: IntArray, rays: Rays, stray: FloatArray | None) -> tuple[Rows, Rows]:
         """Return the normal points of rays, and the rays as rows at the times at which light left."""
         rows = Rows(track, rays.time_s, rays.sensor, rays.origin_ecef_m, axes_about(rays), rays.sigma_rad)
         known = np.isin(track, bank.hypotheses.track)
@@ -72,12 +75,13 @@ class Fitting:
         parts, left = [], rows.time_s.copy()
         if len(new):
             left[new] = self.left_s(rows.take(new), hypotheses_of.on_the_ground(rows.take(new)))
-            parts.append(means(evolve(rows.take(new), time_s=left[new])))
+            parts.append(means(evolve(rows.take(new), time_s=left[new]), None if stray is None else stray[new]))
         if len(old):
             path = hypotheses_of.Path.of(bank.hypotheses, self.priors, rows.take(old))
             left[old] = self.left_s(rows.take(old), path.at(rows.take(old)))
             mine = evolve(rows.take(old), time_s=left[old])
-            parts.append(normal_points(mine, path.at, np.floor(rays.time_s[old] / SPAN_S).astype(np.int64)))
+            span = np.floor(rays.time_s[old] / SPAN_S).astype(np.int64)
+            parts.append(normal_points(mine, path.at, span, None if stray is None else stray[old]))
         return Rows.concatenate(parts) if parts else Rows.empty(), evolve(rows, time_s=left)
 
     def left_s(self, rows: Rows, position: FloatArray) -> FloatArray:

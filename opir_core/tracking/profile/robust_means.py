@@ -44,33 +44,43 @@ class Weights(NamedTuple):
     information: FloatArray
 
 
-def weights_of(group: IntArray, owner: IntArray, seen: FloatArray, sigma_rad: FloatArray, is_expected: bool) -> Weights:
+def weights_of(
+    group: IntArray,
+    owner: IntArray,
+    seen: FloatArray,
+    sigma_rad: FloatArray,
+    is_expected: bool,
+    stray: FloatArray | None = None,
+) -> Weights:
     """Return the weights of rays (n,) at places (n, 2), rad, of groups that come sorted, from 0.
 
-    Strays are as frequent in all groups of an owner (n,). Places that are counted from where rays are expected tell,
-    if `is_expected`, that their mean is near: this guides what strays, and is no part of the mean.
+    Strays are as frequent as `stray` (n,) says; where that is not known, in all groups of an owner (n,) alike. Places
+    that are counted from where rays are expected tell, if `is_expected`, that their mean is near: this guides what
+    strays, and is no part of the mean.
     """
     whole = 1.0 / np.square(sigma_rad)
     count = np.bincount(group)
     few = (count < _FEWEST)[group]
     _, owner = np.unique(owner, return_inverse=True)
     rays = np.bincount(owner)
-    mean, stray = medians(group, seen), np.full(len(rays), _FIRST_SHARE)
+    mean, share = medians(group, seen), np.full(len(rays), _FIRST_SHARE)
     pull = _pull(group, mean, whole) if is_expected else np.zeros(len(count))
     mean /= (1.0 + pull / np.bincount(group, _MEDIAN_TOLD * whole))[:, None]
     for turn in range(_TURNS):
         square = np.sum(np.square(seen - mean[group]), axis=1) * whole
-        chance, density = stray[owner], np.exp(-0.5 * square) / (2.0 * np.pi)
+        chance, density = share[owner] if stray is None else stray, np.exp(-0.5 * square) / (2.0 * np.pi)
         own = np.where(few, 1.0, (1.0 - chance) * density / ((1.0 - chance) * density + chance / _AREA))
         own = np.maximum(own, _LEAST_WEIGHT)
         if turn + 1 < _TURNS:
             total = np.bincount(group, own * whole) + pull
             mean = np.stack([np.bincount(group, own * whole * seen[:, axis]) / total for axis in (0, 1)], axis=1)
-            stray = (np.bincount(owner, 1.0 - own) + _SHARE * _BELIEVED) / (rays + _BELIEVED)
+            share = (np.bincount(owner, 1.0 - own) + _SHARE * _BELIEVED) / (rays + _BELIEVED)
     # Of a ray that may be a stray one, the mean knows less: w - w (1 - w) r², averaged over both angles.
     told, most = np.bincount(group, own * (1.0 - 0.5 * (1.0 - own) * square) * whole), np.bincount(group, own * whole)
-    share = np.maximum(told / most, _LEAST_TOLD)[group]
-    return Weights(own * whole, np.where(few, whole, own * whole * share))
+    part = np.maximum(told / most, _LEAST_TOLD)[group]
+    # Of few rays any may be a stray one: their mean is as uncertain as both kinds are together.
+    mixed = 1.0 if stray is None else 1.0 + stray * (0.25 * GATE**2 - 1.0)
+    return Weights(own * whole, np.where(few, whole / mixed, own * whole * part))
 
 
 def _pull(group: IntArray, middle: FloatArray, whole: FloatArray) -> FloatArray:

@@ -61,32 +61,40 @@ def axes_about(rays: Rays) -> FloatArray:
     return _axes(rays.origin_ecef_m, rays.direction_ecef)
 
 
-def means(rows: Rows) -> Rows:
-    """Return the means of rays by track, sensor and second, of which no path is known: nearly straight ones."""
+def means(rows: Rows, stray: FloatArray | None = None) -> Rows:
+    """Return the means of rays by track, sensor and second, of which no path is known: nearly straight ones.
+
+    `stray` (n,) is the share of strays among each ray's track's, where that is known.
+    """
     if not len(rows):
         return rows
-    group, rows = _grouped(rows, np.floor(rows.time_s / SPAN_S).astype(np.int64))
+    group, rows, order = _grouped(rows, np.floor(rows.time_s / SPAN_S).astype(np.int64))
     middle = _averaged(rows, group, rows.axes[:, 2], _all_of(rows))[0]
     local = np.sum(middle.axes[group] * rows.axes[:, None, 2], axis=2)
     level = detrended(group, local[:, :2] / local[:, 2:], rows.time_s)
-    weights = weights_of(group, rows.track, level, rows.sigma_rad, is_expected=False)
+    weights = weights_of(group, rows.track, level, rows.sigma_rad, False, None if stray is None else stray[order])
     return _averaged(rows, group, rows.axes[:, 2], weights)[0]
 
 
-def normal_points(rows: Rows, reference: Reference, span: IntArray) -> Rows:
-    """Return normal points of rays by track, sensor and span (n,), on the paths that `reference` tells."""
-    return _on_paths(rows, reference, span, True)
+def normal_points(rows: Rows, reference: Reference, span: IntArray, stray: FloatArray | None = None) -> Rows:
+    """Return normal points of rays by track, sensor and span (n,), on the paths that `reference` tells.
+
+    `stray` (n,) is the share of strays among each ray's track's, where that is known.
+    """
+    return _on_paths(rows, reference, span, True, stray)
 
 
-def _on_paths(rows: Rows, reference: Reference, span: IntArray, are_rays: bool) -> Rows:
+def _on_paths(
+    rows: Rows, reference: Reference, span: IntArray, are_rays: bool, stray: FloatArray | None = None
+) -> Rows:
     """Return normal points of rays, some of which may stray, or of normal points, which do not."""
     if not len(rows):
         return rows
-    group, rows = _grouped(rows, span)
+    group, rows, order = _grouped(rows, span)
     axes, seen = _residuals(rows, reference(rows))
     weights = _all_of(rows)
     if are_rays:
-        weights = weights_of(group, rows.track, seen, rows.sigma_rad, is_expected=True)
+        weights = weights_of(group, rows.track, seen, rows.sigma_rad, True, None if stray is None else stray[order])
     points, (east, north) = _averaged(rows, group, rows.axes[:, 2], weights, seen)
     axes, _ = _residuals(points, reference(points))
     direction = axes[:, 2] + east[:, None] * axes[:, 0] + north[:, None] * axes[:, 1]
@@ -112,13 +120,13 @@ def compressed(rows: Rows, tick_s: float, reference: Reference) -> Rows:
     return Rows.concatenate([rows.take(np.flatnonzero(~old)), joined])
 
 
-def _grouped(rows: Rows, span: IntArray) -> tuple[IntArray, Rows]:
-    """Return rows by track, sensor and span, and which group (n,) each belongs to."""
+def _grouped(rows: Rows, span: IntArray) -> tuple[IntArray, Rows, IntArray]:
+    """Return which group (n,) each row belongs to, rows by track, sensor and span, and their order (n,)."""
     keys = np.stack([rows.track, rows.sensor.astype(np.int64), span])
     order = np.lexsort(keys[::-1])
     first = np.append(True, np.any(np.diff(keys[:, order], axis=1) != 0, axis=0))
     group: IntArray = np.cumsum(first) - 1
-    return group, rows.take(order)
+    return group, rows.take(order), order
 
 
 def _averaged(

@@ -47,7 +47,9 @@ class ProfileTracker:
         followed = self._inner.step(tick_s, detections)
         mine = detections.track >= 0
         rays = Rays.of(detections)
-        self._bank = self._fitting.stepped(self._bank, tick_s, detections.track[mine], rays.take(mine))
+        track = detections.track[mine]
+        stray = self._inner.stray_shares(track)
+        self._bank = self._fitting.stepped(self._bank, tick_s, track, rays.take(mine), stray)
         self._bank = self._bank.without(np.setdiff1d(self._bank.seen.track, followed.track))
         self._claim(rays.take(~mine), tick_s)
         return self._told(followed, tick_s)

@@ -24,6 +24,7 @@ from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Rays, alike
 from opir_core.tracking.stereo.ghosts import RANGE_M, Slice, without_ghosts
+from opir_core.tracking.stereo.stray_rays import Span, Strays, doubtful, weighed
 
 #: A settled assignment may reach this much farther than the first gate, in standard deviations.
 _SETTLING_GATE = 6.0
@@ -39,12 +40,16 @@ _NONE = np.empty(0, dtype=np.int64)
 
 
 class Followed(NamedTuple):
-    """Estimates after a slice, the row that each ray was given to, -1 for none, the pairs in which it was, and all."""
+    """Estimates after a slice, the row that each ray was given to, -1 for none, the pairs in which it was, and all.
+
+    `strays` (n,) says how many of each track's own rays are probably none of its; it is missing where none is in doubt.
+    """
 
     bank: Bank
     owner: IntArray
     own: Pairs
     pairs: Pairs
+    strays: FloatArray | None = None
 
 
 @frozen(eq=False)
@@ -80,8 +85,8 @@ class Following:
         answer: _Answer = known[2]
         return answer
 
-    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float, young: IntArray) -> Followed:
-        """Return the bank with a slice's rays taken in, and what each ray told.
+    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float, young: IntArray, stray: Strays) -> Followed:
+        """Return the bank with a slice's rays taken in, and what each ray told; some of tracks' rays are `stray`.
 
         The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
         near targets a whole slice tells more than one scan does. Rows `young` need it not: they are settled by all that
@@ -92,7 +97,24 @@ class Following:
         after = self.filter.updated(bank, end_s, found.sights, span)
         busy = self._restless(bank, after, pairs, rays, young) if self.config.settling and found.contested else _NONE
         first = Followed(after, found.owner, found.own, pairs)
-        return self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
+        told = self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
+        doubted = doubtful(told.own, stray.share) if self.config.association == "nearest" else _NONE
+        if len(doubted) and found.contested:
+            doubted = np.setdiff1d(doubted, crowded(pairs, rays), assume_unique=True)
+        return self._weighed(told, bank, Span(end_s, span, self.config.gate_sigma), stray, doubted)
+
+    def _weighed(self, told: Followed, bank: Bank, span: Span, stray: Strays, doubted: IntArray) -> Followed:
+        """Return what was followed with the rays of tracks `doubted`, which have no rivals, weighed."""
+        if not len(doubted):
+            return told
+        place = np.full(len(bank), -1, dtype=np.int64)
+        place[doubted] = np.arange(len(doubted))
+        mine = told.own.take(np.flatnonzero(place[told.own.track] >= 0))
+        own, before, after = evolve(mine, track=place[mine.track]), bank.take(doubted), told.bank.take(doubted)
+        found = weighed(self.filter, before, after, span, own, stray.take(doubted))
+        strays = np.zeros(len(bank))
+        strays[doubted] = found.strays
+        return told._replace(bank=told.bank.put(doubted, found.bank), strays=strays)
 
     def _restless(self, bank: Bank, after: Bank, pairs: Pairs, rays: Rays, young: IntArray) -> IntArray:
         """Return the tracks that have rivals, of clusters in which one, not young, moved enough for other rays."""

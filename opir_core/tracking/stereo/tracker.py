@@ -5,9 +5,10 @@ from collections import deque
 import numpy as np
 
 from opir_core.protocols import TrackerContext
-from opir_core.records import Detections, IntArray, Tracks
+from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.rays import Rays
+from opir_core.tracking.stereo.stray_rays import Strays
 from opir_core.tracking.stereo.tracking import Situation, StereoTracking
 
 
@@ -32,6 +33,14 @@ class StereoTracker:
             self._go_back(detections.take(np.flatnonzero(late)))
         self._advance(tick_s, detections.take(np.flatnonzero(~late)) if late.any() else detections)
         return self._tracking.told(self._now)
+
+    def stray_shares(self, track: IntArray) -> FloatArray:
+        """Return the shares (n,) of strays among the rays of tracks by number (n,), as known at the last tick."""
+        roster = self._now.roster
+        known = Strays.of(np.append(roster.strays, 0.0), np.append(roster.hits, 0)).share
+        row = np.searchsorted(roster.number, track)
+        here = np.append(roster.number, -1)[row] == track
+        return known[np.where(here, row, len(roster))]
 
     def _advance(self, tick_s: float, detections: Detections) -> None:
         late_s = self._tracking.config.late_s

@@ -27,6 +27,7 @@ from opir_core.tracking.stereo.ghosts import RANGE_M
 from opir_core.tracking.stereo.histories import Histories, lasting_s, mean_sights
 from opir_core.tracking.stereo.history_assignment import decided
 from opir_core.tracking.stereo.report import estimates, evidence_of, free_flights, type_posterior
+from opir_core.tracking.stereo.stray_rays import Strays
 from opir_core.tracking.track_priors import filter_of, first_bank
 
 #: A track's launch is worked out as long as it is no older than this, s.
@@ -103,7 +104,7 @@ class StereoTracking:
     def _sliced(self, now: Situation, end_s: float, rays: Rays, reported: IntArray) -> Situation:
         span = end_s - now.time_s
         then, owner = self.followed(now, end_s, rays)
-        roster = now.roster.seen(owner, rays.time_s, rays.sensor, reported) if len(owner) else now.roster
+        roster = then.roster.seen(owner, rays.time_s, rays.sensor, reported) if len(owner) else then.roster
         then = self._pooled(evolve(then, roster=roster), rays, owner, reported, span)
         return self._kept(self._launched(self._begun(then)), rays, owner)
 
@@ -130,7 +131,9 @@ class StereoTracking:
             bank = self.filter.updated(bank, end_s, no_sights(), span)
             return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
         young = np.searchsorted(now.roster.number, histories.number)
-        told = self.following.followed(bank, end_s, rays, span, young)
+        told = self.following.followed(bank, end_s, rays, span, young, Strays.of(now.roster.strays, now.roster.hits))
+        if told.strays is not None:
+            now = evolve(now, roster=evolve(now.roster, strays=now.roster.strays + told.strays))
         now = evolve(now, time_s=end_s, histories=histories, bank=told.bank)
         return self._decided(now, told, young, rays, span), told.owner
 

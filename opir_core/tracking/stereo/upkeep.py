@@ -30,8 +30,9 @@ _LOWEST_M = -20e3
 class Roster(Columns):
     """What is kept of tracks beside their estimates: number, when begun, first and last seen, how many rays, whence.
 
-    `reports` (n, sensors) are the types that each sensor last reported, codes into `REPORTED_TYPES`, -1 for none;
-    `launch` (n, 3) and `launch_covariance` (n, 3, 3) are as in `Tracks`.
+    `strays` (n,) is how many of the rays are probably none of the track's; `reports` (n, sensors) are the types that
+    each sensor last reported, codes into `REPORTED_TYPES`, -1 for none; `launch` (n, 3) and `launch_covariance`
+    (n, 3, 3) are as in `Tracks`.
     """
 
     number: IntArray
@@ -39,6 +40,7 @@ class Roster(Columns):
     first_s: FloatArray
     seen_s: FloatArray
     hits: IntArray
+    strays: FloatArray
     reports: IntArray
     launch: FloatArray
     launch_covariance: FloatArray
@@ -59,6 +61,7 @@ class Roster(Columns):
             first_s=np.full(count, np.inf),
             seen_s=np.full(count, -np.inf),
             hits=np.zeros(count, dtype=np.int64),
+            strays=np.zeros(count),
             reports=np.full((count, sensors), -1, dtype=np.int64),
             launch=np.full((count, 3), np.nan),
             launch_covariance=np.full((count, 3, 3), np.nan),
@@ -77,7 +80,8 @@ class Roster(Columns):
             reports = reports.copy()
             reports[owner, sensor] = reported
         hits = self.hits + np.bincount(owner, minlength=len(self))
-        return Roster(self.number, self.begun_s, first_s, seen_s, hits, reports, self.launch, self.launch_covariance)
+        launches = self.launch, self.launch_covariance
+        return Roster(self.number, self.begun_s, first_s, seen_s, hits, self.strays, reports, *launches)
 
 
 def doubles(
