@@ -200,6 +200,25 @@ def test_silence_ends_a_burn_within_a_geometric_number_of_looks():
     assert far.evidence < found.evidence - 10.0
 
 
+@pytest.mark.parametrize("period", [0.05, 0.2])
+def test_a_look_at_the_tick_is_not_missed_before_it_comes(period):
+    # The looks at 104.0 and 105.0, and those between: of the last, at the tick, nothing is known at the tick.
+    start, mean, sigma = np.zeros(1), np.log([104.0]), np.array([0.04])
+    seen = ends_of(start, mean, sigma, silence(105.0 - period, 105.0, 0.95, period))
+    fresh = ends_of(start, mean, sigma, silence(105.0 - period, 105.0 - period, 0.95, period))
+    assert seen.evidence == pytest.approx(fresh.evidence, abs=1e-9)
+    assert seen.mean == pytest.approx(fresh.mean, abs=1e-9)
+
+
+@pytest.mark.parametrize("period", [0.05, 0.1])
+def test_many_missed_looks_leave_an_end_between_the_last_light_and_the_next_look(period):
+    both = Silence(np.full((1, 2), 104.0), np.full((1, 2), 110.0), np.full((1, 2), 0.98), np.full(2, period))
+    found = ends_of(np.zeros(1), np.log([104.0]), np.array([0.04]), both)
+    # Even over the period; the edge of that is known to half a cell of the quadrature, a twelfth of the period.
+    assert np.exp(found.mean) - 104.0 == pytest.approx(0.5 * period, rel=0.05)
+    assert np.sqrt(found.variance) * 104.0 == pytest.approx(period / np.sqrt(12.0), rel=0.05)
+
+
 def test_a_sensor_that_fails_does_not_end_a_burn_that_another_sees():
     both = Silence(np.array([[50.0, 90.0]]), np.array([[90.0, 90.0]]), np.full((1, 2), 0.8), np.full(2, 0.1))
     found = ends_of(np.zeros(1), np.log([120.0]), np.array([0.0069]), both)

@@ -18,6 +18,9 @@ _LOST = 1e-5
 #: Places of the quadrature, and the finest distance between them, s.
 _PLACES, _FINEST_S = 128, 0.02
 
+#: No end is known better than this, s: the rounding of the quadrature.
+_SHARPEST_S = 0.002
+
 #: Nodes of Gauss's rule for what depends on the end of a burn.
 RULE = 5
 
@@ -29,8 +32,8 @@ _FAR = 5.0
 class Silence:
     """What sensors saw last of n hypotheses' burns, (n, sensors): nan where they saw nothing at all.
 
-    `last_s` is when the last light left, `until_s` to when light could have been seen since, `chance` that of a
-    detection in a look and `period_s` (sensors,) the time between looks.
+    `last_s` is when the last light left, `until_s` before when light could have been seen since (a look at a tick is
+    the next tick's), `chance` that of a detection in a look and `period_s` (sensors,) the time between looks.
     """
 
     last_s: FloatArray
@@ -106,7 +109,7 @@ def _moments(
     variance = (share * np.square(apart)).sum(axis=1)
     evidence = most + np.log(total) - np.log(sigma * np.sqrt(2.0 * np.pi))
     rule = _gauss_rule(apart / np.sqrt(np.maximum(variance, 1e-30))[:, None], share)
-    return Ends(middle, np.maximum(variance, np.square(_FINEST_S / (last - start))), evidence, *rule)
+    return Ends(middle, np.maximum(variance, np.square(_SHARPEST_S / (last - start))), evidence, *rule)
 
 
 def _gauss_rule(value: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -136,6 +139,6 @@ def _log_silence(silence: Silence, sensor: int, end: FloatArray) -> FloatArray:
     """Return the log likelihoods (n, places) of a sensor's silence, were the burns to end then."""
     known = np.isfinite(silence.last_s[:, sensor, None])
     last, until = (np.nan_to_num(v[:, sensor, None]) for v in (silence.last_s, silence.until_s))
-    missed = np.maximum(np.floor((np.minimum(end, until) - last) / silence.period_s[sensor] + 1e-6), 0.0)
+    missed = np.maximum(np.floor((np.minimum(end, until) - last) / silence.period_s[sensor] - 1e-6), 0.0)
     log = np.logaddexp(missed * np.log1p(-silence.chance[:, sensor, None]), np.log(_LOST))
     return np.where(known, log, 0.0)
