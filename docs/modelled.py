@@ -69,7 +69,7 @@ PARTS = (
         "Long paths: across the limb, to sensors below the target's horizon",
         "tabulated",
         "LOWTRAN7 from heights up to 100 km, by the height to which a straight path would descend, 2.5 km and above:"
-        " at 360 places between the table's points 0.010 off at most. Below 2.5 km optical depth grows along the path"
+        " at 360 places between the table's points 0.008 off at most. Below 2.5 km optical depth grows along the path"
         " as it does there (`opir_core.radiometry.limb_table`)",
         "refraction below 2.5 km, where rays from afar bend into the ground; the air that paths from above 100 km dip"
         " into",

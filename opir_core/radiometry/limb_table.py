@@ -1,11 +1,10 @@
 """Paths that first descend: the shipped LOWTRAN7 table of them, and what lies between its points.
 
-What is interpolated is growth: by which factor optical depth exceeds that of the level path from the lowest height.
-Akima's curves lead along the square root of the climb, from the lowest height to the target, then over lowest heights.
-Below the table's lowest one growth is taken to be as there: LOWTRAN bends such rays into the ground.
+What is interpolated is growth: by which factor optical depth exceeds what paths that only rise foretell for it
+(`long_paths`). Akima's curves lead along the square root of the climb, from the lowest height to the target, then over
+lowest heights. Below the table's lowest one growth is taken to be as there: LOWTRAN bends such rays into the ground.
 """
 
-import math
 from functools import cache
 from pathlib import Path
 
@@ -13,19 +12,18 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.radiometry.akima import akima
+from opir_core.radiometry.long_paths import CLIMBS, HIGHEST_ROOT, TOP_M, foretold_depth, foretold_grid
+from opir_core.radiometry.sky_columns import sky_columns
 from opir_core.records import FloatArray
 
 #: The least transmittance in the table.
 _LEAST = 1e-9
 
-#: Radius of the sphere on which long paths are reckoned, m.
-RADIUS_M = 6_371_000.0
-
 #: Growth is that of depths with so much added: where the air is all but clear, ratios of depths are rounding.
 _ADDED = 1e-3
 
-#: Climbs at which growth is had, as square roots, even from 0 to that of the highest, √m.
-CLIMBS, HIGHEST_ROOT = 81, math.sqrt(100e3)
+#: The table's columns that say where: sky, lowest height and height.
+_PLACE = 4
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_limb_transmittance.csv"
 
@@ -38,36 +36,34 @@ class LimbTable:
     height_m: FloatArray
     transmittance: FloatArray
 
-    def depths(self, lowest_m: FloatArray, level: FloatArray) -> FloatArray:
+    def depths(self, depth: FloatArray) -> FloatArray:
         """Return optical depths (climbs, lowest) of paths by their climb and their lowest height.
 
-        `level` are those of level paths from the lowest heights, which rise from 0 to the top of the air.
+        `depth` (slants, lowest) are those of paths that only rise, from the horizon up, on the grid of `long_paths`.
         """
-        lowest = np.unique(self.lowest_m)
-        rows = [self._log_growth(low, float(np.interp(low, lowest_m, level))) for low in lowest]
-        whole = np.vstack([*rows, np.zeros(CLIMBS)])
-        growth = np.exp(akima(np.append(lowest, lowest_m[-1]), whole, np.maximum(lowest_m, lowest[0])).T)
-        return np.maximum((level + _ADDED) * growth - _ADDED, level)
+        lowest, lowest_m = np.unique(self.lowest_m), np.linspace(0.0, TOP_M, depth.shape[1])
+        foretold = foretold_depth(depth, self.lowest_m, self.height_m)
+        log_growth = np.log((_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (foretold + _ADDED))
+        whole = np.vstack([*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)])
+        growth = np.exp(akima(np.append(lowest, TOP_M), whole, np.maximum(lowest_m, lowest[0])).T)
+        grown: FloatArray = np.maximum((foretold_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
+        return grown
 
-    def _log_growth(self, lowest_m: float, level: float) -> FloatArray:
-        """Return logarithms (climbs,) of growth from one lowest height."""
+    def _along_climbs(self, lowest_m: float, log_growth: FloatArray) -> FloatArray:
+        """Return logarithms (climbs,) of growth from one lowest height by those (n,) of the table."""
         own = self.lowest_m == lowest_m
-        depth = -np.log(np.maximum(self.transmittance[own], _LEAST))
         climb = np.sqrt(np.append(0.0, self.height_m[own] - lowest_m))
-        growth = np.append(0.0, np.log((depth + _ADDED) / (level + _ADDED)))
-        return akima(climb, growth[:, None], np.minimum(np.linspace(0.0, HIGHEST_ROOT, CLIMBS), climb[-1]))[:, 0]
+        values = np.append(0.0, log_growth[own])[:, None]
+        return akima(climb, values, np.minimum(np.linspace(0.0, HIGHEST_ROOT, CLIMBS), climb[-1]))[:, 0]
 
 
 @cache
 def limb_tables(climate: str, aerosol: str, suffix: str) -> dict[str, LimbTable]:
     """Return a climate's tables by the name of the band; `suffix` is that of the columns' names, "" or "_bb1500"."""
-    head, *lines = (line for line in _TABLE.read_text(encoding="utf-8").splitlines() if not line.startswith("#"))
-    names = head.split(",")
-    own = [line.split(",")[2:] for line in lines if line.startswith(f"{climate},{aerosol},")]
-    lowest_km, height_km, *bands = np.array(own, dtype=np.float64).T
-    columns = dict(zip(names[4:], bands, strict=True))
+    cells = sky_columns(_TABLE, climate, aerosol)
+    lowest_m, height_m = (np.array(list(map(float, cells[name]))) * 1e3 for name in ("lowest_km", "h_km"))
     return {
-        name.removesuffix(suffix): LimbTable(lowest_km * 1e3, height_km * 1e3, columns[name])
-        for name in columns
+        name.removesuffix(suffix): LimbTable(lowest_m, height_m, np.array(list(map(float, cells[name]))))
+        for name in list(cells)[_PLACE:]
         if name.endswith("_bb1500") == bool(suffix)
     }

@@ -11,16 +11,8 @@ from attrs import Factory, field, frozen
 from opir_core.errors import ModelError
 from opir_core.protocols import Band
 from opir_core.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
-from opir_core.radiometry.limb_table import CLIMBS, HIGHEST_ROOT, RADIUS_M
-from opir_core.radiometry.lowtran_table import (
-    BEND,
-    HIGHEST_SLANT,
-    TOP_M,
-    BandGrid,
-    NodeTable,
-    fine_grid,
-    node_tables,
-)
+from opir_core.radiometry.long_paths import BEND, CLIMBS, HIGHEST_ROOT, HIGHEST_SLANT, RADIUS_M, TOP_M
+from opir_core.radiometry.lowtran_table import BandGrid, NodeTable, fine_grid, node_tables
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import AtmosphereContext, Transmittance
 from opir_core.radiometry.records import Paths, in_a_row

@@ -16,27 +16,21 @@ from attrs import frozen
 
 from opir_core.protocols import Band
 from opir_core.radiometry.akima import akima
-from opir_core.radiometry.limb_table import RADIUS_M, LimbTable, limb_tables
+from opir_core.radiometry.limb_table import LimbTable, limb_tables
+from opir_core.radiometry.long_paths import BEND, HIGHEST_SLANT, RADIUS_M, SCALE_HEIGHT_M, TOP_M
+from opir_core.radiometry.sky_columns import sky_columns
 from opir_core.records import FloatArray
 
-#: Above this LOWTRAN has no atmosphere, m.
-TOP_M = 100e3
-
-#: Scale height of the air, m.
-SCALE_HEIGHT_M = 8_000.0
-
-#: The grid: so many sines of elevation, even in asinh(sine / 0.05) from the horizon to the zenith, and so many heights
-#: from 0 to the top.
+#: The grid: so many sines of elevation, from the horizon to the zenith, and so many heights from 0 to the top.
 GRID_SHAPE = (125, 401)
-BEND = 0.05
-HIGHEST_SLANT = math.asinh(1.0 / BEND)
 
 #: Optical depths are kept between these: τ from 1e-26 to all but 1.
 _LEAST, _MOST = 1e-12, 60.0
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_band_transmittance.csv"
+
 #: A weighting's column in the table, and the ending of its columns in that of long paths.
-_WEIGHTINGS = {"flat": (7, ""), "blackbody-1500K": (8, "_bb1500")}
+_WEIGHTINGS = {"flat": ("tau_flat", ""), "blackbody-1500K": ("tau_bb1500", "_bb1500")}
 
 
 @frozen(eq=False)
@@ -54,29 +48,21 @@ class NodeTable:
 def node_tables(climate: str, aerosol: str, weighting: str) -> Mapping[str, NodeTable]:
     """Return a climate's tables by the name of the band; of no such climate and aerosol, none."""
     column, suffix = _WEIGHTINGS[weighting]
-    by_band: dict[tuple[str, ...], list[list[str]]] = {}
-    for line in _lines_of(f"\n{climate},{aerosol},"):
-        cells = line.split(",")
-        by_band.setdefault(tuple(cells[2:5]), []).append([cells[5], cells[6], cells[column]])
-    bands = [Band(name, float(lower), float(upper)) for name, lower, upper in by_band]
-    if not bands:
+    cells = sky_columns(_TABLE, climate, aerosol)
+    if not cells:
         return {}
-    limbs = limb_tables(climate, aerosol, suffix)
-    return {band.name: _nodes(band, rows, limbs[band.name]) for band, rows in zip(bands, by_band.values(), strict=True)}
-
-
-def _lines_of(beginning: str) -> list[str]:
-    """Return the table's lines that begin so, which stand together."""
-    text = _TABLE.read_text(encoding="utf-8")
-    first, last = text.find(beginning), text.rfind(beginning)
-    return text[first + 1 : text.find("\n", last + 1)].splitlines() if first >= 0 else []
-
-
-def _nodes(band: Band, rows: list[list[str]], limb: LimbTable) -> NodeTable:
-    own = np.array(rows, dtype=np.float64)
-    heights, angles = (np.array(sorted(set(own[:, part].tolist()))) for part in (0, 1))
-    values = own[np.lexsort((own[:, 1], own[:, 0])), 2].reshape(len(heights), len(angles))
-    return NodeTable(band, heights * 1e3, np.radians(angles), values, limb)
+    height_km, zenith_deg, values = (np.array(list(map(float, cells[name]))) for name in ("h_km", "zen_deg", column))
+    edges_um = zip(cells["lo_um"], cells["hi_um"], strict=True)
+    bands = [Band(name, *map(float, ends)) for name, ends in dict(zip(cells["band"], edges_um, strict=True)).items()]
+    places = {band.name: place for place, band in enumerate(bands)}
+    number = np.array([places[name] for name in cells["band"]])
+    order = np.lexsort((zenith_deg, height_km, number))
+    heights, angles = (np.array(sorted(set(own.tolist()))) for own in (height_km, zenith_deg))
+    limbs, by_band = limb_tables(climate, aerosol, suffix), values[order].reshape(len(bands), len(heights), -1)
+    return {
+        band.name: NodeTable(band, heights * 1e3, np.radians(angles), own, limbs[band.name])
+        for band, own in zip(bands, by_band, strict=True)
+    }
 
 
 @frozen(eq=False)
@@ -96,7 +82,7 @@ def fine_grid(nodes: NodeTable, shape: tuple[int, int] = GRID_SHAPE) -> BandGrid
     masses, at = (np.log(shell_air_mass(one)) for one in (np.cos(nodes.zenith_rad), sines))
     depth = akima(masses, roots.T, at) ** 4
     risen = np.maximum.accumulate(_transmittance(depth, heights_m), axis=0)
-    return BandGrid(risen, _transmittance(nodes.limb.depths(heights_m, depth[0]), heights_m))
+    return BandGrid(risen, _transmittance(nodes.limb.depths(depth), heights_m))
 
 
 def _transmittance(depth: FloatArray, height_m: FloatArray) -> FloatArray:
