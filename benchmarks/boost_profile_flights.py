@@ -21,9 +21,10 @@ from opir_core.tracking.profile.flight import Moments, on_ground
 from opir_core.tracking.profile.hypotheses import probability
 from opir_core.tracking.profile.report import report
 from opir_core.tracking.profile.rows import means, single
-from opir_core.tracking.profile.seen import Seen, Watch
+from opir_core.tracking.profile.seen import Seen
 from opir_core.tracking.profile.strain import Bank
 from opir_core.tracking.rays import Rays
+from opir_core.tracking.watch import Watch
 
 #: Scan period, s, line of sight error, rad, and chance of detection of ICBM, IRBM and SRBM: each model's defaults.
 SENSORS: dict[str, tuple[float, float, tuple[float, ...]]] = {

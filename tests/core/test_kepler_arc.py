@@ -15,10 +15,11 @@ from opir_core.reading import scene_from_mapping
 from opir_core.run import run_of_plan
 from opir_core.testing.doubles import stub_sensor
 from opir_core.tracking.arc import fit as arc_fit
-from opir_core.tracking.arc.ends import Watch, impacts, launches, shots, states_at
+from opir_core.tracking.arc.ends import impacts, launches, shots, states_at
 from opir_core.tracking.arc.fit import Arcs
 from opir_core.tracking.arc.types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.rays import Rays
+from opir_core.tracking.watch import Watch
 
 SLOTS_DEG = np.array([-150.0, -90.0])
 SIGMA_RAD = 2e-5
@@ -180,7 +181,7 @@ def test_launches_are_where_first_rays_meet_the_ground():
         stub_sensor("A", -150.0, detection_probability={"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5}),
         stub_sensor("B", -90.0, detection_probability={"ICBM": 0.8, "IRBM": 0.8, "SRBM": 0.8}),
     )
-    watch = Watch.of(sensors)
+    watch = Watch.of(sensors, least=0.01, most=1.0)
     owner, sensor = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
     line = places[owner] - origins[sensor]
     distance = np.linalg.norm(line, axis=1)
@@ -212,7 +213,7 @@ def test_launches_err_as_their_covariance_says():
     noisy = np.tile(unit, (count, 1)) + SIGMA_RAD * rng.normal(size=(2 * count, 3))
     noisy /= np.linalg.norm(noisy, axis=1)[:, None]
     sensor = np.tile([0, 1], count).astype(np.int32)
-    watch = Watch.of((stub_sensor("A", -150.0), stub_sensor("B", -90.0)))
+    watch = Watch.of((stub_sensor("A", -150.0), stub_sensor("B", -90.0)), least=0.01, most=1.0)
     rays = Rays(
         np.full(2 * count, 5.0), sensor, np.arange(2 * count), origins[sensor], noisy, np.full(2 * count, SIGMA_RAD)
     )

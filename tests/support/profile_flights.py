@@ -12,8 +12,8 @@ from opir_core.tracking.profile.coordinates import fitted
 from opir_core.tracking.profile.family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.rows import axes_about
-from opir_core.tracking.profile.seen import Watch
 from opir_core.tracking.rays import Rays
+from opir_core.tracking.watch import Watch
 
 GEO_M = 4.2164e7
 SLOTS_RAD = (-0.4, 0.6)

@@ -1,54 +1,19 @@
 """Where the arcs of `kepler-arc` begin and end: launch from the first lines of sight, impact from the last state."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from attrs import frozen
 
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state, local_axes
 from opir_core.geometry.intersection import intersection_with_ellipsoid
-from opir_core.protocols import Sensor
 from opir_core.records import BoolArray, FloatArray, IntArray
-from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.arc.fit import STEPS, Arcs, solved
 from opir_core.tracking.arc.types import burn_s
 from opir_core.tracking.ground_points import GroundPoints
 from opir_core.tracking.rays import Rays, along, emission_s
-
-
-@frozen(eq=False)
-class Watch:
-    """The sensors as the paper's figures take them: scan periods (s,), s, and chances of detection (s, types)."""
-
-    period_s: FloatArray
-    chance: FloatArray
-
-    @classmethod
-    def of(cls, sensors: Sequence[Sensor]) -> "Watch":
-        """Return the watch of a scene's sensors; a chance that a sensor does not state is taken as 0.5."""
-        chance = [[sensor.detection_probability.get(kind, 0.5) for kind in TARGET_TYPES] for sensor in sensors]
-        return cls(
-            np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors]),
-            np.clip(np.array(chance, dtype=np.float64).reshape(len(sensors), len(TARGET_TYPES)), 0.01, 1.0),
-        )
-
-    def latency_s(self) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation (s,) of the time from ignition to a sensor's first detection, s.
-
-        The paper's section 5.1: T/P, of a geometric number of scans; and a scan's phase, which is not known.
-        """
-        chance = self.chance.mean(axis=1)
-        spread = np.sqrt((1.0 - chance) / chance**2 + 1.0 / 12.0)
-        return self.period_s / chance, self.period_s * spread
-
-    def expected_looks(self, seen: BoolArray, kind: IntArray) -> FloatArray:
-        """Return how many detections (n,) the sensors that see (n, s) expect of a whole boost of types (n,)."""
-        rate = (self.chance / self.period_s[:, None])[:, kind].T
-        expected: FloatArray = burn_s()[kind] * np.where(seen, rate, 0.0).sum(axis=1)
-        return expected
+from opir_core.tracking.watch import Watch
 
 
 class Shot(NamedTuple):
@@ -57,6 +22,23 @@ class Shot(NamedTuple):
     azimuth_rad: FloatArray
     flight_path_angle_rad: FloatArray
     speed_m_s: FloatArray
+
+
+def latency_s(watch: Watch) -> tuple[FloatArray, FloatArray]:
+    """Return mean and standard deviation (s,) of the time from ignition to a sensor's first detection, s.
+
+    The paper's section 5.1: T/P, of a geometric number of scans; and a scan's phase, which is not known.
+    """
+    chance = watch.chance.mean(axis=1)
+    spread = np.sqrt((1.0 - chance) / chance**2 + 1.0 / 12.0)
+    return watch.period_s / chance, watch.period_s * spread
+
+
+def expected_looks(watch: Watch, seen: BoolArray, kind: IntArray) -> FloatArray:
+    """Return how many detections (n,) the sensors that see (n, s) expect of a whole boost of types (n,)."""
+    rate = (watch.chance / watch.period_s[:, None])[:, kind].T
+    expected: FloatArray = burn_s()[kind] * np.where(seen, rate, 0.0).sum(axis=1)
+    return expected
 
 
 def launches(rays: Rays, owner: IntArray, count: int, watch: Watch, light_time: bool) -> GroundPoints:
@@ -68,12 +50,12 @@ def launches(rays: Rays, owner: IntArray, count: int, watch: Watch, light_time: 
     ground = intersection_with_ellipsoid(rays.origin_ecef_m, rays.direction_ecef)
     range_m = np.sqrt(np.sum((ground - rays.origin_ecef_m) ** 2, axis=1))
     left_s = emission_s(rays.time_s, range_m, light_time)
-    latency_s, doubt_s = watch.latency_s()
+    late_s, doubt_s = latency_s(watch)
     begun_s = np.full(count, np.inf)
     np.fmin.at(begun_s, owner, left_s)
     met = np.flatnonzero(np.isfinite(range_m))
     firsts = met[np.unique(np.stack([owner, rays.sensor.astype(np.int64)], axis=1)[met], axis=0, return_index=True)[1]]
-    firsts = firsts[left_s[firsts] <= begun_s[owner[firsts]] + (latency_s + doubt_s)[rays.sensor[firsts]]]
+    firsts = firsts[left_s[firsts] <= begun_s[owner[firsts]] + (late_s + doubt_s)[rays.sensor[firsts]]]
     first, row = rays.take(firsts), owner[firsts]
     place = ground[firsts]
     axes = local_axes(place)
@@ -86,7 +68,7 @@ def launches(rays: Rays, owner: IntArray, count: int, watch: Watch, light_time: 
     np.add.at(pull, row, along(told, apart))
     when, wait_s = np.full(count, np.nan), np.full(count, np.nan)
     order = np.argsort(-left_s[firsts], kind="stable")
-    when[row[order]] = (left_s[firsts] - latency_s[first.sensor])[order]
+    when[row[order]] = (left_s[firsts] - late_s[first.sensor])[order]
     wait_s[row[order]] = doubt_s[first.sensor][order]
     return _pooled(about, information, pull, when, wait_s)
 

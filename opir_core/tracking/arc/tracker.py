@@ -10,7 +10,7 @@ from attrs import evolve
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.arc import fit as arc_fit
-from opir_core.tracking.arc.ends import Watch, impacts, launches, shots, states_at
+from opir_core.tracking.arc.ends import expected_looks, impacts, latency_s, launches, shots, states_at
 from opir_core.tracking.arc.fit import Arcs
 from opir_core.tracking.arc.types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.association import associate_nearest
@@ -18,12 +18,16 @@ from opir_core.tracking.configs import KeplerArcConfig, StereoFilterConfig
 from opir_core.tracking.gating import candidates, gated
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo.tracking import StereoTracking
+from opir_core.tracking.watch import Watch
 
 #: The least detections of an arc.
 LEAST_LOOKS = 3
 
 #: Rays that belong to no track are kept for this long, s, or this many scans, for a track that begins later.
 _POOL_S, _POOL_SCANS = 20.0, 20
+
+#: No sensor is taken to be blinder than this: a first detection is waited for as long as it says.
+_LEAST_CHANCE = 0.01
 
 
 class ArcTracker:
@@ -34,7 +38,7 @@ class ArcTracker:
         self._config = config
         self._tracking = tracking
         self._now = tracking.start()
-        self._watch = Watch.of(context.sensors)
+        self._watch = Watch.of(context.sensors, least=_LEAST_CHANCE, most=1.0)
         self._light_time = context.light_time
         self._pool = no_rays()
         self._arcs = Arcs.none(len(context.sensors))
@@ -156,16 +160,16 @@ class ArcTracker:
 
     def _sigma_m(self, arcs: Arcs, kind: IntArray) -> FloatArray:
         """Return the paper's σ₀ exp(-k n/N) of each arc, n of N expected detections in; beyond N no less."""
-        expected = self._watch.expected_looks(arcs.seen, kind)
+        expected = expected_looks(self._watch, arcs.seen, kind)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
         sigma_m: FloatArray = self._config.sigma_0_m * np.exp(-self._config.convergence * share)
         return sigma_m
 
     def _with_end(self, covariance: FloatArray, arcs: Arcs) -> FloatArray:
         """Return covariances (n, 7, 7) with the doubt about when the burn ended: one wait for a detection."""
-        latency_s = np.where(arcs.seen, self._watch.latency_s()[0], np.inf).min(axis=1)
+        late_s = np.where(arcs.seen, latency_s(self._watch)[0], np.inf).min(axis=1)
         whole = np.zeros((len(arcs), 7, 7))
-        whole[:, :6, :6], whole[:, 6, 6] = covariance, np.square(latency_s)
+        whole[:, :6, :6], whole[:, 6, 6] = covariance, np.square(late_s)
         return whole
 
 

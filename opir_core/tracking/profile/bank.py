@@ -12,9 +12,10 @@ from opir_core.tracking.profile.family import BURN, SIZE, START, Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, Solved
 from opir_core.tracking.profile.hypotheses import joined
 from opir_core.tracking.profile.rows import SPAN_S, Rows, axes_about, compressed, means, normal_points
-from opir_core.tracking.profile.seen import Seen, Watch
+from opir_core.tracking.profile.seen import Seen
 from opir_core.tracking.profile.strain import Bank, strained
 from opir_core.tracking.rays import Rays
+from opir_core.tracking.watch import Watch
 
 #: Ticks of a track at which its hypotheses are reviewed: linearised anew, row by row.
 REVIEWS = frozenset({1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50, 63, 79, 100, 126, 158, 200, 251, 316})

@@ -1,16 +1,13 @@
-"""What sensors are to a fit, and what they have seen of its tracks: the evidence for the end of a burn."""
-
-from collections.abc import Sequence
+"""What sensors have seen of the tracks of a fit: the evidence for the end of a burn."""
 
 import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.columns import Columns
-from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, FloatArray, IntArray
-from opir_core.scene import TARGET_TYPES
+from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile.end import Silence
 from opir_core.tracking.profile.rows import Rows
+from opir_core.tracking.watch import Watch
 
 #: A sensor's chance of detection is believed as much as so many looks.
 _BELIEVED_LOOKS = 10.0
@@ -27,30 +24,6 @@ _MOST = 12.0
 
 #: A sensor that saw nothing for longer may have failed, s: its silence says nothing of a burn that others see.
 _FAILED_S = 5.0
-
-
-@frozen(eq=False)
-class Watch:
-    """What the sensors of a scene are: scan periods, chances of detection by type, biases, (sensors, ...).
-
-    A sensor that `follows` bodies sees them after the burn too: of its end it tells nothing.
-    """
-
-    period_s: FloatArray
-    chance: FloatArray
-    bias_sigma_rad: FloatArray
-    follows: BoolArray
-
-    @classmethod
-    def of(cls, sensors: Sequence[Sensor]) -> "Watch":
-        """Return the watch of a scene's sensors."""
-        chances = [[sensor.detection_probability.get(kind, 0.5) for kind in TARGET_TYPES] for sensor in sensors]
-        return cls(
-            period_s=np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors]),
-            chance=np.clip(np.array(chances, dtype=np.float64).reshape(len(sensors), len(TARGET_TYPES)), 0.02, 0.999),
-            bias_sigma_rad=np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]),
-            follows=np.array([sensor.follows_bodies for sensor in sensors], dtype=np.bool_),
-        )
 
 
 @frozen(eq=False)

@@ -12,15 +12,18 @@ from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.claim import claimed
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.report import report
-from opir_core.tracking.profile.seen import Watch
 from opir_core.tracking.profile.strain import Bank
 from opir_core.tracking.profile.trust import blended
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo.tracker import StereoTracker
+from opir_core.tracking.watch import Watch
 
 #: The tick of a track at which earlier rays that belong to no track are claimed, and how long rays wait for it, s.
 _CLAIM_TICK = 3
 _POOL_S = 20.0
+
+#: Of what sensors state of their chances of detection no more is believed than lies in between.
+_LEAST_STATED, _MOST_STATED = 0.02, 0.999
 
 #: No type is ruled out by what sensors report.
 _LEAST_CHANCE = 1e-6
@@ -32,7 +35,8 @@ class ProfileTracker:
     def __init__(self, config: BoostProfileConfig, context: TrackerContext, inner: StereoTracker) -> None:
         self.cadence_s: float | None = config.cadence_s
         self._inner = inner
-        self._fitting = Fitting(priors_of(config.priors), Watch.of(context.sensors), context.light_time)
+        watch = Watch.of(context.sensors, least=_LEAST_STATED, most=_MOST_STATED)
+        self._fitting = Fitting(priors_of(config.priors), watch, context.light_time)
         self._forces = context.forces
         self._largest_impact_m = 1e3 * config.largest_impact_km
         self._bank = Bank.empty(len(context.sensors))
