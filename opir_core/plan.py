@@ -71,16 +71,6 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     end_ns = round(scene.duration_s * _NS)
     starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
-    context = _model_context(scene, host, sensors, targets, sources)
-    detection = built(host, scene.detection, context)
-    context = evolve(context, detection=detection)
-    tracked = TrackerContext(
-        sensors=sensors,
-        epoch_us=scene.epoch_us,
-        duration_s=scene.duration_s,
-        forces=_forces(scene),
-        light_time=scene.light_time,
-    )
     return Plan(
         scene=scene,
         host=host,
@@ -88,10 +78,8 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         targets=targets,
         pairs=pairs,
         sightlines=sightlines,
-        detection=detection,
-        classifier=built(host, scene.classification, context),
-        confidence=built(host, scene.confidence, context),
-        tracker=built(host, scene.tracker, tracked),
+        **_models(scene, host, _model_context(scene, host, sensors, targets, sources)),
+        tracker=_tracker(scene, host, sensors),
         bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
         sources=sources,
@@ -100,18 +88,9 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
     """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
-    scene, context = plan.scene, _model_context(plan.scene, plan.host, plan.sensors, targets, plan.sources)
-    detection = built(plan.host, scene.detection, context)
-    context = evolve(context, detection=detection)
-    return evolve(
-        plan,
-        targets=targets,
-        pairs=pairs,
-        sightlines=sightlines,
-        detection=detection,
-        classifier=built(plan.host, scene.classification, context),
-        confidence=built(plan.host, scene.confidence, context),
-    )
+    context = _model_context(plan.scene, plan.host, plan.sensors, targets, plan.sources)
+    models = _models(plan.scene, plan.host, context)
+    return evolve(plan, targets=targets, pairs=pairs, sightlines=sightlines, **models)
 
 
 def _model_context(
@@ -123,6 +102,29 @@ def _model_context(
         return make_scenery(scene, host, sensors, targets, sources)
 
     return ModelContext(sensors=sensors, target_type_code=targets.type_code, make_scenery=make_scenery)
+
+
+def _models(scene: Scene, host: Host, context: ModelContext) -> dict[str, Any]:
+    """Return the models of detection, classification and confidence, as a plan names them."""
+    detection = built(host, scene.detection, context)
+    context = evolve(context, detection=detection)
+    return {
+        "detection": detection,
+        "classifier": built(host, scene.classification, context),
+        "confidence": built(host, scene.confidence, context),
+    }
+
+
+def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
+    context = TrackerContext(
+        sensors=sensors,
+        epoch_us=scene.epoch_us,
+        duration_s=scene.duration_s,
+        forces=_forces(scene),
+        light_time=scene.light_time,
+    )
+    tracker: Tracker = built(host, scene.tracker, context)
+    return tracker
 
 
 def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> "Bias | None":

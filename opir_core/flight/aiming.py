@@ -79,9 +79,7 @@ def aim(
     )
     site, course = launch_site(*launch), ascent(profiles, _flight_path_angle_rad(range_m, profiles))
     shot = Shot(site, course, geodetic_to_ecef(*aim_point), aim_point.height_m, _forces_of(forces, n))
-    rows = np.flatnonzero(_is_within_limits(range_m, profiles))
-    azimuth_rad, speed_m_s = np.full(n, np.nan), np.full(n, np.nan)
-    azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
+    azimuth_rad, speed_m_s = _solved_within_limits(shot, range_m, profiles, tolerance_m)
     landing = shot.landing(azimuth_rad, speed_m_s)
     converged = landing.miss_m <= tolerance_m
     path = boost_path(site, _column(ignition_s, n), azimuth_rad, speed_m_s, course)
@@ -142,6 +140,16 @@ def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
     from opir_core.flight.forces import forces_of
 
     return forces_of(model).broadcast(n)
+
+
+def _solved_within_limits(
+    shot: Shot, range_m: Floats, profiles: Sequence[BoostProfile], tolerance_m: float
+) -> tuple[Floats, Floats]:
+    """Return azimuths and burnout speeds (n,), nan where the aim point is out of the profile's range."""
+    azimuth_rad, speed_m_s = np.full(len(range_m), np.nan), np.full(len(range_m), np.nan)
+    rows = np.flatnonzero(_is_within_limits(range_m, profiles))
+    azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
+    return azimuth_rad, speed_m_s
 
 
 def _flight_path_angle_rad(range_m: Floats, profiles: Sequence[BoostProfile]) -> Floats:

@@ -16,7 +16,7 @@ from opir_core.plugin.radiometer import RadiometerConfig, radiometer_of, strange
 from opir_core.scene import TARGET_TYPES
 
 if TYPE_CHECKING:
-    from opir_core.protocols import Band, Orbit, Sensor, SensorContext
+    from opir_core.protocols import Band, Orbit, ScanPattern, Sensor, SensorContext
 
 SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
@@ -212,10 +212,8 @@ def scanning_sensor(
     type: str,  # noqa: A002 - the word of the Sensor that is made
 ) -> "Sensor":
     """Return the sensor that a configuration describes; `type` is what its events call its class."""
-    from opir_core.plugin.scan_patterns import scan_pattern
     from opir_core.protocols import Sensor
 
-    half_angle_rad = math.radians(config.field_of_regard_half_angle_deg)
     bands = _bands(config.bands)
     completed = {name: _completed(config, name) for name in ("detection_probability", "confusion")}
     return Sensor(
@@ -224,15 +222,8 @@ def scanning_sensor(
         orbital_slot_deg=_slot_deg(config),
         bands=bands,
         orbit=_orbit(config, context),
-        scan=scan_pattern(
-            config.scan_pattern,
-            config.scan_phase,
-            period_ns=config.scan_period_ns,
-            half_angle_rad=half_angle_rad,
-            rows=config.raster_rows,
-            columns=config.raster_columns,
-        ),
-        field_of_regard_half_angle_rad=half_angle_rad,
+        scan=_scan(config),
+        field_of_regard_half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
         minimum_elevation_rad=math.radians(config.minimum_elevation_deg),
         line_of_sight_sigma_rad=config.line_of_sight_sigma_urad * 1e-6,
         radiometer=radiometer_of(config, bands),
@@ -262,6 +253,19 @@ def _orbit(config: ScanningSensorConfig, context: "SensorContext") -> "Orbit":
     from opir_core.orbits import orbit_of
 
     return orbit_of(config.orbit, context.epoch_us)
+
+
+def _scan(config: ScanningSensorConfig) -> "ScanPattern":
+    from opir_core.plugin.scan_patterns import scan_pattern
+
+    return scan_pattern(
+        config.scan_pattern,
+        config.scan_phase,
+        period_ns=config.scan_period_ns,
+        half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
+        rows=config.raster_rows,
+        columns=config.raster_columns,
+    )
 
 
 def _completed(config: ScanningSensorConfig, name: str) -> dict[str, Any]:
