@@ -12,7 +12,6 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -21,6 +20,7 @@ import numpy as np
 import tracking_peers as peers
 import tracking_scene
 from attrs import evolve
+from tracking_page import Line, RaidLines, page, plot, raid_table, single_table
 from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
 from tracking_problems import problem as made
 
@@ -34,41 +34,6 @@ from opir_core.tracking.stereo.upkeep import Roster
 
 CADENCES_S = (0.1, 1.0, 5.0, 10.0)
 CUTOFF_M = 5000.0
-
-PAGE = """# Tracking: work and precision
-
-Made by `python benchmarks/work_precision/tracking.py --write docs/benchmarks`; every line on the same detections in one
-run; processor time of one core. "Over Stone Soup" is Stone Soup's time over the line's.
-
-## One target
-
-Two geostationary sensors at 10° E and 100° E, 10 looks a second each, 20 µrad an axis, {seconds} s of free flight,
-started 1 km and 50 m/s off. The error is the RMSE of the position at the end, over {runs} runs for the stereo filter
-(to about {interval:.0f} %) and the first {peer_runs} of them for the others; "same runs" is the stereo filter's
-coast mode at 1 s on those alone. The bound is Cramér and Rao's for known dynamics, {bound:.1f} m.
-
-{single}
-
-![Time a detection against error over the bound](tracking.svg)
-
-## A hundred targets
-
-P_d 0.9, 20 clutter points a frame, {raid_seconds} s, 20 frames a second, association unknown; GOSPA (c = 5 km, p = 2,
-alpha = 2) a target, over the last half: the median of {raid_seeds} seeds and the least and largest of them, for Stone
-Soup the first seed alone. "Known" is the stereo filter told which ray is whose, at the same times. Constants of the
-tracker were chosen on seeds 0 to 15.
-
-{raid}
-"""
-
-
-class Line(NamedTuple):
-    """What one tracker took and reached."""
-
-    name: str
-    micro_s: float
-    ratio: float
-    runs: int
 
 
 def coasted(case: Problem, cadence_s: float, burning: float = 0.0) -> tuple[np.ndarray, float]:
@@ -227,58 +192,17 @@ def raid_lines(case: Problem, first: bool, joint_peer: bool) -> Iterator[tuple[s
         yield "Stone Soup EKF, JPDA with EHM2", 1e3 * taken / frames, mean_gospa_m(case, told)
 
 
-def single_table(lines: list[Line]) -> str:
-    """Return the lines of one target as a table."""
-    stone = next(line.micro_s for line in lines if line.name.startswith("Stone Soup EKF"))
-    rows = [
-        f"| {line.name} | {line.micro_s:.1f} | {stone / line.micro_s:.0f} | {line.ratio:.3f} | {line.runs} |"
-        for line in lines
-    ]
-    head = [
-        "| tracker, cadence | µs a detection | over Stone Soup EKF | RMSE / bound | runs |",
-        "|---|---|---|---|---|",
-    ]
-    return "\n".join([*head, *rows])
-
-
-def raid_table(scene: str, cases: list[Problem], joint_peer: bool) -> list[str]:
-    """Return the lines of one scene of a hundred targets, over several seeds."""
-    found: dict[str, list[tuple[float, float]]] = {}
+def raid_lines_of(cases: list[Problem], joint_peer: bool) -> RaidLines:
+    """Return, by name, ms a frame and GOSPA a target for each seed of one scene of a hundred targets."""
+    found: RaidLines = {}
     for number, case in enumerate(cases):
         for name, taken, score in raid_lines(case, number == 0, joint_peer):
             found.setdefault(name, []).append((taken, score))
-    stone = next(lines[0][0] for name, lines in found.items() if name.startswith("Stone Soup"))
-    rows = []
-    for name, lines in found.items():
-        taken = float(np.median([line[0] for line in lines]))
-        scores = [line[1] for line in lines]
-        spread = f" [{min(scores):.0f}, {max(scores):.0f}]" if len(scores) > 1 else ""
-        row = f"| {scene} | {name} | {taken:.2f} | {stone / taken:.0f} | {np.median(scores):.0f}{spread} |"
-        rows.append(row.replace("nan", ""))
-    return rows
+    return found
 
 
-def plot(lines: list[Line], path: Path) -> None:
-    """Draw time against error."""
-    import matplotlib
-
-    matplotlib.use("svg")
-    matplotlib.rcParams["svg.hashsalt"] = "opir"
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(7.5, 4.5))
-    for line in lines:
-        axes.loglog(line.micro_s, line.ratio, "o")
-        axes.annotate(line.name, (line.micro_s, line.ratio), fontsize=7, xytext=(4, 4), textcoords="offset points")
-    axes.set_xlabel("µs a detection")
-    axes.set_ylabel("RMSE / bound")
-    axes.grid(True, which="both", alpha=0.3)
-    figure.tight_layout()
-    figure.savefig(path, metadata={"Date": None})
-
-
-def main() -> None:
-    """Run everything and print, or write, the tables."""
+def chosen_runs() -> argparse.Namespace:
+    """Return what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--peer-runs", type=int, default=4)
@@ -288,33 +212,27 @@ def main() -> None:
     parser.add_argument("--scene-runs", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--write", type=Path)
-    chosen = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Run everything and print, or write, the tables."""
+    chosen = chosen_runs()
     tracking_scene.written(chosen.scene_runs, chosen.write)
     case = made(chosen.runs, chosen.seconds, chosen.seed, 5e4, 1.0, 0)
     lines = list(single_lines(case, chosen.peer_runs))
     single = single_table(lines)
     print(single, flush=True)
-    head = ["| scene | association | ms a frame | over Stone Soup GNN | GOSPA a target, m |", "|---|---|---|---|---|"]
 
     def raids(half_width_m: float) -> list[Problem]:
         seeds = range(chosen.seed, chosen.seed + chosen.raid_seeds)
         return [made(100, chosen.raid_seconds, seed, half_width_m, CHANCE, CLUTTER) for seed in seeds]
 
-    raid = "\n".join([*head, *raid_table("spread", raids(1e6), False), *raid_table("raid", raids(5e4), True)])
+    raid = raid_table({"spread": raid_lines_of(raids(1e6), False), "raid": raid_lines_of(raids(5e4), True)})
     print(raid)
     if chosen.write:
-        page = PAGE.format(
-            single=single,
-            raid=raid,
-            runs=chosen.runs,
-            peer_runs=chosen.peer_runs,
-            seconds=chosen.seconds,
-            raid_seconds=chosen.raid_seconds,
-            raid_seeds=chosen.raid_seeds,
-            interval=100.0 / np.sqrt(2 * 2 * chosen.runs),
-            bound=float(np.sqrt(np.mean(bound_m(case) ** 2))),
-        )
-        (chosen.write / "tracking.md").write_text(page, encoding="utf-8")
+        bound = float(np.sqrt(np.mean(bound_m(case) ** 2)))
+        (chosen.write / "tracking.md").write_text(page(single, raid, bound, chosen), encoding="utf-8")
         plot(lines, chosen.write / "tracking.svg")
 
 

@@ -144,13 +144,26 @@ def filterpy_filter(case: Problem) -> tuple[np.ndarray, float]:
     return one.x, time.process_time() - start
 
 
-def stone_soup_raid(case: Problem, way: str, solid_angle_sr: float) -> tuple[list[tuple[float, np.ndarray]], float]:
-    """Return the positions at each frame's time, and the seconds taken, of `nearest` or `joint` association."""
+def stone_soup_associator(way: str, predictor: Any, updater: Any, solid_angle_sr: float) -> Any:
+    """Return what associates, `nearest` or `joint`, with clutter in a solid angle."""
     from stonesoup.dataassociator.probability import JPDAwithEHM2
     from stonesoup.dataassociator.tree import DetectionKDTreeGNN2D
     from stonesoup.hypothesiser.distance import DistanceHypothesiser
     from stonesoup.hypothesiser.probability import PDAHypothesiser
     from stonesoup.measures import Mahalanobis
+
+    if way == "joint":
+        density = CLUTTER / solid_angle_sr
+        guess = PDAHypothesiser(
+            predictor, updater, clutter_spatial_density=density, prob_detect=CHANCE, prob_gate=0.9999
+        )
+        return JPDAwithEHM2(guess)
+    distance = DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=4.5)
+    return DetectionKDTreeGNN2D(hypothesiser=distance, predictor=predictor, updater=updater, max_distance=_FARTHEST_RAD)
+
+
+def stone_soup_raid(case: Problem, way: str, solid_angle_sr: float) -> tuple[list[tuple[float, np.ndarray]], float]:
+    """Return the positions at each frame's time, and the seconds taken, of `nearest` or `joint` association."""
     from stonesoup.predictor.kalman import ExtendedKalmanPredictor
     from stonesoup.types.state import GaussianState
     from stonesoup.types.track import Track
@@ -159,20 +172,7 @@ def stone_soup_raid(case: Problem, way: str, solid_angle_sr: float) -> tuple[lis
     transition, _ = stone_soup_parts()
     predictor, updater = ExtendedKalmanPredictor(transition), ExtendedKalmanUpdater(None)
     tracks = [Track([GaussianState(prior, PRIOR, timestamp=EPOCH)]) for prior in case.prior]
-    if way == "joint":
-        density = CLUTTER / solid_angle_sr
-        guess = PDAHypothesiser(
-            predictor, updater, clutter_spatial_density=density, prob_detect=CHANCE, prob_gate=0.9999
-        )
-        associator = JPDAwithEHM2(guess)
-    else:
-        distance = DistanceHypothesiser(predictor, updater, measure=Mahalanobis(), missed_distance=4.5)
-        associator = DetectionKDTreeGNN2D(
-            hypothesiser=distance,
-            predictor=predictor,
-            updater=updater,
-            max_distance=_FARTHEST_RAD,
-        )
+    associator = stone_soup_associator(way, predictor, updater, solid_angle_sr)
     frames, told = stone_soup_frames(case), []
     seconds = 0.0
     for when, detections, _ in frames:
