@@ -46,7 +46,7 @@ def main() -> None:
     for attempt in range(TRIES):
         rule = random_rule(dice, 1 + attempt % 2)
         snr, noise = random_looks(dice, rule)
-        near = rule._margins(snr, noise)[:, 1:] < quick_gates._FAR
+        near = rule.margins(snr, noise)[:, 1:] < quick_gates._FAR
         panels = quick_gates.panels_of(quick_gates.looks_of(rule, snr, noise, near))
         exact = quick_gates.integrals(rule, panels, 96)
         widths.append(panels.width)

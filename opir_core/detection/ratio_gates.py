@@ -11,8 +11,8 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.detection.log_integrals import FAR, LOG_HALF, MOST_PANELS, by_steepness, log_between, log_integral
-from opir_core.detection.panels import Panels
+from opir_core.detection.gate_density import GateDensity
+from opir_core.detection.log_integrals import FAR, LOG_HALF, by_steepness, log_integral
 from opir_core.detection.quick_gates import quick_chances
 from opir_core.detection.threshold import probit
 from opir_core.detection.truncated import tail_normals, truncated_normals
@@ -20,18 +20,8 @@ from opir_core.records import BoolArray, FloatArray, IntArray
 
 #: From such a slack on, the quick way is near enough.
 LEAST_SLACK = 1e-9
-#: By so much, in the exponent, a density may fall before what follows is nothing.
-_DROP = 39.0
-#: So many panels are no finer for steeper gates, which are cut where they open and shut, at these margins.
-_FINEST, _CROSSING = MOST_PANELS, np.arange(-9.0, 10.0, 3.0)
-#: Steps of the search for the peak, each by the golden section; the second number goes where it is sought far and wide.
-_SECTIONS, _MOST_SECTIONS, _WIDE = 36, 80, 100.0
-_GOLDEN = (5.0**0.5 - 1.0) / 2.0
-#: So often is the way halved that a density takes to fall to nothing.
-_REACHES = 40
 #: With gates shut by no more than this, the density is still all but within the panels about where it would be open.
 _AJAR = -2.0
-_LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
 #: A chance so small that what it divides counts for nothing.
 _NEVER = 1e-290
 #: Rows integrated at once.
@@ -60,7 +50,7 @@ class RatioGates:
         """
         from scipy.special import log_ndtr
 
-        margins = self._margins(snr, noise)
+        margins = self.margins(snr, noise)
         least = margins.min(axis=1)
         open_ = _undecided(margins, least, slack)
         log_hit, log_miss = log_ndtr(least), log_ndtr(-least)
@@ -81,7 +71,7 @@ class RatioGates:
 
         if slack < LEAST_SLACK:
             return probit(*self.log_chances(snr, noise, slack))
-        margins = self._margins(snr, noise)
+        margins = self.margins(snr, noise)
         quantile: FloatArray = margins.min(axis=1)
         open_ = _undecided(margins, quantile, slack)
         quantile[open_] = ndtri(quick_chances(self, snr[open_], noise[open_], margins[open_]))
@@ -126,24 +116,22 @@ class RatioGates:
     def conditional(self, snr: FloatArray, noise: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1)."""
         reference = np.empty(len(snr))
-        steepest = self._steepest(self._margins(snr, noise), noise)
+        steepest = self._steepest(self.margins(snr, noise), noise)
         for rows, count in by_steepness(steepest):
-            panels = self._panels(snr[rows], noise[rows], count, _AJAR)
-            base, gates = self._log_density(panels.nodes(), snr[rows], noise[rows])
-            density = np.exp(base + gates - (base + gates).max(axis=1, keepdims=True))
-            reference[rows] = np.maximum(panels.inverse(density, uniforms[rows, -1]), self.threshold)
-        measured = np.empty_like(snr)
+            density = GateDensity(self, snr[rows], noise[rows])
+            panels = density.panels(count, _AJAR)
+            base, gates = density.logarithms(panels.nodes())
+            height = np.exp(base + gates - (base + gates).max(axis=1, keepdims=True))
+            reference[rows] = np.maximum(panels.inverse(height, uniforms[rows, -1]), self.threshold)
+        measured, density = np.empty_like(snr), GateDensity(self, snr, noise)
         measured[:, self.reference] = reference
         for band in self.others:
-            low, high = self._gate(reference, noise, band)
+            low, high = density.gate(reference, band)
             drawn = snr[:, band] + truncated_normals(low - snr[:, band], high - snr[:, band], uniforms[:, band])
             measured[:, band] = np.clip(drawn, low, np.maximum(low, high))
         return measured
 
-    def _least(self, band: int) -> float:
-        return self.threshold if band == self.reference else self.coincidence
-
-    def _margins(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
+    def margins(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
         """Return by how many standard deviations each condition (n, 1 + 3 · others) is met: all are linear."""
         reference = snr[:, self.reference]
         margins = [reference - self.threshold]
@@ -157,6 +145,9 @@ class RatioGates:
                 margins.append(np.broadcast_to(off, reference.shape))
         return np.stack(margins, axis=1)
 
+    def _least(self, band: int) -> float:
+        return self.threshold if band == self.reference else self.coincidence
+
     def _steepest(self, margins: FloatArray, noise: FloatArray) -> FloatArray:
         """Return the slope (n,) of the steepest side of a gate that is neither open nor shut for sure."""
         steepest = np.ones(len(noise))
@@ -167,122 +158,15 @@ class RatioGates:
                 steepest = np.maximum(steepest, np.where(is_near, steep * max(bound, 0.0), 1.0))
         return steepest
 
-    def _gate(self, reference: FloatArray, noise: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
-        """Return between which signals of a band the gate is open, for signals of the reference band (n, …)."""
-        steep = noise[:, self.reference] / noise[:, band]
-        steep = steep.reshape(-1, *(1 for _ in reference.shape[1:]))
-        with np.errstate(invalid="ignore"):
-            high = np.where(np.isfinite(self.upper[band]), self.upper[band] * steep * reference, np.inf)
-        return np.maximum(self.lower[band] * steep * reference, self.coincidence), high
-
-    def _panels(self, snr: FloatArray, noise: FloatArray, count: int, ajar: float) -> Panels:
-        """Return panels over all of y that matters: the density is log-concave and falls faster than normally."""
-        reference = snr[:, self.reference]
-        first = self._first_open(noise)
-        peak = np.maximum(reference, first)
-        shut = np.flatnonzero(self._gate_margin(peak, snr, noise) < ajar)
-        peak[shut] = self._peak(snr[shut], noise[shut])
-        # At the peak a normal density falls by exp(-_DROP) on this way; at the threshold it may be falling already.
-        falling = np.where(peak <= first, np.maximum(peak - reference, 0.0), 0.0)
-        reach = 2.0 * _DROP / (np.sqrt(falling * falling + 2.0 * _DROP) + falling)
-        # Where gates have only just opened at the peak they fall too, and may do so much faster.
-        edge = shut[peak[shut] - first[shut] < reach[shut]]
-        reach[edge] = self._fallen(peak[edge], reach[edge], snr[edge], noise[edge])
-        start = np.maximum(first, peak - np.sqrt(2.0 * _DROP))
-        kinks = self._kinks(noise) if count < _FINEST else np.hstack([self._kinks(noise), self._crossings(snr, noise)])
-        return Panels.over(start, np.maximum(peak + reach, start), count, kinks)
-
-    def _fallen(self, peak: FloatArray, reach: FloatArray, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return how far (n,) beyond their peaks densities have fallen to nothing, to a factor of 2, within `reach`."""
-        ways = reach[:, None] * np.exp2(-np.arange(_REACHES))
-        base, gates = self._log_density(np.concatenate([peak[:, None], peak[:, None] + ways], axis=1), snr, noise)
-        height = base + gates
-        times = (height[:, 1:] < height[:, :1] - _DROP).sum(axis=1)
-        fallen: FloatArray = reach * np.exp2(-np.maximum(times - 1, 0))
-        return fallen
-
-    def _first_open(self, noise: FloatArray) -> FloatArray:
-        """Return the least signal of the reference band, at the threshold or above, for which all gates are open."""
-        least = np.full(len(noise), self.threshold)
-        for band in self.others:
-            least = np.maximum(
-                least, self._where_coincident(self.upper[band], band, noise, np.full(len(noise), -np.inf))
-            )
-        return least
-
-    def _kinks(self, noise: FloatArray) -> FloatArray:
-        """Return where gates' lower sides turn from the coincidence threshold to the ratio, (n, others)."""
-        nowhere = np.full(len(noise), -np.inf)
-        return np.stack([self._where_coincident(self.lower[b], b, noise, nowhere) for b in self.others], axis=1)
-
-    def _crossings(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return signals (n, k) of the reference band along which sides of gates open and shut."""
-        found = []
-        for band in self.others:
-            steep = noise[:, self.reference] / noise[:, band]
-            bounds = [bound for bound in (self.lower[band], self.upper[band]) if np.isfinite(bound) and bound > 0.0]
-            found += [(snr[:, band, None] + _CROSSING) / (bound * steep)[:, None] for bound in bounds]
-        return np.concatenate(found, axis=1)
-
-    def _where_coincident(self, bound: float, band: int, noise: FloatArray, otherwise: FloatArray) -> FloatArray:
-        """Return the signal of the reference band at which a bound on a ratio meets the coincidence threshold."""
-        if not (np.isfinite(bound) and bound > 0.0):
-            return otherwise
-        return self.coincidence * noise[:, band] / (noise[:, self.reference] * bound)
-
-    def _gate_margin(self, reference: FloatArray, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return by how much expected signals lie inside the gates that signals of the reference band open."""
-        margin = np.full(len(reference), np.inf)
-        for band in self.others:
-            low, high = self._gate(reference, noise, band)
-            margin = np.minimum(margin, np.minimum(snr[:, band] - low, high - snr[:, band]))
-        return margin
-
-    def _peak(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return where the density of detections is highest, by golden section: it has one peak."""
-        low = self._first_open(noise)
-        high = np.maximum(snr[:, self.reference], low) + 1.0
-        for band in self.others:
-            if np.isfinite(self.upper[band]) and self.upper[band] > 0.0:
-                opens = np.maximum(snr[:, band], self.coincidence) * noise[:, band] / noise[:, self.reference]
-                high = np.maximum(high, opens / self.upper[band] + 1.0)
-        rows = np.arange(len(snr))
-        for step in range(_MOST_SECTIONS):
-            if step == _SECTIONS:
-                rows = np.flatnonzero(high - low > _WIDE * _GOLDEN**_SECTIONS)
-            if not len(rows):
-                break
-            low[rows], high[rows] = self._narrowed(low[rows], high[rows], snr[rows], noise[rows])
-        peak: FloatArray = 0.5 * (low + high)
-        return peak
-
-    def _narrowed(
-        self, low: FloatArray, high: FloatArray, snr: FloatArray, noise: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the part of the stretches (n,) that still has the peak."""
-        inner, outer = high - (high - low) * _GOLDEN, low + (high - low) * _GOLDEN
-        base, gates = self._log_density(np.stack([inner, outer], axis=1), snr, noise)
-        # Where gates are shut beyond all logarithms, the wider y is the better one.
-        is_rising = ~(base[:, 0] + gates[:, 0] > base[:, 1] + gates[:, 1])
-        return np.where(is_rising, inner, low), np.where(is_rising, high, outer)
-
-    def _log_density(self, nodes: FloatArray, snr: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the logarithms of the normal density at nodes (n, m), and of the chance of passing the gates there."""
-        log_gates = np.zeros_like(nodes)
-        for band in self.others:
-            low, high = self._gate(nodes, noise, band)
-            log_gates += log_between(low - snr[:, band, None], high - snr[:, band, None])
-        off = nodes - snr[:, self.reference, None]
-        return -0.5 * off * off - _LOG_ROOT_TWO_PI, log_gates
-
     def _integrated(
         self, snr: FloatArray, noise: FloatArray, steepest: FloatArray, slack: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) by the integral."""
         log_hit, log_missed = np.empty(len(snr)), np.full(len(snr), -np.inf)
         for rows, count in by_steepness(steepest):
-            panels = self._panels(snr[rows], noise[rows], count, -np.inf if slack else 0.0)
-            base, gates = self._log_density(panels.nodes(), snr[rows], noise[rows])
+            density = GateDensity(self, snr[rows], noise[rows])
+            panels = density.panels(count, -np.inf if slack else 0.0)
+            base, gates = density.logarithms(panels.nodes())
             log_hit[rows] = log_integral(panels, base + gates)
             if slack:
                 continue

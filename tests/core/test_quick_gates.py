@@ -33,13 +33,13 @@ def test_steep_or_flat_it_is_within_what_it_says(others: int) -> None:
         upper = np.where(rng.random(others) < 0.8, 1.5 * lower + 10.0 ** rng.uniform(-0.5, 1.5, others), np.inf)
         rule = RatioGates(rng.uniform(3.0, 7.0), 2.5, 0, np.array([0.0, *lower]), np.array([np.inf, *upper]))
         snr, noise = on_edges(rng, rule, 150)
-        quick = quick_chances(rule, snr, noise, rule._margins(snr, noise))
+        quick = quick_chances(rule, snr, noise, rule.margins(snr, noise))
         assert np.abs(quick - np.exp(rule.log_chances(snr, noise)[0])).max() <= 1e-10
 
 
 def test_the_same_look_has_the_same_chance_in_any_company() -> None:
     snr, noise = on_edges(np.random.default_rng(5), PAPER, 600)
-    margins = PAPER._margins(snr, noise)
+    margins = PAPER.margins(snr, noise)
     together = quick_chances(PAPER, snr, noise, margins)
     for rows in (slice(0, 1), slice(7, 8), slice(100, 350)):
         assert np.array_equal(quick_chances(PAPER, snr[rows], noise[rows], margins[rows]), together[rows])
@@ -55,7 +55,7 @@ def test_a_look_costs_few_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(quick_gates, "_density", counted)
     snr, noise = on_edges(np.random.default_rng(6), PAPER, 4000)
-    quick_chances(PAPER, snr, noise, PAPER._margins(snr, noise))
+    quick_chances(PAPER, snr, noise, PAPER.margins(snr, noise))
     assert sum(size for _, size in asked) <= 40 * len(snr)
     assert max(nodes for nodes, _ in asked) <= 64
     assert len(asked) <= 60
@@ -75,6 +75,6 @@ def test_what_no_gate_touches_costs_none(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_no_panel_is_wider_than_what_nodes_are_known_for() -> None:
     rng = np.random.default_rng(7)
     snr, noise = on_edges(rng, PAPER, 3000)
-    panels = panels_of(looks_of(PAPER, snr, noise, PAPER._margins(snr, noise)[:, 1:] < 6.8))
+    panels = panels_of(looks_of(PAPER, snr, noise, PAPER.margins(snr, noise)[:, 1:] < 6.8))
     assert panels.width.max() < 24.0
     assert len(NODES) == len(WIDTHS) + 1

@@ -10,7 +10,7 @@ from scipy.special import ndtr
 from scipy.stats import chi2, norm, poisson, spearmanr
 
 import opir_core as opir
-from opir_core.detection.ratio_gates import RatioGates
+from opir_core.detection.gate_density import GateDensity
 from opir_core.engine import Engine
 from opir_core.errors import ModelError
 from opir_core.knots import Knots
@@ -214,7 +214,7 @@ def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_n
     engine = Engine(plan)
     # One for all pairs; of each sensor three for its noise: how often, which, and the phase of its scan.
     assert len(made) <= 1 + 3 * len(plan.sensors)
-    monkeypatch.setattr(RatioGates, "_panels", None)
+    monkeypatch.setattr(GateDensity, "panels", None)
     reads.clear()
     window = engine.advance(plan.end_ns)
     measured = int((window.truth.target >= 0).sum())

@@ -1,0 +1,155 @@
+"""Where the detections of a rule of ratio gates lie: their density over the signal y of the reference band.
+
+It is the normal density of y about the signal expected, times the chance that every other band falls through the gate
+that y opens. The product is log-concave: it has one peak, and falls faster than the normal density on either side.
+"""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.detection.log_integrals import MOST_PANELS, log_between
+from opir_core.detection.panels import Panels
+from opir_core.detection.quick_gates import Gates
+from opir_core.records import FloatArray, IntArray
+
+#: By so much, in the exponent, a density may fall before what follows is nothing.
+_DROP = 39.0
+#: So many panels are no finer for steeper gates, which are cut where they open and shut, at these margins.
+_FINEST, _CROSSING = MOST_PANELS, np.arange(-9.0, 10.0, 3.0)
+#: Steps of the search for the peak, each by the golden section; the second number goes where it is sought far and wide.
+_SECTIONS, _MOST_SECTIONS, _WIDE = 36, 80, 100.0
+_GOLDEN = (5.0**0.5 - 1.0) / 2.0
+#: So often is the way halved that a density takes to fall to nothing.
+_REACHES = 40
+_LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
+
+
+@frozen(eq=False)
+class GateDensity:
+    """The densities of looks with expected signals `snr` (n, B) in noise (n, B), W/m²; `rule` says which detect."""
+
+    rule: Gates
+    snr: FloatArray
+    noise: FloatArray
+
+    def take(self, rows: IntArray) -> "GateDensity":
+        """Return the densities of some of the looks."""
+        return GateDensity(self.rule, self.snr[rows], self.noise[rows])
+
+    def logarithms(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the logarithms of the normal density at nodes (n, m), and of the chance of passing the gates there."""
+        log_gates = np.zeros_like(nodes)
+        for band in self.rule.others:
+            low, high = self.gate(nodes, band)
+            log_gates += log_between(low - self.snr[:, band, None], high - self.snr[:, band, None])
+        off = nodes - self._expected[:, None]
+        return -0.5 * off * off - _LOG_ROOT_TWO_PI, log_gates
+
+    def gate(self, reference: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
+        """Return between which signals of a band the gate is open, for signals of the reference band (n, …)."""
+        lower, upper = self.rule.lower[band], self.rule.upper[band]
+        steep = self._steep(band).reshape(-1, *(1 for _ in reference.shape[1:]))
+        with np.errstate(invalid="ignore"):
+            high = np.where(np.isfinite(upper), upper * steep * reference, np.inf)
+        return np.maximum(lower * steep * reference, self.rule.coincidence), high
+
+    def panels(self, count: int, ajar: float) -> Panels:
+        """Return panels over all of y that matters.
+
+        Gates shut by more than `ajar` standard deviations where they would be open first have their peak sought.
+        """
+        first = self._first_open()
+        peak = np.maximum(self._expected, first)
+        shut = np.flatnonzero(self._gate_margin(peak) < ajar)
+        peak[shut] = self.take(shut)._peak()
+        # At the peak a normal density falls by exp(-_DROP) on this way; at the threshold it may be falling already.
+        falling = np.where(peak <= first, np.maximum(peak - self._expected, 0.0), 0.0)
+        reach = 2.0 * _DROP / (np.sqrt(falling * falling + 2.0 * _DROP) + falling)
+        # Where gates have only just opened at the peak they fall too, and may do so much faster.
+        edge = shut[peak[shut] - first[shut] < reach[shut]]
+        reach[edge] = self.take(edge)._fallen(peak[edge], reach[edge])
+        start = np.maximum(first, peak - np.sqrt(2.0 * _DROP))
+        kinks = self._kinks() if count < _FINEST else np.hstack([self._kinks(), self._crossings()])
+        return Panels.over(start, np.maximum(peak + reach, start), count, kinks)
+
+    @property
+    def _expected(self) -> FloatArray:
+        return self.snr[:, self.rule.reference]
+
+    def _steep(self, band: int) -> FloatArray:
+        """Return by how much (n,) a ratio of irradiances is steeper between signals, which are in units of noise."""
+        steep: FloatArray = self.noise[:, self.rule.reference] / self.noise[:, band]
+        return steep
+
+    def _fallen(self, peak: FloatArray, reach: FloatArray) -> FloatArray:
+        """Return how far (n,) beyond their peaks densities have fallen to nothing, to a factor of 2, within `reach`."""
+        ways = reach[:, None] * np.exp2(-np.arange(_REACHES))
+        base, gates = self.logarithms(np.concatenate([peak[:, None], peak[:, None] + ways], axis=1))
+        height = base + gates
+        times = (height[:, 1:] < height[:, :1] - _DROP).sum(axis=1)
+        fallen: FloatArray = reach * np.exp2(-np.maximum(times - 1, 0))
+        return fallen
+
+    def _first_open(self) -> FloatArray:
+        """Return the least signal of the reference band, at the threshold or above, for which all gates are open."""
+        least = np.full(len(self.noise), self.rule.threshold)
+        for band in self.rule.others:
+            least = np.maximum(least, self._where_coincident(self.rule.upper[band], band))
+        return least
+
+    def _kinks(self) -> FloatArray:
+        """Return where gates' lower sides turn from the coincidence threshold to the ratio, (n, others)."""
+        rule = self.rule
+        return np.stack([self._where_coincident(rule.lower[band], band) for band in rule.others], axis=1)
+
+    def _crossings(self) -> FloatArray:
+        """Return signals (n, k) of the reference band along which sides of gates open and shut."""
+        found = []
+        for band in self.rule.others:
+            sides = (self.rule.lower[band], self.rule.upper[band])
+            bounds = [bound for bound in sides if np.isfinite(bound) and bound > 0.0]
+            steep = self._steep(band)
+            found += [(self.snr[:, band, None] + _CROSSING) / (bound * steep)[:, None] for bound in bounds]
+        return np.concatenate(found, axis=1)
+
+    def _where_coincident(self, bound: float, band: int) -> FloatArray:
+        """Return at which signal of the reference band a bound on a ratio meets the coincidence threshold, or -inf."""
+        if not (np.isfinite(bound) and bound > 0.0):
+            return np.full(len(self.noise), -np.inf)
+        return self.rule.coincidence * self.noise[:, band] / (self.noise[:, self.rule.reference] * bound)
+
+    def _gate_margin(self, reference: FloatArray) -> FloatArray:
+        """Return by how much expected signals lie inside the gates that signals of the reference band open."""
+        margin = np.full(len(reference), np.inf)
+        for band in self.rule.others:
+            low, high = self.gate(reference, band)
+            margin = np.minimum(margin, np.minimum(self.snr[:, band] - low, high - self.snr[:, band]))
+        return margin
+
+    def _peak(self) -> FloatArray:
+        """Return where the density of detections is highest, by golden section: it has one peak."""
+        low = self._first_open()
+        high = np.maximum(self._expected, low) + 1.0
+        for band in self.rule.others:
+            upper = self.rule.upper[band]
+            if np.isfinite(upper) and upper > 0.0:
+                least = np.maximum(self.snr[:, band], self.rule.coincidence)
+                opens = least * self.noise[:, band] / self.noise[:, self.rule.reference]
+                high = np.maximum(high, opens / upper + 1.0)
+        rows = np.arange(len(self.snr))
+        for step in range(_MOST_SECTIONS):
+            if step == _SECTIONS:
+                rows = np.flatnonzero(high - low > _WIDE * _GOLDEN**_SECTIONS)
+            if not len(rows):
+                break
+            low[rows], high[rows] = self.take(rows)._narrowed(low[rows], high[rows])
+        peak: FloatArray = 0.5 * (low + high)
+        return peak
+
+    def _narrowed(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the part of the stretches (n,) that still has the peak."""
+        inner, outer = high - (high - low) * _GOLDEN, low + (high - low) * _GOLDEN
+        base, gates = self.logarithms(np.stack([inner, outer], axis=1))
+        # Where gates are shut beyond all logarithms, the wider y is the better one.
+        is_rising = ~(base[:, 0] + gates[:, 0] > base[:, 1] + gates[:, 1])
+        return np.where(is_rising, inner, low), np.where(is_rising, high, outer)
