@@ -1,10 +1,8 @@
 """A run paced by the clock, in a thread of its own: window by window, with changes let in between two windows."""
 
-import queue
 import threading
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import Future
 from functools import partial
 from typing import Any
 
@@ -13,13 +11,15 @@ from attrs import evolve, frozen
 from opir_core.delivery import opened_sink
 from opir_core.engine import Engine
 from opir_core.errors import OpirError
+from opir_core.live.changes import Changes
 from opir_core.live.drafting import Draft, drafted_launch, drafted_settings
 from opir_core.live.growth import looked_at
 from opir_core.live.laps import Laps, Place, Shift
+from opir_core.live.launching import Launched, past, timed
 from opir_core.live.outlets import Outlet
 from opir_core.live.pace import Pace
 from opir_core.live.telling import Counts, LiveStatus, LiveWindow
-from opir_core.live.turns import BusyError, PastError, RefusedError, Turn, answered, waited_for
+from opir_core.live.turns import BusyError, PastError, RefusedError, waited_for
 from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.reading import scene_mapping
@@ -27,7 +27,6 @@ from opir_core.records import Window
 from opir_core.scene import Scene
 
 _NS = 1_000_000_000
-_WAITING_CHANGES = 16
 _TRIES = 6
 
 
@@ -39,15 +38,6 @@ class LiveSettings:
     cycle_ns: int = 50_000_000
     loop: bool = False
     maximum_targets: int = 1_000
-
-
-@frozen
-class Launched:
-    """A launch that was taken in: its target's id, its moment of scene time, and the first cycle that may see it."""
-
-    target_id: str
-    time_s: float
-    cycle: int
 
 
 class LiveRun:
@@ -71,10 +61,8 @@ class LiveRun:
         self._launched = len(scene.targets)
         self._tracks = 0
         self._outlets: tuple[Outlet, ...] = ()
-        self._drafts: queue.Queue[tuple[Draft, Future[int]]] = queue.Queue(_WAITING_CHANGES)
-        self._changing = threading.Lock()
-        self._waiting = threading.BoundedSemaphore(_WAITING_CHANGES)
         self._stopping = threading.Event()
+        self._changes = Changes(self._stopping)
         self._state = "starting"
         self._error: str | None = None
         self._thread = threading.Thread(target=self._work, name="opir-engine", daemon=True)
@@ -167,18 +155,19 @@ class LiveRun:
         The time counts from the scene's epoch; left out, it is as soon as can be. Raises `SceneError`, `PluginError` or
         `ModelError` for what is wrong with it, `RefusedError` where the run cannot take it.
         """
-        with self._change() as give_up_s:
+        with self._changes.turn() as give_up_s:
             if self.status().targets >= self.settings.maximum_targets:
                 raise BusyError(f"{self.settings.maximum_targets} targets are in the run, the most it takes at a time")
             self._launched += 1
             cycles = 1
             for _ in range(_TRIES):
                 place = self._place
-                timed, is_ours = self._timed(place, block, cycles)
-                if is_ours and timed["launch"]["time_s"] >= place.engine.plan.scene.duration_s:
+                soonest_ns = place.engine.time_ns + (2 + cycles) * self._pace.step_ns(place.time_ns)
+                whole, is_ours = timed(block, f"live-{self._launched}", place, soonest_ns)
+                if is_ours and whole["launch"]["time_s"] >= place.engine.plan.scene.duration_s:
                     self._await_lap_after(place.lap, give_up_s)
                     continue
-                draft = drafted_launch(place.engine.plan, timed, place.engine.time_ns, place.lap)
+                draft = drafted_launch(place.engine.plan, whole, place.engine.time_ns, place.lap)
                 try:
                     cycle = self._taken(draft, give_up_s)
                 except PastError:
@@ -186,7 +175,7 @@ class LiveRun:
                         raise
                     cycles *= 2
                 else:
-                    return Launched(timed["id"], timed["launch"]["time_s"] + place.shift.time_ns / _NS, cycle)
+                    return Launched(whole["id"], whole["launch"]["time_s"] + place.shift.time_ns / _NS, cycle)
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")
 
     def configure(self, mapping: Mapping[str, Any]) -> int:
@@ -195,7 +184,7 @@ class LiveRun:
         `mapping` is laid out as `settings_mapping` gives it. Raises `SceneError`, `PluginError`, `ModelError` for what
         is wrong with it, `RestartError` for what a running scene cannot change, `RefusedError` where the run has ended.
         """
-        with self._change() as give_up_s:
+        with self._changes.turn() as give_up_s:
             for _ in range(_TRIES):
                 place = self._place
                 draft = drafted_settings(place.engine.plan, mapping, place.lap, self.scene)
@@ -205,25 +194,6 @@ class LiveRun:
                     continue
             raise BusyError("the run's laps are too short to change it")
 
-    def _change(self) -> Turn:
-        return Turn(self._waiting, self._changing)
-
-    def _timed(self, place: Place, block: Mapping[str, Any], cycles: int) -> tuple[dict[str, Any], bool]:
-        """Return a launch's block with an id and a time of the lap, and whether the time is ours to choose."""
-        timed, before_ns = {"id": f"live-{self._launched}", **block}, place.shift.time_ns
-        launch = timed.get("launch")
-        if not isinstance(launch, Mapping):
-            return timed, False
-        if launch.get("time_s") is None:
-            after_ns = place.engine.time_ns + (2 + cycles) * self._pace.step_ns(place.time_ns)
-            return {**timed, "launch": {**launch, "time_s": -(-after_ns // 1_000_000) / 1000}}, True
-        time_s = launch["time_s"]
-        if isinstance(time_s, int | float) and not isinstance(time_s, bool) and before_ns:
-            if time_s < before_ns / _NS:
-                raise PastError(self._past())
-            timed["launch"] = {**launch, "time_s": time_s - before_ns / _NS}
-        return timed, False
-
     def _await_lap_after(self, lap: int, give_up_s: float) -> None:
         """Wait for the lap after one that is all but over; raises `RefusedError` where there is none."""
         if self._laps is None:
@@ -231,16 +201,11 @@ class LiveRun:
         if not waited_for(lambda: self._place.lap != lap or self._state != "running", self._stopping, give_up_s):
             raise BusyError("the run is held up; try again")
 
-    def _past(self) -> str:
-        return f"launch.time_s is past: the scene's clock is at {self.time_ns / _NS:.3f} s; leave it out for now"
-
     def _taken(self, draft: Draft, give_up_s: float) -> int:
         """Return the cycle at whose start a draft took over."""
-        answer: Future[int] = Future()
         if self._state != "running":
             raise RefusedError(f"the run has {self._state}: start it again, or start it with --loop")
-        self._drafts.put_nowait((draft, answer))
-        return answered(answer, self._stopping, give_up_s)
+        return self._changes.taken(draft, give_up_s)
 
     def _work(self) -> None:
         try:
@@ -250,10 +215,8 @@ class LiveRun:
         except Exception as error:  # told by status and health, and by the exit code
             self._error = str(error) if isinstance(error, OpirError) else f"{type(error).__name__}: {error}"
             self._state = "failed"
-        while not self._drafts.empty():
-            answer = self._drafts.get_nowait()[1]
-            if answer.set_running_or_notify_cancel():
-                answer.set_exception(RefusedError(f"the run has {self._state}"))
+        for _, answer in self._changes.asked():
+            answer.set_exception(RefusedError(f"the run has {self._state}"))
 
     def _cycle(self) -> bool:
         """Go one window on; return whether there is another."""
@@ -297,14 +260,11 @@ class LiveRun:
 
     def _take_over(self) -> None:
         """Let in what was asked for since the last window."""
-        while not self._drafts.empty():
-            draft, answer = self._drafts.get_nowait()
-            if not answer.set_running_or_notify_cancel():
-                continue
+        for draft, answer in self._changes.asked():
             place = self._place
             is_late = draft.not_after_ns is not None and draft.not_after_ns < place.engine.time_ns
             if is_late or draft.lap != place.lap:
-                answer.set_exception(PastError(self._past()))
+                answer.set_exception(past(self.time_ns))
                 continue
             draft.engine.take_over(place.engine)
             self._place = evolve(place, engine=draft.engine)
