@@ -1,45 +1,21 @@
-"""What good scenes are read as, what overrides do, and whose fault it is where a plugin is at fault."""
+"""What good scenes are read as: values, defaults, presets, configuration classes, real components."""
 
 import os
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import fake_components
 import numpy as np
 import pytest
-from attrs import evolve, field, frozen
-from fake_components import Ballistic, Launch, Place, Scanner, fake_host, good_mapping
+from attrs import field, frozen
+from fake_components import Ballistic, Launch, Place, Scanner, good_mapping
+from scene_reading import HOST, PAGE, host_with_tracker, plugin_of, problems, read
 
 from opir_core.errors import PluginError, SceneError
 from opir_core.fields import number
-from opir_core.plugin import Constellation, TrackerModel, hookimpl
 from opir_core.plugin.host import Host
-from opir_core.reading import limits, load_scene, scene_from_mapping, scene_mapping
-from opir_core.scene import Scene
-
-HOST = fake_host()
-
-PAGE = """
-scene: range                         # a comment
-epoch: 2026-04-01T12:00:00Z          # needs no quotes
-duration_s: 1e3
-sensors:
-  - constellation: FLEET
-    rows: 3
-  - {model: SCANNER, id: S1, orbital_slot_deg: 5, preset: slow, rows: 2}
-targets:
-  - id: T1
-    type: ICBM
-    launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 10}
-    aim: {lat_deg: .5, lon_deg: +167.7}
-light_time: off
-outputs:
-  - "null"
-  - jsonl:
-"""
+from opir_core.reading import load_scene, scene_from_mapping, scene_mapping
 
 
 @pytest.fixture
@@ -47,16 +23,6 @@ def page(tmp_path: Path) -> Path:
     path = tmp_path / "scene.yaml"
     path.write_text(PAGE)
     return path
-
-
-def read(*overrides: str, host: Host = HOST, **changes: Any) -> Scene:
-    return scene_from_mapping({**good_mapping(), **changes}, overrides=overrides, host=host)
-
-
-def problems(*overrides: str, **changes: Any) -> list[str]:
-    with pytest.raises(SceneError) as caught:
-        read(*overrides, **changes)
-    return [str(problem) for problem in caught.value.problems]
 
 
 def test_a_page_is_read(page: Path) -> None:
@@ -143,259 +109,6 @@ def test_the_source_is_named() -> None:
         scene_from_mapping({**good_mapping(), "seed": -1}, host=HOST, source="manifest of run 3")
 
 
-# Files that are none
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [("missing.yaml", "there is no such file"), (".", "is a directory; a scene is a file"), ("a\0b", "cannot be read")],
-)
-def test_a_file_that_cannot_be_read(name: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=words) as caught:
-        load_scene(os.path.join(tmp_path, name), host=HOST)  # noqa: PTH118 - Path would reject the zero byte itself
-    assert len(caught.value.problems) == 1
-
-
-def test_a_file_that_is_too_large(tmp_path: Path) -> None:
-    path = tmp_path / "scene.yaml"
-    path.write_bytes(PAGE.encode() + b"#" * limits.MAXIMUM_FILE_BYTES)
-    with pytest.raises(SceneError, match="is larger than 16777216 bytes"):
-        load_scene(path, host=HOST)
-
-
-def test_a_file_of_too_many_values(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("opir_core.reading.strict_yaml.MAXIMUM_VALUES", 1000)
-    path = tmp_path / "scene.yaml"
-    path.write_text("scene: [" + "1, " * 2000 + "]")
-    with pytest.raises(SceneError, match="there are more than 1000 values"):
-        load_scene(path, host=HOST)
-
-
-def test_a_mapping_of_too_many_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("opir_core.reading.plain_data.MAXIMUM_VALUES", 1000)
-    with pytest.raises(SceneError, match="there are more than 1000 values"):
-        scene_from_mapping({"scene": [1] * 2000}, host=HOST)
-
-
-def test_too_many_targets_and_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("opir_core.reading.targets.MAXIMUM_TARGETS", 1)
-    monkeypatch.setattr("opir_core.reading.sensors.MAXIMUM_SENSORS", 1)
-    assert problems() == ["sensors: there are more than 1 sensors", "targets: there are 2 targets; at most 1 are read"]
-
-
-def test_problems_beyond_a_number_are_counted() -> None:
-    told = problems(targets=[3] * (limits.MAXIMUM_PROBLEMS + 5))
-    assert len(told) == limits.MAXIMUM_PROBLEMS + 1
-    assert told[-1] == "and 5 more problems"
-
-
-# Overrides
-
-
-@pytest.mark.parametrize(
-    ("override", "path", "value"),
-    [
-        ("seed=11", "seed", 11),
-        ("scene='a # b'", "name", "a # b"),
-        ("scene=a # b: c", "name", "a # b: c"),
-        ("sensors[1].scan_period_ms=50", "sensors.1.model.config.scan_period_ms", 50.0),
-        (" sensors[1].rows = 5 ", "sensors.1.model.config.rows", 5),
-        ("sensors[1].detection_probability.IRBM=0.5", "sensors.1.model.config.detection_probability.IRBM", 0.5),
-        ("sensors[1].edges_um=[1, 2.5]", "sensors.1.model.config.edges_um", (1.0, 2.5)),
-        ("sensors[1].edges_um=null", "sensors.1.model.config.edges_um", None),
-        ("sensors[1].bands[0]=LWIR", "sensors.1.model.config.bands.0", "LWIR"),
-        ("targets[1].id=T9", "targets.1.id", "T9"),
-        ("tracker=none", "tracker.name", "none"),
-        ("tracker.window_s=3", "tracker.config.window_s", 3.0),
-        ("outputs[0].jsonl.path=-", "outputs.0.config.path", "-"),
-    ],
-)
-def test_an_override_sets_one_value(override: str, path: str, value: Any) -> None:
-    found: Any = read(override)
-    for step in path.split("."):
-        is_container = isinstance(found, tuple | dict)
-        found = found[int(step) if isinstance(found, tuple) else step] if is_container else getattr(found, step)
-    assert found == value
-    assert type(found) is type(value)
-
-
-def test_an_override_sets_nothing_else() -> None:
-    scene = read("seed=11")
-    assert evolve(scene, seed=7) == read()
-
-
-def test_an_override_opens_a_name_and_a_default() -> None:
-    assert read("tracker.window_s=3", tracker="arc").tracker.config.window_s == 3.0
-    without = {key: value for key, value in good_mapping().items() if key != "confidence"}
-    scene = scene_from_mapping(without, overrides=["confidence.band=1", "confidence.count=0"], host=HOST)
-    assert (scene.confidence.name, scene.confidence.config.band) == ("weighted", 1.0)
-
-
-def test_an_override_of_a_constellation_is_for_all_its_members() -> None:
-    scene = read("sensors[0].rows=5", sensors=[{"constellation": "FLEET"}])
-    assert [sensor.model.config.rows for sensor in scene.sensors] == [5, 5]
-
-
-def test_the_last_override_counts_and_one_may_mend_the_file(tmp_path: Path) -> None:
-    path = tmp_path / "scene.yaml"
-    path.write_text(PAGE + "seed: 010\n")
-    assert load_scene(path, overrides=["seed=1", "seed=2"], host=HOST).seed == 2
-
-
-@pytest.mark.parametrize(
-    ("override", "problem"),
-    [
-        ("seed", "override 'seed' has no '='; write path=value"),
-        ("seed=", "override 'seed=' has no value; write null for none, or '' for empty text"),
-        ("=3", "override '=3': '' is not a scene path; write it like sensors[0].id"),
-        ("[0]=3", "override '[0]=3': '[0]' is not a scene path; write it like sensors[0].id"),
-        ("a..b=3", "override 'a..b=3': 'a..b' is not a scene path; write it like sensors[0].id"),
-        ("a[-1]=3", "override 'a[-1]=3': 'a[-1]' is not a scene path; write it like sensors[0].id"),
-        ("sensors[2].id=A", "override 'sensors[2].id=A': sensors has 2 items, numbered from 0"),
-        ("sensors.id=A", "override 'sensors.id=A': sensors is a list, which has no key id"),
-        ("seed[0]=1", "override 'seed[0]=1': seed is a single value, which has no item 0"),
-        ("seed.x=1", "override 'seed.x=1': seed is a single value, which has no key x"),
-        ("scene='a' # b", "override \"scene='a' # b\": text that begins with ' needs quotes"),
-        ("scene=&a b", "scene: anchors (&a) are not read; write the plain value (override 'scene=&a b')"),
-        ("scene=\"a\" \"", "override 'scene=\"a\" \"': not YAML: the quotes are not closed"),
-        ("scene=[a]]", "override 'scene=[a]]': not YAML: something follows after the end"),
-        ("scene=[a", "override 'scene=[a': text that begins with [ needs quotes"),
-        ("seed=0o7", "seed: 0o7 is not a decimal number; write one, or '0o7' in quotes for text (override 'seed=0o7')"),
-        ("seed=1e3", "seed: 1e3 is not written as a whole number, and one is needed: write 1000 (override 'seed=1e3')"),
-        ("seed='9'", "seed: '9' is text; a whole number is needed: write 9 without quotes (override \"seed='9'\")"),
-        ("sed=3", "sed: unknown key; did you mean seed? (override 'sed=3')"),
-        ("scene=\udc80", "scene: '\\udc80' contains U+DC80, which is not text (override 'scene=\\udc80')"),
-    ],
-)  # fmt: skip
-def test_an_override_is_refused(override: str, problem: str) -> None:
-    assert problems(override) == [problem]
-
-
-def test_overrides_are_checked_with_the_scene() -> None:
-    assert problems("sensors[9].id=A", "seed=-1", light_time=1) == [
-        "override 'sensors[9].id=A': sensors has 2 items, numbered from 0",
-        "seed: -1 is outside [0, 9223372036854775807] (override 'seed=-1')",
-        "light_time: 1 is a number; true or false is needed",
-    ]
-
-
-# Plugins at fault
-
-
-def plugin_of(**hooks: Any) -> ModuleType:
-    module = ModuleType("other")
-    for name, function in hooks.items():
-        setattr(module, name, hookimpl(function))
-    return module
-
-
-def host_with_tracker(config: type) -> Host:
-    tracker = TrackerModel(name="other", summary="another", config=config, build=print)
-    return fake_host(plugin_of(opir_trackers=lambda: [tracker]))
-
-
-def test_all_missing_components_are_told_at_once() -> None:
-    with pytest.raises(PluginError) as caught:
-        read(sensors=[{"constellation": "FLET"}, {"model": "SCANER", "id": "A"}], tracker="arcs", detection="snr")
-    lines = [line for line in str(caught.value).splitlines() if not line.startswith(" ")]
-    assert lines == [
-        "sensors[0]: no constellation is named 'FLET'",
-        "sensors[1]: no sensor model is named 'SCANER'",
-        "detection: no detection model is named 'snr'",
-        "tracker: no tracker is named 'arcs'",
-    ]
-    assert caught.value.exit_code == 3
-
-
-def test_one_missing_component_is_told_once() -> None:
-    targets = [{**target, "model": "glider"} for target in good_mapping()["targets"]]
-    with pytest.raises(PluginError) as caught:
-        read(targets=targets)
-    assert str(caught.value).count("glider") == 1
-
-
-def test_problems_of_the_scene_come_before_missing_components() -> None:
-    assert problems(tracker="arcs", seed=-1) == ["seed: -1 is outside [0, 9223372036854775807]"]
-
-
-@pytest.mark.parametrize(
-    ("sensor", "words"),
-    [
-        ({"constellation": "LOST"}, "sensors[0]: no sensor model is named 'NOWHERE'"),
-        ({"constellation": "ODD"}, "sensors[0]: constellation 'ODD' of plugin fake_components "),
-        ({"constellation": "BENT"}, "does not fit SCANNER: orbital_slot_deg: 400.0 is outside [-180, 180] deg"),
-        ({"model": "SCANNER", "id": "A", "orbital_slot_deg": 1, "preset": "broken"}, "fit SCANNER: rows: 0.5 is not"),
-    ],
-)
-def test_what_a_plugin_supplies_is_not_the_fault_of_the_scene(sensor: dict[str, Any], words: str) -> None:
-    with pytest.raises(PluginError) as caught:
-        read(sensors=[sensor])
-    assert words in str(caught.value)
-
-
-def test_a_scene_may_mend_what_a_constellation_supplies() -> None:
-    scene = read(sensors=[{"constellation": "BENT", "orbital_slot_deg": 40}])
-    assert [sensor.model.config.orbital_slot_deg for sensor in scene.sensors] == [40.0, 40.0]
-
-
-def test_a_supplied_array_is_the_fault_of_the_plugin() -> None:
-    fleet = Constellation(
-        name="ARRAY", summary="an array", model="SCANNER", satellites=[{"id": "A", "orbital_slot_deg": np.zeros(1)}]
-    )
-    host = fake_host(plugin_of(opir_constellations=lambda: [fleet]))
-    with pytest.raises(PluginError, match=r"constellation 'ARRAY' .* orbital_slot_deg: a value of type numpy.ndarray"):
-        read(host=host, sensors=[{"constellation": "ARRAY"}])
-
-
-@frozen
-class Unheard:
-    when: set[int] = field(factory=set)
-
-
-@frozen
-class Unknown:
-    what: "Nowhere" = field(default=None)  # type: ignore[name-defined]  # noqa: F821
-
-
-@frozen
-class Crashing:
-    def __attrs_post_init__(self) -> None:
-        raise KeyError("window")
-
-
-@frozen
-class Reserved:
-    model: str = "x"
-
-
-@pytest.mark.parametrize(
-    ("config", "words"),
-    [
-        (Unheard, "Unheard.when: scenes cannot hold a value of type set[int]"),
-        (Unknown, "the field types of Unknown are not known: name 'Nowhere' is not defined"),
-        (Crashing, "its configuration fails: KeyError: 'window'"),
-        (Reserved, "its configuration has the field model, a key that scenes keep"),
-    ],
-)
-def test_a_configuration_class_that_cannot_be_read(config: type, words: str) -> None:
-    with pytest.raises(PluginError) as caught:
-        read(host=host_with_tracker(config), tracker="other")
-    assert str(caught.value) == f"tracker: tracker 'other' of plugin other (registered by this program): {words}"
-
-
-def test_an_encoder_that_is_missing_is_told() -> None:
-    with pytest.raises(PluginError, match=r"outputs\[0\]\.encoder: no event encoder is named 'round'"):
-        read("outputs[0].jsonl.encoder=round")
-
-
-def test_an_id_of_a_constellation_may_not_be_another_sensor_too() -> None:
-    sensors = [{"model": "STARER", "id": "FLEET-2", "orbital_slot_deg": 1}, {"constellation": "FLEET"}]
-    assert problems(sensors=sensors) == ["sensors[1]: FLEET-2 is the id of sensors[0] already"]
-
-
-# Configuration classes
-
-
 @frozen(kw_only=True)
 class Various:
     _private: int = number(help="private", default=1)
@@ -443,9 +156,6 @@ def test_complaints_of_nested_types_have_their_path() -> None:
         "tracker.places[0].lat_deg: 91.0 is outside [-90, 90] deg",
         "tracker.places[0].lon_deg: is missing: longitude, deg, [-180, 180]",
     ]
-
-
-# Real components, and what reading costs
 
 
 def test_core_components_are_read() -> None:
