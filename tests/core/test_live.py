@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
+from waiting import until
 
 from opir_core.engine import Engine
 from opir_core.errors import SceneError
@@ -182,13 +183,6 @@ class Kept:
 
     def __call__(self, window: Any) -> None:
         self.windows.append(window)
-
-
-def until(condition: Any, within_s: float = 30.0) -> None:
-    deadline = time.monotonic() + within_s
-    while not condition():
-        assert time.monotonic() < deadline, "it did not come about"
-        time.sleep(0.005)
 
 
 def test_a_live_run_ends_with_the_events_of_the_batch(scene: Scene, host: Host) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from attrs import evolve
+from waiting import until
 
 from opir_core.engine import Engine
 from opir_core.errors import SinkError
@@ -50,13 +51,6 @@ def scene(host: Host) -> Scene:
 
 def run_into(host: Host, speed: float | None, *outputs: Mapping[str, Any]) -> LiveRun:
     return LiveRun(scene_from_mapping({**SCENE, "outputs": outputs}, host=host), host, LiveSettings(speed=speed))
-
-
-def until(is_so: Callable[[], bool]) -> None:
-    give_up_at = time.monotonic() + 30.0
-    while not is_so():
-        assert time.monotonic() < give_up_at
-        time.sleep(0.005)
 
 
 class Slow:

@@ -24,6 +24,7 @@ from spool_stand import (
     unspooled,
     window,
 )
+from waiting import until
 
 from opir_core.builtin.memory import Memory
 from opir_core.errors import SinkError
@@ -412,13 +413,6 @@ def many_windows() -> list[Window]:
 def put_for_ever(journal: Journal, parcel: parcels.Parcel) -> None:
     while True:
         journal.put(parcel)
-
-
-def until(is_so: Any) -> None:
-    give_up_at = time.monotonic() + 20.0
-    while not is_so():
-        assert time.monotonic() < give_up_at
-        time.sleep(0.005)
 
 
 def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import kafka_stand
 from kafka_stand import dead_address, messages
+from waiting import until
 
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.plugin.host import Host
@@ -27,13 +28,6 @@ def stopped(run: LiveRun) -> Any:
     status = run.stop(within_s=4.0)
     assert time.monotonic() - began < STOP_S
     return status.sinks[0]
-
-
-def until(is_so: Any) -> None:
-    give_up_at = time.monotonic() + 30.0
-    while not is_so():
-        assert time.monotonic() < give_up_at
-        time.sleep(0.02)
 
 
 def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_delivers_all(tmp_path: Path) -> None:

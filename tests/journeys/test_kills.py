@@ -8,7 +8,7 @@ import re
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import pytest
 from doomed import is_alive
 from kafka_stand import messages
 from served import Nursery, nursery
+from waiting import until
 
 from opir_core.engine import Engine
 from opir_core.events.forge import ForgeEncoder
@@ -84,13 +85,6 @@ def status(port: int) -> Any:
         return json.loads(connection.getresponse().read())
     finally:
         connection.close()
-
-
-def until(is_so: Callable[[], Any]) -> None:
-    give_up_at = time.monotonic() + 60.0
-    while not is_so():
-        assert time.monotonic() < give_up_at
-        time.sleep(0.005)
 
 
 def killed(number: int) -> None:

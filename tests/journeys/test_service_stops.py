@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ import pytest
 from attrs import frozen
 from http_stand import JSON, LAUNCH
 from kafka_stand import dead_address
+from waiting import until
 
 #: A service has ended so long after it was told to, s.
 STOP_S = 5.0
@@ -80,13 +81,6 @@ def serving(folder: Path, *words: str) -> Iterator[Running]:
         process.wait()
         if process.stdout is not None:
             process.stdout.close()
-
-
-def until(is_so: Callable[[], bool]) -> None:
-    give_up_at = time.monotonic() + 30.0
-    while not is_so():
-        assert time.monotonic() < give_up_at
-        time.sleep(0.02)
 
 
 def waiting(spool: Path) -> int:

@@ -7,7 +7,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from opir_http import gate, server, service
 from opir_http.feed import QUEUED_FRAMES, Client
 from opir_http.openapi import document
 from opir_http.serving import ServeError, token_of
+from waiting import until
 
 from opir_core.engine import Engine
 from opir_core.events.forge import ForgeEncoder
@@ -35,13 +36,6 @@ def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
         running.service.settings = evolve(running.service.settings, writes_per_s=10_000.0)
         until(lambda: running.service.feed.history.total > 50)
         yield running
-
-
-def until(condition: Callable[[], bool], within_s: float = 30.0) -> None:
-    deadline = time.monotonic() + within_s
-    while not condition():
-        assert time.monotonic() < deadline, "it did not come about"
-        time.sleep(0.01)
 
 
 def conforms(value: Any, name: str) -> None:
