@@ -8,6 +8,7 @@ import jsonschema
 import numpy as np
 import pytest
 from attrs import evolve
+from forge_events import refuse_constant
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -37,10 +38,6 @@ FORMATS = jsonschema.Draft202012Validator.FORMAT_CHECKER
 VALIDATORS = {name: jsonschema.Draft202012Validator(schema(name), format_checker=FORMATS) for name in SCHEMAS}
 #: The stub's sensor stands over the equator at longitude 0, and looks straight down.
 DOWN = np.array([-1.0, 0.0, 0.0])
-
-
-def refuse_constant(name: str) -> None:
-    raise AssertionError(f"{name} is no JSON")
 
 
 def events_of(encoder: Any, window: Window) -> list[dict[str, Any]]:

@@ -1,12 +1,9 @@
 """The spool: nothing that was taken is lost, order is kept, what cannot be kept is counted."""
 
 import json
-import random
-import sqlite3
 import threading
 import time
 from concurrent.futures import Future
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +17,7 @@ from spool_stand import (
     Appending,
     Holding,
     ids_of,
+    overfill,
     spooled,
     unspooled,
     window,
@@ -30,9 +28,8 @@ from opir_core.builtin.memory import Memory
 from opir_core.errors import SinkError
 from opir_core.protocols import Delivery
 from opir_core.pump import pump
-from opir_core.records import Tracks, Window
+from opir_core.records import Tracks
 from opir_core.spool import parcels
-from opir_core.spool.backlog import FullError
 from opir_core.spool.carriers import Carrier
 from opir_core.spool.dispatch import AHEAD_BYTES, Dispatch, Policy
 from opir_core.spool.journal import Journal
@@ -140,164 +137,6 @@ def test_a_defect_of_a_carrier_is_passed_on(tmp_path: Path) -> None:
         sink.close()
 
 
-@pytest.mark.parametrize("is_spooled", [True, False])
-def test_a_full_backlog_refuses(tmp_path: Path, is_spooled: bool) -> None:
-    sink = small(tmp_path, Holding("hold"), "refuse", is_spooled=is_spooled)
-    with pytest.raises(SinkError, match=r"stub: its (spool .*|queue) is full, with \d+ events that wait"):
-        overfill(sink)
-    told = sink.close()
-    assert (told.spooled > 1000) is is_spooled
-    assert told.spooled + told.dropped > 1000
-
-
-@pytest.mark.parametrize("is_spooled", [True, False])
-def test_a_full_backlog_drops_the_newest_and_counts(tmp_path: Path, is_spooled: bool) -> None:
-    carrier = Holding("hold")
-    sink = small(tmp_path, carrier, "drop-newest", is_spooled=is_spooled)
-    events = overfill(sink)
-    carrier.release()
-    told = sink.close()
-    assert told.dropped > 1000
-    assert told.delivered + told.dropped == events
-    assert carrier.ids == ids_of(window(events))[: told.delivered]
-
-
-@pytest.mark.parametrize("is_spooled", [True, False])
-def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(tmp_path: Path, is_spooled: bool) -> None:
-    carrier = Holding("hold")
-    sink = small(tmp_path, carrier, "drop-oldest", is_spooled=is_spooled)
-    events = overfill(sink)
-    carrier.release()
-    told = sink.close()
-    assert told.dropped > 1000
-    assert told.delivered + told.dropped == events
-    everything = ids_of(window(events))
-    assert carrier.ids[-1] == everything[-1]
-    place = {each: number for number, each in enumerate(everything)}
-    assert carrier.ids == sorted(carrier.ids, key=place.__getitem__)
-
-
-@pytest.mark.parametrize("is_spooled", [True, False])
-def test_a_full_backlog_waits_for_room(tmp_path: Path, is_spooled: bool) -> None:
-    carrier = Appending(tmp_path / "arrived", 0.002)
-    sink = small(tmp_path, carrier, "wait", is_spooled=is_spooled, wait_s=20.0)
-    events = overfill(sink)
-    assert sink.close() == Delivery(delivered=events)
-    assert (tmp_path / "arrived").read_bytes() == ENCODER.encode(window(events))
-
-
-def test_waiting_for_room_has_an_end(tmp_path: Path) -> None:
-    sink = small(tmp_path, Holding("hold"), "wait", is_spooled=True)
-    with pytest.raises(SinkError, match="is full"):
-        overfill(sink)
-    sink.close()
-
-
-def test_the_file_stays_within_its_bound(tmp_path: Path) -> None:
-    path = tmp_path / "spool"
-    journal = Journal(str(path), 2 * MIB)
-    parcel = next(Packer(ENCODER, SENSORS).parcels(window(300)))
-    tiny = next(Packer(ENCODER, SENSORS).parcels(window(1)))
-    for each in (parcel, tiny):
-        with pytest.raises(FullError):
-            put_for_ever(journal, each)
-        assert path.stat().st_size < 2.2 * MIB
-        assert (tmp_path / "spool-wal").stat().st_size < 6 * MIB
-    numbers = iter(lambda: journal.drop_oldest(0), 0)
-    assert sum(numbers) > 1000
-    journal.put(parcel)
-    journal.close()
-    assert path.stat().st_size < 2.2 * MIB
-
-
-def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
-    """SQLite's own bound on pages stands for the disk's: both are told as SQLITE_FULL."""
-    journal = Journal(str(tmp_path / "spool"), 1 << 40)
-    pages = journal._database.execute("PRAGMA page_count").fetchone()[0]
-    journal._database.execute(f"PRAGMA max_page_count = {pages + 400}")
-    carrier = Holding("hold")
-    sink = Dispatch("stub", carrier, journal, Packer(ENCODER, SENSORS), QUICK)
-    with pytest.raises(SinkError, match="is full"):
-        overfill(sink)
-    carrier.release()
-    told = sink.close()
-    assert told.delivered > 1000
-    assert carrier.ids == ids_of(window(told.delivered))
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
-@pytest.mark.parametrize("place", ["/dev/full", "/dev/null"])
-def test_a_device_is_no_spool(place: str) -> None:
-    with pytest.raises(SinkError, match=f"the spool {place} "):
-        Journal(place, MIB)
-
-
-def test_a_spool_in_use_is_refused(tmp_path: Path) -> None:
-    first = spooled(tmp_path / "spool", Holding())
-    with pytest.raises(SinkError, match=r"the spool .* is in use by another process; stop that, or give"):
-        Journal(str(tmp_path / "spool"), MIB)
-    first.close()
-    Journal(str(tmp_path / "spool"), MIB).close()
-
-
-def test_a_file_that_is_no_database_is_refused_and_left_alone(tmp_path: Path) -> None:
-    path = tmp_path / "spool"
-    path.write_bytes(b"not a spool" * 1000)
-    with pytest.raises(SinkError, match="is not a spool, or damaged; move it away"):
-        Journal(str(path), MIB)
-    assert path.read_bytes() == b"not a spool" * 1000
-
-
-def test_a_database_of_something_else_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "spool"
-    with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE other (x)")
-    database.close()
-    with pytest.raises(SinkError, match="is a database of something else"):
-        Journal(str(path), MIB)
-
-
-def test_a_spool_of_another_version_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "spool"
-    Journal(str(path), MIB).close()
-    with sqlite3.connect(path) as database:
-        database.execute("PRAGMA user_version = 9")
-    database.close()
-    with pytest.raises(SinkError, match="has version 9, and this opir reads 1"):
-        Journal(str(path), MIB)
-
-
-def test_a_missing_folder_is_told(tmp_path: Path) -> None:
-    with pytest.raises(SinkError, match="there is no folder"):
-        Journal(str(tmp_path / "missing" / "spool"), MIB)
-    with pytest.raises(SinkError, match="cannot be opened"):
-        Journal(str(tmp_path), MIB)
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_damage_anywhere_in_the_file_is_told_or_harmless_and_never_sent(tmp_path: Path, seed: int) -> None:
-    path = tmp_path / "spool"
-    journal = Journal(str(path), 64 * MIB)
-    for number in range(4):
-        journal.put(next(Packer(ENCODER, SENSORS).parcels(window(200, 200 * number))))
-    journal.close()
-    damaged = bytearray(path.read_bytes())
-    dice = random.Random(seed)
-    for _ in range(8):
-        damaged[dice.randrange(len(damaged))] ^= 1 << dice.randrange(8)
-    path.write_bytes(damaged)
-    whole = set(ids_of(window(800)))
-    carrier = Holding()
-    try:
-        sink = spooled(path, carrier)
-    except SinkError as error:
-        assert str(error).startswith(("the spool ", str(path)))  # noqa: PT017
-    else:
-        told = sink.close()
-        assert set(carrier.ids) <= whole
-        assert told.complaint is not None or told.delivered == 800
-
-
 def test_a_sink_in_a_hurry_is_closed_in_time(tmp_path: Path) -> None:
     patient = Policy(when_full="wait", wait_s=60.0, stall_s=60.0)
     sink = spooled(tmp_path / "spool", Holding("hold"), patient, 10 * MIB)
@@ -346,18 +185,6 @@ def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
     assert not any(len(each.truth) for each in kept.windows)
 
 
-def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
-    first = spooled(tmp_path / "spool", Holding("hold"))
-    first.write(window(5))
-    first.close()
-    kept = Memory(lambda: ENCODER)
-    second = Dispatch("memory", WindowCarrier(kept), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
-    told = second.close()
-    assert told.spooled == 5
-    assert told.complaint is not None
-    assert "give each output a spool of its own" in told.complaint
-
-
 def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path: Path) -> None:
     class Choosy:
         content_type, schema_version = ENCODER.content_type, ENCODER.schema_version
@@ -389,30 +216,6 @@ def test_a_killed_process_loses_nothing_and_keeps_the_order(tmp_path: Path) -> N
 def whole_lines(path: Path) -> list[bytes]:
     """Return the lines of the file; a carrier that was killed leaves torn ones, which are sent again."""
     return [line for line in path.read_bytes().split(b"\n") if line.startswith(b"{") and line.endswith(b"}")]
-
-
-def small(tmp_path: Path, carrier: Any, when_full: str, *, is_spooled: bool, wait_s: float = 0.2) -> Dispatch:
-    policy = Policy(when_full=when_full, wait_s=wait_s, stall_s=0.3)
-    if is_spooled:
-        return spooled(tmp_path / "spool", carrier, policy, 10 * MIB)
-    return unspooled(carrier, policy, 10 * MIB)
-
-
-def overfill(sink: Dispatch) -> int:
-    """Write twice what the small backlogs hold, and return how many events that is."""
-    for each in many_windows():
-        sink.write(each)
-    return 40_000
-
-
-@cache
-def many_windows() -> list[Window]:
-    return [window(1000, 1000 * number) for number in range(40)]
-
-
-def put_for_ever(journal: Journal, parcel: parcels.Parcel) -> None:
-    while True:
-        journal.put(parcel)
 
 
 def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """The service against its own OpenAPI: right and wrong requests made from the document, alone and one after another.
 
-`/stream` is left out: its answer has no end, and is tested in `tests/plugins/test_http_service.py`. Every answer is
-held against the document: statuses, content types, headers, bodies; wrong requests are refused; none is answered 5xx.
-OPIR_SCHEMATHESIS_S and OPIR_SCHEMATHESIS_SEED make it longer and another one.
+`/stream` is left out: its answer has no end, and is tested in `tests/plugins/http/test_http_service.py`. Every answer
+is held against the document: statuses, content types, headers, bodies. Wrong requests are refused; none is answered
+5xx. OPIR_SCHEMATHESIS_S and OPIR_SCHEMATHESIS_SEED make it longer and another one.
 """
 
 import os

@@ -10,8 +10,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 from attrs import define
 from opir_http.arguments import add_arguments
+from opir_http.openapi import document
 from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.serving import server_of, service_of
@@ -115,3 +117,9 @@ def serving(
             thread.join(10.0)
             service.feed.stop()
             service.run.stop()
+
+
+def conforms(value: Any, name: str) -> None:
+    """Fail where a value is not what the service's document says of a schema."""
+    whole = document()
+    jsonschema.validate(value, {"$ref": f"#/components/schemas/{name}", "components": whole["components"]})

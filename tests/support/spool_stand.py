@@ -4,6 +4,7 @@ import json
 import os
 import time
 from concurrent.futures import Future
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -120,3 +121,22 @@ def take_for_ever(sink: Sink, folder: str, first: int) -> None:
         sink.write(window(7, number))
         os.write(taken, b"%d\n" % number)
         time.sleep(0.001)
+
+
+def small(tmp_path: Path, carrier: Any, when_full: str, *, is_spooled: bool, wait_s: float = 0.2) -> Dispatch:
+    policy = Policy(when_full=when_full, wait_s=wait_s, stall_s=0.3)
+    if is_spooled:
+        return spooled(tmp_path / "spool", carrier, policy, 10 * MIB)
+    return unspooled(carrier, policy, 10 * MIB)
+
+
+def overfill(sink: Dispatch) -> int:
+    """Write twice what the small backlogs hold, and return how many events that is."""
+    for each in many_windows():
+        sink.write(each)
+    return 40_000
+
+
+@cache
+def many_windows() -> list[Window]:
+    return [window(1000, 1000 * number) for number in range(40)]

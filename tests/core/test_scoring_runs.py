@@ -1,0 +1,138 @@
+"""Runs are scored from memory and from files alike, compared, and refused where there is nothing to judge."""
+
+import json
+
+import numpy as np
+import pytest
+from scored_scene import SCENE
+
+from opir_core.cli import main
+from opir_core.errors import SceneError
+from opir_core.plan import compile_plan
+from opir_core.reading import scene_from_mapping
+from opir_core.run import run_of_plan
+from opir_core.scoring import evidence_of_run, scorecard
+from opir_core.scoring.evidence import Evidence
+from opir_core.scoring.files import evidence_of_files
+from opir_core.scoring.ownership import ownership
+from opir_core.scoring.scorecard import ScoreSettings
+
+
+def synthetic(track, target):
+    plan = compile_plan(scene_from_mapping(SCENE))
+    run = run_of_plan(plan)
+    rows = np.arange(len(track))
+    return Evidence(
+        plan=plan,
+        tracks=run.tracks.take(np.zeros(1, dtype=np.int64)),
+        time_s=rows.astype(np.float64),
+        sensor=(rows % 2).astype(np.int32),
+        sigma_rad=np.full(len(rows), 1e-5),
+        track=np.array(track),
+        target=np.array(target, dtype=np.int32),
+        direction_ecef=np.zeros((len(rows), 3)),
+        sensor_ecef_m=np.zeros((len(rows), 3)),
+    )
+
+
+def test_a_track_belongs_to_the_target_of_most_of_its_detections():
+    owners = ownership(synthetic([0, 0, 0, 0, -1], [0, 0, 0, -1, 0]))
+    assert owners.target.tolist() == [0]
+    assert owners.purity[0] == pytest.approx(0.75)
+    assert owners.is_stereo[0]
+    noise = ownership(synthetic([0, 0, 0], [-1, -1, 0]))
+    assert noise.target.tolist() == [-1]
+    assert not noise.is_best.any()
+
+
+def test_a_scene_is_scored_alike_from_memory_and_from_its_files(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({**SCENE, "outputs": [{"jsonl": {"path": str(tmp_path / "events.jsonl")}}]}))
+    assert main(["run", str(scene), "--quiet"]) == 0
+    plan = compile_plan(scene_from_mapping(SCENE))
+    here = scorecard([evidence_of_run(run_of_plan(plan), plan)]).as_plain()
+    there = scorecard([evidence_of_files(tmp_path / "events.jsonl")]).as_plain()
+    for name in ("launches_tracked", "purity", "completeness", "gospa", "seeds"):
+        assert there[name] == here[name]
+    ours, theirs = here["stereo"]["by_time"], there["stereo"]["by_time"]
+    assert [part["position_m"] for part in ours] == [part["position_m"] for part in theirs]
+    # Events tell sensors' errors to a few digits.
+    for name in ("position_over_bound", "velocity_over_free_bound"):
+        assert ours[-1][name]["value"] == pytest.approx(theirs[-1][name]["value"], rel=1e-3)
+    # Events tell angles to 1e-9 degrees.
+    assert ours[1]["nis"]["samples"] > 10
+    assert ours[1]["nis"]["mean"] == pytest.approx(theirs[1]["nis"]["mean"], rel=1e-3)
+    capsys.readouterr()
+    assert main(["score", str(tmp_path / "events.jsonl")]) == 0
+    told = capsys.readouterr().out
+    assert "launches tracked" in told
+    assert "stereo" in told
+
+
+def test_tracks_of_burnt_out_launches_are_not_false():
+    srbm = {
+        "id": "T2",
+        "type": "SRBM",
+        "launch": {"lat_deg": 36.0, "lon_deg": -115.0, "time_s": 2.0},
+        "aim": {"lat_deg": 38.0, "lon_deg": -114.0},
+    }
+    plan = compile_plan(scene_from_mapping({**SCENE, "duration_s": 80.0, "targets": [*SCENE["targets"], srbm]}))
+    run = run_of_plan(plan)
+    assert plan.targets.burnout_s[1] < 75.0
+    assert np.count_nonzero(run.tracks.tick_s > 75.0) > 5
+    found = scorecard([evidence_of_run(run, plan)], ScoreSettings(cutoff_m=5e4)).figures["gospa"]
+    assert found["false_a_target"]["value"] == 0.0
+    assert found["localisation_a_target"]["value"] > 0.0
+
+
+def test_compare_tells_every_tracker(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({**SCENE, "duration_s": 40.0}))
+    words = ["compare", str(scene), "--runs", "2", "--json", "--tracker", "stereo-filter"]
+    assert main([*words, "--tracker", "{model: stereo-filter, motion: boost}"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert list(told) == ["stereo-filter", "{model: stereo-filter, motion: boost}"]
+    assert told["stereo-filter"]["seeds"] == [7, 8]
+    assert told["stereo-filter"]["tracking_us_a_detection"]["value"] > 0.0
+    assert told["stereo-filter"]["tracking_us_a_track_update"]["value"] > 0.0
+
+
+def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
+    words = ["compare", str(scene), "--runs", "2", "--tracker", "kepler-arc", "--tracker", "stereo-filter"]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("2 runs of each tracker (seeds 7 to 8), sensors without bias; [95 % intervals]; GOSPA: c")
+    bins = [line.split()[:2] for line in told.splitlines() if line.startswith("0-20")]
+    assert bins == [["0-20", "kepler-arc"], ["0-20", "stereo-filter"]] * 2
+    for figure in ("/known", "/unknown", "NEES/6", "NIS/2", "impact km", "told SRBM", "located, missed, false"):
+        assert figure in told
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["compare", "SCENE", "--runs", "0"], "--runs: 0 is not a number of runs"),
+        (["compare", "SCENE", "--tracker", "none", "--runs", "1"], "none makes no tracks to judge"),
+        (["compare", "SCENE", "--alpha", "3"], "--alpha: must be in (0, 2]"),
+        (["score", "nothing.jsonl"], "the manifest is not there"),
+    ],
+)
+def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "SCENE").write_text(json.dumps(SCENE))
+    assert main(words) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_files_of_different_runs_are_refused(tmp_path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({**SCENE, "outputs": [{"jsonl": {"path": str(tmp_path / "events.jsonl")}}]}))
+    main(["run", str(scene), "--quiet"])
+    main(["run", str(scene), "--quiet", "--seed", "8", "--out", str(tmp_path / "other.jsonl")])
+    with pytest.raises(SceneError, match="the files are of different runs"):
+        evidence_of_files(tmp_path / "events.jsonl", truth=tmp_path / "other.truth.jsonl")
+    (tmp_path / "events.tracks.jsonl").write_text("{}\n")
+    with pytest.raises(SceneError, match="line 1: a track without"):
+        evidence_of_files(tmp_path / "events.jsonl")

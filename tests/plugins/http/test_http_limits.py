@@ -1,0 +1,110 @@
+"""Who may ask the service, and how much: viewers, writes, targets, tokens, slow callers."""
+
+import socket
+import time
+from pathlib import Path
+
+import pytest
+from http_stand import LAUNCH, serving
+from opir_http import gate, server
+from opir_http.feed import QUEUED_FRAMES, Client
+from opir_http.serving import ServeError, token_of
+from waiting import until
+
+
+def test_a_slow_viewer_loses_the_oldest_and_is_told() -> None:
+    import asyncio
+
+    async def view() -> list[bytes]:
+        client = Client(brief=False)
+        for number in range(QUEUED_FRAMES + 3):
+            client.put(b"%d" % number)
+        client.close()
+        return [frame async for frame in client.frames()]
+
+    frames = asyncio.run(view())
+    assert frames[1] == b'event: dropped\ndata: {"frames":3}\n\n'
+    assert frames[2:-1] == [b"%d" % number for number in range(3, QUEUED_FRAMES + 3)]
+    assert frames[-1].startswith(b"event: end")
+
+
+def test_viewers_are_bounded(tmp_path: Path) -> None:
+    with serving(tmp_path) as running:
+        config = running.ask("GET", "/config").json
+        running.ask("PUT", "/config", config | {"http": config["http"] | {"maximum_viewers": 1}}, {"If-Match": "*"})
+        with socket.create_connection(("127.0.0.1", running.port), timeout=10) as first:
+            first.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert first.recv(15).startswith(b"HTTP/1.1 200")
+            second = running.ask("GET", "/stream")
+        assert (second.status, second.headers["retry-after"]) == (503, "5")
+        until(lambda: running.service.feed.viewers == 0)
+
+
+def test_too_many_writes_are_told_to_wait(tmp_path: Path) -> None:
+    with serving(tmp_path) as running:
+        config = running.ask("GET", "/config").json
+        slower = config | {"http": config["http"] | {"writes_per_s": 0.5}}
+        assert running.ask("PUT", "/config", slower, {"If-Match": "*"}).status == 200
+        answers = [running.ask("POST", "/trigger", b"{}") for _ in range(4)]
+        assert 429 in [answer.status for answer in answers]
+        assert int(next(answer for answer in answers if answer.status == 429).headers["retry-after"]) >= 1
+        assert running.ask("GET", "/status").status == 200
+
+
+def test_targets_are_bounded(tmp_path: Path) -> None:
+    with serving(tmp_path, "--max-targets", "2") as running:
+        assert running.ask("POST", "/trigger", LAUNCH).status == 202
+        refused = running.ask("POST", "/trigger", LAUNCH)
+        assert (refused.status, refused.headers["retry-after"]) == (429, "1")
+
+
+def test_a_token_is_needed_where_there_is_one(tmp_path: Path) -> None:
+    token = "correct-horse-battery"
+    with serving(tmp_path, token=token) as running:
+        assert running.ask("GET", "/status").status == 401
+        assert running.ask("GET", "/status", headers={"Authorization": f"Bearer {token}x"}).status == 401
+        assert running.ask("GET", "/status", headers={"Authorization": f"Basic {token}"}).status == 401
+        assert running.ask("GET", "/status", headers={"Authorization": f"Bearer {token}"}).status == 200
+        assert running.ask("GET", "/health/live").status == 200
+        assert running.ask("GET", "/").status == 200
+        assert token.encode() not in running.ask("GET", "/config", headers={"Authorization": f"Bearer {token}"}).body
+
+
+def test_writes_to_the_configuration_can_be_switched_off(tmp_path: Path) -> None:
+    with serving(tmp_path, "--no-config-writes") as running:
+        config = running.ask("GET", "/config").json
+        assert running.ask("PUT", "/config", config, {"If-Match": "*"}).status == 403
+
+
+def test_other_addresses_need_a_token(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    import argparse
+
+    monkeypatch.delenv("OPIR_HTTP_TOKEN", raising=False)
+    with pytest.raises(ServeError, match="bearer token"):
+        token_of(argparse.Namespace(host="0.0.0.0", token_file=None))
+    monkeypatch.setenv("OPIR_HTTP_TOKEN", "short")
+    with pytest.raises(ServeError, match="at least 16"):
+        token_of(argparse.Namespace(host="0.0.0.0", token_file=None))
+    secret = tmp_path / "token"
+    secret.write_text("from-a-file-of-ours\n")
+    assert token_of(argparse.Namespace(host="0.0.0.0", token_file=str(secret))) == "from-a-file-of-ours"
+
+
+def trickle(slow: socket.socket, words: bytes) -> None:
+    for letter in words:
+        slow.sendall(bytes([letter]))
+        time.sleep(0.02)
+
+
+def test_whoever_sends_a_letter_at_a_time_is_let_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "HEADERS_S", 0.5)
+    monkeypatch.setattr(server, "_CHECK_S", 0.1)
+    monkeypatch.setattr(gate, "BODY_S", 0.5)
+    with serving(tmp_path) as running:
+        with socket.create_connection(("127.0.0.1", running.port), timeout=10) as slow, pytest.raises(ConnectionError):
+            trickle(slow, b"GET /status HTTP/1.1\r\nHost: localhost\r\nX: " + b"y" * 200)
+        with socket.create_connection(("127.0.0.1", running.port), timeout=10) as slow:
+            head = b"POST /trigger HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+            slow.sendall(head + b"Content-Length: 100\r\n\r\n{")
+            assert slow.recv(100).startswith(b"HTTP/1.1 408")
+        assert running.ask("GET", "/status").status == 200

@@ -1,0 +1,160 @@
+"""What the service refuses, and how: parameters, bodies, files of the machine, forms, methods, names."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from http_stand import LAUNCH, SCENE, Stand, conforms, serving
+from opir_http.openapi import document
+
+
+@pytest.mark.parametrize(
+    ("path", "word"),
+    [
+        ("/detections?limit=0", "limit"),
+        ("/detections?limit=1001", "limit"),
+        ("/detections?limit=1&limit=2", "twice"),
+        ("/detections?min_confidence=nan", "min_confidence"),
+        ("/detections?since=yesterday", "since"),
+        ("/detections?after=%FF", "read"),
+        ("/detections?after=../..", "after"),
+        ("/detections?nothing=1", "unknown"),
+        ("/status?x=1", "unknown"),
+        ("/stream?view=all", "view"),
+    ],
+)
+def test_a_parameter_that_is_wrong_is_named(stand: Stand, path: str, word: str) -> None:
+    answer = stand.ask("GET", path)
+    assert (answer.status, answer.headers["content-type"]) == (400, "application/problem+json")
+    assert word in answer.json["detail"]
+
+
+BAD_BODIES = {
+    "empty": (b"", 400),
+    "not JSON": (b"{", 400),
+    "a list": (b"[]", 422),
+    "NaN": (b'{"type": NaN}', 400),
+    "beyond a float": (b'{"type":"ICBM","launch":{"lat_deg":1e400,"lon_deg":0},"aim":{"lat_deg":0,"lon_deg":1}}', 422),
+    "huge whole number": (b'{"type":"ICBM","launch":{"lat_deg":' + b"9" * 5000 + b"}}", 400),
+    "deep": (b'{"a":' * 9000 + b"1" + b"}" * 9000, 400),
+    "deep list": (b"[" * 60000, 400),
+    "key twice": (b'{"type":"ICBM","type":"SRBM"}', 400),
+    "not UTF-8": (b'{"type":"\xff"}', 400),
+    "UTF-16": ('{"type":"ICBM"}'.encode("utf-16"), 400),
+    "half a surrogate pair": (b'{"type":"\\ud800"}', 422),
+    "zero byte": (b'{"id":"\\u0000"}', 422),
+    "wrong types": (b'{"type":1,"launch":"here","aim":[]}', 422),
+    "too large": (b'{"type":"' + b"x" * 70000 + b'"}', 413),
+    "unknown model": (json.dumps(LAUNCH | {"model": "warp"}).encode(), 422),
+    "unknown key": (json.dumps(LAUNCH | {"secret": 1}).encode(), 422),
+}
+
+
+@pytest.mark.parametrize(("body", "status"), BAD_BODIES.values(), ids=BAD_BODIES)
+def test_a_body_that_is_wrong_is_refused_and_changes_nothing(stand: Stand, body: bytes, status: int) -> None:
+    for method, path in (("POST", "/trigger"), ("PUT", "/config")):
+        answer = stand.ask(method, path, body, {"If-Match": "*"})
+        assert answer.status == status, answer.body
+        conforms(answer.json, "Problem")
+        assert "Traceback" not in answer.body.decode()
+        assert "/work" not in answer.body.decode()
+        assert ".py" not in answer.body.decode()
+
+
+SECRETS = {
+    "a table": {"model": "table", "type": "ICBM", "file": "/etc/passwd"},
+    "a table that never ends": {"model": "table", "type": "ICBM", "file": "/dev/zero"},
+    "a signature": LAUNCH | {"signature": [{"table": {"path": "/etc/passwd"}}]},
+    "very deep": LAUNCH | {"signature": json.loads('{"a":' * 300 + '{"file": "x"}' + "}" * 300)},
+}
+
+
+@pytest.mark.parametrize("body", SECRETS.values(), ids=SECRETS)
+def test_no_launch_has_a_file_of_the_machine_read(stand: Stand, body: Any) -> None:
+    answer = stand.ask("POST", "/trigger", body)
+    assert answer.status == 422
+    assert b"root:" not in answer.body
+    assert answer.json["errors"][0]["message"] == "a request names no file and no variable; a scene may"
+
+
+OUTPUT = """
+  - jsonl: {path: PATH, spool: {path: SPOOL}}
+  - kafka:
+      bootstrap_servers: "127.0.0.1:1"
+      topic: t
+      security: {protocol: SASL_PLAINTEXT, username: me, password_variable: OPIR_TEST_PASSWORD}
+"""
+
+
+def test_no_configuration_names_another_file_or_sends_a_secret_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OPIR_TEST_PASSWORD", "the-word-itself")
+    outputs = OUTPUT.replace("PATH", str(tmp_path / "a.jsonl")).replace("SPOOL", str(tmp_path / "spool"))
+    with serving(tmp_path, scene=SCENE.replace('outputs: ["null"]', f"outputs:{outputs}")) as running:
+        config = running.ask("GET", "/config")
+        assert b"the-word-itself" not in config.body + running.ask("GET", "/status").body
+        places = {
+            "outputs[0].jsonl.path": lambda whole: whole["outputs"][0]["jsonl"].update(path=str(tmp_path / "evil")),
+            "outputs[0].jsonl.spool.path": lambda whole: whole["outputs"][0]["jsonl"]["spool"].update(path="evil"),
+            "outputs[1]": lambda whole: whole["outputs"][1]["kafka"].update(bootstrap_servers="evil.example:9092"),
+            "outputs[1].kafka.security.password_variable": lambda whole: whole["outputs"][1]["kafka"][
+                "security"
+            ].update(password_variable="HOME"),
+        }
+        for place, change in places.items():
+            wanted = config.json
+            change(wanted)
+            answer = running.ask("PUT", "/config", wanted, {"If-Match": "*"})
+            assert (answer.status, place in [error["path"] for error in answer.json["errors"]]) == (409, True)
+        assert running.ask("PUT", "/config", config.json, {"If-Match": "*"}).status == 200
+        assert not list(tmp_path.glob("evil*"))
+
+
+def test_a_launch_that_is_past_is_told_the_clock(stand: Stand) -> None:
+    answer = stand.ask("POST", "/trigger", LAUNCH | {"launch": LAUNCH["launch"] | {"time_s": 0.0}})
+    assert (answer.status, "clock is at" in answer.json["detail"]) == (409, True)
+
+
+FORM = "application/x-www-form-urlencoded"
+
+
+@pytest.mark.parametrize("kind", ["text/plain", f"{FORM}; charset=utf-8", "application/json; charset=latin-1", ""])
+def test_other_content_types_are_refused(stand: Stand, kind: str) -> None:
+    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": kind}).status == 415
+
+
+@pytest.mark.parametrize(
+    "header",
+    [{"Origin": "https://elsewhere.example"}, {"Origin": "null"}, {"Sec-Fetch-Site": "cross-site"}],
+)
+def test_no_form_of_a_browser_is_taken(stand: Stand, header: dict[str, str]) -> None:
+    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM} | header).status == 415
+
+
+def test_what_curl_posts_by_default_is_read_as_json(stand: Stand) -> None:
+    assert stand.ask("POST", "/trigger", json.dumps(LAUNCH).encode(), {"Content-Type": FORM}).status == 202
+    assert stand.ask("POST", "/trigger", b"type=ICBM", {"Content-Type": FORM}).status == 400
+
+
+def test_other_methods_are_refused_and_no_origin_is_let_in(stand: Stand) -> None:
+    for method, path in (("DELETE", "/config"), ("POST", "/status"), ("PATCH", "/config"), ("PUT", "/trigger")):
+        answer = stand.ask(method, path, b"{}")
+        assert answer.status == 405
+        assert answer.headers["allow"]
+    answer = stand.ask("GET", "/status", headers={"Origin": "https://elsewhere.example"})
+    assert not [name for name in answer.headers if name.startswith("access-control")]
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+
+
+def test_options_name_the_methods_of_each_path(stand: Stand) -> None:
+    for path, item in document()["paths"].items():
+        answer = stand.ask("OPTIONS", path)
+        assert answer.status == 204
+        assert {word.strip().lower() for word in answer.headers["allow"].split(",")} == {*item, "options"}
+
+
+def test_a_name_that_is_not_ours_is_not_served(stand: Stand) -> None:
+    assert stand.ask("GET", "/status", headers={"Host": "rebound.example"}).status == 421

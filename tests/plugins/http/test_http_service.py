@@ -1,0 +1,237 @@
+"""The service: every route, and what its answers say."""
+
+import http.client
+import json
+import os
+import re
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from http_stand import LAUNCH, Stand, conforms, serving
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from opir_http import service
+from opir_http.openapi import document
+from waiting import until
+
+from opir_core.engine import Engine
+from opir_core.events.forge import ForgeEncoder
+from opir_core.plan import compile_plan
+from opir_core.protocols import EncoderContext
+from opir_core.reading import scene_from_mapping, scene_mapping
+
+
+def test_every_answer_is_what_the_document_says(stand: Stand) -> None:
+    conforms(stand.ask("GET", "/status").json, "Status")
+    conforms(stand.ask("GET", "/config").json, "Config")
+    conforms(stand.ask("GET", "/detections?limit=20").json, "Detections")
+    conforms(stand.ask("GET", "/tracks").json, "Tracks")
+    conforms(stand.ask("GET", "/nothing").json, "Problem")
+    conforms(LAUNCH, "Trigger")
+
+
+def test_the_document_has_every_route_and_no_other(stand: Stand) -> None:
+    routes = stand.server.config.app._app.routes
+    ours = {(route.path, method) for route in routes for method in route.methods - {"OPTIONS"}}
+    page = {("/", "GET"), ("/page/{name:str}", "GET"), ("/openapi.json", "GET")}
+    told = {(path, method.upper()) for path, item in document()["paths"].items() for method in item}
+    assert ours - page == told
+    assert stand.ask("GET", "/openapi.json").json == json.loads(json.dumps(document()))
+
+
+def test_a_launch_is_in_the_run_and_seen(stand: Stand) -> None:
+    answer = stand.ask("POST", "/trigger", LAUNCH | {"id": "SEEN"})
+    assert answer.status == 202
+    conforms(answer.json, "Launched")
+    assert answer.json["id"] == "SEEN"
+    again = stand.ask("POST", "/trigger", LAUNCH | {"id": "SEEN"})
+    assert (again.status, again.json["errors"][0]["path"]) == (422, "id")
+
+
+def test_a_launch_gives_the_events_of_a_batch(tmp_path: Path) -> None:
+    with serving(tmp_path, "--speed", "20") as running:
+        launched = running.ask("POST", "/trigger", LAUNCH).json
+        until(lambda: running.service.run.status().time_ns * 1e-9 > launched["time_s"] + 60)
+        running.service.run._stopping.set()
+        until(lambda: not running.service.run._thread.is_alive())
+        reached_ns, run, feed = running.service.run.time_ns, running.service.run, running.service.feed
+        until(lambda: feed.history.total == run.status().detections)
+        lines = running.ask("GET", "/detections?limit=1000").body
+    scene = run.scene
+    block = {"id": launched["id"], **LAUNCH, "launch": LAUNCH["launch"] | {"time_s": launched["time_s"]}}
+    mapping = scene_mapping(scene)
+    plan = compile_plan(scene_from_mapping(mapping | {"targets": [*mapping["targets"], block]}))
+    encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=scene.epoch_us))
+    batch = encoder.encode(Engine(plan).advance(reached_ns)).splitlines()[::-1]
+    assert lines.startswith(b'{"detections":[' + b",".join(batch[:1000]))
+
+
+def test_an_idempotency_key_launches_once(stand: Stand) -> None:
+    key = {"Idempotency-Key": "once"}
+    first, second = (stand.ask("POST", "/trigger", LAUNCH, key) for _ in range(2))
+    assert (first.status, second.status, second.json) == (202, 202, first.json)
+    assert second.headers["idempotent-replayed"] == "true"
+    other = stand.ask("POST", "/trigger", LAUNCH | {"type": "SRBM"}, key)
+    assert other.status == 422
+    refused = [stand.ask("POST", "/trigger", {"type": "X"}, {"Idempotency-Key": "bad"}).status for _ in range(2)]
+    assert refused == [422, 422]
+
+
+def test_a_configuration_changes_whole_at_a_cycle_or_not_at_all(stand: Stand) -> None:
+    before = stand.ask("GET", "/config")
+    tag = {"If-Match": before.headers["etag"]}
+    config = before.json
+    config["sensors"][0]["members"][0]["scan_period_ms"] = 400.0
+    config["sensors"][0]["members"][0]["detection_probability"]["ICBM"] = 0.9
+    config["confidence"] = {"model": "weighted", "band": 0.2, "count": 0.2, "geometry": 0.6}
+    config["http"]["maximum_viewers"] = 200
+    answer = stand.ask("PUT", "/config", config, tag)
+    assert answer.status == 200, answer.body
+    conforms(answer.json, "Configured")
+    after = stand.ask("GET", "/config")
+    assert (after.json, after.headers["etag"]) == (config, answer.headers["etag"])
+    assert stand.ask("GET", "/config", headers={"If-None-Match": after.headers["etag"]}).status == 304
+    assert stand.ask("PUT", "/config", config, tag).status == 412
+    assert stand.ask("PUT", "/config", config).status == 428
+    config["confidence"]["band"] = 0.9
+    config["sensors"][0]["members"][1]["scan_period_ms"] = 800.0
+    refused = stand.ask("PUT", "/config", config, {"If-Match": "*"})
+    assert (refused.status, [error["path"] for error in refused.json["errors"]]) == (422, ["confidence"])
+    assert stand.ask("GET", "/config").json == after.json
+
+
+def test_settings_that_need_a_restart_are_refused_by_name(stand: Stand) -> None:
+    config = stand.ask("GET", "/config").json
+    scene = stand.ask("PUT", "/config", config | {"seed": 99, "tracker": "none", "outputs": []}, {"If-Match": "*"})
+    assert scene.status == 409
+    assert {error["path"] for error in scene.json["errors"]} == {"seed", "outputs"}
+    http_ = stand.ask("PUT", "/config", config | {"http": config["http"] | {"port": 1}}, {"If-Match": "*"})
+    assert (http_.status, http_.json["errors"]) == (409, [{"path": "http.port", "message": "needs a restart"}])
+
+
+def test_pages_of_detections_follow_one_another_and_filters_hold(stand: Stand) -> None:
+    total = stand.service.feed.history.total
+    seen, cursor = [], ""
+    for _ in range(3):
+        page = stand.ask("GET", f"/detections?limit=7{cursor}").json
+        seen += [event["detection_id"] for event in page["detections"]]
+        cursor = f"&after={page['next']}"
+    assert len(seen) == len(set(seen)) == 21
+    assert total >= 21
+    some = stand.ask("GET", "/detections?limit=1000&sensor_type=DSP&min_confidence=0.5&target_type=ICBM").json
+    assert some["detections"]
+    for event in some["detections"]:
+        assert (event["sensor_type"], event["target_type"]) == ("DSP", "ICBM")
+        assert event["confidence"] >= 0.5
+    middle = some["detections"][len(some["detections"]) // 2]["timestamp"]
+    early = stand.ask("GET", f"/detections?limit=1000&until={middle}").json["detections"]
+    assert all(event["timestamp"] < middle for event in early)
+    assert not stand.ask("GET", "/detections?sensor_id=NOBODY").json["detections"]
+
+
+def test_metrics_are_prometheus_text_with_bounded_labels(stand: Stand) -> None:
+    answer = stand.ask("GET", "/metrics")
+    assert answer.headers["content-type"].startswith("text/plain; version=0.0.4")
+    sample = re.compile(r'([a-z_]+)(\{(sensor_id|sink|le)="[^"\\\n]*"\})? [-+0-9.e]+(Inf)?')
+    lines = [line for line in answer.body.decode().splitlines() if not line.startswith("#")]
+    assert all(sample.fullmatch(line) for line in lines), lines
+    assert "opir_cycle_late_seconds_bucket" in answer.body.decode()
+
+
+def test_health_tells_life_from_readiness(stand: Stand) -> None:
+    assert stand.ask("GET", "/health/live").json == {"state": "running"}
+    assert stand.ask("GET", "/health/ready").json == {"ready": True, "reasons": []}
+
+
+def test_a_sink_that_falls_behind_makes_the_service_not_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(service, "LOOK_S", 0.1)
+    with serving(tmp_path, "--speed", "5") as running:
+        outlet = running.service.run._outlets[0]
+        gate_ = threading.Event()
+        outlet._sink.write = lambda _window: gate_.wait(20.0)
+
+        def is_unready() -> bool:
+            time.sleep(0.1)
+            return running.ask("GET", "/health/ready").status == 503
+
+        until(is_unready)
+        assert "outputs[0] grows" in running.ask("GET", "/health/ready").json["reasons"][0]
+        assert running.ask("GET", "/health/live").status == 200
+        gate_.set()
+
+
+def test_the_stream_brings_detections_and_status(stand: Stand) -> None:
+    events = streamed(stand, "/stream?view=brief", 12)
+    kinds = {kind for kind, _ in events}
+    assert {"detections", "status"} <= kinds
+    for kind, data in events:
+        if kind == "detections":
+            assert 1 <= len(data["detections"]) <= min(40, data["count"])
+        if kind == "status":
+            conforms(data, "Status")
+
+
+def streamed(stand: Stand, path: str, count: int) -> list[tuple[str, Any]]:
+    connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=20)
+    try:
+        connection.request("GET", path)
+        response = connection.getresponse()
+        events: list[tuple[str, Any]] = []
+        kind = ""
+        while len(events) < count or not {"status"} <= {known for known, _ in events}:
+            line = response.readline().decode().rstrip("\n")
+            if line.startswith("event: "):
+                kind = line[7:]
+            if line.startswith("data: "):
+                events.append((kind, json.loads(line[6:])))
+        return events
+    finally:
+        connection.close()
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=10), inner, max_size=4),
+    max_leaves=12,
+)
+degrees = st.floats(-400, 400) | json_values
+triggers = st.fixed_dictionaries(
+    {"type": st.sampled_from(["ICBM", "IRBM", "SRBM"]) | json_values},
+    optional={
+        "launch": st.fixed_dictionaries({"lat_deg": degrees, "lon_deg": degrees}, optional={"time_s": degrees})
+        | json_values,
+        "aim": st.fixed_dictionaries({"lat_deg": degrees, "lon_deg": degrees}) | json_values,
+        "id": st.text(max_size=8) | json_values,
+        "burn_time_s": degrees,
+        "model": json_values,
+    },
+)
+EXAMPLES = int(os.environ.get("OPIR_FUZZ_EXAMPLES", "60"))
+QUICK = settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@QUICK
+@given(triggers)
+def test_no_launch_breaks_the_service(stand: Stand, body: Any) -> None:
+    answer = stand.ask("POST", "/trigger", body)
+    assert answer.status in {202, 400, 409, 422, 429}, answer.body
+    conforms(answer.json, "Launched" if answer.status == 202 else "Problem")
+    assert stand.service.run.status().state == "running"
+
+
+@QUICK
+@given(st.data())
+def test_no_configuration_breaks_the_service(stand: Stand, data: st.DataObject) -> None:
+    config = stand.ask("GET", "/config").json
+    key = data.draw(st.sampled_from(sorted(config)))
+    part = config[key]
+    if isinstance(part, dict) and data.draw(st.booleans()):
+        part[data.draw(st.sampled_from(sorted(part)) | st.text(max_size=5))] = data.draw(json_values)
+    else:
+        config[key] = data.draw(json_values)
+    answer = stand.ask("PUT", "/config", config, {"If-Match": "*"})
+    assert answer.status in {200, 400, 409, 422, 429}, answer.body
+    assert stand.service.run.status().state == "running"

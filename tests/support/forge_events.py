@@ -1,0 +1,27 @@
+"""Events of the `forge` encoder, of three sensors whose names and bands are not easy to write."""
+
+import json
+from typing import Any
+
+from opir_core.events.forge import ForgeEncoder
+from opir_core.protocols import Band, EncoderContext
+from opir_core.records import Window
+from opir_core.testing import stub_sensor
+
+EPOCH_US = 1_775_044_800_000_000
+SENSORS = (
+    stub_sensor("SBIRS-GEO-1", -75.5, bands=(Band("SWIR", 2.6, 2.8), Band("MWIR", 4.2, 4.4))),
+    stub_sensor('"quoted"\n\\ \u00c4\u2028\U0001f680', orbital_slot_deg=None, type="H\tEO", bands=()),
+    stub_sensor("LEO-1", orbital_slot_deg=None, bands=tuple(Band(f"B{n}", 1.0, 2.0) for n in range(8))),
+)
+ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=EPOCH_US))
+
+
+def refuse_constant(name: str) -> None:
+    raise AssertionError(f"{name} is no JSON")
+
+
+def events_of(window: Window, encoder: ForgeEncoder = ENCODER) -> list[dict[str, Any]]:
+    lines = encoder.encode(window)
+    assert lines.endswith(b"\n") or not lines
+    return [json.loads(line, parse_constant=refuse_constant) for line in lines.split(b"\n")[:-1]]
