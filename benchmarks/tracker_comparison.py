@@ -20,9 +20,10 @@ TRACKERS = ("kepler-arc", "{model: kepler-arc, memory_s: 5}", "stereo-filter", "
 
 PAGE = """# Three trackers on one scene
 
-The paper's [kepler-arc](kepler-arc.md); the [stereo-filter](association.md), which knows how thrust, gravity and drag act
-on any target; and [boost-profile](boost-profile.md), which knows the generic classes too. An ICBM, an IRBM and an SRBM are
-seen by the default fleet of SBIRS-GEO. Made by `python benchmarks/tracker_comparison.py --write docs/explanation`, which runs
+The paper's [kepler-arc](kepler-arc.md); the [stereo-filter](association.md), which knows how thrust, gravity and drag
+act on any target; and [boost-profile](boost-profile.md), which knows the generic classes too. An ICBM, an IRBM and an
+SRBM are seen by the default fleet of SBIRS-GEO. Made by
+`python benchmarks/tracker_comparison.py --write docs/explanation`, which runs
 
 ```
 opir compare {scene} --set "{sensors}" \\

@@ -4,6 +4,7 @@ import argparse
 import json
 import sys
 
+from opir_core.commands.scene_arguments import add_overrides
 from opir_core.commands.score import add_settings
 
 
@@ -20,14 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--runs", metavar="N", type=int, default=20, help="runs of each, with seeds from the scene's on"
     )
-    parser.add_argument(
-        "--set",
-        metavar="PATH=VALUE",
-        action="append",
-        default=[],
-        dest="overrides",
-        help="set one value, e.g. sensors[0].scan_period_ms=50; may be given again",
-    )
+    add_overrides(parser)
     add_settings(parser)
 
 

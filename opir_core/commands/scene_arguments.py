@@ -15,6 +15,11 @@ def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
     parser.add_argument("--seed", metavar="N", help="seed of all random numbers, instead of the scene's")
     parser.add_argument("--tracker", metavar="NAME", help="tracker, instead of the scene's")
+    add_overrides(parser)
+
+
+def add_overrides(parser: argparse.ArgumentParser) -> None:
+    """Add the settings that override a scene's."""
     parser.add_argument(
         "--set",
         metavar="PATH=VALUE",

@@ -25,11 +25,6 @@ def detection_schema() -> dict[str, Any]:
     return schema("detection")
 
 
-def detection_schema_text() -> str:
-    """Return the text of the JSON Schema of a detection event."""
-    return schema_text("detection")
-
-
 def schema(name: str) -> dict[str, Any]:
     """Return one of `SCHEMAS` (draft 2020-12)."""
     import json

@@ -51,6 +51,13 @@ def length(x: Floats, y: Floats, z: Floats) -> Floats:
     return root
 
 
+def dot(one: ArrayLike, other: ArrayLike) -> Floats:
+    """Return the scalar products (...) of vectors (..., 3), which broadcast."""
+    (ax, ay, az), (bx, by, bz) = components(one), components(other)
+    product: Floats = ax * bx + ay * by + az * bz
+    return product
+
+
 def length_and_remainder(x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats]:
     """Return the length of vectors and what it is short of the true one, which their sum carries to 1e-30 relative."""
     rounded = length(x, y, z)

@@ -46,7 +46,7 @@ def field_rows(config: type, prefix: str = "") -> Iterator[FieldRow]:
     hints = get_type_hints(config)
     for attribute in fields(config):
         yield _row(attribute, hints[attribute.name], prefix)
-        inner = _nested_config(hints[attribute.name])
+        inner = nested_config(hints[attribute.name])
         if inner is not None:
             yield from field_rows(inner, f"{prefix}{attribute.name}.")
 
@@ -109,7 +109,7 @@ def _row(attribute: "Attribute[Any]", kind: Any, prefix: str) -> FieldRow:
     )
 
 
-def _nested_config(kind: Any) -> type | None:
+def nested_config(kind: Any) -> type | None:
     """Return the configuration class that a field holds, if it holds one."""
     members = get_args(kind) or (kind,)
     return next((member for member in members if isinstance(member, type) and _is_config(member)), None)

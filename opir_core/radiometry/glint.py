@@ -13,7 +13,7 @@ from attrs import frozen
 
 from opir_core.geometry import local_axes
 from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
-from opir_core.geometry.vectors import components, length
+from opir_core.geometry.vectors import components, dot, length
 from opir_core.protocols import Band
 from opir_core.radiometry.emitters import Emitters
 from opir_core.radiometry.planck import band_radiance
@@ -61,7 +61,7 @@ class GlintSignatures:
         """Return the tilts (n,) of the facets that mirror the Sun to the sensors, in [0, pi]."""
         half = self._to_sun(target, time_s) + to_sensor_ecef
         size = length(*components(half))
-        cosine = _dot(half, self.up_ecef[target]) / np.where(size > 0.0, size, np.inf)
+        cosine = dot(half, self.up_ecef[target]) / np.where(size > 0.0, size, np.inf)
         return np.arccos(np.clip(cosine, -1.0, 1.0))
 
     def _to_sun(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
@@ -70,7 +70,7 @@ class GlintSignatures:
         return unit
 
     def _sun_sine(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        return _dot(self._to_sun(target, time_s), self.up_ecef[target])
+        return dot(self._to_sun(target, time_s), self.up_ecef[target])
 
     def _sun_transmittance(self, band: int, target: IndexArray, time_s: FloatArray, sine: FloatArray) -> FloatArray:
         """Return what the air lets through on the way down; 1 where the scene's atmosphere is not known."""
@@ -120,9 +120,3 @@ def reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
     along = (refractive_index * cosine - inside) / (refractive_index * cosine + inside)
     mean: FloatArray = 0.5 * (np.square(across) + np.square(along))
     return mean
-
-
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    (ax, ay, az), (bx, by, bz) = components(one), components(other)
-    product: FloatArray = ax * bx + ay * by + az * bz
-    return product

@@ -7,8 +7,6 @@ rule is right to rounding (1e-13) over such a span; what the exponential makes o
 x · 2e-16.
 """
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -117,8 +115,3 @@ def _integrand(x: _Floats, power: int) -> _Floats:
     if power == 4:
         return np.where(x > 0.0, x**4 * share / -np.expm1(-x), 0.0)
     return np.where(x > 0.0, x**power * share, 0.0)
-
-
-def peak_wavelength_um(temperature_k: float) -> float:
-    """Return where a black body's spectral radiance per wavelength peaks, µm (Wien)."""
-    return SECOND_RADIATION_UM_K / (4.965114231744276 * temperature_k) if temperature_k > 0.0 else math.inf

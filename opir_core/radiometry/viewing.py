@@ -6,7 +6,7 @@ import numpy as np
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, intersection_with_ellipsoid, sun_position_eci_m
-from opir_core.geometry.vectors import components, length, vector
+from opir_core.geometry.vectors import components, dot, length, vector
 from opir_core.radiometry.records import Views
 from opir_core.records import BoolArray, FloatArray
 
@@ -25,14 +25,14 @@ def views(sensor_ecef_m: FloatArray, direction_ecef: FloatArray, time_s: FloatAr
     ground = intersection_with_ellipsoid(sensor_ecef_m, direction_ecef)
     hits = np.isfinite(ground[:, 0])
     along = _unit(direction_ecef)
-    ahead = -_dot(sensor_ecef_m, along)
+    ahead = -dot(sensor_ecef_m, along)
     point = np.where(hits[:, None], ground, sensor_ecef_m + np.maximum(ahead, 0.0)[:, None] * along)
     up = _up(point)
     sun = sun_ecef_m(time_s, epoch_us)
     return Views(
         height_m=_heights_m(point, hits, ahead > 0.0),
-        elevation_sine=np.where(hits, np.clip(-_dot(up, along), 0.0, 1.0), 0.0),
-        sun_elevation_sine=np.clip(_dot(up, _unit(sun - point)), -1.0, 1.0),
+        elevation_sine=np.where(hits, np.clip(-dot(up, along), 0.0, 1.0), 0.0),
+        sun_elevation_sine=np.clip(dot(up, _unit(sun - point)), -1.0, 1.0),
         point_ecef_m=point,
         time_s=time_s,
     )
@@ -74,9 +74,3 @@ def _up(point: FloatArray) -> FloatArray:
 def _unit(vectors: FloatArray) -> FloatArray:
     unit: FloatArray = vectors / length(*components(vectors))[:, None]
     return unit
-
-
-def _dot(one: FloatArray, other: FloatArray) -> FloatArray:
-    (ax, ay, az), (bx, by, bz) = components(one), components(other)
-    product: FloatArray = ax * bx + ay * by + az * bz
-    return product

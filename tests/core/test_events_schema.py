@@ -6,7 +6,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from opir_core.events import SCHEMA_VERSION, detection_schema, detection_schema_text
+from opir_core.events import SCHEMA_VERSION, detection_schema, schema_text
 from opir_core.events.ellipse import CONTAINMENT, OTHER_CONTAINMENTS
 from opir_core.events.forge import ForgeEncoder
 from opir_core.events.points import EstimatedPoint, UncertaintyEllipse
@@ -33,7 +33,7 @@ def is_valid(event: dict[str, Any]) -> bool:
 
 def test_the_schema_is_a_schema() -> None:
     jsonschema.Draft202012Validator.check_schema(SCHEMA)
-    assert json.loads(detection_schema_text()) == SCHEMA
+    assert json.loads(schema_text("detection")) == SCHEMA
     assert SCHEMA["$id"].endswith(f":{SCHEMA_VERSION}")
 
 

@@ -11,7 +11,7 @@ from attrs import fields, has
 
 from opir_core.fields import METADATA_KEY
 from opir_core.plugin.components import CATALOGUE, Component
-from opir_core.plugin.description import FieldRow, _nested_config, field_rows
+from opir_core.plugin.description import FieldRow, field_rows, nested_config
 from opir_core.plugin.host import Host
 from opir_core.plugin.radiometer import RadiometerConfig
 from opir_core.plugin.sensors import ScanningSensorConfig
@@ -83,7 +83,7 @@ def reach(config: type, reached: set[type]) -> None:
     if config not in reached:
         reached.add(config)
         hints = get_type_hints(config)
-        for inner in (_nested_config(hints[each.name]) for each in fields(config)):
+        for inner in (nested_config(hints[each.name]) for each in fields(config)):
             if inner is not None:
                 reach(inner, reached)
 
