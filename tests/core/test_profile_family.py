@@ -14,6 +14,7 @@ from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.coordinates import fitted, natural
 from opir_core.tracking.profile.end import Silence, ends_of
 from opir_core.tracking.profile.family import LIFT, SIZE, SPEED, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
+from opir_core.tracking.profile.prior_squares import SPACING
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.report import report
 from opir_core.tracking.profile.rows import compressed, normal_points, single
@@ -198,7 +199,7 @@ def test_windows_of_a_line_add_up_to_one():
     lean = np.linspace(-0.6, 0.6, 41)
     along, middle, narrow = split.window[::2, :2], split.window[::2, 2], split.window[::2, 3]
     assert np.abs(along[:, 0]) == pytest.approx(1.0)
-    curves = np.exp(-0.5 * narrow[:, None] * np.square(lean - middle[:, None])) * fit.SPACING / np.sqrt(2.0 * np.pi)
+    curves = np.exp(-0.5 * narrow[:, None] * np.square(lean - middle[:, None])) * SPACING / np.sqrt(2.0 * np.pi)
     assert curves.sum(axis=0) == pytest.approx(1.0, abs=0.01)
 
 

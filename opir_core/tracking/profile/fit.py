@@ -15,10 +15,11 @@ from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.profile.coordinates import BURN, LIFT, PITCH, SIZE, TURN_EAST, TURN_NORTH, fitted, natural
+from opir_core.tracking.profile.coordinates import SIZE, fitted, natural
 from opir_core.tracking.profile.end import normal_rule
-from opir_core.tracking.profile.family import STRAIGHT_RAD, Anchors, Family, Places, Priors
+from opir_core.tracking.profile.family import Anchors, Family, Places, Priors
 from opir_core.tracking.profile.grouped_squares import squares
+from opir_core.tracking.profile.prior_squares import with_priors
 from opir_core.tracking.profile.rows import Rows
 
 #: The largest change of a parameter in one step.
@@ -198,7 +199,7 @@ def solved(hypotheses: Hypotheses, priors: Priors, bias_sigma_rad: FloatArray) -
     """Return the solutions of hypotheses, with sensors' biases (sensors,) of unknown size in them (marginalised)."""
     normal, right, square = _unbiased(hypotheses, bias_sigma_rad)
     prior = priors.take(hypotheses.kind)
-    total, wanted, constant, log_prior = _with_priors(hypotheses, prior, normal, right)
+    total, wanted, constant, log_prior = with_priors(hypotheses, prior, normal, right)
     scale = 1.0 / np.sqrt(np.diagonal(total, axis1=1, axis2=2))
     scaled = total * scale[:, :, None] * scale[:, None, :]
     inverse = np.linalg.inv(scaled)
@@ -224,65 +225,6 @@ def _unbiased(hypotheses: Hypotheses, bias_sigma_rad: FloatArray) -> tuple[Float
         right = right - factor[:, None] * np.einsum("nak,nk->na", pull, pulled)
         square = square - factor * np.sum(pulled * pulled, axis=1)
     return normal, right, square
-
-
-def _with_priors(
-    hypotheses: Hypotheses, prior: Priors, normal: FloatArray, right: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the normal equations with the priors, the priors' sum of squares at 0 and the log of their height.
-
-    The priors are of natural parameters, linearised where the hypotheses stand. The turn's length is normal about the
-    class's along its present direction, which is as likely as any other.
-    """
-    found = natural(hypotheses.parameters, prior)
-    slope, here = found.slope(), hypotheses.parameters
-    information = prior.information()
-    bent = hypotheses.is_bent > 0
-    information[~bent, TURN_EAST] = information[~bent, TURN_NORTH] = 2.0 / np.square(prior.turn_rad[~bent])
-    wanted = _times(slope, here) - found.parameters
-    weighed = slope * information[:, :, None]
-    normal = normal + np.sum(weighed[:, :, :, None] * slope[:, :, None], axis=1)
-    right = right + np.sum(weighed * wanted[:, :, None], axis=1)
-    constant = np.sum(information * wanted * wanted, axis=1)
-    turn = found.parameters[:, [TURN_EAST, TURN_NORTH]]
-    length = np.maximum(np.hypot(turn[:, 0], turn[:, 1]), STRAIGHT_RAD)
-    along = turn / length[:, None]
-    share = np.where(bent, 1.0 / np.square(prior.turn_sigma_rad), 0.0)
-    by_length = np.sum(along[:, :, None] * slope[:, [TURN_EAST, TURN_NORTH]], axis=1)
-    missing = prior.turn_rad - length + np.sum(by_length * here, axis=1)
-    normal += (share[:, None] * by_length)[:, :, None] * by_length[:, None]
-    right += (share * missing)[:, None] * by_length
-    constant += share * missing * missing
-    # Every heading alike: the density in the plane is that of the length over the length; the lean's over its share.
-    crowding = np.where(bent, 1.0 / length, 0.0)[:, None] * by_length
-    crowding[:, [BURN, PITCH, LIFT]] += 2.0 * found.lean_slope
-    right -= crowding
-    height = -2.0 * np.log(found.lean) + np.sum(crowding * here, axis=1)
-    ring = -np.log(length) - np.log(prior.turn_sigma_rad) - 0.5 * np.log(2.0 * np.pi)
-    linear = np.delete(np.log(information), [TURN_EAST, TURN_NORTH], axis=1).sum(axis=1)
-    free = np.log(information[:, [TURN_EAST, TURN_NORTH]]).sum(axis=1)
-    log = height + 0.5 * linear + np.where(bent, ring, 0.5 * free)
-    return normal, right, constant, log + _windowed(hypotheses.window, normal, right, constant)
-
-
-def _windowed(window: FloatArray, normal: FloatArray, right: FloatArray, constant: FloatArray) -> FloatArray:
-    """Add the windows (n, 4) through which hypotheses see the lean to their normal equations; return their log heights.
-
-    Windows of one direction are normal curves, evenly spaced, that add up to 1: each hypothesis is the part of the
-    whole that its window lets through.
-    """
-    narrow = window[:, 3]
-    for i, row in enumerate((TURN_EAST, TURN_NORTH)):
-        right[:, row] += narrow * window[:, i] * window[:, 2]
-        for j, column in enumerate((TURN_EAST, TURN_NORTH)):
-            normal[:, row, column] += narrow * window[:, i] * window[:, j]
-    constant += narrow * np.square(window[:, 2])
-    height: FloatArray = np.where(narrow > 0.0, np.log(SPACING / np.sqrt(2.0 * np.pi)), 0.0)
-    return height
-
-
-#: The distance of neighbouring windows, of their standard deviation: their sum is 1 to a thousandth.
-SPACING = 1.0 / 0.6
 
 
 def _misfit(residual_square: FloatArray, rows: FloatArray) -> FloatArray:

@@ -40,13 +40,10 @@ def report(
     hypotheses, weight = hypotheses.take(kept), probability[kept]
     number, row = np.unique(hypotheses.track, return_inverse=True)
     weight = weight / np.bincount(row, weight)[row]
-    family, spread = family_of(hypotheses, priors), hypotheses.spread
-    ends, slope = flight.burnouts(family, spread)
-    state = flight.states(family, spread, tick_s, ends, slope, forces)
-    state.covariance[...] += _at_rest(family, spread, tick_s)
-    # What has no heading yet tells no turn either: it is the class's.
-    turn_rad = np.where(hypotheses.is_bent > 0, family.courses.turn_rad, priors.turn_rad[hypotheses.kind])
-    state.covariance[...] += _upright(family, spread, tick_s, state.mean, turn_rad)
+    family = family_of(hypotheses, priors)
+    ends, slope = flight.burnouts(family, hypotheses.spread)
+    state = flight.states(family, hypotheses.spread, tick_s, ends, slope, forces)
+    state.covariance[...] += _doubts(hypotheses, family, tick_s, state.mean, priors)
     places = _launches(hypotheses, family), _impacts(hypotheses, family, ends, slope, priors, forces)
     launch, impact = (_blended(each, weight, row, len(number), True) for each in places)
     state, ends = (_blended(each, weight, row, len(number), False) for each in (state, ends))
@@ -111,6 +108,14 @@ def _semi_axis_95(covariance: FloatArray) -> FloatArray:
     largest = 0.5 * (east + north) + np.hypot(0.5 * (east - north), both)
     semi_axis: FloatArray = _SEMI_AXES_95 * np.sqrt(np.maximum(largest, 0.0))
     return semi_axis
+
+
+def _doubts(hypotheses: Hypotheses, family: Family, tick_s: float, state: FloatArray, priors: Priors) -> FloatArray:
+    """Return the covariances (n, 6, 6) by which states at rest and upright are less certain than slopes say."""
+    # What has no heading yet tells no turn either: it is the class's.
+    turn_rad = np.where(hypotheses.is_bent > 0, family.courses.turn_rad, priors.turn_rad[hypotheses.kind])
+    spread = hypotheses.spread
+    return _at_rest(family, spread, tick_s) + _upright(family, spread, tick_s, state, turn_rad)
 
 
 def _at_rest(family: Family, spread: FloatArray, tick_s: float) -> FloatArray:

@@ -14,11 +14,11 @@ from attrs import evolve
 
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.coordinates import LIFT, SIZE, START, TURN_EAST, TURN_NORTH, natural
 from opir_core.tracking.profile.family import Priors
 from opir_core.tracking.profile.fit import Hypotheses
 from opir_core.tracking.profile.hypotheses import joined, probability
+from opir_core.tracking.profile.prior_squares import SPACING
 
 #: Where windows lie at first, over the length that the class's lean has; the least lean tried beside their line.
 _FIRST = np.linspace(-1.5, 1.5, 9)
@@ -72,7 +72,7 @@ def _headed(hypotheses: Hypotheses, priors: Priors, along: FloatArray) -> Hypoth
 
 
 def _windows(along: FloatArray, middle: FloatArray, apart: FloatArray) -> FloatArray:
-    return np.column_stack([along, middle, np.square(fit.SPACING / apart)])
+    return np.column_stack([along, middle, np.square(SPACING / apart)])
 
 
 class _Ridges(NamedTuple):
