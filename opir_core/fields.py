@@ -6,6 +6,7 @@ and the generated reference all read the same `FieldInfo`, so they cannot disagr
 
 import math
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 from attrs import NOTHING, Attribute, field, fields, frozen
@@ -16,7 +17,12 @@ METADATA_KEY = "opir"
 
 @frozen
 class FieldInfo:
-    """What a user is told about one configuration field."""
+    """What a user is told about one configuration field.
+
+    A field that may be none can tell what another tells in another way, as in another unit: it is `instead_of` that
+    one, and has its value unless it is none. A scene's block sets one of the two, not both; what it sets comes before
+    what presets, constellations and classes set in either way.
+    """
 
     help: str
     unit: str = ""
@@ -26,6 +32,7 @@ class FieldInfo:
     above: float | None = None
     below: float | None = None
     choices: tuple[str, ...] = ()
+    instead_of: str = ""
 
     @property
     def interval(self) -> str:
@@ -64,9 +71,10 @@ def number(
     maximum: float | None = None,
     above: float | None = None,
     below: float | None = None,
+    instead_of: str = "",
 ) -> Any:
     """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`)."""
-    info = FieldInfo(help, unit, source, minimum, maximum, above, below)
+    info = FieldInfo(help, unit, source, minimum, maximum, above, below, instead_of=instead_of)
     return field(default=default, validator=_validate_number, metadata={METADATA_KEY: info}, kw_only=True)
 
 
@@ -116,6 +124,26 @@ def info_of(attribute: "Attribute[Any]") -> FieldInfo:
 def field_infos(config_class: type) -> dict[str, FieldInfo]:
     """Return the fields of a configuration class, in order, by name."""
     return {attribute.name: info_of(attribute) for attribute in fields(config_class)}
+
+
+@frozen
+class TwoWays:
+    """The names of two settings that tell the same; `other` has its value unless it is none."""
+
+    plain: str
+    other: str
+    #: Whether a class tells it the other way where nothing else tells it.
+    is_other_default: bool
+
+
+@cache
+def two_ways(config_class: type) -> tuple[TwoWays, ...]:
+    """Return what a configuration class lets scenes tell in two ways."""
+    return tuple(
+        TwoWays(info_of(one).instead_of, one.name, one.default not in (None, NOTHING))
+        for one in fields(config_class)
+        if info_of(one).instead_of
+    )
 
 
 def _bound(closed: float | None, opened: float | None) -> float | None:

@@ -59,7 +59,8 @@ class RadiometerConfig:
         minimum=0.0,
         maximum=1e2,
         source="no default: nei_w_m2",
-        help="the same in W/cm²; takes the place of nei_w_m2",
+        help="the same in W/cm²; a scene sets one of the two",
+        instead_of="nei_w_m2",
     )
     band_nei_w_m2: Mapping[str, float] = nested(
         default=Factory(dict),
@@ -91,7 +92,9 @@ class RadiometerConfig:
         above=0.0,
         below=1.0,
         source="no default: threshold_sigma",
-        help="chance that noise alone crosses the threshold, in a resolution cell and look; sets the threshold",
+        help="chance that noise alone crosses the threshold, in a resolution cell and look; a scene sets this or the"
+        " threshold",
+        instead_of="threshold_sigma",
     )
     coincidence_sigma: float = number(
         default=3.0,

@@ -6,6 +6,7 @@ from typing import Any
 
 from attrs import fields, has
 
+from opir_core.fields import two_ways
 from opir_core.reading.epoch import text_of_epoch_us
 from opir_core.reading.heading import CHOICES
 from opir_core.scene import Choice, Scene, SceneForces, SceneSensor, SceneTarget
@@ -73,9 +74,11 @@ def _output_settings(choice: Choice) -> dict[str, Any]:
 
 
 def _settings(config: Any) -> dict[str, Any]:
-    return {
-        attribute.name: _plain(getattr(config, attribute.name)) for attribute in fields(type(config)) if attribute.init
-    }
+    """Return a configuration's fields; of what it may tell in two ways, the one in which it does."""
+    kind: type = type(config)
+    every = [attribute.name for attribute in fields(kind) if attribute.init]
+    silent = {pair.plain for pair in two_ways(kind) if getattr(config, pair.other) is not None}
+    return {name: _plain(getattr(config, name)) for name in every if name not in silent}
 
 
 def _plain(value: Any) -> Any:

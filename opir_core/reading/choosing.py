@@ -1,13 +1,14 @@
 """Blocks to components: a name is looked up with the host, and its settings are read by its configuration class."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from attrs import Factory, frozen
 
 from opir_core.errors import PluginError
+from opir_core.fields import TwoWays, two_ways
 from opir_core.plugin.host import Host
-from opir_core.reading.nodes import Complaint, Node, Refused, complaints_inside, key_step, shown_text, under
+from opir_core.reading.nodes import Complaint, Gathering, Node, Refused, complaints_inside, key_step, shown_text, under
 from opir_core.reading.plain_data import node_of_data
 from opir_core.reading.readers import block_of, read_text, refusal
 from opir_core.reading.structuring import ClassReader, UnreadableTypeError, class_reader, required
@@ -82,16 +83,17 @@ class Chooser:
         return Refused()
 
     def _config(self, component: Any, path: str, settings: Settings) -> Any:
-        reader = self._reader(component, path, settings)
+        reader, pairs = self._reader(component, path, settings), two_ways(component.config)
         written = dict(settings.written)
         preset = _preset(component, written.pop("preset")) if "preset" in written else {}
         givers = {**dict.fromkeys(preset, component), **dict.fromkeys(settings.given, settings.giver)}
-        supplied = node_of_data({**preset, **settings.given})
+        supplied = node_of_data(_laid_over(pairs, preset, settings.given))
         for complaint in supplied.complaints:
             raise self.blamed(settings.giver or component, path, complaint.message)
         beside = [key for key in settings.other_keys if key != "preset" or component.presets]
+        block = _laid_over(pairs, block_of(supplied), written)
         try:
-            return reader.made(Node({**block_of(supplied), **written}, settings.block.place), beside)
+            return _made(reader, block, settings.block, beside)
         except Refused as refused:
             theirs = {key_step(key): giver for key, giver in givers.items() if key not in written}
             complaints = [*complaints_inside(supplied), *refused.complaints]
@@ -126,6 +128,38 @@ def component_name(node: Node) -> str:
     if not name:
         raise node.refused("a component's name is needed")
     return name
+
+
+def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_keys: Sequence[str]) -> Any:
+    """Return a configuration, or raise all that is wrong with its block, what it tells twice included.
+
+    What the block tells plainly its class's default does not tell otherwise.
+    """
+    gathering, silent = Gathering(), {}
+    for pair in two_ways(reader.config_class):
+        told = _told(pair, block)
+        if told == [pair.plain] and pair.is_other_default:
+            silent[pair.other] = Node(None, place.place)
+        with gathering.at(key_step(pair.other)):
+            if len(told) > 1:
+                words = f"tells the same as {pair.plain}, which is set beside it; leave one of the two out"
+                raise block[pair.other].refused(words, at_key=True)
+    with gathering.at():
+        config = reader.made(Node({**block, **silent}, place.place), other_keys)
+    gathering.require_whole()
+    return config
+
+
+def _laid_over(pairs: Iterable[TwoWays], lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings with nearer ones over them: what these tell, in either way, those no longer tell."""
+    gone = {name for pair in pairs if _told(pair, upper) for name in (pair.plain, pair.other)}
+    return {**{key: value for key, value in lower.items() if key not in gone}, **upper}
+
+
+def _told(pair: TwoWays, block: Mapping[str, Any]) -> list[str]:
+    """Return by which of two names settings, nodes or plain values, tell what both tell."""
+    values = {name: block.get(name) for name in (pair.plain, pair.other)}
+    return [name for name, one in values.items() if (one.value if isinstance(one, Node) else one) is not None]
 
 
 def _preset(component: Any, node: Node) -> Mapping[str, Any]:
