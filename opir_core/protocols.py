@@ -3,11 +3,12 @@
 A component's `build` returns one of these. Element-wise results must not depend on how rows are grouped into calls: the
 engine may hand over any slice of a run, and the bytes of the events must be the same.
 
-What signature, source, atmosphere and background models must do stands in `opir_core.radiometry.protocols`, which is
-imported only for scenes whose detection model looks at them.
+The contexts that components are built with stand in `opir_core.contexts` and are offered here too. What signature,
+source, atmosphere and background models must do stands in `opir_core.radiometry.protocols`, which is imported only for
+scenes whose detection model looks at them.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -15,12 +16,16 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.columns import Columns
+from opir_core.contexts import EncoderContext as EncoderContext
+from opir_core.contexts import ModelContext as ModelContext
+from opir_core.contexts import SensorContext as SensorContext
+from opir_core.contexts import SinkContext as SinkContext
+from opir_core.contexts import TargetContext as TargetContext
+from opir_core.contexts import TrackerContext as TrackerContext
 from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks, Window
 
 if TYPE_CHECKING:
-    from opir_core.flight.forces import ForceModel
     from opir_core.plugin.radiometer import Radiometer
-    from opir_core.scenery import Scenery
 
 
 @frozen
@@ -248,73 +253,3 @@ class Sink(Protocol):
 
     def close(self) -> Delivery:
         """Let go of everything held and say what became of the events; called once, also after a failure."""
-
-
-@frozen(kw_only=True)
-class SensorContext:
-    """What a sensor model is built with."""
-
-    id: str
-    epoch_us: int
-
-
-@frozen(kw_only=True)
-class TargetContext:
-    """What a target model is built with: the ids and scene paths of its targets, row by row with the configurations.
-
-    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, whose drag has the ballistic coefficient of
-    targets that do not bring their own. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01.
-    With `free_flight` a sensor follows targets after burnout: a model that can gives them `FreeFlight` to impact.
-    """
-
-    ids: tuple[str, ...]
-    paths: tuple[str, ...]
-    forces: "ForceModel" = "kepler"
-    epoch_us: int = 0
-    free_flight: bool = False
-
-
-@frozen(kw_only=True)
-class ModelContext:
-    """What detection models are built with and, with the built `detection`, those of classification and confidence."""
-
-    sensors: tuple[Sensor, ...]
-    target_type_code: NDArray[np.uint8] = field(eq=False)  #: into `EMITTER_TYPES`: launches, then other hot sources
-    make_scenery: "Callable[[], Scenery] | None" = field(default=None, eq=False)
-    detection: "DetectionProbability | None" = field(default=None, eq=False)
-
-
-@frozen(kw_only=True)
-class TrackerContext:
-    """What trackers are built with: no targets, for a tracker sees detections alone.
-
-    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. `light_time` says whether light takes its time.
-    """
-
-    sensors: tuple[Sensor, ...]
-    epoch_us: int
-    duration_s: float
-    forces: "ForceModel" = "kepler"
-    light_time: bool = True
-
-
-@frozen(kw_only=True)
-class EncoderContext:
-    """What encoders are built with."""
-
-    sensors: tuple[Sensor, ...]
-    epoch_us: int
-
-
-@frozen(kw_only=True)
-class SinkContext:
-    """What sinks are built with.
-
-    `make_encoder` returns the encoder that the output's block names (`encoder: NAME`); what it needs is imported only
-    then, so a sink that never encodes never asks. `resumes` is true where a spool may hold events of an earlier run:
-    what is already at the sink's place is to be added to, not overwritten.
-    """
-
-    make_encoder: Callable[[], Encoder]
-    scene_name: str
-    resumes: bool = False

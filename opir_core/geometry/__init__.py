@@ -1,4 +1,10 @@
-"""The geometry between sensors, targets, the Earth and the Sun: arrays in, arrays out, the last axis x, y, z."""
+"""The geometry between sensors, targets, the Earth and the Sun: arrays in, arrays out, the last axis x, y, z.
+
+What has to do with the Sun and with sidereal time is imported when it is first used: few scenes ask for it.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from opir_core.geometry.angles import (
     AzimuthElevationRange,
@@ -16,14 +22,26 @@ from opir_core.geometry.geodesics import DistanceBearing, LatitudeLongitude, geo
 from opir_core.geometry.geodetic import Geodetic, ecef_to_geodetic, geodetic_to_ecef
 from opir_core.geometry.intersection import intersection_with_ellipsoid
 from opir_core.geometry.occlusion import grazing_height_m, is_occluded
-from opir_core.geometry.sidereal import gmst_rad, julian_date
-from opir_core.geometry.sun import (
-    is_sunlit,
-    sun_position_ecef_m,
-    sun_position_eci_m,
-    sun_position_of_date_m,
-    sunlit_fraction,
-)
+
+if TYPE_CHECKING:
+    from opir_core.geometry.sidereal import gmst_rad, julian_date
+    from opir_core.geometry.sun import (
+        is_sunlit,
+        sun_position_ecef_m,
+        sun_position_eci_m,
+        sun_position_of_date_m,
+        sunlit_fraction,
+    )
+
+_HOMES = {
+    "gmst_rad": "sidereal",
+    "is_sunlit": "sun",
+    "julian_date": "sidereal",
+    "sun_position_ecef_m": "sun",
+    "sun_position_eci_m": "sun",
+    "sun_position_of_date_m": "sun",
+    "sunlit_fraction": "sun",
+}
 
 __all__ = [
     "AzimuthElevationRange",
@@ -57,3 +75,16 @@ __all__ = [
     "sun_position_of_date_m",
     "sunlit_fraction",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'opir_core.geometry' has no attribute {name!r}")
+    value = getattr(import_module(f"opir_core.geometry.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__
