@@ -18,7 +18,7 @@ from opir_core.tracking.profile.family import SIZE
 from opir_core.tracking.profile.rows import Rows
 from opir_core.tracking.profile.seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
 from opir_core.tracking.profile.strain import KEPT, TURNS, Bank, judged
-from opir_core.tracking.profile.trust import blended
+from opir_core.tracking.profile.trust import apart, blended
 
 
 def rows_at(time_s, sensors, tracks=1):
@@ -124,6 +124,24 @@ def test_a_mixture_has_the_moments_of_its_parts():
         assert told.state_covariance[row] == pytest.approx(second - np.outer(mean, mean), rel=1e-6, abs=1e-6)
     for covariance in (told.state_covariance, told.impact_covariance, told.launch_covariance):
         assert np.linalg.eigvalsh(covariance).min() > 0.0
+
+
+def test_a_fit_that_is_the_sure_part_of_what_the_filter_knows_is_trusted_and_one_far_from_it_is_not():
+    rng, count = np.random.default_rng(8), 4000
+    fitted, filtered = pair_of_tracks(rng, count)
+    more = filtered.state_covariance
+    filtered = evolve(filtered, state_covariance=fitted.state_covariance + more)
+    off = np.linalg.cholesky(more) @ rng.normal(size=(count, 6, 1))
+    right = evolve(filtered, state=fitted.state + off[:, :, 0])
+    # χ² of six degrees of freedom exceeds 12 ln 8 = 24.95 once in 2 900; five or more of 4 000 are one case in 70.
+    assert np.count_nonzero(apart(fitted, right)) < 8
+    axis = np.linalg.cholesky(filtered.state_covariance)[:, :, 0]
+    wrong = evolve(filtered, state=fitted.state + 8.0 * axis)
+    # What the two differ by is no less certain than the filter is.
+    gain = apart(fitted, wrong)
+    assert np.all(gain == 12.0)
+    near = evolve(filtered, state=fitted.state + 5.5 * axis)
+    assert np.all(apart(fitted, near) > 0.5 * 5.5**2 - 6.0 * np.log(8.0) - 1e-6)
 
 
 def test_certain_chances_tell_one_of_the_two():

@@ -13,7 +13,7 @@ from opir_core.tracking.profile.claim import claimed
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.report import report
 from opir_core.tracking.profile.strain import Bank
-from opir_core.tracking.profile.trust import blended
+from opir_core.tracking.profile.trust import apart, blended
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo.tracker import StereoTracker
 from opir_core.tracking.watch import Watch
@@ -88,7 +88,7 @@ class ProfileTracker:
         filtered, fitted = followed.take(row[present]), told.take(present)
         seen = self._bank.seen.of(filtered.track)
         dark_s = filtered.tick_s - np.max(seen.last_s, axis=1)
-        chance = 1.0 / (1.0 + np.exp(-seen.strange))
+        chance = 1.0 / (1.0 + np.exp(-seen.strange - apart(fitted, filtered)))
         chance[np.count_nonzero(seen.hits > 0, axis=1) < 2] = 0.0
         mixed = blended(fitted, filtered, chance, dark_s)
         every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])

@@ -3,6 +3,9 @@
 The filter needs two sensors, and is then the surer the less the family holds. What is told is the mixture of both, by
 the chance that the target flies otherwise: where the two differ while that is open, the covariance holds what they
 differ by.
+
+Of two estimates that both are right, the surer is the other's best part: what they differ by has the difference of
+their covariances (Hausman, Econometrica 46, 1978, 1251). Where they differ by far more, the family does not hold.
 """
 
 import numpy as np
@@ -45,6 +48,26 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
         burnout_covariance=burnout_spread,
     )
 
+
+def apart(fitted: Tracks, filtered: Tracks) -> FloatArray:
+    """Return by how much (n,) what the states of both differ by raises the log odds of flying otherwise, 0 or more.
+
+    The fits of targets that fly otherwise are off by what is _WIDE times as wide, in each of six directions.
+    """
+    sigma = np.sqrt(np.diagonal(filtered.state_covariance, axis1=1, axis2=2))
+    scale = sigma[:, :, None] * sigma[:, None]
+    root = np.linalg.cholesky(filtered.state_covariance / scale + _ROUNDING * np.eye(6))
+    away = np.linalg.solve(root, ((filtered.state - fitted.state) / sigma)[:, :, None])[:, :, 0]
+    half = np.linalg.solve(root, fitted.state_covariance / scale)
+    share, axes = np.linalg.eigh(np.linalg.solve(root, half.transpose(0, 2, 1)))
+    along = np.sum(axes * away[:, :, None], axis=1)
+    square = np.sum(np.square(along) / np.maximum(1.0 - share, _LEAST_LEFT), axis=1)
+    gain: FloatArray = np.clip(0.5 * square - 6.0 * np.log(_WIDE), 0.0, _MOST)
+    return gain
+
+
+#: Estimates that share their looks differ by at least this part of the filter's covariance; rounding; no more is told.
+_WIDE, _LEAST_LEFT, _ROUNDING, _MOST = 8.0, 0.25, 1e-12, 12.0
 
 #: Chances below this are none: a mixture with little of what is far less certain says less than it knows.
 _LEAST_CHANCE = 0.1
