@@ -27,7 +27,6 @@ from opir_core.records import Window
 from opir_core.scene import Scene
 
 _NS = 1_000_000_000
-_TRIES = 6
 
 
 @frozen(kw_only=True)
@@ -159,12 +158,12 @@ class LiveRun:
             if self.status().targets >= self.settings.maximum_targets:
                 raise BusyError(f"{self.settings.maximum_targets} targets are in the run, the most it takes at a time")
             self._launched += 1
-            cycles = 1
-            for _ in range(_TRIES):
-                place = self._place
-                soonest_ns = place.engine.time_ns + (2 + cycles) * self._pace.step_ns(place.time_ns)
-                whole, is_ours = timed(block, f"live-{self._launched}", place, soonest_ns)
-                if is_ours and whole["launch"]["time_s"] >= place.engine.plan.scene.duration_s:
+            lead_ns = 3 * self._pace.step_ns(self.time_ns)
+            while time.monotonic() < give_up_s:
+                place, asked_ns = self._place, self.time_ns
+                whole, is_ours = timed(block, f"live-{self._launched}", place, place.engine.time_ns + lead_ns)
+                duration_s = place.engine.plan.scene.duration_s
+                if is_ours and whole["launch"]["time_s"] >= duration_s:
                     self._await_lap_after(place.lap, give_up_s)
                     continue
                 draft = drafted_launch(place.engine.plan, whole, place.engine.time_ns, place.lap)
@@ -173,7 +172,8 @@ class LiveRun:
                 except PastError:
                     if not is_ours:
                         raise
-                    cycles *= 2
+                    # Half a lap at most: later than that, a lap may never have time for it.
+                    lead_ns = min(2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * _NS) // 2)
                 else:
                     return Launched(whole["id"], whole["launch"]["time_s"] + place.shift.time_ns / _NS, cycle)
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")
@@ -185,7 +185,7 @@ class LiveRun:
         is wrong with it, `RestartError` for what a running scene cannot change, `RefusedError` where the run has ended.
         """
         with self._changes.turn() as give_up_s:
-            for _ in range(_TRIES):
+            while time.monotonic() < give_up_s:
                 place = self._place
                 draft = drafted_settings(place.engine.plan, mapping, place.lap, self.scene)
                 try:

@@ -11,8 +11,9 @@ from waiting import until
 from opir_core.engine import Engine
 from opir_core.errors import SceneError
 from opir_core.events.forge import ForgeEncoder
+from opir_core.live import running
 from opir_core.live.broadcast import Viewer
-from opir_core.live.drafting import RestartError, drafted_launch, drafted_settings
+from opir_core.live.drafting import Draft, RestartError, drafted_launch, drafted_settings
 from opir_core.live.growth import without_those_over
 from opir_core.live.pace import Pace
 from opir_core.live.running import LiveRun, LiveSettings
@@ -271,6 +272,25 @@ def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -
     assert times == sorted(times)
     assert status.lap >= 1
     assert status.targets_launched == 20
+
+
+def test_a_launch_goes_up_as_soon_as_a_machine_that_is_slow_to_plan_it_can(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def slowly(plan: Plan, block: Any, time_ns: int, lap: int) -> Draft:
+        time.sleep(0.4)
+        return drafted_launch(plan, block, time_ns, lap)
+
+    monkeypatch.setattr(running, "drafted_launch", slowly)
+    scene = scene_from_mapping(mapping(duration_s=600, targets=[], outputs=["null"]), host=host)
+    run = LiveRun(scene, host, LiveSettings(speed=20.0, cycle_ns=1_000_000))
+    run.start()
+    before_s = run.time_ns / NS
+    launched = run.launch(UNTIMED)
+    run.stop()
+    # Planning takes 8 s of scene time at the least.
+    assert launched.time_s - before_s > 8.0
+    assert launched.target_id in run.plan.targets.ids
 
 
 def test_a_launch_that_the_scene_has_no_time_for_is_refused_with_the_way_out(host: Host) -> None:

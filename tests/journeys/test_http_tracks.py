@@ -35,7 +35,7 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
 
 def streamed_track(port: int) -> Any:
     """Return the first track of the stream that is two minutes old."""
-    connection, give_up_at = http.client.HTTPConnection("127.0.0.1", port, timeout=30.0), time.monotonic() + 40.0
+    connection, give_up_at = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0), time.monotonic() + 180.0
     try:
         connection.request("GET", "/stream?view=brief")
         lines, kind = connection.getresponse(), ""
