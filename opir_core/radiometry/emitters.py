@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from opir_core.errors import ModelError, Problem, SceneError
 from opir_core.radiometry.protocols import SourceContext
-from opir_core.radiometry.source_configs import FieldConfig, SourceConfig, emitter_complaint, own_fields
+from opir_core.radiometry.source_configs import (
+    FieldConfig,
+    SourceConfig,
+    emitter_complaint,
+    names_complaint,
+    own_fields,
+)
 from opir_core.randomness import Stream, normal_pairs, stream_key, uniforms_of
 from opir_core.records import FloatArray
 
@@ -49,7 +55,7 @@ def emitters_of(config: SourceConfig, context: SourceContext, *, is_brief: bool 
         given = _drawn(config.field, config.area_m2, context, is_brief)
         count = len(given["lat_deg"])
         return Emitters({**{name: np.full(count, value) for name, value in defaults.items()}, **given})
-    rows = config.at if config.at is not None else rows_of_csv(str(config.csv), kind, context.path)
+    rows = config.at if config.at is not None else rows_of_csv(str(config.csv), config, context.path)
     if len(rows) > MOST_EMITTERS:
         raise ModelError(f"{context.path}: {len(rows)} emitters; a block has at most {MOST_EMITTERS}")
     names = ("lat_deg", "lon_deg", *defaults)
@@ -58,11 +64,11 @@ def emitters_of(config: SourceConfig, context: SourceContext, *, is_brief: bool 
     )
 
 
-def rows_of_csv(path: str, kind: type, scene_path: str) -> Sequence[Emitter]:
+def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emitter]:
     """Return the emitters of a CSV file; raises `SceneError` with one message that names file and line."""
     try:
-        with Path(path).open(encoding="utf-8", newline="") as file:
-            return [_emitter(row, number, kind) for number, row in _numbered(file)]
+        with Path(path).open(encoding="utf-8-sig", newline="") as file:
+            return [_emitter(row, number, block) for number, row in _numbered(file, type(block))]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise SceneError([Problem(f"{scene_path}.csv", f"{path} cannot be read: {reason}")]) from error
@@ -70,7 +76,7 @@ def rows_of_csv(path: str, kind: type, scene_path: str) -> Sequence[Emitter]:
         raise SceneError([Problem(f"{scene_path}.csv", f"{path}, {error}")]) from error
 
 
-def _numbered(file: Iterable[str]) -> Sequence[tuple[int, Mapping[str, str]]]:
+def _numbered(file: Iterable[str], kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
     """Return the lines of a CSV with their numbers; empty ones and those that begin with # are left out."""
     reader = csv.reader(file, strict=True)
     header: list[str] | None = None
@@ -81,8 +87,9 @@ def _numbered(file: Iterable[str]) -> Sequence[tuple[int, Mapping[str, str]]]:
             continue
         if header is None:
             header = stripped
-            if len(set(header)) < len(header):
-                raise ValueError(f"line {reader.line_num}: a name stands twice in the header")
+            complaint = _header_complaint(header, kind)
+            if complaint:
+                raise ValueError(f"line {reader.line_num}: {complaint}")
             continue
         if len(stripped) != len(header):
             raise ValueError(f"line {reader.line_num}: {len(stripped)} cells under a header of {len(header)}")
@@ -92,18 +99,35 @@ def _numbered(file: Iterable[str]) -> Sequence[tuple[int, Mapping[str, str]]]:
     return found
 
 
-def _emitter(row: Mapping[str, str], number: int, kind: type) -> Emitter:
+def _header_complaint(header: list[str], kind: type) -> str | None:
+    named = [name for name in header if name]
+    if len(set(named)) < len(named):
+        return "a name stands twice in the header"
+    complaint = names_complaint(named, kind)
+    if complaint and len(header) == 1 and ";" in header[0]:
+        return "the header is one cell; commas separate cells"
+    return complaint and f"in the header {complaint}"
+
+
+def _emitter(row: Mapping[str, str], number: int, block: SourceConfig) -> Emitter:
     emitter = {}
     for name, text in row.items():
         try:
             if text:
-                emitter[name] = float(text)
+                emitter[name] = _number(text)
         except ValueError:
             raise ValueError(f"line {number}: {name}: {text!r} is not a number") from None
-    complaint = emitter_complaint(emitter, kind)
+    complaint = emitter_complaint(emitter, block)
     if complaint:
         raise ValueError(f"line {number}: {complaint}")
     return emitter
+
+
+def _number(text: str) -> float:
+    """Return the number of a cell; what only Python takes for one is none."""
+    if "_" in text:
+        raise ValueError
+    return float(text)
 
 
 def _drawn(field: FieldConfig, area_m2: float, context: SourceContext, is_brief: bool) -> dict[str, FloatArray]:
@@ -127,7 +151,10 @@ def _drawn(field: FieldConfig, area_m2: float, context: SourceContext, is_brief:
 def _poisson(mean: float, context: SourceContext) -> int:
     """Return a number by the law of Poisson: how many steps of an exponential law fit below the mean."""
     if mean > MOST_EMITTERS:
-        raise ModelError(f"{context.path}: {mean:g} emitters are expected; a block has at most {MOST_EMITTERS}")
+        raise ModelError(
+            f"{context.path}: {mean:g} emitters are expected; a block has at most {MOST_EMITTERS}: lower"
+            " per_million_km2 or take a smaller region"
+        )
     # Ten standard deviations above the mean: beyond once in 1e23 runs.
     most = int(mean + 10.0 * np.sqrt(mean) + 40.0)
     steps = -np.log1p(-_uniforms(context, "count", most))

@@ -131,11 +131,6 @@ def _mixed(grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, i
 def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Transmittance:
     """Return the atmosphere of a climate; `ModelError` names a band of the scene that the table cannot answer for."""
     tables = node_tables(config.climate, config.aerosol, config.weighting)
-    if not tables:
-        raise ModelError(
-            f"{context.path}: there is no table of climate {config.climate} with aerosol {config.aerosol}; aerosol none"
-            " goes with us1976 alone"
-        )
     grids = tuple(_grid(band, config, list(tables.values()), context.path) for band in context.bands)
     return LowtranAtmosphere(grids, None if config.cloud is None else _deck(config.cloud, context.seed))
 

@@ -57,6 +57,10 @@ class LowtranConfig:
     )
     cloud: CloudConfig | None = nested(default=None, help="a deck of cloud", source="none: a clear sky")
 
+    def __attrs_post_init__(self) -> None:
+        if self.aerosol == "none" and self.climate != "us1976":
+            raise ValueError(f"aerosol: none goes with the climate us1976 alone, not with {self.climate}; leave it out")
+
 
 @frozen(kw_only=True)
 class EarthConfig:

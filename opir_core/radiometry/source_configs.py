@@ -1,6 +1,6 @@
 """What a scene may set of sources that are no targets. Nothing heavy is imported here."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from attrs import fields_dict, frozen
@@ -12,22 +12,44 @@ from opir_core.plugin.defaults import cited, with_defaults
 OWN_FIELDS = ("height_m", "start_s", "end_s", "temperature_k", "emissivity", "area_m2")
 
 
-def emitter_complaint(emitter: Mapping[str, Any], kind: type) -> str | None:
+PLACE_FIELDS = ("lat_deg", "lon_deg")
+
+
+def emitter_complaint(emitter: Mapping[str, Any], block: "SourceConfig") -> str | None:
     """Return what is wrong with one emitter's own values, by the fields of its block's configuration class."""
-    missing = [name for name in ("lat_deg", "lon_deg") if name not in emitter]
-    if missing:
-        return f"{missing[0]} is missing"
+    kind = type(block)
     infos = {name: info_of(fields_dict(kind)[name]) for name in own_fields(kind)}
     infos |= {
         "lat_deg": info_of(fields_dict(RegionConfig)["south_deg"]),
         "lon_deg": info_of(fields_dict(RegionConfig)["west_deg"]),
     }
+    complaint = names_complaint(tuple(emitter), kind)
+    if complaint:
+        return complaint
     for name, value in emitter.items():
-        if name not in infos:
-            return f"{name} is not one of {', '.join(infos)}"
         if not infos[name].accepts(value):
             return f"{name}: {value!r} is outside {infos[name].interval} {infos[name].unit}".rstrip()
-    return None
+    return _times_complaint(emitter.get("start_s", block.start_s), emitter.get("end_s", block.end_s))
+
+
+def names_complaint(names: Sequence[str], kind: type) -> str | None:
+    """Return what is wrong with the names of what emitters have of their own."""
+    known = (*PLACE_FIELDS, *own_fields(kind))
+    for name in names:
+        if name not in known:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, known, 1)
+            hint = f"; did you mean {near[0]}?" if near else f" is not one of {', '.join(known)}"
+            return f"{name or repr(name)}{': unknown' if near else ''}{hint}"
+    missing = [name for name in PLACE_FIELDS if name not in names]
+    return f"{missing[0]} is missing" if missing else None
+
+
+def _times_complaint(start_s: float, end_s: float | None) -> str | None:
+    if end_s is None or end_s > start_s:
+        return None
+    return f"end_s {end_s:g} is not after start_s {start_s:g}"
 
 
 def own_fields(kind: type) -> tuple[str, ...]:
@@ -103,9 +125,13 @@ class SourceConfig:
     def __attrs_post_init__(self) -> None:
         given = [name for name in ("at", "csv", "field") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise ValueError(f"{' and '.join(given) or 'none'} is given; exactly one of at, csv and field is needed")
+            words = f"{' and '.join(given)} are given" if given else "none of them is given"
+            raise ValueError(f"{words}; exactly one of at, csv and field is needed")
+        complaint = _times_complaint(self.start_s, self.end_s) if self.field is not None else None
+        if complaint:
+            raise ValueError(complaint)
         for number_, emitter in enumerate(self.at or ()):
-            complaint = emitter_complaint(emitter, type(self))
+            complaint = emitter_complaint(emitter, self)
             if complaint:
                 raise ValueError(f"at[{number_}]: {complaint}")
 

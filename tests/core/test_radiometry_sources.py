@@ -247,6 +247,11 @@ class TestCsv:
             (3.0, 4.0, 7.0),
         ]
 
+    def test_what_spreadsheets_write_is_read(self, tmp_path):
+        """A mark of byte order before the header, and a comma after each line's last cell."""
+        told = self.read(tmp_path, "\ufefflat_deg,lon_deg,\n1,2,\n").trajectories.truth()
+        assert [(row["lat_deg"], row["lon_deg"]) for row in told] == [(1.0, 2.0)]
+
     @pytest.mark.parametrize(
         ("text", "complaint"),
         [
@@ -258,9 +263,15 @@ class TestCsv:
             ("lat_deg,lon_deg,area_m2\n1,2,nan\n", "line 2: area_m2: nan is outside (0, 1000000000000] m2"),
             (
                 "lat_deg,lon_deg,colour\n1,2,3\n",
-                "line 2: colour is not one of height_m, start_s, end_s, temperature_k,",
+                "line 1: in the header colour is not one of lat_deg, lon_deg, height_m, start_s, end_s, temperature_k,",
             ),
             ("lat_deg,lat_deg\n1,2\n", "line 1: a name stands twice in the header"),
+            ("lat_deg,lon\n", "line 1: in the header lon: unknown; did you mean lon_deg?"),
+            ("lat_deg,area_m2\n1,2\n", "line 1: in the header lon_deg is missing"),
+            ("lat_deg;lon_deg\n1;2\n", "line 1: the header is one cell; commas separate cells"),
+            ("lat_deg,lon_deg,area_m2\n1,2,1_000\n", "line 2: area_m2: '1_000' is not a number"),
+            ("lat_deg,lon_deg,start_s,end_s\n1,2,50,10\n", "line 2: end_s 10 is not after start_s 50"),
+            ("lat_deg,lon_deg,\n1,2,3\n", "line 2: '' is not one of lat_deg, lon_deg"),
         ],
     )
     def test_what_is_wrong_is_told_with_file_and_line(self, tmp_path, text, complaint):
@@ -281,12 +292,18 @@ class TestCsv:
 
 
 def test_settings_that_do_not_go_together():
-    with pytest.raises(ValueError, match="none is given; exactly one of at, csv and field is needed"):
+    with pytest.raises(ValueError, match="none of them is given; exactly one of at, csv and field is needed"):
         FireConfig()
-    with pytest.raises(ValueError, match="at and csv is given"):
+    with pytest.raises(ValueError, match="at and csv are given"):
         FireConfig(at=HERE, csv="fires.csv")
     with pytest.raises(ValueError, match=r"at\[0\]: lon_deg is missing"):
         FireConfig(at=({"lat_deg": 1.0},))
+    with pytest.raises(ValueError, match=r"at\[0\]: lat: unknown; did you mean lat_deg\?"):
+        FireConfig(at=({"lat": 1.0, "lon_deg": 2.0},))
+    with pytest.raises(ValueError, match=r"at\[1\]: end_s 5 is not after start_s 9"):
+        FireConfig(at=({"lat_deg": 1.0, "lon_deg": 2.0}, {"lat_deg": 1.0, "lon_deg": 2.0, "end_s": 5.0}), start_s=9.0)
+    with pytest.raises(ValueError, match="end_s 5 is not after start_s 9"):
+        FireConfig(field=field(1.0), start_s=9.0, end_s=5.0)
     with pytest.raises(ValueError, match="south_deg 5 is not below north_deg 5"):
         region(5.0, 5.0)
 
