@@ -38,18 +38,11 @@ def looks(count: int) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray, n
     return origins, axes, np.array(seen), np.stack([prior, sigma])
 
 
-def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.ndarray) -> Any:
-    """Return Stone Soup's mean and covariance after the last look, in our order of the state."""
+def look_across() -> Any:
+    """Return the class of Stone Soup measurement models of a look: the two directions across it."""
     from stonesoup.base import Property
-    from stonesoup.models.base import LinearModel  # noqa: F401
     from stonesoup.models.measurement.nonlinear import NonLinearGaussianMeasurement
-    from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantNthDerivative
-    from stonesoup.predictor.kalman import ExtendedKalmanPredictor
     from stonesoup.types.array import StateVector
-    from stonesoup.types.detection import Detection
-    from stonesoup.types.hypothesis import SingleHypothesis
-    from stonesoup.types.state import GaussianState
-    from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
     class Across(NonLinearGaussianMeasurement):
         origin: np.ndarray = Property(doc="where from")
@@ -59,21 +52,35 @@ def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.nd
         def ndim_meas(self) -> int:
             return 2
 
-        def function(self, state: Any, noise: Any = False, **_: Any) -> Any:
+        def local(self, state: Any) -> np.ndarray:
             position = np.array(state.state_vector[list(self.mapping)], dtype=float).ravel()
-            local = self.frame @ (position - self.origin)
+            return self.frame @ (position - self.origin)
+
+        def function(self, state: Any, noise: Any = False, **_: Any) -> Any:
+            local = self.local(state)
             return StateVector(local[:2] / local[2])
 
         def jacobian(self, state: Any, **_: Any) -> np.ndarray:
-            position = np.array(state.state_vector[list(self.mapping)], dtype=float).ravel()
-            local = self.frame @ (position - self.origin)
-            slope = (self.frame[:2] - (local[:2] / local[2])[:, None] * self.frame[2]) / local[2]
+            local = self.local(state)
             full = np.zeros((2, 12))
-            full[:, list(self.mapping)] = slope
+            full[:, list(self.mapping)] = (self.frame[:2] - (local[:2] / local[2])[:, None] * self.frame[2]) / local[2]
             return full
 
         def inverse_function(self, detection: Any, **_: Any) -> Any:
             raise NotImplementedError
+
+    return Across
+
+
+def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.ndarray) -> Any:
+    """Return Stone Soup's mean and covariance after the last look, in our order of the state."""
+    from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantNthDerivative
+    from stonesoup.predictor.kalman import ExtendedKalmanPredictor
+    from stonesoup.types.array import StateVector
+    from stonesoup.types.detection import Detection
+    from stonesoup.types.hypothesis import SingleHypothesis
+    from stonesoup.types.state import GaussianState
+    from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
     order = np.array([3 * (k % 4) + k // 4 for k in range(12)])
     model = CombinedLinearGaussianTransitionModel(
@@ -81,12 +88,11 @@ def stone_soup_estimates(origins: Any, axes: Any, seen: np.ndarray, prior: np.nd
     )
     now = datetime.datetime(2026, 4, 1)
     state: Any = GaussianState(prior[0][order], np.diag(prior[1][order] ** 2), timestamp=now)
-    predictor, updater = ExtendedKalmanPredictor(model), ExtendedKalmanUpdater(None)
+    predictor, updater, across = ExtendedKalmanPredictor(model), ExtendedKalmanUpdater(None), look_across()
+    noise = {"ndim_state": 12, "mapping": (0, 4, 8), "noise_covar": np.eye(2) * SIGMA_RAD**2}
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
-        measure = Across(
-            ndim_state=12, mapping=(0, 4, 8), noise_covar=np.eye(2) * SIGMA_RAD**2, origin=origin, frame=frame
-        )
         time = now + datetime.timedelta(seconds=number * STEP_S)
+        measure = across(**noise, origin=origin, frame=frame)
         told = Detection(StateVector(seen[number - 1]), timestamp=time, measurement_model=measure)
         state = updater.update(SingleHypothesis(predictor.predict(state, timestamp=time), told))
     back = np.argsort(order)
