@@ -1,0 +1,39 @@
+"""Sinks built as a scene builds them, and programs that write to them."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from opir_core.builtin.encoders import ENCODERS
+from opir_core.builtin.sinks import SINKS
+from opir_core.protocols import Encoder, EncoderContext, SinkContext
+from opir_core.testing import stub_sensor
+
+
+def encoder() -> Encoder:
+    made: Encoder = ENCODERS[0].build(ENCODERS[0].config(), EncoderContext(sensors=(stub_sensor(),), epoch_us=0))
+    return made
+
+
+def sink(name: str, make_encoder: Callable[[], Encoder] = encoder, **config: Any) -> Any:
+    (component,) = (each for each in SINKS if each.name == name)
+    return component.build(component.config(**config), SinkContext(make_encoder=make_encoder, scene_name="stub"))
+
+
+def python(program: str, *arguments: str) -> "subprocess.CompletedProcess[bytes]":
+    opening = (
+        "import sys, os, signal\n"
+        "from opir_core.builtin.line_file import LineFile\n"
+        "from opir_core.errors import SinkError\n"
+        "from opir_core.events.forge import ForgeEncoder\n"
+        "from opir_core.protocols import EncoderContext\n"
+        "from opir_core.testing import stub_sensor\n"
+        "from opir_core.testing.windows import stub_window\n"
+        "encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))\n"
+    )
+    # As for a user: what is printed waits in Python's buffer.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    command = [sys.executable, "-c", opening + program, *arguments]
+    return subprocess.run(command, capture_output=True, check=False, env=environment)
