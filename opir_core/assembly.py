@@ -11,7 +11,7 @@ from opir_core.columns import Columns
 from opir_core.dice import PairStreams, RowDice, WindowNumbers
 from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
-from opir_core.looks import Looks, exposures, look_times_ns
+from opir_core.looks import exposures
 from opir_core.plan import Plan
 from opir_core.protocols import Dice, Measured
 from opir_core.randomness import normal_pairs
@@ -34,7 +34,7 @@ _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64
 
 @frozen(eq=False)
 class Hits(Columns):
-    """Looks of a window that detect: their rows among the looks, pairs, and running detection counts.
+    """Looks of a window that detect: their rows among the looks, pairs, scans and times, and running detection counts.
 
     `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error, and seed what
     else is drawn for the detection.
@@ -42,6 +42,8 @@ class Hits(Columns):
 
     row: IntArray
     pair: IntArray
+    scan: IntArray
+    time_ns: IntArray
     count: IndexArray
     probability: FloatArray
     direction_words: NDArray[np.uint64]
@@ -63,12 +65,12 @@ class Assembly:
         return self._pair_type is None
 
     def block(
-        self, looks: Looks, hits: Hits, numbers: WindowNumbers, measured: Measured | None = None
+        self, hits: Hits, numbers: WindowNumbers, measured: Measured | None = None
     ) -> tuple[Detections, DetectionTruth]:
         """Return the detections of a block of hits, and their truth; the model is asked where nothing is measured."""
         plan, dice = self._plan, numbers.of(hits.row, hits.pair, hits.direction_words)
-        scan = looks.scan[hits.row]
-        exposed = exposures(plan, self._sites, hits.pair, scan, geometry=True)
+        time_s = hits.time_ns.astype(np.float64) * 1e-9
+        exposed = exposures(plan, self._sites, hits.pair, hits.scan, geometry=True, time_s=time_s)
         measured = plan.detection.measure(exposed, dice) if measured is None else measured
         sightings = self._sightings(exposed, measured, hits)
         sigma_rad = measured.line_of_sight_sigma_rad
@@ -112,7 +114,7 @@ class Assembly:
         none = np.full(len(hits), -1, dtype=np.int64)
         reported_type, log_probability = self._judged(sightings, hits, dice)
         return Detections(
-            time_ns=look_times_ns(plan.pairs, hits.pair, exposed.scan),
+            time_ns=hits.time_ns,
             sensor=exposed.sensor,
             scan=exposed.scan,
             detection_id=uuid8_words(self._id_keys[hits.pair], exposed.scan),

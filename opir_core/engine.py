@@ -79,30 +79,29 @@ class Engine:
         spans = None if self._knots is None else self._knots.over(looks)
         hits = self._hits(looks, numbers, spans)
         measured = None if spans is None else self._measured(hits, numbers, spans)
-        time_ns = look_times_ns(self.plan.pairs, hits.pair, looks.scan[hits.row])
-        order = self._order(time_ns, hits.pair)
+        order = self._order(hits.time_ns, hits.pair)
         if noise is None:
-            return self._assembled(looks, numbers, hits, measured, order)
+            return self._assembled(numbers, hits, measured, order)
         if not len(order):
             return noise.alone()
-        places = noise.places(time_ns, self.plan.pairs.sensor[hits.pair], order)
-        detections, truth = self._assembled(looks, numbers, hits, measured, _with_gaps(order, places))
+        places = noise.places(hits.time_ns, self.plan.pairs.sensor[hits.pair], order)
+        detections, truth = self._assembled(numbers, hits, measured, _with_gaps(order, places))
         detections.overwrite(places, noise.detections)
         truth.overwrite(places, noise.truth)
         return detections, truth
 
     def _assembled(
-        self, looks: Looks, numbers: WindowNumbers, hits: Hits, measured: Measured | None, order: IntArray
+        self, numbers: WindowNumbers, hits: Hits, measured: Measured | None, order: IntArray
     ) -> tuple[Detections, DetectionTruth]:
         """Return the detections of hits in an order, and their truth."""
         # Gathered column by column: rows of all pairs in all columns at once are more pages than a processor knows.
         hits, measured = hits.take(order), None if measured is None else measured.take(order)
-        given = {"detection_count": hits.count} | ({} if measured is None else _known(measured))
+        given = _known(hits) | ({} if measured is None else _measurements(measured))
         detections = Filling(Detections, len(hits), given)
         truth = Filling(DetectionTruth, len(hits), {"probability": hits.probability})
         for rows in blocks(len(hits)):
             of_rows = None if measured is None else measured.take(rows)
-            found, true = self._assembly.block(looks, hits.take(rows), numbers, of_rows)
+            found, true = self._assembly.block(hits.take(rows), numbers, of_rows)
             detections.put(found)
             truth.put(true)
         return detections.record(), truth.record()
@@ -113,9 +112,10 @@ class Engine:
         # Looks that detect for certain, or never, need no die: 0 will do.
         cast = numbers.words("detection", None if spans is None else spans.undecided())
         row = np.flatnonzero(uniforms_of(cast) < probability)
-        pair = looks.pair[row]
+        pair, scan = looks.pair.take(row), looks.scan.take(row)
         words = numbers.of_rows("line-of-sight", 1, row, pair)[:, 0]
-        return Hits(row, pair, self._counted(pair), probability[row], words)
+        time_ns = look_times_ns(self.plan.pairs, pair, scan)
+        return Hits(row, pair, scan, time_ns, self._counted(pair), probability.take(row), words)
 
     def _measured(self, hits: Hits, numbers: WindowNumbers, spans: "Spans") -> Measured | None:
         """Return what hits measure, which come sorted by sensor: each one's are next to one another."""
@@ -203,7 +203,14 @@ def _with_gaps(order: IntArray, places: IntArray) -> IntArray:
     return longer
 
 
-def _known(measured: Measured) -> dict[str, Any]:
+def _known(hits: Hits) -> dict[str, Any]:
+    """Return the columns of detections that their hits have, and those that a tracker is still to fill."""
+    nobody = np.full(len(hits), -1, dtype=np.int64)
+    columns = {"time_ns": hits.time_ns, "scan": hits.scan, "detection_count": hits.count}
+    return {**columns, "track": nobody, "estimate": nobody}
+
+
+def _measurements(measured: Measured) -> dict[str, Any]:
     """Return the columns of detections that their measurements are."""
     columns = {
         "bands": measured.bands,

@@ -69,9 +69,14 @@ def look_times_s(pairs: Pairs, pair: IntArray, scan: IntArray) -> FloatArray:
     return look_times_ns(pairs, pair, scan).astype(np.float64) * 1e-9
 
 
-def exposures(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray, *, geometry: bool) -> Exposures:
-    """Return the exposures of looks given by pair and scan (n,); without `geometry` its columns stay empty."""
-    time_s = look_times_s(plan.pairs, pair, scan)
+def exposures(
+    plan: Plan, sites: Sites, pair: IntArray, scan: IntArray, *, geometry: bool, time_s: FloatArray | None = None
+) -> Exposures:
+    """Return the exposures of looks given by pair and scan (n,); without `geometry` its columns stay empty.
+
+    `time_s` are the looks' times, where these are known.
+    """
+    time_s = look_times_s(plan.pairs, pair, scan) if time_s is None else time_s
     sensor, target = plan.pairs.sensor[pair], plan.pairs.target[pair]
     place = plan.sightlines.place(pair, time_s)
     emission_s = _emission_s(plan, place, pair, time_s)
