@@ -39,7 +39,17 @@ _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64
 
 
 @frozen(eq=False)
-class _Draws(Columns):
+class _Drawn(Columns):
+    """Exceedances as streams have them, in the window or near it: when in its scan one comes hangs on where it is."""
+
+    sensor: IndexArray
+    scan: IntArray
+    serial: IntArray
+    uniforms: FloatArray
+
+
+@frozen(eq=False)
+class _Placed(Columns):
     """A window's exceedances: when, by which sensor, in which direction, and the numbers of each."""
 
     time_ns: IntArray
@@ -90,18 +100,44 @@ class NoiseMaker:
         self._plan, self._sites, self._model = plan, sites, model
         self._rate = model.rate_per_scan
         self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors])
-        self._sensors = [
-            _SensorNoise(plan, sites, number, float(self._rate[number]), model.words)
+        self._sensors = {
+            number: _SensorNoise(plan, number, float(self._rate[number]), model.words)
             for number in np.flatnonzero(self._rate > 0.0).tolist()
-        ]
+        }
+        self._keys = stream_key_words(plan.scene, [(name, "\x1fnoise") for name in _names(plan)])
+        self._period_ns = np.array([sensor.scan.period_ns for sensor in plan.sensors], dtype=np.int64)
+        half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])
+        self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
 
     def between(self, start_ns: int, end_ns: int) -> "Noise | None":
         """Return the exceedances in [start, end) of scene time; None where none is."""
-        parts = [sensor.between(start_ns, end_ns) for sensor in self._sensors]
-        found = [part for part in parts if part is not None]
-        return self._told(_Draws.concatenate(found)) if found else None
+        parts = [sensor.near(start_ns, end_ns) for sensor in self._sensors.values()]
+        found = [part for part in parts if len(part)]
+        placed = self._placed(_Drawn.concatenate(found), start_ns, end_ns) if found else None
+        return self._told(placed) if placed is not None and len(placed) else None
 
-    def _told(self, noise: _Draws) -> "Noise":
+    def _placed(self, drawn: _Drawn, start_ns: int, end_ns: int) -> _Placed:
+        """Return those that come in the window, where and when they are."""
+        sensor, scan, uniforms = drawn.sensor, drawn.scan, drawn.uniforms
+        begin_ns = scan * self._period_ns.take(sensor)
+        at_m = self._sites.positions(sensor, begin_ns.astype(np.float64) * 1e-9)
+        height_m = np.sqrt(np.square(at_m).sum(axis=1))
+        direction = _directions(at_m, height_m, self._most_fall.take(sensor), uniforms)
+        time_ns = begin_ns + self._phase_ns(sensor, at_m, at_m + direction * height_m[:, None])
+        ids = uuid8_words(self._keys.take(sensor, axis=0), drawn.serial)
+        placed = _Placed(time_ns, sensor, scan, ids, direction, at_m, uniforms[:, _PLACE_WORDS:])
+        kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
+        return placed if len(kept) == len(scan) else placed.take(kept)
+
+    def _phase_ns(self, sensor: IndexArray, at_m: FloatArray, seen_m: FloatArray) -> IntArray:
+        """Return when in their scans sensors (n,), which come in order, look at places (n, 3)."""
+        phase_ns = np.empty(len(sensor), dtype=np.int64)
+        edges = [0, *(np.flatnonzero(np.diff(sensor)) + 1).tolist(), len(sensor)]
+        for rows in map(slice, edges[:-1], edges[1:]):
+            phase_ns[rows] = self._sensors[int(sensor[rows.start])].phase_ns(at_m[rows], seen_m[rows])
+        return phase_ns
+
+    def _told(self, noise: _Placed) -> "Noise":
         measured = self._model.measure_noise(noise.sensor, noise.uniforms)
         sightings = self._sightings(noise, measured)
         rows = len(noise.time_ns)
@@ -130,7 +166,7 @@ class NoiseMaker:
         # Sensors come in their order, which a stable sort keeps at each moment.
         return Noise(detections, truth, np.argsort(noise.time_ns, kind="stable"))
 
-    def _sightings(self, noise: _Draws, measured: Measured) -> Sightings:
+    def _sightings(self, noise: _Placed, measured: Measured) -> Sightings:
         """Return what classifiers and confidence models see: the line of sight is taken to end on the ground."""
         rows = len(noise.time_ns)
         ground = intersection_with_ellipsoid(noise.sensor_ecef_m, noise.line_of_sight_ecef)
@@ -182,21 +218,18 @@ class _NoDice:
 class _SensorNoise:
     """The exceedances of one sensor, block by block."""
 
-    def __init__(self, plan: Plan, sites: Sites, number: int, rate: float, words: int) -> None:
-        self._sensor, self._number, self._sites = plan.sensors[number], number, sites
+    def __init__(self, plan: Plan, number: int, rate: float, words: int) -> None:
+        self._sensor, self._number = plan.sensors[number], number
         self._words = words + _PLACE_WORDS
         self._scans = int(min(max(1.0, _PER_BLOCK / rate), _MOST_SCANS))
         self._table = poisson_table(rate * self._scans)
-        generation = plan.scan_generations[number] if plan.scan_generations else 0
-        name = f"{self._sensor.id}@{generation}" if generation else self._sensor.id
-        seed = plan.scene.seed
+        seed, name = plan.scene.seed, _names(plan)[number]
         self._counts = Stream(stream_key(seed, name, "noise-count"))
         self._numbers = Stream(stream_key(seed, name, "noise"))
         self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
-        self._key = stream_key_words(plan.scene, [(name, "\x1fnoise")])
 
-    def between(self, start_ns: int, end_ns: int) -> "_Draws | None":
-        """Return the exceedances in [start, end) of scene time; None where there is none."""
+    def near(self, start_ns: int, end_ns: int) -> _Drawn:
+        """Return the exceedances of scans that have looks in [start, end) of scene time."""
         period_ns = self._sensor.scan.period_ns
         block_ns = self._scans * period_ns
         # A scan's looks come up to a period after it begins.
@@ -206,10 +239,13 @@ class _SensorNoise:
         block, place = np.repeat(first + np.arange(len(counts)), counts), _places(counts)
         scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
         near = np.flatnonzero((scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns))
-        if not len(near):
-            return None
-        serial = (block * len(self._table) + place).take(near)
-        return self._within(scan.take(near), uniforms.take(near, axis=0), serial, start_ns, end_ns)
+        serial = block * len(self._table) + place
+        sensor = np.full(len(scan), self._number, dtype=np.int32)
+        return _Drawn(sensor, scan, serial, uniforms).take(near)
+
+    def phase_ns(self, at_m: FloatArray, seen_m: FloatArray) -> IntArray:
+        """Return when in its scan the sensor looks from places (n, 3) at others."""
+        return self._sensor.scan.phase_ns(at_m, seen_m, self._phase)
 
     def _block_counts(self, first: int, blocks: int) -> IntArray:
         """Return how many exceedances blocks of scans have."""
@@ -226,41 +262,33 @@ class _SensorNoise:
         ]
         return uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(-1, self._words)
 
-    def _within(
-        self, scan: IntArray, uniforms: FloatArray, serial: IntArray, start_ns: int, end_ns: int
-    ) -> "_Draws | None":
-        period_ns = self._sensor.scan.period_ns
-        sensor = np.full(len(scan), self._number, dtype=np.int32)
-        at_m = self._sites.positions(sensor, (scan * period_ns).astype(np.float64) * 1e-9)
-        height_m = np.sqrt(np.square(at_m).sum(axis=1))
-        direction = self._directions(at_m, height_m, uniforms)
-        phase_ns = self._sensor.scan.phase_ns(at_m, at_m + direction * height_m[:, None], self._phase)
-        time_ns = scan * period_ns + phase_ns
-        kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
-        if not len(kept):
-            return None
-        keys = np.broadcast_to(self._key, (len(scan), 2))
-        drawn = _Draws(time_ns, sensor, scan, uuid8_words(keys, serial), direction, at_m, uniforms[:, _PLACE_WORDS:])
-        return drawn if len(kept) == len(scan) else drawn.take(kept)
 
-    def _directions(self, at_m: FloatArray, height_m: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return directions spread uniformly over the solid angle of the field of regard, a cone about nadir."""
-        half = math.sin(0.5 * self._sensor.field_of_regard_half_angle_rad)
-        # 1 - cosine is uniform over a cone; its sine follows without cancellation.
-        fall = 2.0 * half * half * uniforms[:, 1]
-        off, turn = np.sqrt(fall * (2.0 - fall)), 2.0 * np.pi * uniforms[:, 2]
-        x, y, z = (at_m[:, axis] / -height_m for axis in range(3))
-        # East of the sensor; over a pole, where none is, along the first axis.
-        level = np.sqrt(x * x + y * y)
-        on_axis = level == 0.0
-        per_level = 1.0 / (level + on_axis)
-        east_x, east_y = on_axis - y * per_level, x * per_level
-        along_east, along_north, down = off * np.cos(turn), off * np.sin(turn), 1.0 - fall
-        unit = np.empty_like(at_m)
-        unit[:, 0] = x * down + east_x * along_east - z * east_y * along_north
-        unit[:, 1] = y * down + east_y * along_east + z * east_x * along_north
-        unit[:, 2] = z * down + (x * east_y - y * east_x) * along_north
-        return unit
+def _names(plan: Plan) -> list[str]:
+    """Return the names that the sensors' exceedances go by: their ids, with their generations where scans are anew."""
+    generations = plan.scan_generations or (0,) * len(plan.sensors)
+    both = zip(plan.sensors, generations, strict=True)
+    return [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both]
+
+
+def _directions(at_m: FloatArray, height_m: FloatArray, most_fall: FloatArray, uniforms: FloatArray) -> FloatArray:
+    """Return directions (n, 3) spread uniformly over the solid angles of cones about nadir; 1 - cosine (n,) at edges.
+
+    1 - cosine is uniform over a cone; its sine follows without cancellation.
+    """
+    fall = most_fall * uniforms[:, 1]
+    off, turn = np.sqrt(fall * (2.0 - fall)), 2.0 * np.pi * uniforms[:, 2]
+    x, y, z = (at_m[:, axis] / -height_m for axis in range(3))
+    # East of the sensor; over a pole, where none is, along the first axis.
+    level = np.sqrt(x * x + y * y)
+    on_axis = level == 0.0
+    per_level = 1.0 / (level + on_axis)
+    east_x, east_y = on_axis - y * per_level, x * per_level
+    along_east, along_north, down = off * np.cos(turn), off * np.sin(turn), 1.0 - fall
+    unit = np.empty_like(at_m)
+    unit[:, 0] = x * down + east_x * along_east - z * east_y * along_north
+    unit[:, 1] = y * down + east_y * along_east + z * east_x * along_north
+    unit[:, 2] = z * down + (x * east_y - y * east_x) * along_north
+    return unit
 
 
 def _seen_from(ground_ecef_m: FloatArray, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
