@@ -119,14 +119,11 @@ class Engine:
 
     def _measured(self, hits: Hits, numbers: WindowNumbers, spans: "Spans") -> Measured | None:
         """Return what hits measure, which come sorted by sensor: each one's are next to one another."""
-        filling = Filling(Measured, len(hits))
-        for rows in blocks(len(hits)):
-            row, pair = hits.row[rows], hits.pair[rows]
-            sensor = self.plan.pairs.sensor[pair]
-            dice = numbers.of(row, pair, hits.direction_words[rows])
-            found = spans.measured(row, sensor, dice, hits.probability[rows])
-            filling.put(found if self._assembly.judges else evolve(found, band_noise_w_m2=None))
-        return filling.record() if len(hits) else None
+        if not len(hits):
+            return None
+        dice = numbers.of(hits.row, hits.pair, hits.direction_words)
+        measured = spans.measured(hits.row, self.plan.pairs.sensor[hits.pair], dice, hits.probability)
+        return measured if self._assembly.judges else evolve(measured, band_noise_w_m2=None)
 
     def _order(self, time_ns: IntArray, pair: IntArray) -> IntArray:
         """Return the order by time, then pair, of rows that come sorted by pair, then time."""

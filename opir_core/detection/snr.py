@@ -11,6 +11,7 @@ from opir_core.detection.irradiance_noise import noise_w_m2, photon_noise_w_m2
 from opir_core.detection.measuring import MeasuredColumns
 from opir_core.detection.receivers import Receiver, by_number, noise_chance, receivers_of
 from opir_core.detection.redrawing import measured_to_pass
+from opir_core.looks import blocks
 from opir_core.protocols import Dice, Measured, ModelContext
 from opir_core.radiometry.at_once import radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.radiometry.records import in_a_row
@@ -88,19 +89,24 @@ class SnrDetection:
         found = MeasuredColumns.of(len(sensor), self.width)
         chance = _Chances(response.probit, probability)
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
-            receiver = self.receivers[number]
-            width = len(receiver.bands)
-            snr, noise = response.snr[rows, :width], response.noise_w_m2[rows, :width]
-            # Signals are added in place: what fits the processor's cache is done in half the time.
-            measured = dice.take(rows).normals("measurement", width)
-            off = measured[:, 0].copy()
-            measured += snr
-            failed = np.flatnonzero(~receiver.rule.passes(measured, noise))
-            if len(failed):
+            rule, spread = self.receivers[number].rule, (self.floor_rad[number], self.footprint_rad[number])
+            width, failed, seeds = len(self.receivers[number].bands), [], []
+            for part in _parts(rows):
+                noise = response.noise_w_m2[part, :width]
+                # Signals are added in place: what fits the processor's cache is done in half the time.
+                measured = dice.take(part).normals("measurement", width)
+                off = measured[:, 0].copy()
+                measured += response.snr[part, :width]
+                again = np.flatnonzero(~rule.passes(measured, noise))
+                found.put(part, measured, noise, rule, spread)
+                failed.append(_rows_of(part, again))
+                seeds.append(off[again])
+            left = np.concatenate(failed)
+            if len(left):
                 # Of a draw that failed nothing else is made: its bits, mixed well, seed the ones after it.
-                again = snr[failed], noise[failed], chance.of(rows, failed), off[failed].view(np.uint64)
-                measured[failed] = measured_to_pass(receiver.rule, *again)
-            found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.footprint_rad[number]))
+                snr, noise = response.snr[left, :width], response.noise_w_m2[left, :width]
+                measured = measured_to_pass(rule, snr, noise, chance.of(left), np.concatenate(seeds).view(np.uint64))
+                found.put(left, measured, noise, rule, spread)
         return found.measured(response.noise_w_m2)
 
     @property
@@ -183,15 +189,27 @@ class _Chances(NamedTuple):
     probit: FloatArray | None
     probability: FloatArray | None
 
-    def of(self, rows: slice | IntArray, some: IntArray) -> FloatArray:
-        """Return those of some of these rows."""
+    def of(self, rows: IntArray) -> FloatArray:
+        """Return those of some rows."""
         from scipy.special import ndtr
 
         if self.probability is not None:
-            return self.probability[rows][some]
+            return self.probability[rows]
         assert self.probit is not None
-        chance: FloatArray = ndtr(self.probit[rows][some])
+        chance: FloatArray = ndtr(self.probit[rows])
         return chance
+
+
+def _parts(rows: slice | IntArray) -> list[slice | IntArray]:
+    """Return rows cut into parts whose columns fit a processor's cache."""
+    if isinstance(rows, slice):
+        return [slice(rows.start + part.start, rows.start + part.stop) for part in blocks(rows.stop - rows.start)]
+    return [rows[part] for part in blocks(len(rows))]
+
+
+def _rows_of(part: slice | IntArray, some: IntArray) -> IntArray:
+    """Return the rows that are some of a part's."""
+    return part.start + some if isinstance(part, slice) else part[some]
 
 
 def _counts_w_m2(receivers: Sequence[Receiver]) -> FloatArray:
