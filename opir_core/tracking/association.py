@@ -96,13 +96,20 @@ def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
 
 def uncontested(pairs: Pairs, rays: Rays) -> bool:
     """Return whether it is plain that no ray has two tracks to choose from and no track two rays of a scan."""
-    if len(pairs) > _FEW:
+    ray, count = pairs.ray.tolist(), len(rays.scan)
+    if len(ray) > _FEW or len(set(ray)) < len(ray):
         return False
-    ray = pairs.ray.tolist()
-    if len(set(ray)) < len(ray):
-        return False
+    if count <= _FEW and len(set(zip(rays.sensor.tolist(), rays.scan.tolist(), strict=True))) == count:
+        return True
     sensor, scan = rays.sensor.take(pairs.ray).tolist(), rays.scan.take(pairs.ray).tolist()
     return len(set(zip(pairs.track.tolist(), sensor, scan, strict=True))) == len(ray)
+
+
+def nobody(count: int) -> IntArray:
+    """Return the owners (n,) of rays that are nobody's."""
+    owner = np.empty(count, dtype=np.int64)
+    owner.fill(-1)
+    return owner
 
 
 def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
@@ -116,7 +123,7 @@ def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
 def as_owned(pairs: Pairs, rays: Rays, chosen: BoolArray) -> Associated:
     """Return undoubted sights of the pairs chosen."""
     used = pairs if np.count_nonzero(chosen) == len(chosen) else pairs.take(np.flatnonzero(chosen))
-    owner = np.full(len(rays), -1, dtype=np.int64)
+    owner = nobody(len(rays.scan))
     owner[used.ray] = used.track
     return Associated(plain(used), owner, used)
 
@@ -141,7 +148,7 @@ def associate_joint(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
     group = scan_groups(pairs, rays)
     beta = marginals(group, pairs.ray, np.exp(np.minimum(ratio, 300.0)))
     chosen = np.flatnonzero(_believed(group, pairs.ray, beta, ratio))
-    owner = np.full(len(rays), -1, dtype=np.int64)
+    owner = nobody(len(rays))
     owner[pairs.ray[chosen]] = pairs.track[chosen]
     return Associated(_blended(pairs, group, beta), owner, pairs.take(chosen))
 

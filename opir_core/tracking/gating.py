@@ -61,8 +61,10 @@ class Pairs(Columns):
 
 def candidates(outlook: Outlook, rays: Rays, span_s: float, gate: float, light_time: bool) -> tuple[IntArray, IntArray]:
     """Return tracks and rays of pairs that may pass the gate (and some that do not): the bins of the two touch."""
-    count = len(outlook.side)
-    if count * len(rays) <= _FEW_PAIRS:
+    count, number = len(outlook.side), len(rays.time_s)
+    if count == 1 and number <= _FEW_PAIRS:
+        return np.zeros(number, dtype=np.int64), np.arange(number)
+    if count * number <= _FEW_PAIRS:
         return divmod(np.arange(count * len(rays)), max(len(rays), 1))
     sensor, which = np.unique(rays.sensor, return_inverse=True)
     parts = max(1, int(np.ceil(span_s / _PART_S)))
@@ -90,8 +92,8 @@ def _middles(rays: Rays, which: IntArray, sensors: int) -> tuple[FloatArray, Flo
 
 def _parallax(rays: Rays, which: IntArray, origin: FloatArray) -> FloatArray:
     """Return how far each sensor strays from its mean place, m."""
-    stray = np.zeros(len(origin))
-    np.maximum.at(stray, which, np.sqrt(np.sum((rays.origin_ecef_m - origin[which]) ** 2, axis=1)))
+    stray, apart = np.zeros(len(origin)), rays.origin_ecef_m - origin.take(which, axis=0)
+    np.maximum.at(stray, which, np.sqrt(dot(apart, apart)))
     return stray
 
 
@@ -103,7 +105,7 @@ def _directions(
     for _ in range(2):
         left = emission_s(time_s, range_m, light_time)
         apart = turned(outlook.positions(track, left), -left) - origin
-        range_m = np.sqrt(np.sum(apart * apart, axis=1))
+        range_m = np.sqrt(dot(apart, apart))
     return apart / range_m[:, None], range_m
 
 
@@ -172,13 +174,16 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
         # Most candidates are farther off than any covariance could excuse, and need none.
         span = outlook.time_s - float(whole.time_s.min(initial=outlook.time_s))
         widest = np.square(outlook.reach_m(span)[track] / range_m) + np.square(sigma)
-        ahead &= np.sum(seen * seen, axis=1) <= gate * gate * widest
+        ahead &= dot(seen, seen) <= gate * gate * widest
     if np.count_nonzero(ahead) < len(ahead):
         likely = np.flatnonzero(ahead)
         whole, track, ray = _Paired(*(part.take(likely, axis=0) for part in whole)), track[likely], ray[likely]
         range_m, seen, sigma = whole.range_m, seen[likely], sigma[likely]
-    spread = outlook.seen_covariances(track, whole.time_s, whole.axes[:, :2] / range_m[:, None, None])
-    spread[:, _DIAGONAL, _DIAGONAL] += (sigma * sigma)[:, None]
+    rows = whole.axes[:, :2] / range_m[:, None, None]
+    spread = outlook.seen_covariances(track, whole.time_s, whole.weight, rows)
+    noise = sigma * sigma
+    spread[:, 0, 0] += noise
+    spread[:, 1, 1] += noise
     first, both, second = spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
     determinant = first * second - both * both
     x, y = seen[:, 0], seen[:, 1]
@@ -190,16 +195,15 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
     return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(np.flatnonzero(inside))
 
 
-_DIAGONAL = np.array([0, 1])
-
-
 class _Paired(NamedTuple):
     """Pairs (n,): when the light left, from where and in what direction it was seen then, inertial; distance and axes.
 
-    The third axis is the direction in which the track is expected.
+    `weight` (n, 5) are those of the track's derivatives then. The third axis is the direction in which the track is
+    expected.
     """
 
     time_s: FloatArray
+    weight: FloatArray
     origin_m: FloatArray
     direction: FloatArray
     range_m: FloatArray
@@ -213,6 +217,7 @@ def _paired(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, light_
         there = outlook.positions(track, guess) - turned(place, guess)
         time_s = emission_s(time_s, np.sqrt(dot(there, there)), light_time)
     origin, direction = both_turned(place, rays.direction_ecef.take(ray, axis=0), time_s)
-    apart = outlook.positions(track, time_s) - origin
+    weight = outlook.weights(time_s)
+    apart = outlook.followed(track, weight) - origin
     range_m = np.sqrt(dot(apart, apart))
-    return _Paired(time_s, origin, direction, range_m, axes_across(apart / range_m[:, None]))
+    return _Paired(time_s, weight, origin, direction, range_m, axes_across(apart / range_m[:, None]))

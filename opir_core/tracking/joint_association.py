@@ -11,6 +11,8 @@ them once pairs that it hardly believes in are set aside is summed exactly where
 docs/design/joint_association_error.py measures what both cost.
 """
 
+from functools import cache
+
 import numpy as np
 
 from opir_core.records import BoolArray, FloatArray, IntArray
@@ -18,6 +20,9 @@ from opir_core.tracking.assignment import components, lone, places
 
 #: A cluster is summed exactly as long as it has no more rows, or no more columns, than this: 2**8 states.
 EXACT_WIDTH = 8
+
+#: Up to so many clusters of a width are summed as matrices, one by one.
+_FEW_CLUSTERS = 16
 
 #: Pairs of wide clusters that belief propagation believes in less than this keep its probability.
 _HARDLY = 1e-3
@@ -72,59 +77,92 @@ def _narrow_marginals(
 def exact_marginals(weight: FloatArray) -> FloatArray:
     """Return the probabilities (k, r, c) of clusters of likelihood ratios (k, r, c), 0 where there is no pair.
 
-    Time and memory grow with 2**c. A cluster costs nothing beyond its last row that has pairs.
+    Time and memory grow with c 2**c. A cluster costs nothing beyond its last row that has pairs.
     """
     count, height, width = weight.shape
+    if width == 1:
+        lone_column: FloatArray = weight / (1.0 + weight.sum(axis=1, keepdims=True))
+        return lone_column
+    if count <= _FEW_CLUSTERS:
+        return _few_marginals(weight)
     rows = np.max(np.where(weight.any(axis=2), np.arange(1, height + 1), 0), axis=1)
     order = np.argsort(-rows, kind="stable")
     live = np.count_nonzero(rows[:, None] > np.arange(height), axis=0).tolist()
     ordered = np.ascontiguousarray(weight[order].transpose(1, 2, 0))
     alone = 1.0 / np.maximum(ordered.max(axis=1), 1.0)
     share = ordered * alone[:, None]
+    more, less = _neighbours(width)
     beta = np.zeros_like(share)
-    after = np.ones((2**width, count))
-    before = _forward(alone, share, live)
+    after = np.zeros((2**width + 1, count))
+    after[:-1] = 1.0
+    before = _forward(alone, share, live, less)
     for row in range(height - 1, -1, -1):
         some = live[row]
-        first, then, part = before[row][:, :some], after[:, :some], share[row, :, :some]
-        chance, fresh = beta[row, :, :some], alone[row, :some] * then
-        for column in range(width):
-            used = _with(then, column)
-            chance[column] = part[column] * np.sum(_without(first, column) * used, axis=(0, 1))
-            _without(fresh, column)[...] += part[column] * used
-        chance /= alone[row, :some] * np.sum(first * then, axis=0) + chance.sum(axis=0)
-        after[:, :some] = fresh / fresh.max(axis=0)
+        part, then = share[row, :, :some], after[:, :some]
+        first, used = before[row][:-1, :some], then.take(more, axis=0)
+        fresh = alone[row, :some] * then[:-1]
+        chance = np.multiply(part, np.add.reduce(first[:, None] * used, axis=0), out=beta[row, :, :some])
+        chance /= np.add.reduce(first * fresh, axis=0) + np.add.reduce(chance, axis=0)
+        fresh += np.add.reduce(part * used, axis=1)
+        np.divide(fresh, np.maximum.reduce(fresh, axis=0), out=then[:-1])
     out = np.empty_like(weight)
     out[order] = beta.transpose(2, 0, 1)
     return out
 
 
-def _forward(alone: FloatArray, share: FloatArray, live: list[int]) -> list[FloatArray]:
-    """Return for each row the weights (2**c, k) of all explanations of the rows before it, by the columns they use.
+def _forward(alone: FloatArray, share: FloatArray, live: list[int], less: IntArray) -> list[FloatArray]:
+    """Return for each row the weights (2**c + 1, k) of all explanations of the rows before it, by the columns they use.
 
     `alone` (r, k) and `share` (r, c, k) weigh a row that has no column, or each; the first `live` clusters have it.
     """
     width, count = share.shape[1:]
-    state = np.zeros((2**width, count))
+    state = np.zeros((2**width + 1, count))
     state[0] = 1.0
     before = [state]
     for row, some in enumerate(live[:-1]):
         state = before[row][:, :some]
         fresh = alone[row, :some] * state
-        for column in range(width):
-            _with(fresh, column)[...] += share[row, column, :some] * _without(state, column)
-        before.append(fresh / fresh.max(axis=0))
+        fresh[:-1] += np.add.reduce(share[row, :, :some] * state.take(less, axis=0), axis=1)
+        fresh /= np.maximum.reduce(fresh, axis=0)
+        before.append(fresh)
     return before
 
 
-def _with(state: FloatArray, column: int) -> FloatArray:
-    """Return a view (a, b, k) of the weights of sets (2**c, k) that hold a column."""
-    return state.reshape(len(state) >> column + 1, 2, 1 << column, state.shape[1])[:, 1]
+def _few_marginals(weight: FloatArray) -> FloatArray:
+    """Return what `exact_marginals` does, of so few clusters that each is sooner a matrix of its own."""
+    count, height, width = weight.shape
+    alone = 1.0 / np.maximum(weight.max(axis=2), 1.0)
+    share = weight * alone[:, :, None]
+    more, less = _neighbours(width)
+    before = np.zeros((height, count, 2**width + 1))
+    before[0, :, 0] = 1.0
+    for row in range(height - 1):
+        state = before[row]
+        fresh = alone[:, row, None] * state
+        fresh[:, :-1] += (state.take(less, axis=1) @ share[:, row, :, None])[:, :, 0]
+        np.divide(fresh, np.maximum.reduce(fresh, axis=1)[:, None], out=before[row + 1])
+    beta, after = np.empty_like(weight), np.ones((count, 2**width + 1))
+    after[:, -1] = 0.0
+    for row in range(height - 1, -1, -1):
+        first, used = before[row, :, :-1], after.take(more, axis=1)
+        fresh = alone[:, row, None] * after[:, :-1]
+        chance = share[:, row] * (first[:, None] @ used)[:, 0]
+        chance /= (np.add.reduce(first * fresh, axis=1) + np.add.reduce(chance, axis=1))[:, None]
+        beta[:, row] = chance
+        fresh += (used @ share[:, row, :, None])[:, :, 0]
+        np.divide(fresh, np.maximum.reduce(fresh, axis=1)[:, None], out=after[:, :-1])
+    return beta
 
 
-def _without(state: FloatArray, column: int) -> FloatArray:
-    """Return a view (a, b, k) of the weights of sets (2**c, k) that do not hold a column, in the order of `_with`."""
-    return state.reshape(len(state) >> column + 1, 2, 1 << column, state.shape[1])[:, 0]
+@cache
+def _neighbours(width: int) -> tuple[IntArray, IntArray]:
+    """Return for each set of columns and each column (2**c, c) the set with it as well, and the set without it.
+
+    Where the set has the column already, or has it not, that is the number of a set there is none of, 2**c.
+    """
+    sets, bit = np.arange(2**width)[:, None], 1 << np.arange(width)
+    held = (sets & bit) > 0
+    return np.where(held, 2**width, sets | bit), np.where(held, sets ^ bit, 2**width)
 
 
 def propagated(row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = _SWEEPS) -> FloatArray:

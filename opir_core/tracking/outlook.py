@@ -15,12 +15,20 @@ class Outlook(NamedTuple):
     derivative: FloatArray
     side: FloatArray
 
+    def weights(self, time_s: FloatArray) -> FloatArray:
+        """Return the weights (m, 5) of the derivatives at times (m,)."""
+        return weights_at(time_s - self.time_s)
+
     def positions(self, track: IntArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of tracks (m,) at times (m,)."""
+        return self.followed(track, self.weights(time_s))
+
+    def followed(self, track: IntArray, weight: FloatArray) -> FloatArray:
+        """Return positions (m, 3) of tracks (m,) at times of weights (m, 5)."""
         if len(self.derivative) == 1:
-            lone: FloatArray = weights_at(time_s - self.time_s) @ self.derivative[0]
+            lone: FloatArray = weight.dot(self.derivative[0])
             return lone
-        return followed(self.derivative[track], weights_at(time_s - self.time_s))
+        return followed(self.derivative.take(track, axis=0), weight)
 
     def position_sides(self, track: IntArray, time_s: FloatArray) -> FloatArray:
         """Return A (m, 3, 12) with A Aᵀ the covariance of the position of tracks (m,) at times (m,)."""
@@ -31,13 +39,14 @@ class Outlook(NamedTuple):
             total += blocks[track, order] * weight[:, order]
         return total
 
-    def seen_covariances(self, track: IntArray, time_s: FloatArray, rows: FloatArray) -> FloatArray:
+    def seen_covariances(self, track: IntArray, time_s: FloatArray, weight: FloatArray, rows: FloatArray) -> FloatArray:
         """Return the covariances (m, 2, 2) of what rows (m, 2, 3) make of the positions of tracks (m,) at times (m,).
 
-        Many looks a track are cheaper by way of the position's covariance than by its sides.
+        `weight` (m, 5) are those of the times. Many looks a track are cheaper by way of the position's covariance than
+        by its sides.
         """
         if len(self.side) == 1:
-            side = (weights_at(time_s - self.time_s)[:, :4] @ self.side.reshape(4, 3 * BOOST)).reshape(-1, 3, BOOST)
+            side = (weight[:, :4] @ self.side.reshape(4, 3 * BOOST)).reshape(-1, 3, BOOST)
             seen = rows @ side
             spread: FloatArray = seen @ seen.transpose(0, 2, 1)
         else:
@@ -52,23 +61,21 @@ class Outlook(NamedTuple):
         """
         since = (time_s - self.time_s)[:, None]
         terms = self._covariance_terms()
-        total: FloatArray = terms[-1][track]
-        for term in terms[-2::-1]:
+        total: FloatArray = terms[:, -1].take(track, axis=0)
+        for power in range(terms.shape[1] - 2, -1, -1):
             total *= since
-            total += term[track]
+            total += terms[:, power].take(track, axis=0)
         return total.reshape(len(track), 3, 3)
 
-    def _covariance_terms(self) -> list[FloatArray]:
-        """Return the coefficients (n, 9) of the powers of time in the covariance of the position, lowest first."""
-        blocks = self.side.reshape(len(self.side), 4, 3, BOOST)
-        used = blocks[:, :, :, np.any(self.side, axis=(0, 1))] if len(self.side) else blocks
-        top = 4 if np.any(blocks[:, 2:]) else 2
-        scaled = used * np.array([1.0, 1.0, 0.5, 1.0 / 6.0])[:, None, None]
-        terms = [np.zeros((len(self.side), 3, 3)) for _ in range(2 * top - 1)]
-        for row in range(top):
-            for column in range(top):
-                terms[row + column] += scaled[:, row] @ scaled[:, column].transpose(0, 2, 1)
-        return [term.reshape(len(term), 9) for term in terms]
+    def _covariance_terms(self) -> FloatArray:
+        """Return the coefficients (n, p, 9) of the powers of time in the covariance of the position, lowest first."""
+        count = len(self.side)
+        orders = 4 if np.count_nonzero(self.side[:, 6:]) else 2
+        sides = self.side[:, : 3 * orders] * _SHARES[: 3 * orders]
+        products = (sides @ sides.transpose(0, 2, 1)).reshape(count, orders, 3, orders, 3)
+        blocks = products.transpose(0, 1, 3, 2, 4).reshape(count, orders * orders, 9)
+        terms: FloatArray = _SUMS[orders] @ blocks
+        return terms
 
     def reach_m(self, span_s: float) -> FloatArray:
         """Return bounds (n,) on the standard deviation of each track's position, all axes together, over a span.
@@ -78,3 +85,13 @@ class Outlook(NamedTuple):
         spread = np.sqrt(np.sum(self.side.reshape(len(self.side), 4, -1) ** 2, axis=2))
         bound: FloatArray = np.sum(spread * weights_at(np.array([span_s]))[:, :4], axis=1)
         return bound
+
+
+#: What each row of a spread counts for in the position, times a power of time.
+_SHARES = np.repeat([1.0, 1.0, 0.5, 1.0 / 6.0], 3)[:, None]
+
+#: Which products of two derivatives' spreads, in order of rows, go with each power of time.
+_SUMS = {
+    orders: (np.add.outer(np.arange(orders), np.arange(orders)).ravel() == np.arange(2 * orders - 1)[:, None]) * 1.0
+    for orders in (2, 4)
+}

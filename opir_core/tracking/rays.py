@@ -1,7 +1,10 @@
 """Rays: the lines of sight of detections, and what each says about the track it is held against."""
 
+from typing import NamedTuple
+
 import numpy as np
 from attrs import evolve, frozen
+from numpy.typing import NDArray
 
 from opir_core.columns import Columns
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
@@ -63,25 +66,41 @@ class Sights(Columns):
         """Return the sights as those of other rows of a bank."""
         return evolve(self, track=track)
 
+    def missed(self, position_m: FloatArray) -> FloatArray:
+        """Return whitened residuals (n, 2) at positions (n, 3)."""
+        local = along(self.axes, position_m - self.origin_m)
+        return along(self.whitener, self.seen - local[:, :2] / local[:, 2:])
+
     def residuals(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return whitened residuals (n, 2) at positions (n, 3), and what y gains a metre there, whitened, (n, 2, 3)."""
-        return self.projected(position_m)[:2]
+        return self.whitened().projected(position_m)[:2]
+
+    def whitened(self) -> "Planes":
+        """Return the planes of the sights in units of their errors."""
+        axes, sharp = self.axes.copy(), self.whitener[:, 0, 0]
+        many = len(sharp) >= FEW and np.count_nonzero(self.whitener) == 2 * len(sharp)
+        if many and np.array_equal(self.whitener[:, 1, 1], sharp):
+            axes[:, :2] *= sharp[:, None, None]
+            return Planes(self.origin_m, axes, self.seen * sharp[:, None])
+        axes[:, :2] = self.whitener @ self.axes[:, :2]
+        return Planes(self.origin_m, axes, along(self.whitener, self.seen))
+
+
+class Planes(NamedTuple):
+    """The planes of sights in units of their errors: the first two `axes` are E whitened, `aim` (n, 2) is `seen`."""
+
+    origin_m: FloatArray
+    axes: FloatArray
+    aim: FloatArray
 
     def projected(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return residuals and slopes as `residuals` does, and distances along z, m, of positions (..., n, 3)."""
+        """Return residuals and slopes as `Sights.residuals` does, and depths along z, m, at positions (..., n, 3)."""
         local = along(self.axes, position_m - self.origin_m)
         depth = local[..., 2]
         y = local[..., :2] / depth[..., None]
-        slope = (self.axes[:, :2] - y[..., None] * self.axes[:, 2:]) / depth[..., None, None]
-        return along(self.whitener, self.seen - y), self.whitener @ slope, depth
-
-
-def alike(one: Rays, other: Rays) -> bool:
-    """Return whether two records hold the same rays, to the last bit, whatever scan they are taken for parts of."""
-    if len(one) != len(other):
-        return False
-    names = ("time_s", "sensor", "direction_ecef", "origin_ecef_m", "sigma_rad")
-    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in names)
+        slope = self.axes[:, :2] - y[..., None] * self.axes[:, 2:]
+        slope /= depth[..., None, None]
+        return self.aim - y, slope, depth
 
 
 def no_rays() -> Rays:
@@ -103,22 +122,28 @@ def emission_s(time_s: FloatArray, range_m: FloatArray, light_time: bool) -> Flo
 
 def turned(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
     """Return ECEF vectors (n, 3) in the inertial frame at scene times (n,)."""
-    angle = EARTH_ROTATION_RAD_S * time_s
-    cosine, sine = np.cos(angle), np.sin(angle)
     out = vectors.copy()
-    out[:, 0] = cosine * vectors[:, 0] - sine * vectors[:, 1]
-    out[:, 1] = sine * vectors[:, 0] + cosine * vectors[:, 1]
+    plane = np.ascontiguousarray(out[:, :2])
+    plane.view(np.complex128)[:, 0] *= _spun(time_s)
+    out[:, :2] = plane
     return out
 
 
 def both_turned(first: FloatArray, second: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two vectors (n, 3) each in ECEF in the inertial frame at scene times (n,)."""
-    angle = EARTH_ROTATION_RAD_S * time_s
-    cosine, sine = np.cos(angle), np.sin(angle)
     out = np.array([first, second])
-    x, y = out[:, :, 0], out[:, :, 1]
-    out[:, :, 0], out[:, :, 1] = cosine * x - sine * y, sine * x + cosine * y
+    plane = np.ascontiguousarray(out[:, :, :2])
+    plane.view(np.complex128)[:, :, 0] *= _spun(time_s)
+    out[:, :, :2] = plane
     return out[0], out[1]
+
+
+def _spun(time_s: FloatArray) -> NDArray[np.complex128]:
+    """Return what x + i y in ECEF is multiplied by (n,) in the inertial frame at scene times (n,)."""
+    angle = EARTH_ROTATION_RAD_S * time_s
+    factor = np.empty(angle.shape, dtype=np.complex128)
+    factor.real, factor.imag = np.cos(angle), np.sin(angle)
+    return factor
 
 
 def axes_across(direction: FloatArray) -> FloatArray:
@@ -126,33 +151,39 @@ def axes_across(direction: FloatArray) -> FloatArray:
 
     Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017): smooth everywhere but across z = 0.
     """
-    sign = np.copysign(1.0, direction[:, 2])
-    turned_by = direction.copy()
-    turned_by[:, 2] += sign
+    x, y, z = np.ascontiguousarray(direction.T)
+    sign, low = np.copysign(1.0, z), np.abs(z)
+    low += 1.0
+    across_x, across_y = x / low, y / low
+    axes = np.empty((len(direction), 3, 3))
     # (0, 0, 1) is turned to the direction: all rows follow from the outer product of their sum.
-    axes = (turned_by / -np.abs(turned_by[:, 2:]))[:, :, None] * turned_by[:, None]
-    axes[:, 0, 0] += 1.0
-    axes[:, 1, 1] += 1.0
-    axes[:, 1] *= sign[:, None]
+    np.subtract(1.0, across_x * x, out=axes[:, 0, 0])
+    both = np.negative(across_x * y, out=axes[:, 0, 1])
+    np.negative(sign * x, out=axes[:, 0, 2])
+    np.multiply(both, sign, out=axes[:, 1, 0])
+    np.multiply(sign, 1.0 - across_y * y, out=axes[:, 1, 1])
+    np.negative(y, out=axes[:, 1, 2])
     axes[:, 2] = direction
     return axes
 
 
 def along(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return the products (..., n, r) of matrices (n, r, c) and vectors (..., n, c), added up in order of columns."""
+    """Return the products (..., n, r) of matrices (n, r, c) and vectors (n, c), or some such (k, n, c)."""
     if vectors.shape[-2] < FEW:
-        few: FloatArray = np.add.reduce(matrix * vectors[..., None, :], axis=-1)
+        few: FloatArray = (matrix @ vectors[..., None])[..., 0]
         return few
-    product: FloatArray = matrix[..., 0] * vectors[..., :1]
-    for column in range(1, vectors.shape[-1]):
-        product += matrix[..., column] * vectors[..., column, None]
-    return product
+    if vectors.ndim == 2:
+        product: FloatArray = np.einsum("nrc,nc->nr", matrix, vectors)
+        return product
+    return np.array([along(matrix, some) for some in vectors])
 
 
 def dot(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the products (n,) of vectors (n, 3), added up in order."""
+    """Return the products (n,) of vectors (n, 2) or (n, 3), added up in order."""
     if len(first) < FEW:
         few: FloatArray = np.add.reduce(first * second, axis=1)
         return few
-    total: FloatArray = first[:, 0] * second[:, 0] + first[:, 1] * second[:, 1] + first[:, 2] * second[:, 2]
+    total: FloatArray = first[:, 0] * second[:, 0]
+    for column in range(1, first.shape[1]):
+        total += first[:, column] * second[:, column]
     return total

@@ -27,7 +27,10 @@ def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float) -> Bank:
 
     `boost_s` and `coast_s` are the mean times spent in each mode, inf for one that never ends.
     """
-    weight, share = _shares(bank.weight, _leaving(step_s, boost_s, coast_s))
+    leave = _leaving(step_s, boost_s, coast_s)
+    if len(bank.weight) == 1:
+        return _mixed_alone(bank, leave)
+    weight, share = _shares(bank.weight, leave)
     boost, coast = (bank.boost_mean, bank.boost_root), (bank.coast_mean, bank.coast_root)
     into_coast = (share[:, 0, 1] > _LEAST_SHARE).nonzero()[0]
     into_boost = (share[:, 1, 0] > _LEAST_SHARE).nonzero()[0]
@@ -38,6 +41,18 @@ def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float) -> Bank:
     return Bank(weight, *boost, *coast, bank.pace)
 
 
+def _mixed_alone(bank: Bank, leave: tuple[float, float]) -> Bank:
+    """Return what `mixed` does, of one track."""
+    boost, coast = bank.weight[0].tolist()
+    weight, into_boost, into_coast = single_modes.shared((boost, coast), leave)
+    burning, coasting = (bank.boost_mean, bank.boost_root), (bank.coast_mean, bank.coast_root)
+    if into_coast[0] > _LEAST_SHARE:
+        coasting = _into_coast(bank, np.array([into_coast]))
+    if into_boost[1] > _LEAST_SHARE:
+        burning = _into_boost(bank, np.array([into_boost]))
+    return Bank(np.array([weight]), *burning, *coasting, bank.pace)
+
+
 @lru_cache(maxsize=64)
 def _leaving(step_s: float, boost_s: float, coast_s: float) -> tuple[float, float]:
     """Return the chances of leaving boost and coast in a step."""
@@ -46,10 +61,6 @@ def _leaving(step_s: float, boost_s: float, coast_s: float) -> tuple[float, floa
 
 def _shares(before: FloatArray, leave: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
     """Return weights (n, 2) after a step, and the shares (n, 2, 2) that each mode (last) is mixed of."""
-    if len(before) == 1:
-        boost, coast = before.tolist()[0]
-        weights, into_boost, into_coast = single_modes.shared((boost, coast), leave)
-        return np.array([weights]), np.array([list(zip(into_boost, into_coast, strict=True))])
     switch = np.array([[1.0 - leave[0], leave[0]], [leave[1], 1.0 - leave[1]]])
     weight = before @ switch
     share = before[:, :, None] * switch / np.maximum(weight, 1e-300)[:, None]
@@ -94,6 +105,8 @@ def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
     Of a target seen r times a second the burn ended 1/r ± 1/r after the last look. A time u after the end, velocity and
     position are less by f u and f u²/2 than had the force f gone on.
     """
+    if len(bank.pace) == 1:
+        return _burnt_out_alone(bank)
     hits, spell, silent = bank.pace.T
     pause = spell / np.maximum(hits, 1.0)
     since, doubt = np.maximum(silent - pause, 0.0), np.minimum(pause, silent)
@@ -109,6 +122,17 @@ def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
     return bank.boost_mean[:, :COAST] - less, square_root.triangular(rows)[:, -COAST:, -COAST:]
 
 
+def _burnt_out_alone(bank: Bank) -> tuple[FloatArray, FloatArray]:
+    """Return what `_burnt_out` does, of one track."""
+    less, spread = single_modes.burnt_out(bank.pace[0].tolist(), bank.boost_mean[0, COAST : COAST + 3].tolist())
+    root, size = bank.boost_root[0], bank.boost_root.shape[1]
+    rows = np.zeros((1, size + 1, size + 1))
+    rows[0, 0, 0] = 1.0
+    rows[0, 1:, 0] = root[:, :COAST] @ np.array(spread)
+    rows[0, 1:, 1:-COAST], rows[0, 1:, -COAST:] = root[:, COAST:], root[:, :COAST]
+    return bank.boost_mean[:, :COAST] - np.array(less), square_root.triangular(rows)[:, -COAST:, -COAST:]
+
+
 def _extended_mean(bank: Bank) -> FloatArray:
     """Return the coast means with the boost's specific force and its rate."""
     return np.concatenate([bank.coast_mean, bank.boost_mean[:, COAST:]], axis=1)
@@ -122,6 +146,15 @@ def _extended_root(bank: Bank) -> FloatArray:
     return root
 
 
+def weighed_alone(
+    bank: Bank, hits: int, silent_s: float, change: tuple[float, float], step_s: float, memory_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return what `weighed` does, of one track."""
+    log, after = single_modes.paced(bank.pace[0].tolist(), hits, silent_s, step_s, memory_s)
+    told = single_modes.reweighed(bank.weight[0].tolist(), (change[0] + log, change[1]), _LEAST_WEIGHT)
+    return np.array([told]), np.array([after])
+
+
 def weighed(
     bank: Bank, hits: FloatArray, silent_s: FloatArray, change: FloatArray, step_s: float, memory_s: float
 ) -> tuple[FloatArray, FloatArray]:
@@ -129,11 +162,6 @@ def weighed(
 
     `silent_s` (n,) is the time since the last of them, `change` (n, 2) what they say of the log weights.
     """
-    if len(bank) == 1:
-        pace, (boost, coast) = bank.pace.tolist()[0], change.tolist()[0]
-        log, after = single_modes.paced(pace, float(hits[0]), float(silent_s[0]), step_s, memory_s)
-        told = single_modes.reweighed(bank.weight.tolist()[0], (boost + log, coast), _LEAST_WEIGHT)
-        return np.array([told]), np.array([after])
     missed, paced = _missed(bank.pace, hits, silent_s, step_s, memory_s)
     change[:, 0] += missed
     return _reweighed(bank.weight, change), paced

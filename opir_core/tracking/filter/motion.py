@@ -67,8 +67,10 @@ class Motion:
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, d) after steps (n,), s."""
         pieces = pieces_of(step_s, _LONGEST_STEP_S)
+        if pieces > 1:
+            step_s = step_s / pieces
         for _ in range(pieces):
-            state = self.stepped(state, step_s / pieces)
+            state = self.stepped(state, step_s)
         return state
 
     def stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
@@ -98,10 +100,16 @@ class Motion:
 
         Of the states (n, d or more than 2) that say where, the position counts alone.
         """
+        if len(state) == 1 and self.size == COAST:
+            numbers = single_states.transition(state[0, :3].tolist(), float(step_s[0]), self.forces.gravity.mu_m3_s2)
+            return np.array(numbers).reshape(1, COAST, COAST)
         gradient, blocks = self.gradient(state[:, :3]), self.size // 3
         straight, bent, fourth = _tables(step_s, blocks)
         matrix = straight + bent[:, :, None, :, None] * gradient[:, None, :, None, :]
-        matrix[:, 0, :, 0] += fourth * (gradient @ gradient)
+        square = gradient[:, :, :1] * gradient[:, :1]
+        for row in (1, 2):
+            square += gradient[:, :, row, None] * gradient[:, row, None]
+        matrix[:, 0, :, 0] += fourth * square
         return matrix.reshape(len(step_s), self.size, self.size)
 
     def noise_root(self, step_s: FloatArray, state: FloatArray | None = None) -> FloatArray | None:
@@ -244,6 +252,8 @@ _ORDERS = np.arange(1.0, 5.0)
 
 def weights_at(offset_s: FloatArray) -> FloatArray:
     """Return 1, τ, τ²/2, τ³/6, τ⁴/24 for offsets (n,), as (n, 5)."""
+    if len(offset_s) >= FEW:
+        return _many_weights_at(offset_s)
     power = np.empty((len(offset_s), 5))
     power[:, 0] = 1.0
     np.divide(offset_s[:, None], _ORDERS, out=power[:, 1:])
@@ -251,12 +261,16 @@ def weights_at(offset_s: FloatArray) -> FloatArray:
     return powers
 
 
+def _many_weights_at(offset_s: FloatArray) -> FloatArray:
+    """Return what `weights_at` does, column by column."""
+    power = np.empty((5, len(offset_s)))
+    power[0], power[1] = 1.0, offset_s
+    for order in range(2, 5):
+        np.multiply(power[order - 1], offset_s / order, out=power[order])
+    return power.T
+
+
 def followed(derivative: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return positions (..., n, 3) from derivatives (..., n, 5, 3) and the weights (n, 5) of the times."""
-    if len(weight) < FEW:
-        few: FloatArray = np.add.reduce(derivative * weight[:, :, None], axis=-2)
-        return few
-    position: FloatArray = derivative[..., 0, :].copy()
-    for order in range(1, 5):
-        position += derivative[..., order, :] * weight[:, order, None]
+    """Return positions (n, 3) from derivatives (n, 5, 3) and the weights (n, 5) of the times."""
+    position: FloatArray = np.einsum("nk,nkc->nc", weight, derivative)
     return position

@@ -10,14 +10,33 @@ from math import sqrt
 Pull = Callable[[float, float, float], tuple[float, float, float, float]]
 
 
-def gradient(place: Sequence[float], mu_m3_s2: float) -> list[list[float]]:
-    """Return the gradient of a point mass's gravity, three rows of three."""
+def gradient(place: Sequence[float], mu_m3_s2: float) -> list[float]:
+    """Return the gradient of a point mass's gravity, three rows of three one after the other."""
     x, y, z = place
     square = x * x + y * y + z * z
     scale = mu_m3_s2 / (square * sqrt(square))
     factor = 3.0 * scale / square
     wx, wy, wz = x * factor, y * factor, z * factor
-    return [[wx * x - scale, wx * y, wx * z], [wy * x, wy * y - scale, wy * z], [wz * x, wz * y, wz * z - scale]]
+    return [wx * x - scale, wx * y, wx * z, wy * x, wy * y - scale, wy * z, wz * x, wz * y, wz * z - scale]
+
+
+def transition(place: Sequence[float], step: float, mu_m3_s2: float) -> list[float]:
+    """Return the transition matrix of a fall, six rows of six one after the other."""
+    bent = gradient(place, mu_m3_s2)
+    rows, columns = (bent[:3], bent[3:6], bent[6:]), (bent[::3], bent[1::3], bent[2::3])
+    second = step * (step / 2.0)
+    third = second * (step / 3.0)
+    fourth = third * (step / 4.0)
+    above: list[float] = []
+    below: list[float] = []
+    for k, (x, y, z) in enumerate(rows):
+        place_row, speed_row = [second * x, second * y, second * z], [third * x, third * y, third * z]
+        place_row[k] += 1.0
+        speed_row[k] += step
+        below += (step * x, step * y, step * z, *place_row)
+        above += [near + fourth * (x * p + y * q + z * r) for near, (p, q, r) in zip(place_row, columns, strict=True)]
+        above += speed_row
+    return above + below
 
 
 def stepped(state: Sequence[float], step: float, pull: Pull) -> list[float]:
@@ -53,8 +72,8 @@ def stepped(state: Sequence[float], step: float, pull: Pull) -> list[float]:
     return [*place, *speed, *rest]
 
 
-def taylor(state: Sequence[float], pull: Pull, mu_m3_s2: float) -> list[list[float]]:
-    """Return the derivatives of the position, from the zeroth to the fourth, of a state of 6 or of 12."""
+def taylor(state: Sequence[float], pull: Pull, mu_m3_s2: float) -> list[float]:
+    """Return the derivatives of the position, from the zeroth to the fourth, of a state of 6 or of 12: 15 numbers."""
     x, y, z, u, v, w = state[:6]
     square = x * x + y * y + z * z
     scale = mu_m3_s2 / (square * sqrt(square))
@@ -62,15 +81,15 @@ def taylor(state: Sequence[float], pull: Pull, mu_m3_s2: float) -> list[list[flo
     climb = x * u + y * v + z * w
     share = climb / square
     third = 3.0 * share
-    rate = [scale * (third * x - u), scale * (third * y - v), scale * (third * z - w)]
+    rate = scale * (third * x - u), scale * (third * y - v), scale * (third * z - w)
     if len(state) > 6:
         a, b, c = a + state[6], b + state[7], c + state[8]
-        rate = [rate[0] + state[9], rate[1] + state[10], rate[2] + state[11]]
+        rate = rate[0] + state[9], rate[1] + state[10], rate[2] + state[11]
     inward = (x * a + y * b + z * c + (u * u + v * v + w * w) - 5.0 * climb * share) / square
     near, along = 3.0 * inward, 6.0 * share
-    bend = [
+    bend = (
         scale * (near * x + along * u - a),
         scale * (near * y + along * v - b),
         scale * (near * z + along * w - c),
-    ]
-    return [[x, y, z], [u, v, w], [a, b, c], rate, bend]
+    )
+    return [x, y, z, u, v, w, a, b, c, *rate, *bend]

@@ -48,16 +48,16 @@ def stepped(state: Sequence[float], step: float, tilt_s: float, pull: Pull) -> l
     return [*place, *speed, fx + bx * more, fy + by * more, fz + bz * more, state[9]]
 
 
-def taylor(state: Sequence[float], tilt_s: float, pull: Pull, mu_m3_s2: float) -> list[list[float]]:
+def taylor(state: Sequence[float], tilt_s: float, pull: Pull, mu_m3_s2: float) -> list[float]:
     """Return the derivatives of the position, from the zeroth to the fourth, of a state of 10; the same bits."""
     rate = jerk((*state, *pull(*state[:3])[:3]), tilt_s, sqrt)
     return single_states.taylor([*state[:9], *rate], pull, mu_m3_s2)
 
 
-def slopes(state: Sequence[float], tilt_s: float, gravity: Sequence[float]) -> list[list[float]]:
+def slopes(state: Sequence[float], tilt_s: float, gravity: Sequence[float]) -> list[float]:
     """Return how the rate of the force changes with velocity, force and growth of a state: three rows of seven.
 
-    As `Thrust.slopes` says it, but for rounding.
+    As `Thrust.force_slopes` says it, but for rounding.
     """
     x, y, _, wx, wy, vz, fx, fy, fz, growth = state
     vx, vy, pull = wx + _SPIN * y, wy - _SPIN * x, 1.0 / tilt_s
@@ -72,18 +72,19 @@ def slopes(state: Sequence[float], tilt_s: float, gravity: Sequence[float]) -> l
     across = cx, cy, cz = fx - ux * lift, fy - uy * lift, fz - uz * lift
     same, other = lift * (turn * pull - soft * ahead), lift * turn - fast * pull
     first, second, third = lift * soft, turn * pull, lift * soft * (1.0 - 2.0 * fast)
-    fourth, own, rows = -2.0 * pull * turn * (1.0 - fast), growth + other, []
+    fourth, own = -2.0 * pull * turn * (1.0 - fast), growth + other
+    rows: list[float] = []
     for k, (u, b, c, f) in enumerate(zip(unit, bend, across, (fx, fy, fz), strict=True)):
         p, q, r, s = third * b + fourth * c - same * u, -first * u, second * u + soft * b, turn * b - other * u
         row = [p * ux + q * bx + r * cx, p * uy + q * by + r * cy, p * uz + q * bz + r * cz, s * ux, s * uy, s * uz, f]
         row[k] += same
         row[3 + k] += own
-        rows.append(row)
+        rows += row
     return rows
 
 
-def side(state: Sequence[float], across_share: float, along_noise: float) -> list[list[float]]:
-    """Return a root of the force's noise a second, three rows of three.
+def side(state: Sequence[float], across_share: float, along_noise: float) -> list[float]:
+    """Return a root of the force's noise a second, three rows of three one after the other.
 
     Across the velocity it is `across_share` of the force, along it `along_noise`, m/s²/√s.
     """
@@ -91,7 +92,6 @@ def side(state: Sequence[float], across_share: float, along_noise: float) -> lis
     velocity = wx + _SPIN * y, wy - _SPIN * x, vz
     across = across_share * sqrt(fx * fx + fy * fy + fz * fz)
     share = (along_noise - across) / (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2 + 1.0)
-    rows = [[share * p * q for q in velocity] for p in velocity]
-    for k in range(3):
-        rows[k][k] += across
-    return rows
+    u, v, w = velocity
+    xy, xz, yz = share * u * v, share * u * w, share * v * w
+    return [share * u * u + across, xy, xz, xy, share * v * v + across, yz, xz, yz, share * w * w + across]

@@ -13,7 +13,7 @@ import numpy as np
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.filter import square_root
 from opir_core.tracking.filter.motion import Dynamics, followed, weights_at
-from opir_core.tracking.rays import Sights, along
+from opir_core.tracking.rays import Planes, Sights, along
 
 #: Rounds of relinearisation stop once no look would move by more than this many standard deviations in another.
 _SETTLED_SIGMAS = 1e-2
@@ -40,7 +40,7 @@ def updated(modes: Sequence[Mode], time_s: float, sights: Sights, rounds: int) -
     slice_ = _Slice.of(sights, time_s, len(modes[0].mean))
     points = [mode.mean for mode in modes]
     for turn in range(rounds):
-        residual, slope, range_m = sights.projected(slice_.positions(modes, points))
+        residual, slope, range_m = slice_.planes.projected(slice_.positions(modes, points))
         after, steps = [], []
         for mode, point, off, gain in zip(modes, points, residual, slope, strict=True):
             stack = slice_.stacked(mode, point, off, gain)
@@ -64,10 +64,12 @@ def gained(mode: Mode, after: Updated) -> FloatArray:
 class _Slice(NamedTuple):
     """Sights (m,) of n tracks in a slice, the weights (m, 5) of their times, and where their rows are to stand.
 
-    `place` (m,) is each sight's place among those of its track, `depth` how many the track with most has.
+    `planes` are those of the sights, `place` (m,) is each sight's place among those of its track, `depth` how many the
+    track with most has.
     """
 
     sights: Sights
+    planes: Planes
     tracks: int
     weight: FloatArray
     place: IntArray
@@ -75,23 +77,22 @@ class _Slice(NamedTuple):
 
     @classmethod
     def of(cls, sights: Sights, time_s: float, tracks: int) -> "_Slice":
-        track = sights.track
+        track, planes = sights.track, sights.whitened()
         weight = weights_at(sights.time_s - time_s)
         if tracks == 1:
-            return cls(sights, 1, weight, track, len(track))
+            return cls(sights, planes, 1, weight, track, len(track))
         order = np.argsort(track, kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(track, minlength=tracks))])
         place = np.empty(len(track), dtype=np.int64)
         place[order] = np.arange(len(track)) - starts[track[order]]
-        return cls(sights, tracks, weight, place, int(place.max(initial=-1)) + 1)
+        return cls(sights, planes, tracks, weight, place, int(place.max(initial=-1)) + 1)
 
     def positions(self, modes: Sequence[Mode], points: list[FloatArray]) -> FloatArray:
         """Return where each mode's tracks are at the times of sights, (k, m, 3)."""
-        path = np.array([mode.motion.taylor(point) for mode, point in zip(modes, points, strict=True)])
+        paths = [mode.motion.taylor(point) for mode, point in zip(modes, points, strict=True)]
         if self.tracks == 1:
-            lone: FloatArray = self.weight @ path[:, 0]
-            return lone
-        return followed(path.take(self.sights.track, axis=1), self.weight)
+            return np.array([self.weight.dot(path[0]) for path in paths])
+        return np.array([followed(path.take(self.sights.track, axis=0), self.weight) for path in paths])
 
     def stacked(self, mode: Mode, point: FloatArray, residual: FloatArray, slope: FloatArray) -> FloatArray:
         """Return a mode's roots above whitened rows [H | residual], (n, d + 2 depth, d + 1), padded with zeros."""
@@ -117,10 +118,10 @@ class _Slice(NamedTuple):
         """
         if not self.depth:
             return 0.0
-        span = float(np.abs(self.weight[:, 1]).max())
-        reach, nearest = max(_reach_m(step, span) for step in steps), float(range_m.min())
+        span = float(np.maximum.reduce(np.abs(self.weight[:, 1])))
+        reach, nearest = max([_reach_m(step, span) for step in steps]), float(np.minimum.reduce(range_m, axis=None))
         # A whitener's largest singular value is at most twice its largest element.
-        sharp = 2.0 * float(np.abs(self.sights.whitener).max())
+        sharp = 2.0 * float(np.maximum.reduce(np.abs(self.sights.whitener), axis=None))
         return (reach / nearest) ** 2 * sharp if nearest > 0.0 else inf
 
 
@@ -128,8 +129,10 @@ def _reach_m(step: FloatArray, span_s: float) -> float:
     """Return how far steps (n, d) in position and its derivatives move a track at most, so long before or after."""
     weights = (1.0, span_s, span_s**2 / 2.0, span_s**3 / 6.0)
     if len(step) == 1:
-        numbers = step[0].tolist()
-        return sum(weight * hypot(*numbers[3 * k : 3 * k + 3]) for k, weight in enumerate(weights[: len(numbers) // 3]))
+        numbers, reach = step[0].tolist(), 0.0
+        for k in range(len(numbers) // 3):
+            reach += weights[k] * hypot(*numbers[3 * k : 3 * k + 3])
+        return reach
     blocks = step.shape[1] // 3
     parts = step[:, : 3 * blocks].reshape(len(step), blocks, 3)
     length = np.sqrt(np.add.reduce(parts * parts, axis=2))

@@ -7,7 +7,8 @@ on stacks (n, ...), one estimate each.
 """
 
 from functools import cache
-from typing import Any
+from math import log, prod
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,7 +20,7 @@ def triangular(rows: FloatArray) -> FloatArray:
     count, _, size = rows.shape
     if count == 1:
         factor = _lapack().dgeqrf(rows[0], lwork=_WORK * size)[0][:size]
-        lone: FloatArray = (factor * _above(size, size))[None]
+        lone: FloatArray = (factor * _above(size, size, "F"))[None]
         return lone
     raw: Any = np.linalg.qr(rows, mode="raw")[0]
     side = raw.transpose(0, 2, 1)[:, : rows.shape[2]]
@@ -40,9 +41,9 @@ def _lapack() -> Any:
 
 
 @cache
-def _above(rows: int, columns: int) -> FloatArray:
-    """Return 1 for the elements of an upper triangle, and 0 for the others."""
-    return 1.0 - np.tri(rows, columns, -1)
+def _above(rows: int, columns: int, order: Literal["C", "F"] = "C") -> FloatArray:
+    """Return 1 for the elements of an upper triangle, and 0 for the others; LAPACK's own order is F."""
+    return np.array(1.0 - np.tri(rows, columns, -1), order=order)
 
 
 def spread(root: FloatArray) -> FloatArray:
@@ -124,8 +125,11 @@ def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
 
 def log_determinants(root: FloatArray, other: FloatArray) -> FloatArray:
     """Return log |det R| (n,) less that of others."""
+    if len(root) == 1:
+        own, others = prod(root[0].diagonal().tolist()), prod(other[0].diagonal().tolist())
+        return np.array([log(abs(own / others))])
     ratio = root.diagonal(axis1=1, axis2=2) / other.diagonal(axis1=1, axis2=2)
-    total: FloatArray = np.add.reduce(np.log(np.abs(ratio)), axis=1)
+    total: FloatArray = np.log(np.abs(np.multiply.reduce(ratio, axis=1)))
     return total
 
 

@@ -43,7 +43,7 @@ class SwitchingFilter:
 
     def moved(self, bank: Bank, step_s: float) -> Bank:
         """Return the bank a step later."""
-        if not len(bank):
+        if not len(bank.weight):
             return bank
         mixed = mode_mixing.mixed(bank, step_s, self.boost_s, self.coast_s) if self.switches else bank
         boost, coast = _modes_of(mixed)
@@ -64,8 +64,10 @@ class SwitchingFilter:
 
     def updated(self, bank: Bank, time_s: float, sights: Sights, step_s: float) -> Bank:
         """Return the bank with sights of a slice of length `step_s` that ends at `time_s` taken in."""
-        if not len(bank):
+        if not len(bank.weight):
             return bank
+        if len(bank.weight) == 1:
+            return self._updated_alone(bank, time_s, sights, step_s)
         hits = np.bincount(sights.track, minlength=len(bank)).astype(np.float64)
         seen = hits > 0.0
         boost, coast, change = self._taken_in(bank, seen, time_s, sights)
@@ -76,6 +78,25 @@ class SwitchingFilter:
         change[seen, 1] += log(self.cold_chance)
         weighed = mode_mixing.weighed(bank, hits, time_s - last_s, change, step_s, self.memory_s)
         return Bank(weighed[0], *boost, *coast, weighed[1])
+
+    def _updated_alone(self, bank: Bank, time_s: float, sights: Sights, step_s: float) -> Bank:
+        """Return what `updated` does, of one track."""
+        every, change = list(_modes_of(bank)), [0.0, 0.0]
+        used = [number for number, weight in enumerate(bank.weight[0].tolist()) if weight > 0.0]
+        looks, silent_s = len(sights.time_s), step_s
+        if looks:
+            modes = [Mode((self.boost, self.coast)[number], *every[number]) for number in used]
+            found = slice_update.updated(modes, time_s, sights, self.rounds)
+            for number, mode, after in zip(used, modes, found, strict=True):
+                every[number] = after.mean, after.root
+                change[number] = float(slice_update.gained(mode, after)[0]) if len(used) == 2 else 0.0
+            change[1] += log(self.cold_chance)
+            silent_s = min(step_s, time_s - float(np.maximum.reduce(sights.time_s)))
+        if not self.switches and len(used) < 2:
+            return Bank(bank.weight, *every[0], *every[1], bank.pace)
+        both = change[0], change[1]
+        weighed = mode_mixing.weighed_alone(bank, looks, silent_s, both, step_s, self.memory_s)
+        return Bank(weighed[0], *every[0], *every[1], weighed[1])
 
     def _taken_in(
         self, bank: Bank, seen: BoolArray, time_s: float, sights: Sights
@@ -123,7 +144,7 @@ class SwitchingFilter:
         boost, coast = bank.weight[:, :1], bank.weight[:, 1:]
         apart = bank.boost_mean[:, :COAST] - bank.coast_mean
         width = bank.boost_mean.shape[1]
-        side = np.empty((len(bank), COAST, width + COAST + 1))
+        side = np.empty((len(apart), COAST, width + COAST + 1))
         share = np.sqrt(bank.weight)[:, :, None, None]
         np.multiply(square_root.spread(bank.boost_root)[:, :COAST], share[:, 0], out=side[:, :, :width])
         np.multiply(square_root.spread(bank.coast_root), share[:, 1], out=side[:, :, width:-1])
@@ -139,7 +160,7 @@ def _modes_of(bank: Bank) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArr
 
 def _in_use(bank: Bank) -> tuple[bool, bool]:
     """Return whether any track may be in boost, and in coast."""
-    boost, coast = bank.weight.max(axis=0).tolist()
+    boost, coast = np.maximum.reduce(bank.weight, axis=0).tolist()
     return boost > 0.0, coast > 0.0
 
 

@@ -16,7 +16,7 @@ from attrs import Factory, field, frozen
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
 from opir_core.records import FloatArray
-from opir_core.tracking.filter import single_states, single_thrust
+from opir_core.tracking.filter import single_thrust
 from opir_core.tracking.filter.motion import ALONE, BOOST, COAST, Motion, integrator_noise, pieces_of
 from opir_core.tracking.filter.single_states import Pull
 from opir_core.tracking.filter.single_thrust import SLOW_M_S
@@ -28,7 +28,7 @@ THRUST = 10
 #: The longest step, s: with τ of 15 s, what the trapezoid leaves of the pull towards the velocity is below 1e-3.
 _LONGEST_STEP_S = 2.5
 
-_UNIT, _WHOLE = np.eye(3), np.eye(THRUST)
+_UNIT, _WHOLE, _HALF = np.eye(3), np.eye(THRUST), 0.5 * np.eye(THRUST)
 
 
 @frozen(eq=False)
@@ -57,8 +57,10 @@ class Thrust:
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 10) after steps (n,), s."""
         pieces = pieces_of(step_s, _LONGEST_STEP_S)
+        if pieces > 1:
+            step_s = step_s / pieces
         for _ in range(pieces):
-            state = self._stepped(state, step_s / pieces)
+            state = self._stepped(state, step_s)
         return state
 
     def _stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
@@ -86,21 +88,34 @@ class Thrust:
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with constant slopes."""
-        rate = self.slopes(state)
-        scaled = rate * step_s[:, None, None]
-        series = _WHOLE + scaled / 4.0
-        for order in (3.0, 2.0, 1.0):
-            series = _WHOLE + (scaled / order) @ series
+        scaled = self.slopes(state) * step_s[:, None, None]
+        square = scaled @ scaled
+        later = square / 24.0
+        later += scaled / 6.0
+        later += _HALF
+        series: FloatArray = square @ later
+        series += scaled
+        series += _WHOLE
         return series
 
     def slopes(self, state: FloatArray) -> FloatArray:
-        """Return how the rate of the state changes with it, (n, 10, 10), 1/s: what `_jerk` says, differentiated.
+        """Return how the rate of the state changes with it, (n, 10, 10), 1/s."""
+        rate = np.zeros((len(state), THRUST, THRUST))
+        rate[:, :3, 3:6] = rate[:, 3:6, 6:9] = _UNIT
+        rate[:, 3:6, :3] = self.fall.gradient(state[:, :3])
+        rate[:, 6:9, 3:] = self.force_slopes(state)
+        return rate
+
+    def force_slopes(self, state: FloatArray) -> FloatArray:
+        """Return how the rate of the force changes with velocity, force and growth, (n, 3, 7): `jerk`, differentiated.
 
         In terms of the direction u of the velocity, what turns it, b, and the force across it, all else is a multiple
         of the unit matrix. How the air's motion changes with the position is left out.
         """
         if len(state) == 1:
-            return self._slopes_of_one(state)
+            (numbers,) = state.tolist()
+            alone = single_thrust.slopes(numbers, self.tilt_s, self._pull(*numbers[:3]))
+            return np.array(alone).reshape(1, 3, THRUST - 3)
         count, pull = len(state), 1.0 / self.tilt_s
         velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
         square = dot(velocity, velocity)
@@ -120,20 +135,11 @@ class Thrust:
         weigh[0, :, 2, 0] = -2.0 * pull * turn * (1.0 - fast)
         weigh[1, :, 0, 0], weigh[1, :, 1, 0] = -other, turn
         both = basis.transpose(0, 2, 1) @ (weigh @ basis)
-        rate = np.zeros((count, THRUST, THRUST))
-        rate[:, :3, 3:6] = rate[:, 3:6, 6:9] = _UNIT
-        rate[:, 3:6, :3] = self.fall.gradient(state[:, :3])
-        rate[:, 6:9, 3:6] = both[0] + same[:, None, None] * _UNIT
-        rate[:, 6:9, 6:9] = both[1] + (state[:, 9] + other)[:, None, None] * _UNIT
-        rate[:, 6:9, 9] = force
-        return rate
-
-    def _slopes_of_one(self, state: FloatArray) -> FloatArray:
-        (numbers,) = state.tolist()
-        rate = _STRAIGHT.copy()
-        rate[0, 3:6, :3] = single_states.gradient(numbers[:3], self.forces.gravity.mu_m3_s2)
-        rate[0, 6:9, 3:] = single_thrust.slopes(numbers, self.tilt_s, self._pull(*numbers[:3]))
-        return rate
+        told = np.empty((count, 3, THRUST - 3))
+        told[:, :, :3] = both[0] + same[:, None, None] * _UNIT
+        told[:, :, 3:6] = both[1] + (state[:, 9] + other)[:, None, None] * _UNIT
+        told[:, :, 6] = force
+        return told
 
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
         """Return L (n, 10, 10) with L Lᵀ the covariance of the noise gathered in steps (n,) from states on."""
@@ -152,9 +158,9 @@ class Thrust:
 
     def _noise_root_of_one(self, step_s: float, state: FloatArray) -> FloatArray:
         share = tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s)
-        side = np.array(single_thrust.side(state[0].tolist(), share, self.noise_m_s2))
+        side = np.array(single_thrust.side(state[0].tolist(), share, self.noise_m_s2)).reshape(3, 1, 3)
         root = np.zeros((1, THRUST, THRUST))
-        root[0, :9, :9] = (_chain(step_s) * side[:, None]).reshape(9, 9)
+        np.multiply(_chain(step_s), side, out=root[0, :9, :9].reshape(3, 3, 3, 3))
         root[0, 9, 9] = self.growth_noise * sqrt(step_s)
         return root
 
@@ -170,18 +176,21 @@ class Thrust:
     def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
         """Return what whitened looks gain (m, 2, 10) a unit of state, from what they gain a metre (m, 2, 3).
 
-        `weight` (m, 5) are those of the looks' times, `state` (m, 10) those of their tracks.
+        `weight` (m, 5) are those of the looks' times, `state` (m, 10) those of their tracks, or (1, 10) that of all.
         """
         rows = np.empty((len(slope), 2, THRUST))
         rows[:, :, :9] = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(len(slope), 2, 9)
-        rows[:, :, 9] = along(slope, state[:, 6:9]) * weight[:, 3, None]
+        if len(state) == 1:
+            rows[:, :, 9] = (slope.reshape(-1, 3) @ state[0, 6:9]).reshape(-1, 2) * weight[:, 3, None]
+        else:
+            rows[:, :, 9] = along(slope, state[:, 6:9]) * weight[:, 3, None]
         return rows
 
     def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
         """Return the spreads (n, 12, 12) of the position's first four derivatives from those of states, (n, 10, 10)."""
         out = np.zeros((len(state), BOOST, BOOST))
         out[:, :9, :THRUST] = side[:, :9]
-        out[:, 9:, :THRUST] = self.slopes(state)[:, 6:9] @ side
+        out[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]
         return out
 
 
@@ -198,8 +207,3 @@ _CHAIN = integrator_noise(3)
 def _chain(step_s: float) -> FloatArray:
     """Return what unit noise of each axis gathers in a step, (3, 1, 3, 1)."""
     return np.asarray((step_s**_POWERS)[:, None] * _CHAIN)[:, None, :, None]
-
-
-#: The rates of the state of which nothing is said but that it moves and that its force drives it.
-_STRAIGHT = np.zeros((1, THRUST, THRUST))
-_STRAIGHT[0, :3, 3:6] = _STRAIGHT[0, 3:6, 6:9] = _UNIT

@@ -16,7 +16,7 @@ from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.assignment import ranks
 from opir_core.tracking.joint_association import marginals
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Sights, along
+from opir_core.tracking.rays import Sights, along, dot
 
 #: A ray that is less probably a track's than this, by its rivals for the ray alone, is none of its.
 _LEAST_SHARE = 5e-3
@@ -54,8 +54,8 @@ class Contested(Columns):
 
         `track` (m,) are the tracks of the lines of sight, `seen` (m, 2) is where they are expected to be seen.
         """
-        apart = self.seen - seen[self.sight]
-        log = self.odds - 0.5 * np.sum(apart * apart, axis=1) / np.square(self.sigma_rad)
+        apart = self.seen - seen.take(self.sight, axis=0)
+        log = self.odds - 0.5 * dot(apart, apart) / np.square(self.sigma_rad)
         ratio = np.exp(np.minimum(log, 300.0))
         likely = np.flatnonzero(ratio > _LEAST_SHARE * (1.0 + np.bincount(self.ray, ratio)[self.ray]))
         scan = ranks(track[self.sight[likely]] * (int(self.scan.max(initial=0)) + 1) + self.scan[likely])

@@ -9,7 +9,7 @@ from opir_core.tracking.association import Chances, plain, scan_groups, scan_num
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Rays, Sights
+from opir_core.tracking.rays import Rays, Sights, dot
 from opir_core.tracking.stereo.contested import LEAST_WEIGHT, Contested, expected
 from opir_core.tracking.stereo.following import Followed
 from opir_core.tracking.stereo.histories import Histories, parted_sights, weighed
@@ -54,7 +54,7 @@ def slice_sights(
     weighed_sights = evolve(sights, whitener=sights.whitener * np.sqrt(weight)[:, None, None])
     means, whose, part = parted_sights(path, weighed_sights, sensor, span)
     rows = np.flatnonzero(contested)
-    residual, _ = sights.residuals(path.positions(pairs.track, pairs.time_s))
+    residual = sights.missed(path.positions(pairs.track, pairs.time_s))
     open_ = Contested(
         sight=part[rows],
         ray=pairs.ray[rows],
@@ -73,8 +73,8 @@ def _disputed(path: Outlook, pairs: Pairs, owner: IntArray, rays: Rays, chances:
     if len(path.side) < 2:
         return pairs, np.zeros(len(pairs), dtype=bool)
     sensor = rays.sensor[pairs.ray].astype(np.int64)
-    residual, _ = plain(pairs).residuals(path.positions(pairs.track, pairs.time_s))
-    log = chances.odds[sensor] - 2.0 * np.log(pairs.sigma_rad) - 0.5 * np.sum(residual * residual, axis=1)
+    residual = plain(pairs).missed(path.positions(pairs.track, pairs.time_s))
+    log = chances.odds[sensor] - 2.0 * np.log(pairs.sigma_rad) - 0.5 * dot(residual, residual)
     own = owner[pairs.ray] == pairs.track
     some = np.flatnonzero(own | (log > _HOPELESS_LOG))
     pairs, own, sensor = pairs.take(some), own[some], sensor[some]

@@ -12,7 +12,7 @@ from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.rays import Sights, along
+from opir_core.tracking.rays import Sights, along, dot
 from opir_core.tracking.stereo.contested import Contested, expected
 from opir_core.tracking.stereo.histories import Histories, rows_of, weighed
 
@@ -93,7 +93,7 @@ def _settled(filter_: SwitchingFilter, rivals: _Rivals, bank: Bank, time_s: floa
     seen = expected(filter_.outlook(bank, time_s), sights)
     _, evidence = _shares(rivals, seen)
     residual = along(sights.whitener[mine], sights.seen[mine] - seen[mine])
-    counted = 0.5 * np.bincount(sights.track[mine], np.sum(residual * residual, axis=1), len(bank))
+    counted = 0.5 * np.bincount(sights.track[mine], dot(residual, residual), len(bank))
     return bank, evidence + (gained + counted).reshape(-1, 2).sum(axis=1)
 
 
@@ -104,8 +104,8 @@ def _shares(rivals: _Rivals, seen: FloatArray) -> tuple[FloatArray, FloatArray]:
     (1 + Σ a) (1 + Σ b) - Σ a b together.
     """
     rays = rivals.rays
-    apart = rays.seen - seen[rays.sight]
-    ratio = np.exp(rays.odds - 0.5 * np.sum(apart * apart, axis=1) / np.square(rays.sigma_rad))
+    apart = rays.seen - seen.take(rays.sight, axis=0)
+    ratio = np.exp(rays.odds - 0.5 * dot(apart, apart) / np.square(rays.sigma_rad))
     size, scans = len(rivals.scan), len(rivals.trial)
     a = np.bincount(rivals.meeting, ratio * (1.0 - rivals.second), size)
     b = np.bincount(rivals.meeting, ratio * rivals.second, size)

@@ -22,7 +22,7 @@ from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Rays, alike
+from opir_core.tracking.rays import Rays
 from opir_core.tracking.stereo.ghosts import RANGE_M, Slice, without_ghosts
 from opir_core.tracking.stereo.stray_rays import Span, Strays, doubtful, weighed
 
@@ -164,7 +164,7 @@ class Following:
         """Return the gated pairs of all tracks and the rays of a span; the same question twice is worked out once."""
         if self.met:
             before, reach, known, pairs = self.met[0]
-            if before is outlook and reach == span and alike(known, rays):
+            if before is outlook and reach == span and known is rays:
                 return pairs
         gate = self.config.gate_sigma
         pairs = gated(outlook, rays, *candidates(outlook, rays, span, gate, self.light_time), gate, self.light_time)

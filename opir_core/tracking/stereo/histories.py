@@ -15,7 +15,7 @@ from attrs import Factory, evolve, field, frozen
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Sights, along, axes_across, no_sights
+from opir_core.tracking.rays import Sights, along, axes_across, dot, no_sights
 from opir_core.tracking.stereo.contested import Contested
 
 _NONE = np.empty(0, dtype=np.int64)
@@ -69,7 +69,7 @@ class Histories:
 
     def moved(self, move: Callable[[Bank, float], Bank], step_s: float) -> "Histories":
         """Return the histories a step later."""
-        return evolve(self, first=move(self.first, step_s)) if len(self) else self
+        return evolve(self, first=move(self.first, step_s)) if len(self.number) else self
 
     def of(self, keep: BoolArray) -> "Histories":
         """Return the histories of some tracks (n,) alone."""
@@ -134,7 +134,7 @@ def parted_sights(
     part -= part.min()
     sensors, parts = int(sensor.max()) + 1, int(part.max()) + 1
     key, group = np.unique((sights.track * sensors + sensor) * parts + part, return_inverse=True)
-    residual, _ = sights.residuals(outlook.positions(sights.track, sights.time_s))
+    residual = sights.missed(outlook.positions(sights.track, sights.time_s))
     turned = sights.whitener.transpose(0, 2, 1)
     weight = _sums(group, (turned @ sights.whitener).reshape(-1, 4)).reshape(-1, 2, 2)
     mean: Any = np.linalg.solve(weight, _sums(group, along(turned, residual))[:, :, None])
@@ -143,7 +143,7 @@ def parted_sights(
     origin = _sums(group, sights.origin_m) / count
     track = key // (parts * sensors)
     apart = outlook.positions(track, time_s) - origin
-    axes = axes_across(apart / np.sqrt(np.sum(apart * apart, axis=1))[:, None])
+    axes = axes_across(apart / np.sqrt(dot(apart, apart))[:, None])
     root: Any = np.linalg.cholesky(weight)
     return Sights(track, time_s, origin, axes, mean[:, :, 0], root.transpose(0, 2, 1)), key // parts % sensors, group
 

@@ -28,14 +28,15 @@ def estimates(
 
     An impact is told of the tracks `is_free` (n,), and `types` are those of the tracks' types.
     """
-    impact = GroundPoints.nowhere(len(state))
-    free = np.flatnonzero(is_free)
-    if len(free):
+    count = len(state)
+    impact = GroundPoints(_unknown(count, 3), _unknown(count, 3, 3))
+    if np.count_nonzero(is_free):
+        free = np.flatnonzero(is_free)
         landed = impacts(state[free], covariance[free], time_s, forces)
         impact.place[free], impact.covariance[free] = landed
     state, covariance = earth_fixed(state, covariance, time_s)
     return Tracks(
-        tick_s=np.full(len(state), time_s),
+        tick_s=np.array([time_s] * count),
         track=roster.number,
         state=state,
         state_covariance=covariance,
@@ -44,7 +45,15 @@ def estimates(
         impact=impact.place,
         impact_covariance=impact.covariance,
         type_probability=types,
+        burnout=_unknown(count, 7),
+        burnout_covariance=_unknown(count, 7, 7),
     )
+
+
+def _unknown(*shape: int) -> FloatArray:
+    nothing = np.empty(shape)
+    nothing.fill(np.nan)
+    return nothing
 
 
 #: A target that has been dark for longer will not light another stage, s.
@@ -98,14 +107,14 @@ def earth_fixed(state: FloatArray, covariance: FloatArray, time_s: float) -> tup
     sine, cosine = sin(EARTH_ROTATION_RAD_S * time_s), cos(EARTH_ROTATION_RAD_S * time_s)
     fast, slow = EARTH_ROTATION_RAD_S * cosine, EARTH_ROTATION_RAD_S * sine
     change = np.array(
-        [
-            [cosine, sine, 0.0, 0.0, 0.0, 0.0],
-            [-sine, cosine, 0.0, 0.0, 0.0, 0.0],
-            [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
-            [-slow, fast, 0.0, cosine, sine, 0.0],
-            [-fast, -slow, 0.0, -sine, cosine, 0.0],
-            [0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
-        ]
-    )
+        (
+            *(cosine, sine, 0.0, 0.0, 0.0, 0.0),
+            *(-sine, cosine, 0.0, 0.0, 0.0, 0.0),
+            *(0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+            *(-slow, fast, 0.0, cosine, sine, 0.0),
+            *(-fast, -slow, 0.0, -sine, cosine, 0.0),
+            *(0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+        )
+    ).reshape(6, 6)
     moved = change @ covariance @ change.T
     return state @ change.T, 0.5 * (moved + moved.transpose(0, 2, 1))

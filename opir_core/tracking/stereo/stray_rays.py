@@ -26,6 +26,8 @@ _SHARE, _BELIEVED = 0.01, 3.0
 #: A ray farther off than this, squared standard deviations, is one in a thousand; so large a share of strays is some.
 _IMPROBABLE, _SOME = 13.8, 0.02
 
+_NONE = np.empty(0, dtype=np.int64)
+
 #: Turns of expectation and maximisation; a slice tells at least this share of what its weights say.
 _TURNS, _LEAST_TOLD = 4, 0.2
 
@@ -69,7 +71,8 @@ class Weighed(NamedTuple):
 
 def doubtful(own: Pairs, share: FloatArray) -> IntArray:
     """Return the rows (k,) of tracks, with these shares (n,) of stray rays, that may have some among their own."""
-    return np.unique(own.track[(own.distance > _IMPROBABLE) | (share[own.track] > _SOME)])
+    some = (own.distance > _IMPROBABLE) | (share.take(own.track) > _SOME)
+    return np.unique(own.track[some]) if np.count_nonzero(some) else _NONE
 
 
 def weighed(filter_: SwitchingFilter, before: Bank, after: Bank, span: Span, own: Pairs, stray: Strays) -> Weighed:

@@ -13,7 +13,7 @@ from opir_core.flight.forces import Forces, forces_of
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking import initiation
-from opir_core.tracking.association import Chances, associate_nearest, plain, scan_numbers
+from opir_core.tracking.association import Chances, associate_nearest, nobody, plain, scan_numbers
 from opir_core.tracking.biases import Biases
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
@@ -90,28 +90,34 @@ class StereoTracking:
         roster = upkeep.Roster.of(len(self.period_s))
         return Situation(0.0, Bank.empty(), roster, no_rays(), np.empty(0, dtype=np.int64))
 
-    def stepped(self, now: Situation, tick_s: float, detections: Detections) -> Situation:
-        """Return the situation at a tick, with the detections since the last one."""
-        rays, reported = self.biases.widened(Rays.of(detections)), detections.reported_type.astype(np.int64)
+    def rays_of(self, detections: Detections) -> Rays:
+        """Return the rays of detections, as uncertain as noise and biases make them."""
+        return self.biases.widened(Rays.of(detections))
+
+    def stepped(self, now: Situation, tick_s: float, detections: Detections, known: Rays | None = None) -> Situation:
+        """Return the situation at a tick, with the detections since the last one, whose rays may be `known`."""
+        rays = self.rays_of(detections) if known is None else known
+        reported = detections.reported_type.astype(np.int64)
         ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
+        if len(ends) == 1 and (not len(rays.time_s) or rays.time_s[0] >= now.time_s):
+            return self._sliced(now, tick_s, rays, reported)
         cuts = np.searchsorted(rays.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
         for end, first, last in zip(ends, cuts[:-1], cuts[1:], strict=True):
-            whole = last - first == len(rays)
-            part = rays if whole else rays.take(slice(first, last))
-            now = self._sliced(now, end, part, reported[first:last])
+            now = self._sliced(now, end, rays.take(slice(first, last)), reported[first:last])
         return now
 
     def _sliced(self, now: Situation, end_s: float, rays: Rays, reported: IntArray) -> Situation:
         span = end_s - now.time_s
         then, owner = self.followed(now, end_s, rays)
-        roster = then.roster.seen(owner, rays.time_s, rays.sensor, reported) if len(owner) else then.roster
-        then = self._pooled(evolve(then, roster=roster), rays, owner, reported, span)
+        if len(owner):
+            then = evolve(then, roster=then.roster.seen(owner, rays.time_s, rays.sensor, reported))
+        then = self._pooled(then, rays, owner, reported, span)
         return self._kept(self._launched(self._begun(then)), rays, owner)
 
     def _pooled(self, now: Situation, rays: Rays, owner: IntArray, reported: IntArray, span: float) -> Situation:
         """Return the situation with the rays that belong to no track in the pool, and those too old for it out."""
         is_free = owner < 0
-        if not np.count_nonzero(is_free) and not len(now.pool):
+        if not len(now.pool.time_s) and not np.count_nonzero(is_free):
             return now
         free = np.flatnonzero(is_free)
         pool = Rays.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
@@ -122,12 +128,12 @@ class StereoTracking:
 
     def followed(self, now: Situation, end_s: float, rays: Rays) -> tuple[Situation, IntArray]:
         """Return the situation with a slice's rays taken in by the tracks there are, and whose row each ray is."""
-        span, owner = end_s - now.time_s, np.full(len(rays), -1, dtype=np.int64)
-        if not len(now.bank):
+        span, owner = end_s - now.time_s, nobody(len(rays.time_s))
+        if not len(now.bank.weight):
             return evolve(now, time_s=end_s), owner
         bank = self.following.moved(now.bank, span)
         histories = now.histories.moved(self.filter.moved, span)
-        if not len(rays):
+        if not len(owner):
             bank = self.filter.updated(bank, end_s, no_sights(), span)
             return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
         young = np.searchsorted(now.roster.number, histories.number)
@@ -140,7 +146,7 @@ class StereoTracking:
     def _decided(self, now: Situation, told: Followed, rows: IntArray, rays: Rays, span: float) -> Situation:
         """Return the situation with the histories of tracks `rows` where they belong, as far as that can be told."""
         known = now.histories
-        if not len(known):
+        if not len(known.number):
             return now
         bank, age = now.bank.take(rows), now.time_s - known.begun_s
         seen = slice_sights(self.filter.outlook(bank, now.time_s), told, rows, rays, self.following.chances, span)
@@ -185,7 +191,7 @@ class StereoTracking:
 
     def _begun(self, now: Situation) -> Situation:
         """Return the situation with tracks begun where unclaimed rays show a target."""
-        if len(now.pool) < self.config.needed_scans:
+        if len(now.pool.time_s) < self.config.needed_scans:
             return now
         begun = initiation.beginnings(now.pool, self.config.needed_scans, self.biases.sigma_rad)
         if not len(begun):
@@ -223,7 +229,7 @@ class StereoTracking:
 
     def _kept(self, now: Situation, rays: Rays, owner: IntArray) -> Situation:
         """Return the situation without doubles and without tracks that are lost or came to nothing."""
-        if not len(now.bank):
+        if not len(now.bank.weight):
             return now
         state, covariance = self.following.moments(now.bank)
         config, roster, place = self.config, now.roster, state[:, :3]
@@ -231,7 +237,7 @@ class StereoTracking:
         if roster.hits.min() < 3 * config.needed_scans:
             patience = config.recent_scans * self._slowest(roster)
             drop |= upkeep.came_to_nothing(roster, now.time_s, 3 * config.needed_scans, patience)
-        if len(now.bank) > 1:
+        if len(state) > 1:
             scan = scan_numbers(rays.sensor, rays.scan)
             drop |= upkeep.doubles(place, state, covariance, owner, scan, roster.hits)
         if not np.count_nonzero(drop):
@@ -269,8 +275,8 @@ class StereoTracking:
         Rays of one sensor and one instant are weighed against each other, and no others: whatever part of the scene is
         asked for at once, these are in it together.
         """
-        if not len(now.bank) or not len(rays):
-            return np.full(len(rays), -1, dtype=np.int64)
+        if not len(now.bank.weight) or not len(rays.time_s):
+            return nobody(len(rays.time_s))
         ahead = now.time_s + self.config.cadence_s
         outlook = self.following.outlook(self.following.moved(now.bank, self.config.cadence_s), ahead)
         pairs = self.following.paired(outlook, rays, self.config.cadence_s)

@@ -73,13 +73,18 @@ class Roster(Columns):
         if np.count_nonzero(known) < len(known):
             mine = np.flatnonzero(known)
             owner, time_s, sensor, reported = owner[mine], time_s[mine], sensor[mine], reported[mine]
-        first_s, seen_s, reports = self.first_s.copy(), self.seen_s.copy(), self.reports
-        np.minimum.at(first_s, owner, time_s)
-        np.maximum.at(seen_s, owner, time_s)
-        if not np.array_equal(reports[owner, sensor], reported):
+        first_s, seen_s, reports = self.first_s, self.seen_s, self.reports
+        if len(first_s) == 1 and len(owner):
+            first_s, seen_s = np.minimum(first_s, time_s[0]), np.maximum(seen_s, time_s[-1])
+            hits = self.hits + len(owner)
+        else:
+            first_s, seen_s = first_s.copy(), seen_s.copy()
+            np.minimum.at(first_s, owner, time_s)
+            np.maximum.at(seen_s, owner, time_s)
+            hits = self.hits + np.bincount(owner, minlength=len(self))
+        if np.count_nonzero(reports[owner, sensor] != reported):
             reports = reports.copy()
             reports[owner, sensor] = reported
-        hits = self.hits + np.bincount(owner, minlength=len(self))
         launches = self.launch, self.launch_covariance
         return Roster(self.number, self.begun_s, first_s, seen_s, hits, self.strays, reports, *launches)
 
@@ -124,7 +129,7 @@ def lost(
     roster: Roster, position: FloatArray, covariance: FloatArray, now_s: float, silence_s: float, sigma_m: float
 ) -> BoolArray:
     """Return which tracks (n,) are silent for too long, came down, or are no longer anywhere in particular."""
-    variance = np.trace(covariance[:, :3, :3], axis1=1, axis2=2)
+    variance = covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2]
     gone: BoolArray = (now_s - roster.seen_s > silence_s) | (variance > sigma_m * sigma_m)
     low = dot(position, position) < (WGS84.equatorial_radius_m + _LOWEST_M) ** 2
     if np.count_nonzero(low):
