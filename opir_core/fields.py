@@ -186,7 +186,8 @@ def _complain_unless_inside(info: FieldInfo, value: float) -> None:
     if not _is_finite(value):
         raise ValueError(f"{value!r} is not a finite number")
     if not info.accepts(value):
-        raise ValueError(f"{value!r} is outside {info.interval}{f' {info.unit}' if info.unit else ''}")
+        unit = "" if info.unit in {"", "1"} else f" {info.unit}"
+        raise ValueError(f"{value!r} is outside {info.interval}{unit}")
 
 
 def _is_finite(value: float) -> bool:

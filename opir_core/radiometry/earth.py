@@ -14,7 +14,7 @@ from attrs import frozen
 from opir_core.errors import ModelError
 from opir_core.protocols import Band
 from opir_core.radiometry.earth_table import CloudTable, SkyTable, cloud_tables, sky_tables
-from opir_core.radiometry.lowtran import nearest_of, parts_of
+from opir_core.radiometry.lowtran import nearest_of, parts_of, require_known_bands
 from opir_core.radiometry.protocols import Background, BackgroundContext, Transmittance
 from opir_core.radiometry.records import Views, in_a_row
 from opir_core.radiometry.sky_configs import EarthConfig
@@ -77,6 +77,7 @@ class _Places:
 
 def earth_background(config: EarthConfig, context: BackgroundContext) -> Background:
     """Return the background of a climate and sky; `ModelError` names a band that the table cannot answer for."""
+    require_known_bands(config.bands, context.bands, context.path)
     skies, clouds = sky_tables(config.climate, config.sky), cloud_tables(config.cloud_albedo)
     parts = [_parts(band, config.bands, [table.band for table in skies], context.path) for band in context.bands]
     return EarthBackground(

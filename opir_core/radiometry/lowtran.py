@@ -131,6 +131,7 @@ def _mixed(grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, i
 def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Transmittance:
     """Return the atmosphere of a climate; `ModelError` names a band of the scene that the table cannot answer for."""
     tables = node_tables(config.climate, config.aerosol, config.weighting)
+    require_known_bands(config.bands, context.bands, context.path)
     grids = tuple(_grid(band, config, list(tables.values()), context.path) for band in context.bands)
     return LowtranAtmosphere(grids, None if config.cloud is None else _deck(config.cloud, context.seed))
 
@@ -155,6 +156,17 @@ def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: s
     grids = [fine_grid(next(table for table in nodes if table.band == part)) for part in chosen]
     above, below = (np.array([getattr(grid, name) for grid in grids]) for name in ("above", "below"))
     return BandGrid((shares * above).sum(axis=0), (shares * below).sum(axis=0))
+
+
+def require_known_bands(stand_ins: Mapping[str, str], bands: Sequence[Band], path: str) -> None:
+    """Raise `ModelError` for a stand-in of a band that no sensor has."""
+    names = sorted({band.name for band in bands})
+    for name, standing in stand_ins.items():
+        if name not in names:
+            raise ModelError(
+                f"{path}.bands: no sensor of the scene has a band {name}, for which {standing} is to stand;"
+                f" they have {', '.join(names)}"
+            )
 
 
 def nearest_of(band: Band, known: Sequence[Band]) -> Band:

@@ -119,6 +119,8 @@ def test_other_bands_are_refused_in_words():
     with pytest.raises(ModelError, match=r"atmosphere: the band VIS, 0.4 to 0.7 um, is not one of LOWTRAN's table"):
         lowtran_atmosphere(LowtranConfig(), context)
     assert lowtran_atmosphere(LowtranConfig(bands={"VIS": "STG_2.0_2.4"}), context) is not None
+    with pytest.raises(ModelError, match=r"atmosphere.bands: no sensor of the scene has a band VSI, .*; they have VIS"):
+        lowtran_atmosphere(LowtranConfig(bands={"VIS": "SWIR", "VSI": "SWIR"}), context)
     with pytest.raises(ValueError, match="aerosol: none goes with the climate us1976 alone, not with tropical"):
         LowtranConfig(climate="tropical", aerosol="none")
     with pytest.raises(ValueError, match="'XIR' is not one of SWIR"):
