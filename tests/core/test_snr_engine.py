@@ -10,6 +10,8 @@ from scipy.special import ndtr
 from scipy.stats import chi2, norm, poisson, spearmanr
 
 import opir_core as opir
+from opir_core import exceedances
+from opir_core.detection import snr
 from opir_core.detection.gate_density import GateDensity
 from opir_core.engine import Engine
 from opir_core.errors import ModelError
@@ -240,6 +242,30 @@ def test_noise_is_measured_sensor_by_sensor_and_finds_its_places_by_time(monkeyp
     # Without a target they are what they were, in the same order.
     alone = Engine(opir.compile_plan(scene(names="I", duration_s=60, detection={"model": "snr", "calibrate": "paper"})))
     assert_same(alone.advance(round(3e9)).detections, noise.take(noise.time_ns < 3e9))
+
+
+def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geometry_of_noise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}, duration_s=220))
+    whole = Engine(plan).advance(plan.end_ns)
+    measured, again, placed = [], [], []
+    inner, to_pass, directions = type(plan.detection).measure_response, snr.measured_to_pass, exceedances._directions
+    monkeypatch.setattr(type(plan.detection), "measure_response", lambda *g: measured.append(len(g[2])) or inner(*g))
+    monkeypatch.setattr(snr, "measured_to_pass", lambda *given: again.append(len(given[1])) or to_pass(*given))
+    monkeypatch.setattr(exceedances, "_directions", lambda *given: placed.append(len(given[0])) or directions(*given))
+    monkeypatch.setattr("opir_core.looks.BLOCK_ROWS", 100)
+    parted = Engine(plan).advance(plan.end_ns)
+    seen, kinds = int((whole.truth.target >= 0).sum()), len(set(plan.detection.alike.tolist()))
+    assert measured == [seen]
+    assert seen > 100 * kinds
+    # Of each kind what targets' draws left, and the exceedances of noise.
+    assert kinds < len(again) <= 2 * kinds
+    assert len(placed) == 1
+    assert placed[0] >= (whole.truth.target < 0).sum() > 0
+    # How many rows are worked on at a time changes nothing.
+    assert_same(parted.detections, whole.detections)
+    assert parted.truth.range_m.tobytes() == whole.truth.range_m.tobytes()
 
 
 class _Given:
