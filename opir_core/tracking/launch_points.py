@@ -5,6 +5,8 @@ it left from rest, on ground near the ellipsoid, and was not seen before, says m
 over all times before the first look that saw it, and the place follows for each.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
@@ -28,6 +30,9 @@ _SITE_M, _REST_M_S = 100.0, 1.0
 #: A start from rest that no time explains better than this squared distance (4 degrees of freedom) did not happen.
 _LAUNCHED = 25.0
 
+#: Times less probable than this are left at the Earth's centre: its distance squared times this is below 1e-10 m².
+_LEAST_CHANCE = 1e-24
+
 _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 
@@ -48,14 +53,15 @@ def launches(
     since = 0.5 * (edges[1:] + edges[:-1])
     track = np.repeat(np.arange(count), _TIMES)
     when = np.repeat(first_s, _TIMES) - np.tile(since, count)
-    place, covariance, misfit, log = _from_rest(outlook, track, when, noise, biased)
+    starts = _from_rest(outlook, track, when, noise, biased)
+    misfit, log = starts.misfit, starts.log
     soon = -np.diff(np.exp(-edges / pause_s[:, None]), axis=1)
     log = (log - 0.5 * misfit).reshape(count, _TIMES)
     log += np.log(_AT_ONCE * soon + (1.0 - _AT_ONCE) * np.diff(edges) / _BEFORE_S)
     chance = np.exp(log - log.max(axis=1, keepdims=True))
     chance /= chance.sum(axis=1, keepdims=True)
     known = np.flatnonzero(misfit.reshape(count, _TIMES).min(axis=1) < _LAUNCHED)
-    told = _blended(place, covariance, when, chance)
+    told = _blended(*_places(starts, when, np.flatnonzero(chance > _LEAST_CHANCE)), when, chance)
     told[1][:, 2, 2] += np.sum(chance * np.diff(edges) ** 2, axis=1) / 12.0
     points.place[known], points.covariance[known] = told[0][known], told[1][known]
     return points
@@ -63,29 +69,68 @@ def launches(
 
 def _from_rest(
     outlook: Outlook, track: IntArray, when: FloatArray, noise: float, biased: FloatArray | None
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return ECEF places (m, 3), covariances (m, 3, 3), squared distances (m,) and log densities (m,) of starts."""
+) -> "_Starts":
+    """Return what starts from rest at times (m,) say."""
     weight = weights_at(when - outlook.time_s)
-    path = outlook.derivative[track]
+    path = outlook.derivative.take(track, axis=0)
     position, velocity = followed(path, weight), _speeds(path, weight)
     ground = ecef_to_geodetic(turned(position, -when))
     up = _up(ground, when)
     covariance = _covariances(outlook, track, weight, noise * noise, outlook.time_s - when)
     if biased is not None:
         covariance[:, :3, :3] += biased[track]
-    gain = np.zeros((len(track), 4, 6))
-    gain[:, 0, :3], gain[:, 1:, :3], gain[:, 1:, 3:] = up, -_SPIN, np.eye(3)
     off = np.concatenate([ground.height_m[:, None], velocity - position @ _SPIN.T], axis=1)
-    crossed = gain @ covariance
-    spread = crossed @ gain.transpose(0, 2, 1) + np.diag(np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S]))
+    crossed = _gained(covariance, up)
+    spread = _gained(crossed.transpose(0, 2, 1), up) + np.diag(np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S]))
     side = np.linalg.cholesky(spread)
-    white = np.linalg.solve(side, np.concatenate([crossed[:, :, :3], off[:, :, None]], axis=2))
-    place = position - np.sum(white[:, :, :3] * white[:, :, 3:], axis=1)
-    left = covariance[:, :3, :3] - white[:, :, :3].transpose(0, 2, 1) @ white[:, :, :3]
-    turn = _turns(-when)
+    white = _forward(side, np.concatenate([crossed[:, :, :3], off[:, :, None]], axis=2))
     log = -np.log(np.diagonal(side, axis1=1, axis2=2)).sum(axis=1)
-    misfit = np.sum(white[:, :, 3] ** 2, axis=1)
-    return turned(place, -when), turn @ left @ turn.transpose(0, 2, 1), misfit, log
+    return _Starts(position, covariance[:, :3, :3], white, np.sum(white[:, :, 3] ** 2, axis=1), log)
+
+
+class _Starts(NamedTuple):
+    """Paths at times (m,): place and its covariance, inertial, what a start from rest says of it, whitened (m, 4, 4).
+
+    The first three columns of `white` are of the place, the last is what is off; `misfit` (m,) is the squared distance
+    of a start from rest, `log` (m,) that of its density.
+    """
+
+    place: FloatArray
+    covariance: FloatArray
+    white: FloatArray
+    misfit: FloatArray
+    log: FloatArray
+
+
+def _places(starts: _Starts, when: FloatArray, some: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return ECEF places (m, 3) and covariances (m, 3, 3) of some starts; the others are left at the Earth's centre."""
+    places, covariances = np.zeros((len(when), 3)), np.zeros((len(when), 3, 3))
+    white, turn = starts.white[some], _turns(-when[some])
+    place = starts.place[some] - np.sum(white[:, :, :3] * white[:, :, 3:], axis=1)
+    left = starts.covariance[some] - white[:, :, :3].transpose(0, 2, 1) @ white[:, :, :3]
+    places[some] = turned(place, -when[some])
+    covariances[some] = turn @ left @ turn.transpose(0, 2, 1)
+    return places, covariances
+
+
+def _gained(rows: FloatArray, up: FloatArray) -> FloatArray:
+    """Return what heights (m, 1) and velocities over the ground (m, 3) gain, (m, 4, c), by rows (m, 6, c) of states."""
+    gained = np.empty((len(rows), 4, rows.shape[2]))
+    gained[:, 0] = (up[:, None] @ rows[:, :3])[:, 0]
+    gained[:, 1:] = rows[:, 3:]
+    gained[:, 1] += EARTH_ROTATION_RAD_S * rows[:, 1]
+    gained[:, 2] -= EARTH_ROTATION_RAD_S * rows[:, 0]
+    return gained
+
+
+def _forward(side: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solutions (m, k, c) of lower triangular systems (m, k, k), row by row."""
+    found = right.copy()
+    for row in range(side.shape[1]):
+        for known in range(row):
+            found[:, row] -= side[:, row, known, None] * found[:, known]
+        found[:, row] /= side[:, row, row, None]
+    return found
 
 
 def _speeds(path: FloatArray, weight: FloatArray) -> FloatArray:
