@@ -60,6 +60,11 @@ def _field(row: Mapping[str, Any]) -> str:
     lines = [
         f"{row['key']}: {', '.join(part for part in (*allowed, default) if part)}",
         f"    {row['help']}",
-        *([f"    default: {row['source']}"] if row["source"] and not row["is_required"] else []),
+        *([f"    {_origin(row['source'])}"] if row["source"] and not row["is_required"] else []),
     ]
     return "\n".join(lines)
+
+
+def _origin(source: str) -> str:
+    """Return where a default comes from; a source that says there is none says so itself."""
+    return source if source.startswith("no default") else f"default: {source}"

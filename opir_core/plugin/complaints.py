@@ -91,7 +91,11 @@ def _left_out(search: Search, selection: Selection) -> Iterable[str]:
 def _of_other_kinds(search: Search, claims: Claims) -> Iterable[str]:
     for (hook, name), owners in sorted(claims.items()):
         if name == search.name and hook not in (search.hook, COMMAND_HOOK):
-            yield f"{name!r} is a {CATALOGUE[hook].kind} of {owners[0]}, not a {search.kind}"
+            yield f"{name!r} is {_one(CATALOGUE[hook].kind)} of {owners[0]}, not {_one(search.kind)}"
+
+
+def _one(kind: str) -> str:
+    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
 
 
 def _listed(owners_by_name: Mapping[str, Sequence[Provenance]]) -> str:

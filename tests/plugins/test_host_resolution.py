@@ -95,6 +95,8 @@ def test_a_missing_name_that_another_kind_has(shop, trackers):
         "  'DSP' is a constellation of opir-dsp 1.0 (plugin dsp), not a tracker\n"
         "  'DSP' is a sensor model of opir-dsp 1.0 (plugin dsp), not a tracker"
     )
+    told = complaint(Host.discover(), "opir_atmosphere_models", "DSP")
+    assert "'DSP' is a constellation of opir-dsp 1.0 (plugin dsp), not an atmosphere model" in told
 
 
 def test_a_missing_name_wakes_every_plugin_to_say_what_failed(shop, trackers):
