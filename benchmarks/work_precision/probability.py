@@ -41,6 +41,9 @@ CHAINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 }
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 
+#: Runs of columns to each of whole processes: they are short, and machines are noisy.
+_COLUMNS = 5
+
 PAGE = """# Probability of detection: work and precision
 
 Made by `python benchmarks/work_precision/probability.py --write docs/benchmarks`. The launches of
@@ -48,9 +51,9 @@ Made by `python benchmarks/work_precision/probability.py --write docs/benchmarks
 
 ## At the default tolerance, beside a constant
 
-All hundred launches, {looks} looks, medians of {repeat}. "Columns" is the engine alone, from the plan to columns in
-memory; "whole process" is `opir run` from the scene's file to one of JSON lines, with imports, plan, encoding and
-writing.
+All hundred launches, {looks} looks, each chain in turn. "Columns" is the engine alone, from the plan to columns in
+memory, median of {columns}; "whole process" is `opir run` from the scene's file to one of JSON lines, with imports,
+plan, encoding and writing, median of {repeat}.
 
 {ratios}
 
@@ -133,7 +136,7 @@ def measured(chain: str, options: argparse.Namespace) -> list[Row]:
         off = np.abs(knots.over(looks).probability()[rows] - true)
         own = found(plan)
         changed = len(np.setxor1d(own, known, assume_unique=True))
-        spent_s = median_s(lambda plan=plan: drained(plan), 1)
+        spent_s = median_s(lambda plan=plan: drained(plan), options.repeat)
         nanoseconds = 1e9 * spent_s / len(looks.pair)
         lines.append(
             Row(
@@ -162,10 +165,12 @@ def ratios(repeat: int) -> tuple[str, tuple[float, float], int]:
     whole: dict[str, list[float]] = {name: [] for name in scenes}
     for plan in plans.values():
         drained(plan)
-    for _ in range(repeat):
+    for _ in range(_COLUMNS * repeat):
         for name, plan in plans.items():
             columns[name].append(median_s(lambda plan=plan: drained(plan), 1))
-            whole[name].append(process_s(raid(1, *scenes[name], Path("events.jsonl"))))
+    for _ in range(repeat):
+        for name, parts in scenes.items():
+            whole[name].append(process_s(raid(1, *parts, Path("events.jsonl"))))
     of = {name: (statistics.median(columns[name]), statistics.median(whole[name])) for name in scenes}
     base = of["constant"]
     head = "| chain | columns, s | times `constant` | whole process, s | times `constant` |\n|---|---|---|---|---|"
@@ -253,7 +258,13 @@ def main() -> None:
     print(text)
     if options.write:
         values = {"ratios": shown, "verdict": verdict(worst), "table": text, "looks": looks, "constant_ns": constant_ns}
-        page = PAGE.format(every=options.every, repeat=options.repeat, sample=options.looks, **values)
+        page = PAGE.format(
+            every=options.every,
+            repeat=options.repeat,
+            columns=_COLUMNS * options.repeat,
+            sample=options.looks,
+            **values,
+        )
         (options.write / "probability.md").write_text(page, encoding="utf-8")
         write_plot(rows, constant_ns, options.write / "probability.svg")
 
