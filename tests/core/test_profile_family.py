@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from hypothesis import given
+from hypothesis import strategies as st
 from profile_flights import GEO_M, PRIORS, flights, lines_of_sight
 
 from opir_core.flight.aiming import aim
@@ -11,9 +13,20 @@ from opir_core.geometry import Geodetic
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.configs import BoostProfileConfig
 from opir_core.tracking.profile import fit
-from opir_core.tracking.profile.coordinates import fitted, natural
+from opir_core.tracking.profile.coordinates import REFERENCE, fitted, natural
 from opir_core.tracking.profile.end import Silence, ends_of
-from opir_core.tracking.profile.family import LIFT, SIZE, SPEED, TURN_EAST, TURN_NORTH, Anchors, Family, Priors
+from opir_core.tracking.profile.family import (
+    BURN,
+    LIFT,
+    PITCH,
+    SIZE,
+    SPEED,
+    TURN_EAST,
+    TURN_NORTH,
+    Anchors,
+    Family,
+    Priors,
+)
 from opir_core.tracking.profile.prior_squares import SPACING
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.report import report
@@ -47,6 +60,33 @@ def test_the_family_holds_the_class_profiles(profile):
     ours, theirs = family.places(row, time_s), flight.path.state(row, time_s)
     assert np.abs(ours.position_m - theirs[0]).max() < 0.05
     assert np.abs(ours.velocity_m_s - theirs[1]).max() < 1e-4
+
+
+@given(
+    kind=st.sampled_from(TARGET_TYPES),
+    burn=st.floats(-4.0, 4.0),
+    pitch=st.floats(-3.0, 3.0),
+    lift=st.floats(-6.0, 6.0),
+)
+def test_coordinates_go_there_and_back_for_burns_however_long_or_short(kind, burn, pitch, lift):
+    prior = PRIORS.take(np.array([TARGET_TYPES.index(kind)]))
+    x = np.zeros((1, SIZE))
+    x[0, [TURN_EAST, TURN_NORTH, BURN, PITCH, LIFT]] = 0.3, -0.2, burn, pitch, lift
+    there = fitted(x, prior)
+    back = natural(there, prior)
+    np.testing.assert_allclose(back.parameters, x, atol=1e-12)
+    assert np.isfinite(back.lean_slope).all()
+    assert 0.0 < back.lean[0] <= 1.0
+
+
+@pytest.mark.parametrize("kind", TARGET_TYPES)
+def test_a_burn_that_is_over_by_the_reference_time_has_turned_whole(kind):
+    prior = PRIORS.take(np.array([TARGET_TYPES.index(kind)]))
+    x = np.zeros((3, SIZE))
+    x[:, BURN], x[:, LIFT] = np.log(REFERENCE) - np.array([1e-9, 1.0, 3.0]), 5.0
+    found = natural(fitted(x, prior), prior)
+    np.testing.assert_allclose(found.lean, 1.0, rtol=1e-12)
+    np.testing.assert_allclose(found.lean_slope, 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", TARGET_TYPES)

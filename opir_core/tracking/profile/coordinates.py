@@ -100,15 +100,18 @@ def _leans(parameters: FloatArray, priors: "Priors") -> tuple[FloatArray, FloatA
     latest, wanted = LAST_LIFT * reference, priors.lift * np.exp(parameters[:, LIFT])
     # The lesser of both, without a corner: in one a fit that follows slopes goes to and fro.
     lift = (wanted**-_SHARP + latest**-_SHARP) ** (-1.0 / _SHARP)
-    share = np.minimum((reference - lift) / (1.0 - lift), 1.0)
+    # A burn so short that it is over by the reference time has turned all it turns.
+    is_open = reference < 1.0
+    rest = np.where(is_open, 1.0 - lift, 1.0)
+    share = np.where(is_open, (reference - lift) / rest, 1.0)
     exponent = priors.pitch_exponent * np.exp(parameters[:, PITCH])
     angle = 0.5 * np.pi * share**exponent
     by_angle = angle / np.tan(angle) * exponent
     slope = np.stack(
         [
-            -by_angle / (1.0 - lift) * (share < 1.0),
+            -by_angle / rest * is_open,
             by_angle * np.log(share),
-            by_angle * (lift / (1.0 - lift) - lift / (reference - lift)) * (lift / wanted) ** _SHARP,
+            by_angle * (lift / rest - lift / (reference - lift)) * (lift / wanted) ** _SHARP,
         ],
         axis=1,
     )
