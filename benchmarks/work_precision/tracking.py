@@ -120,7 +120,8 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
         cut = int(np.searchsorted(case.rays.time_s, end + 1e-9))
         rays, before = case.rays.take(slice(before, cut)), cut
         start = time.process_time()
-        now, _ = tracking.followed(now, end, rays)
+        now, owner = tracking.followed(now, end, rays)
+        now = evolve(now, roster=now.roster.seen(owner, rays.time_s, rays.sensor, np.full(len(owner), -1)))
         taken += time.process_time() - start
         told.append((end, tracking.filter.moments(tracking.estimated(now))[0][:, :3]))
     return told, taken
