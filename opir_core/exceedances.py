@@ -5,8 +5,6 @@ regard, uniformly over its solid angle. No cell is visited. A sensor's exceedanc
 scans by block of scans, so that neither windows nor other sensors or targets change them.
 """
 
-import math
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,31 +19,15 @@ from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
+from opir_core.noise_streams import PLACE_WORDS, Drawn, SensorNoise, noise_names
 from opir_core.plan import Plan
 from opir_core.protocols import Measured
-from opir_core.randomness import Stream, stream_key, uniforms_of
 from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Sightings
 from opir_core.responses import Exceedances
 from opir_core.scene import UNKNOWN_TYPE
 from opir_core.sites import Sites
 
-#: Scans of a block: so many that it has about this number of exceedances, but no more than that many scans.
-_PER_BLOCK, _MOST_SCANS = 256.0, 1 << 20
-
-#: Numbers for when and where: the scan in its block, the distance from nadir, the turn about it.
-_PLACE_WORDS = 3
-
 _BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
-
-
-@frozen(eq=False)
-class _Drawn(Columns):
-    """Exceedances as streams have them, in the window or near it: when in its scan one comes hangs on where it is."""
-
-    sensor: IndexArray
-    scan: IntArray
-    serial: IntArray
-    uniforms: FloatArray
 
 
 @frozen(eq=False)
@@ -101,10 +83,10 @@ class NoiseMaker:
         self._rate = model.rate_per_scan
         self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors])
         self._sensors = {
-            number: _SensorNoise(plan, number, float(self._rate[number]), model.words)
+            number: SensorNoise(plan, number, float(self._rate[number]), model.words)
             for number in np.flatnonzero(self._rate > 0.0).tolist()
         }
-        self._keys = stream_key_words(plan.scene, [(name, "\x1fnoise") for name in _names(plan)])
+        self._keys = stream_key_words(plan.scene, [(name, "\x1fnoise") for name in noise_names(plan)])
         self._period_ns = np.array([sensor.scan.period_ns for sensor in plan.sensors], dtype=np.int64)
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])
         self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
@@ -113,10 +95,10 @@ class NoiseMaker:
         """Return the exceedances in [start, end) of scene time; None where none is."""
         parts = [sensor.near(start_ns, end_ns) for sensor in self._sensors.values()]
         found = [part for part in parts if len(part)]
-        placed = self._placed(_Drawn.concatenate(found), start_ns, end_ns) if found else None
+        placed = self._placed(Drawn.concatenate(found), start_ns, end_ns) if found else None
         return self._told(placed) if placed is not None and len(placed) else None
 
-    def _placed(self, drawn: _Drawn, start_ns: int, end_ns: int) -> _Placed:
+    def _placed(self, drawn: Drawn, start_ns: int, end_ns: int) -> _Placed:
         """Return those that come in the window, where and when they are."""
         sensor, scan, uniforms = drawn.sensor, drawn.scan, drawn.uniforms
         begin_ns = scan * self._period_ns.take(sensor)
@@ -125,7 +107,7 @@ class NoiseMaker:
         direction = _directions(at_m, height_m, self._most_fall.take(sensor), uniforms)
         time_ns = begin_ns + self._phase_ns(sensor, at_m, at_m + direction * height_m[:, None])
         ids = uuid8_words(self._keys.take(sensor, axis=0), drawn.serial)
-        placed = _Placed(time_ns, sensor, scan, ids, direction, at_m, uniforms[:, _PLACE_WORDS:])
+        placed = _Placed(time_ns, sensor, scan, ids, direction, at_m, uniforms[:, PLACE_WORDS:])
         kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
         return placed if len(kept) == len(scan) else placed.take(kept)
 
@@ -215,61 +197,6 @@ class _NoDice:
         return _NoDice(len(np.arange(self.rows)[rows]))
 
 
-class _SensorNoise:
-    """The exceedances of one sensor, block by block."""
-
-    def __init__(self, plan: Plan, number: int, rate: float, words: int) -> None:
-        self._sensor, self._number = plan.sensors[number], number
-        self._words = words + _PLACE_WORDS
-        self._scans = int(min(max(1.0, _PER_BLOCK / rate), _MOST_SCANS))
-        self._table = poisson_table(rate * self._scans)
-        seed, name = plan.scene.seed, _names(plan)[number]
-        self._counts = Stream(stream_key(seed, name, "noise-count"))
-        self._numbers = Stream(stream_key(seed, name, "noise"))
-        self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
-
-    def near(self, start_ns: int, end_ns: int) -> _Drawn:
-        """Return the exceedances of scans that have looks in [start, end) of scene time."""
-        period_ns = self._sensor.scan.period_ns
-        block_ns = self._scans * period_ns
-        # A scan's looks come up to a period after it begins.
-        first = max((start_ns - period_ns) // block_ns, 0)
-        counts = self._block_counts(first, max(-(-end_ns // block_ns), first + 1) - first)
-        uniforms = self._uniforms(first, counts)
-        block, place = np.repeat(first + np.arange(len(counts)), counts), _places(counts)
-        scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
-        near = np.flatnonzero((scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns))
-        serial = block * len(self._table) + place
-        sensor = np.full(len(scan), self._number, dtype=np.int32)
-        return _Drawn(sensor, scan, serial, uniforms).take(near)
-
-    def phase_ns(self, at_m: FloatArray, seen_m: FloatArray) -> IntArray:
-        """Return when in its scan the sensor looks from places (n, 3) at others."""
-        return self._sensor.scan.phase_ns(at_m, seen_m, self._phase)
-
-    def _block_counts(self, first: int, blocks: int) -> IntArray:
-        """Return how many exceedances blocks of scans have."""
-        counts: IntArray = np.searchsorted(self._table, uniforms_of(self._counts.words(first, blocks)), side="right")
-        return counts
-
-    def _uniforms(self, first: int, counts: IntArray) -> FloatArray:
-        """Return the numbers (n, words) of the exceedances of blocks of scans."""
-        room = len(self._table) * self._words
-        parts = [
-            self._numbers.words((first + row) * room, count * self._words)
-            for row, count in enumerate(counts.tolist())
-            if count
-        ]
-        return uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(-1, self._words)
-
-
-def _names(plan: Plan) -> list[str]:
-    """Return the names that the sensors' exceedances go by: their ids, with their generations where scans are anew."""
-    generations = plan.scan_generations or (0,) * len(plan.sensors)
-    both = zip(plan.sensors, generations, strict=True)
-    return [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both]
-
-
 def _directions(at_m: FloatArray, height_m: FloatArray, most_fall: FloatArray, uniforms: FloatArray) -> FloatArray:
     """Return directions (n, 3) spread uniformly over the solid angles of cones about nadir; 1 - cosine (n,) at edges.
 
@@ -297,23 +224,3 @@ def _seen_from(ground_ecef_m: FloatArray, sensor_ecef_m: FloatArray) -> tuple[Fl
     z = z * (EARTH_EQUATORIAL_RADIUS_M / EARTH_POLAR_RADIUS_M) ** 2
     range_m = length(*away)
     return range_m, (x * away[0] + y * away[1] + z * away[2]) / (range_m * length(x, y, z))
-
-
-def _places(counts: IntArray) -> IntArray:
-    """Return the place of each exceedance in its block."""
-    places: IntArray = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return places
-
-
-@lru_cache(maxsize=64)
-def poisson_table(mean: float) -> FloatArray:
-    """Return the probabilities of at most 0, 1, 2, … events of a Poisson law, to where hardly any are left."""
-    most = int(mean + 12.0 * math.sqrt(mean) + 40.0)
-    number = np.arange(most + 1)
-    log_factorial = np.array([math.lgamma(n + 1.0) for n in range(most + 1)])
-    cumulative = np.cumsum(np.exp(number * math.log(mean) - mean - log_factorial))
-    # The last is reached by no number below 1: rounding must not leave a gap.
-    cumulative[-1] = 1.0
-    table: FloatArray = np.minimum(cumulative, 1.0)
-    table.flags.writeable = False
-    return table

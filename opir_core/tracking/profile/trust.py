@@ -15,6 +15,15 @@ from opir_core.records import BoolArray, FloatArray, Tracks
 from opir_core.tracking.profile.flight import off_ground, on_ground
 from opir_core.tracking.stereo.report import STAGED_S
 
+#: Chances below this are none: a mixture with little of what is far less certain says less than it knows.
+_LEAST_CHANCE = 0.1
+
+#: How many times as wide as it says the fit of a target that flies otherwise is off; the most log odds that may tell.
+_WIDE, _MOST = 8.0, 12.0
+
+#: Estimates that share their looks differ by at least this part of the filter's covariance; and by rounding.
+_LEAST_LEFT, _ROUNDING = 0.25, 1e-12
+
 
 def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatArray) -> Tracks:
     """Return the tracks of both, row by row, as mixtures in which the filter's have these chances (n,).
@@ -64,13 +73,6 @@ def apart(fitted: Tracks, filtered: Tracks) -> FloatArray:
     square = np.sum(np.square(along) / np.maximum(1.0 - share, _LEAST_LEFT), axis=1)
     gain: FloatArray = np.clip(0.5 * square - 6.0 * np.log(_WIDE), 0.0, _MOST)
     return gain
-
-
-#: Estimates that share their looks differ by at least this part of the filter's covariance; rounding; no more is told.
-_WIDE, _LEAST_LEFT, _ROUNDING, _MOST = 8.0, 0.25, 1e-12, 12.0
-
-#: Chances below this are none: a mixture with little of what is far less certain says less than it knows.
-_LEAST_CHANCE = 0.1
 
 
 def _mixed(
