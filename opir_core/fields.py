@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 
-from attrs import NOTHING, Attribute, field, fields, frozen
+from attrs import NOTHING, Attribute, Converter, field, fields, fields_dict, frozen
 
 #: Where attrs metadata keeps a field's `FieldInfo`.
 METADATA_KEY = "opir"
@@ -20,8 +20,8 @@ class FieldInfo:
     """What a user is told about one configuration field.
 
     A field that may be none can tell what another tells in another way, as in another unit: it is `instead_of` that
-    one, and has its value unless it is none. A scene's block sets one of the two, not both; what it sets comes before
-    what presets, constellations and classes set in either way.
+    one, which stands before it, and has its value unless it is none. A scene's block, or Python, sets one of the two,
+    not both; what it sets comes before what presets, constellations and classes set in either way.
     """
 
     help: str
@@ -75,7 +75,10 @@ def number(
 ) -> Any:
     """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`)."""
     info = FieldInfo(help, unit, source, minimum, maximum, above, below, instead_of=instead_of)
-    return field(default=default, validator=_validate_number, metadata={METADATA_KEY: info}, kw_only=True)
+    once = Converter(_told_once, takes_self=True, takes_field=True) if instead_of else None
+    return field(
+        default=default, converter=once, validator=_validate_number, metadata={METADATA_KEY: info}, kw_only=True
+    )
 
 
 def text(
@@ -144,6 +147,24 @@ def two_ways(config_class: type) -> tuple[TwoWays, ...]:
         for one in fields(config_class)
         if info_of(one).instead_of
     )
+
+
+def told_twice(plain: str) -> str:
+    """Return the complaint about a setting that stands beside `plain`, which tells the same."""
+    return f"tells the same as {plain}, which is set beside it; leave one of the two out"
+
+
+def _told_once(value: Any, config: Any, attribute: "Attribute[Any]") -> Any:
+    """Return what a configuration tells in another way: nothing where it is the class that does, and Python plainly.
+
+    What is left out is the very object that is its field's default; a number that is set is another, were it equal.
+    """
+    plain = fields_dict(type(config))[info_of(attribute).instead_of]
+    if value is None or getattr(config, plain.name) is plain.default:
+        return value
+    if value is attribute.default:
+        return None
+    raise ValueError(f"{attribute.name} {told_twice(plain.name)}, or set {attribute.name} to None")
 
 
 def _bound(closed: float | None, opened: float | None) -> float | None:

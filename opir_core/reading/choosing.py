@@ -6,7 +6,7 @@ from typing import Any
 from attrs import Factory, frozen
 
 from opir_core.errors import PluginError
-from opir_core.fields import TwoWays, two_ways
+from opir_core.fields import TwoWays, told_twice, two_ways
 from opir_core.plugin.host import Host
 from opir_core.reading.nodes import Complaint, Gathering, Node, Refused, complaints_inside, key_step, shown_text, under
 from opir_core.reading.plain_data import node_of_data
@@ -142,12 +142,13 @@ def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_key
             silent[pair.other] = Node(None, place.place)
         with gathering.at(key_step(pair.other)):
             if len(told) > 1:
-                words = f"tells the same as {pair.plain}, which is set beside it; leave one of the two out"
-                raise block[pair.other].refused(words, at_key=True)
+                raise block[pair.other].refused(told_twice(pair.plain), at_key=True)
+    node = Node({**block, **silent}, place.place)
+    if gathering.is_whole:
+        return reader.made(node, other_keys)
     with gathering.at():
-        config = reader.made(Node({**block, **silent}, place.place), other_keys)
-    gathering.require_whole()
-    return config
+        reader.values(node, gathering, other_keys)
+    raise Refused(gathering.complaints)
 
 
 def _laid_over(pairs: Iterable[TwoWays], lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import pytest
-from attrs import fields, frozen
+from attrs import evolve, fields, frozen
 from fake_components import fake_host, good_mapping
 
 from opir_core.errors import PluginError, SceneError
@@ -109,6 +109,36 @@ def test_the_canonical_form_tells_one_of_them_and_repeats_the_scene() -> None:
     assert scene_hash(again) == scene_hash(scene)
 
 
+def test_python_tells_it_once_as_a_scene_does() -> None:
+    """What is left out is the class's, also where the number set is the same as the class's."""
+    words = "noise_w_cm2 tells the same as noise_w_m2, which is set beside it; leave one of the two out, or set"
+    for both in ({**M, **CM}, {**CM, "noise_w_m2": float("1e-12")}):
+        with pytest.raises(ValueError, match=words):
+            Eye(**both)
+        with pytest.raises(ValueError, match=words):
+            CentimetreEye(**both)
+    with pytest.raises(ValueError, match=f"{words} noise_w_cm2 to None"):
+        evolve(Eye(**CM), **M)
+
+
+def test_python_s_setting_wins_over_the_class_in_either_way() -> None:
+    for eye in (CentimetreEye(**M), evolve(CentimetreEye(), **M), evolve(Eye(**CM), **M, noise_w_cm2=None)):
+        assert (eye.noise_w_m2, eye.noise_w_cm2) == (7e-12, None)
+        assert evolve(eye, slot_deg=3.0).noise_w_cm2 is None
+    for eye in (Eye(**CM), CentimetreEye(**CM), evolve(Eye(**CM), slot_deg=3.0)):
+        assert (eye.noise_w_m2, eye.noise_w_cm2) == (1e-12, 8e-16)
+    assert CentimetreEye().noise_w_cm2 == 5e-16
+
+
+@pytest.mark.parametrize("model", Host.discover().names("opir_sensor_models"))
+def test_the_installed_sensors_refuse_two_ways_in_python(model: str) -> None:
+    config = Host.discover().component("opir_sensor_models", model).config
+    with pytest.raises(ValueError, match="nei_w_cm2 tells the same as nei_w_m2"):
+        config(nei_w_m2=2e-12, nei_w_cm2=2e-16)
+    with pytest.raises(ValueError, match="false_alarm_probability tells the same as threshold_sigma"):
+        config(threshold_sigma=4.0, false_alarm_probability=1e-6)
+
+
 def test_every_such_setting_names_one_of_its_class_and_may_be_none() -> None:
     """The pairs of the sensors that are installed."""
     found = set()
@@ -117,6 +147,7 @@ def test_every_such_setting_names_one_of_its_class_and_may_be_none() -> None:
         config = host.component("opir_sensor_models", name).config
         for one in fields(config):
             if info_of(one).instead_of:
-                assert info_of(one).instead_of in {other.name for other in fields(config)}
+                names = [other.name for other in fields(config)]
+                assert info_of(one).instead_of in names[: names.index(one.name)], "it stands before"
                 found.add((one.name, info_of(one).instead_of))
     assert found == {("nei_w_cm2", "nei_w_m2"), ("false_alarm_probability", "threshold_sigma")}
