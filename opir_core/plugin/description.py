@@ -44,7 +44,7 @@ class FieldRow:
 def field_rows(config: type, prefix: str = "") -> Iterator[FieldRow]:
     """Yield a row for each field of a configuration class, nested ones below their parent."""
     hints = get_type_hints(config)
-    for attribute in fields(config):
+    for attribute in [attribute for attribute in fields(config) if attribute.init]:
         yield _row(attribute, hints[attribute.name], prefix)
         inner = nested_config(hints[attribute.name])
         if inner is not None:

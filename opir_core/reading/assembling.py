@@ -32,7 +32,7 @@ class Assembler:
         """Return the scene, or None where something is wrong."""
         values: dict[str, Any] = {}
         with self.gathering.at():
-            values = class_reader(SceneFile).values(root, self.gathering)
+            values = class_reader(SceneFile).values(root, self.gathering, home=self.chooser.home_elsewhere)
         parts = self._parts(values)
         if not self.gathering.is_whole or self.chooser.failures:
             return None

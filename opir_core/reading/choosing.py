@@ -1,6 +1,7 @@
 """Blocks to components: a name is looked up with the host, and its settings are read by its configuration class."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from attrs import Factory, frozen
@@ -11,7 +12,7 @@ from opir_core.plugin.host import Host
 from opir_core.reading.nodes import Complaint, Gathering, Node, Refused, complaints_inside, key_step, shown_text, under
 from opir_core.reading.plain_data import node_of_data
 from opir_core.reading.readers import block_of, read_text, refusal
-from opir_core.reading.structuring import ClassReader, UnreadableTypeError, class_reader, required
+from opir_core.reading.structuring import ClassReader, Home, UnreadableTypeError, class_reader, required
 from opir_core.scene import Choice
 
 #: Keys that a scene keeps for itself, besides those that may stand in the block at hand.
@@ -93,11 +94,23 @@ class Chooser:
         beside = [key for key in settings.other_keys if key != "preset" or component.presets]
         block = _laid_over(pairs, block_of(supplied), written)
         try:
-            return _made(reader, block, settings.block, beside)
+            return _made(reader, block, settings.block, beside, partial(self._home, component, settings))
         except Refused as refused:
             theirs = {key_step(key): giver for key, giver in givers.items() if key not in written}
             complaints = [*complaints_inside(supplied), *refused.complaints]
             raise Refused(self._own_complaints(complaints, theirs, component, path)) from refused
+
+    def home_elsewhere(self, key: str, is_near: bool) -> str:
+        """Return where in a scene a key would mean something; it is not looked for where a known one is like it."""
+        from opir_core.reading.belonging import home_elsewhere
+
+        return "" if is_near else home_elsewhere(key, self._host)
+
+    def _home(self, component: Any, settings: Settings, key: str, is_near: bool) -> str:
+        from opir_core.reading.belonging import home_of
+
+        of_kind = home_of(key, self._host, component, is_chosen="model" in settings.other_keys)
+        return of_kind or self.home_elsewhere(key, is_near)
 
     def _own_complaints(
         self, complaints: list[Complaint], givers: Mapping[str, Any], component: Any, path: str
@@ -130,7 +143,7 @@ def component_name(node: Node) -> str:
     return name
 
 
-def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_keys: Sequence[str]) -> Any:
+def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_keys: Sequence[str], home: Home) -> Any:
     """Return a configuration, or raise all that is wrong with its block, what it tells twice included.
 
     What the block tells plainly its class's default does not tell otherwise.
@@ -145,9 +158,9 @@ def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_key
                 raise block[pair.other].refused(told_twice(pair.plain), at_key=True)
     node = Node({**block, **silent}, place.place)
     if gathering.is_whole:
-        return reader.made(node, other_keys)
+        return reader.made(node, other_keys, home)
     with gathering.at():
-        reader.values(node, gathering, other_keys)
+        reader.values(node, gathering, other_keys, home)
     raise Refused(gathering.complaints)
 
 

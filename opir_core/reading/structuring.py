@@ -18,6 +18,10 @@ from opir_core.reading.nodes import Gathering, Node, Refused, key_step
 from opir_core.reading.plain_data import data_of_node
 from opir_core.reading.readers import Reader, block_of
 
+#: Says where a key belongs that means nothing in its block, "" where nowhere; takes the key and whether a known one is
+#: like it.
+Home = Callable[[str, bool], str]
+
 
 class UnreadableTypeError(TypeError):
     """A configuration class with a field of a type that scenes cannot hold."""
@@ -52,23 +56,28 @@ class ClassReader:
         """Return the instance, or raise all that is wrong with the block and its fields."""
         return self.made(node, ())
 
-    def made(self, node: Node, other_keys: Sequence[str]) -> Any:
+    def made(self, node: Node, other_keys: Sequence[str], home: Home | None = None) -> Any:
         """Return the instance, or raise all that is wrong; `other_keys` may stand beside these."""
         gathering = Gathering()
-        values = self.values(node, gathering, other_keys)
+        values = self.values(node, gathering, other_keys, home)
         gathering.require_whole()
         try:
             return self.config_class(**{str(self.fields[name].attribute.alias): values[name] for name in values})
         except ValueError as error:
             raise node.refused(_words_of(error)) from error
 
-    def values(self, node: Node, gathering: Gathering, other_keys: Sequence[str] = ()) -> dict[str, Any]:
-        """Return the values that can be read, by name; what is wrong goes to `gathering`."""
+    def values(
+        self, node: Node, gathering: Gathering, other_keys: Sequence[str] = (), home: Home | None = None
+    ) -> dict[str, Any]:
+        """Return the values that can be read, by name; what is wrong goes to `gathering`.
+
+        `home` says where a key belongs that means nothing here.
+        """
         known = (*other_keys, *self.fields)
         block = block_of(node, known)
         for key in [key for key in block if key not in self.fields]:
             with gathering.at(key_step(key)):
-                raise unknown_key(key, block[key], known)
+                raise unknown_key(key, block[key], known, home)
         values = {}
         for name, field in self.fields.items():
             with gathering.at(key_step(name)):
@@ -103,15 +112,16 @@ def reader_of(kind: Any) -> Reader:
     return _converter().get_structure_hook(kind)
 
 
-def unknown_key(key: str, node: Node, known: Sequence[str]) -> Refused:
-    """Return the refusal of a key that means nothing here, with the nearest known one or all of them."""
+def unknown_key(key: str, node: Node, known: Sequence[str], home: Home | None = None) -> Refused:
+    """Return the refusal of a key that means nothing here: the nearest known one, where it belongs, or all known."""
     near = nearest(key, known)
     if node.written == "" and ":" in key:
         hint = "a blank is missing after its ':'"
-    elif near:
-        hint = f"did you mean {near}?"
     else:
-        hint = f"known here: {', '.join(known)}" if known else "there is nothing to set here"
+        belongs = home(key, near is not None) if home else ""
+        meant = f"did you mean {near}?{' Otherwise ' if belongs else ''}" if near else ""
+        all_known = f"known here: {', '.join(known)}" if known else "there is nothing to set here"
+        hint = f"{meant}{belongs}" or all_known
     return node.refused(f"unknown key; {hint}", at_key=True)
 
 
