@@ -78,4 +78,6 @@ def _fill(command: argparse.ArgumentParser, name: str) -> None:
 def _add_plugin_commands(commands: Any, wanted: str | None) -> None:
     from opir_core.plugin.host import Host
 
-    Host.discover().add_commands(commands, wanted)
+    added = Host.discover().add_commands(commands, wanted)
+    if wanted is not None and not added:  # it is no command: argparse is to list all that there are
+        Host.discover().add_commands(commands)

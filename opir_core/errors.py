@@ -4,6 +4,8 @@ A message names the place (a scene path, a component and whose it is, a sink) an
 """
 
 from collections.abc import Iterable, Sequence
+from errno import ENOSPC
+from pathlib import Path
 
 from attrs import frozen
 
@@ -55,3 +57,22 @@ class SinkError(OpirError):
     """An output that could not take events; the message says how many were delivered before."""
 
     exit_code = 5
+
+
+def unwritable(what: str, path: Path, error: OSError) -> SinkError:
+    """Return the complaint about a file beside the events that the system does not let be written."""
+    return SinkError(f"{what} {path} cannot be written: {reason_of(error)}; {way_to_write(error, path)}")
+
+
+def reason_of(error: OSError) -> str:
+    """Return the system's own words for what failed, as they stand within a sentence."""
+    return (error.strerror or str(error)).lower()
+
+
+def way_to_write(error: OSError, path: Path) -> str:
+    """Return what to do where a file cannot be opened or written."""
+    if isinstance(error, FileNotFoundError):
+        return f"make the folder {str(path.parent)!r} or give another path"
+    if isinstance(error, IsADirectoryError):
+        return "give the path of a file in it"
+    return "make room, or give a path on another disk" if error.errno == ENOSPC else "give a path that may be written"

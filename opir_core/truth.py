@@ -11,7 +11,7 @@ from typing import BinaryIO, Self
 
 import msgspec
 
-from opir_core.errors import SinkError
+from opir_core.errors import unwritable
 from opir_core.events.blocks import window_blocks
 from opir_core.events.identifiers import uuid_text
 from opir_core.plan import Plan
@@ -42,7 +42,10 @@ class TruthFile:
         return self
 
     def __exit__(self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError as error:
+            raise unwritable("the truth file", self._path, error) from error
 
     def write(self, window: Window) -> None:
         """Write the truth of a window's detections."""
@@ -70,10 +73,10 @@ class TruthFile:
         try:
             return self._path.open("wb")
         except OSError as error:
-            raise SinkError(f"the truth file {self._path} cannot be written: {error.strerror}") from error
+            raise unwritable("the truth file", self._path, error) from error
 
     def _write(self, lines: Sequence[object]) -> None:
         try:
             self._file.write(self._encoder.encode_lines(list(lines)))
         except OSError as error:
-            raise SinkError(f"the truth file {self._path} cannot be written: {error.strerror}") from error
+            raise unwritable("the truth file", self._path, error) from error

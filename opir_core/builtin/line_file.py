@@ -5,7 +5,7 @@ import stat
 import sys
 from pathlib import Path
 
-from opir_core.errors import SinkError
+from opir_core.errors import SinkError, reason_of, way_to_write
 from opir_core.events.blocks import only_encodable, window_blocks
 from opir_core.protocols import Delivery, Encoder
 from opir_core.records import Window
@@ -64,7 +64,7 @@ class LineFile:
 
     def _failure(self, error: OSError) -> SinkError:
         return SinkError(
-            f"jsonl: {self._name}: {_reason(error)}, after {self._delivered} events were delivered; {_way_out(error)}"
+            f"jsonl: {self._name}: {reason_of(error)}, after {self._delivered} events were delivered; {_way_out(error)}"
         )
 
 
@@ -77,7 +77,8 @@ def _opened(path: str, *, appends: bool) -> int:
         if appends:
             _take_off_torn_line(path, descriptor)
     except OSError as error:
-        raise SinkError(f"jsonl: {path}: cannot be opened: {_reason(error)}; {_way_in(error, path)}") from error
+        reason = f"{reason_of(error)}; {way_to_write(error, Path(path))}"
+        raise SinkError(f"jsonl: {path}: cannot be opened: {reason}") from error
     except ValueError as error:  # a NUL, or half a surrogate pair
         raise SinkError(f"jsonl: {path!r} is no path ({error}); give one that the system can name") from error
     return descriptor
@@ -122,18 +123,6 @@ def _cut_back(descriptor: int, torn: int) -> None:
             os.ftruncate(descriptor, os.lseek(descriptor, 0, os.SEEK_CUR) - torn)
         except OSError:
             return
-
-
-def _reason(error: OSError) -> str:
-    return (error.strerror or str(error)).lower()
-
-
-def _way_in(error: OSError, path: str) -> str:
-    if isinstance(error, FileNotFoundError):
-        return f"make the folder {str(Path(path).parent)!r} or give another path"
-    if isinstance(error, IsADirectoryError):
-        return "give the path of a file in it"
-    return "give a path that may be written"
 
 
 def _way_out(error: OSError) -> str:

@@ -63,7 +63,7 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
             hashes.append(sha256(content).hexdigest())
             tables.append(_with_burn(_table(content, config, context.epoch_us), config))
         except BadTableError as error:
-            problems.append(Problem(f"{path}.file", f"{config.file}: {error.args[0]}"))
+            problems.append(Problem(f"{path}.file", f"{config.file}: {error.args[0]}".removeprefix(": ")))
     if problems:
         raise SceneError(problems)
     burn = np.array([table.burn_s for table in tables])
@@ -81,6 +81,8 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
 
 
 def _content(file: str) -> bytes:
+    if not file:
+        raise BadTableError("the path is empty; give that of a table of states")
     try:
         with Path(file).open("rb") as opened:
             content = opened.read(_LARGEST_FILE_BYTES + 1)

@@ -33,7 +33,8 @@ def run(arguments: argparse.Namespace) -> int:
     from opir_core.scoring.comparison import compared
 
     if arguments.runs < 1:
-        raise SceneError([Problem("--runs", f"{arguments.runs} is not a number of runs; give 1 or more")])
+        complaint = f"{arguments.runs} is not a number of runs; give 1 or more"
+        raise SceneError([Problem("--runs", complaint)], source="command line")
     with run_progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
         cards = compared(
             arguments.scene,

@@ -42,11 +42,12 @@ def run(arguments: argparse.Namespace) -> int:
     truth = _beside(scene, arguments.truth, "truth.jsonl")
     tracks = None if plan.tracker.cadence_s is None else _beside(scene, arguments.tracks, "tracks.jsonl")
     manifest = _beside(scene, arguments.manifest, "manifest.json")
+    files = {"truth": truth, "tracks": tracks, "manifest": manifest}
+    _require_own_paths(arguments, scene, files)
     with progress(scene, is_shown=not arguments.quiet and sys.stderr.isatty()) as on_window:
         outcome = deliver(plan, truth_path=truth, tracks_path=tracks, on_window=on_window)
     if manifest is not None:
         _write_manifest(manifest, outcome.manifest)
-    files = {"truth": truth, "tracks": tracks, "manifest": manifest}
     _tell(arguments, scene, outcome, {what: path for what, path in files.items() if path is not None})
     outcome.raise_for_failures()
     return 0
@@ -69,16 +70,36 @@ def _beside(scene: "Scene", path: str | None, suffix: str) -> Path | None:
         return Path(path)
     files = [choice.config.path for choice in scene.outputs if choice.name == "jsonl"]
     named = next((Path(file) for file in files if file != _STANDARD_OUTPUT), None)
-    return named.with_suffix(f".{suffix}") if named else None
+    return named.with_suffix(f".{suffix}") if named and named.name else None
+
+
+def _require_own_paths(arguments: argparse.Namespace, scene: "Scene", files: Mapping[str, Path | None]) -> None:
+    """Refuse what would write over the scene or over another file of the run, or what is asked for and not written."""
+    from opir_core.errors import Problem, SceneError
+
+    problems = []
+    if arguments.tracks is not None and files["tracks"] is None:
+        words = f"the tracker {scene.tracker.name} makes no tracks; leave this out, or choose another with --tracker"
+        problems.append(Problem("--tracks", words))
+    events = [Path(choice.config.path) for choice in scene.outputs if choice.name == "jsonl"]
+    taken = {Path(arguments.scene).resolve(): "the scene"}
+    for what, path in [*(("events", path) for path in events), *files.items()]:
+        if path is None or (path.exists() and not path.is_file()):
+            continue
+        holder = taken.setdefault(path.resolve(), f"the {what}")
+        if holder != f"the {what}":
+            problems.append(Problem("", f"the {what} would go to {path}, which is for {holder}; give another path"))
+    if problems:
+        raise SceneError(problems, source="command line")
 
 
 def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
-    from opir_core.errors import SinkError
+    from opir_core.errors import unwritable
 
     try:
         path.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
-        raise SinkError(f"the manifest {path} cannot be written: {error.strerror}") from error
+        raise unwritable("the manifest", path, error) from error
 
 
 def _tell(arguments: argparse.Namespace, scene: "Scene", outcome: "Outcome", files: Mapping[str, Path]) -> None:

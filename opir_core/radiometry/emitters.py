@@ -66,11 +66,14 @@ def emitters_of(config: SourceConfig, context: SourceContext, *, is_brief: bool 
 
 def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emitter]:
     """Return the emitters of a CSV file; raises `SceneError` with one message that names file and line."""
+    if not path:
+        raise SceneError([Problem(f"{scene_path}.csv", "the path is empty; give that of a file of emitters")])
     try:
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
             return [_emitter(row, number, block) for number, row in _numbered(file, type(block))]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else told
         raise SceneError([Problem(f"{scene_path}.csv", f"{path} cannot be read: {reason}")]) from error
     except ValueError as error:
         raise SceneError([Problem(f"{scene_path}.csv", f"{path}, {error}")]) from error

@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from attrs import fields
 
-from opir_core.errors import Problem, SceneError, SinkError
+from opir_core.errors import Problem, SceneError, unwritable
 from opir_core.records import Tracks
 
 _NAMES = tuple(attribute.name for attribute in fields(Tracks))
@@ -27,13 +27,16 @@ class TracksFile:
         try:
             self._file: BinaryIO = path.open("wb")
         except OSError as error:
-            raise SinkError(f"the tracks file {path} cannot be written: {error.strerror}") from error
+            raise unwritable("the tracks file", path, error) from error
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError as error:
+            raise unwritable("the tracks file", self._path, error) from error
 
     def write(self, tracks: Tracks) -> None:
         """Write a window's rows."""
@@ -43,7 +46,7 @@ class TracksFile:
             # msgspec writes nan as null.
             self._file.write(self._encoder.encode_lines(rows))
         except OSError as error:
-            raise SinkError(f"the tracks file {self._path} cannot be written: {error.strerror}") from error
+            raise unwritable("the tracks file", self._path, error) from error
 
 
 def read_tracks(path: Path) -> Tracks:
@@ -52,7 +55,7 @@ def read_tracks(path: Path) -> Tracks:
     if not rows:
         return Tracks.empty()
     empty = Tracks.empty()
-    return Tracks(*(_column(rows, name, getattr(empty, name)) for name in _NAMES))
+    return Tracks(*(_column(rows, name, getattr(empty, name), path) for name in _NAMES))
 
 
 def _row(line: bytes, number: int, path: Path) -> dict[str, Any]:
@@ -66,7 +69,14 @@ def _row(line: bytes, number: int, path: Path) -> dict[str, Any]:
     return row
 
 
-def _column(rows: list[dict[str, Any]], name: str, like: Any) -> Any:
-    values = np.array([row[name] for row in rows], dtype=object if like.dtype.kind == "f" else like.dtype)
-    # null becomes nan; numbers stay as they are.
-    return values.astype(like.dtype) if like.dtype.kind == "f" else values
+def _column(rows: list[dict[str, Any]], name: str, like: Any, path: Path) -> Any:
+    try:
+        values = np.array([row[name] for row in rows], dtype=object if like.dtype.kind == "f" else like.dtype)
+        # null becomes nan; numbers stay as they are.
+        column = values.astype(like.dtype)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise SceneError([Problem(name, f"not what opir writes: {error}")], source=str(path)) from error
+    if column.shape[1:] != like.shape[1:]:
+        shapes = f"{column.shape[1:]} numbers a track, where {like.shape[1:]} are due"
+        raise SceneError([Problem(name, f"not what opir writes: {shapes}")], source=str(path))
+    return column

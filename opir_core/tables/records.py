@@ -10,6 +10,10 @@ from opir_core.records import FloatArray
 LEAST_RADIUS_M = 6.2e6
 
 
+#: One farther from it, m, is beyond the Moon.
+MOST_RADIUS_M = 1e9
+
+
 class BadTableError(ValueError):
     """A table that cannot be taken; its one argument says why, with the line and the way out."""
 
@@ -41,10 +45,10 @@ def require_order(time_s: FloatArray, lines: list[int], *, may_repeat: bool) -> 
 
 
 def require_places(position_m: FloatArray, lines: list[int]) -> None:
-    """Raise `BadTableError` for a position deep inside the Earth: most likely it is in other units."""
-    radius_m = np.sqrt((position_m * position_m).sum(axis=1))
-    for row in np.flatnonzero(radius_m < LEAST_RADIUS_M).tolist():
-        raise BadTableError(
-            f"line {lines[row]}: the position is {radius_m[row]:.6g} m from the Earth's centre, deep below the ground;"
-            " check its units"
-        )
+    """Raise `BadTableError` for a position deep inside the Earth or beyond the Moon: most likely in other units."""
+    with np.errstate(over="ignore"):
+        radius_m = np.sqrt((position_m * position_m).sum(axis=1))
+    for row in np.flatnonzero((radius_m < LEAST_RADIUS_M) | (radius_m > MOST_RADIUS_M)).tolist():
+        where = "deep below the ground" if radius_m[row] < LEAST_RADIUS_M else "beyond the Moon"
+        place = f"{radius_m[row]:.6g} m from the Earth's centre, {where}"
+        raise BadTableError(f"line {lines[row]}: the position is {place}; check its units")

@@ -43,7 +43,7 @@ def contract_for(
     for test in expected:
         if test not in known:
             raise SceneError(
-                [Problem(test, f"{parent.__name__} has no such test{nearest(test, known)}")], source="expect"
+                [Problem(test, f"{parent.__name__} has no such test{nearest(test, known)}")], source="--expect"
             )
     given = {"name": name, "settings": settings, "expected_failures": expected, "plugins": tuple(plugins)}
     return type(parent.__name__, (parent,), given)

@@ -116,7 +116,7 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
         (["compare", "SCENE", "--runs", "0"], "--runs: 0 is not a number of runs"),
         (["compare", "SCENE", "--tracker", "none", "--runs", "1"], "none makes no tracks to judge"),
         (["compare", "SCENE", "--alpha", "3"], "--alpha: must be in (0, 2]"),
-        (["score", "nothing.jsonl"], "the manifest is not there"),
+        (["score", "nothing.jsonl"], "there is no file of the manifest"),
     ],
 )
 def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, message):
