@@ -4,9 +4,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from opir_core.plan import Plan
-from opir_core.records import Detections, IndexArray, Window
+from opir_core.records import FloatArray, IndexArray, IntArray, Window
 from opir_core.scene import EMITTER_TYPES, REPORTED_TYPES
 
 
@@ -37,16 +38,26 @@ class Tally:
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         found, target = window.detections, window.truth.target
         is_noise = target < 0
+        columns: tuple[Any, ...] = (found.sensor, target, found.time_ns, found.reported_type, found.confidence)
         if is_noise.any():
             self._noise += np.bincount(found.sensor[is_noise], minlength=len(self._noise))
-            found, target = found.take(~is_noise), target[~is_noise]
-        self._count(found, target)
+            # Of a window's many columns only those are thinned out that are counted.
+            rows = np.flatnonzero(~is_noise)
+            columns = tuple(column.take(rows) for column in columns)
+        self._count(*columns)
 
-    def _count(self, found: Detections, target: IndexArray) -> None:
-        """Count detections of targets."""
+    def _count(
+        self,
+        sensor: IndexArray,
+        target: IndexArray,
+        time_ns: IntArray,
+        reported_type: NDArray[np.uint8],
+        confidence: FloatArray,
+    ) -> None:
+        """Count detections (n,) of targets."""
         sensors, targets = self._detections.shape
-        pair = found.sensor * targets + target
-        time_s = found.time_ns * 1e-9
+        pair = sensor * targets + target
+        time_s = time_ns * 1e-9
         self._detections += np.bincount(pair, minlength=sensors * targets).reshape(sensors, targets)
         # Of repeated places the last written stays: written backwards, that is each pair's first detection.
         first_s, last_s = np.full(sensors * targets, np.inf), np.full(sensors * targets, -np.inf)
@@ -54,9 +65,9 @@ class Tally:
         np.minimum(self._first_s, first_s.reshape(sensors, targets), out=self._first_s)
         np.maximum(self._last_s, last_s.reshape(sensors, targets), out=self._last_s)
         types = self._reported.shape[1]
-        reported = np.bincount(target * types + found.reported_type, minlength=targets * types)
+        reported = np.bincount(target * types + reported_type, minlength=targets * types)
         self._reported += reported.reshape(targets, types)
-        np.maximum.at(self._confidence, target, found.confidence)
+        np.maximum.at(self._confidence, target, confidence)
 
     def counts(self) -> Mapping[str, int]:
         """Return the run's totals."""
