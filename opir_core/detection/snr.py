@@ -165,7 +165,8 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
     footprint_rad = np.array([receiver.radiometer.footprint_rad for receiver in receivers])
     cells = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle) / footprint_rad)
-    of_kind = {receiver.kind: noise_chance(receiver) for receiver in receivers}
+    one_of_kind = {receiver.kind: receiver for receiver in receivers}
+    of_kind = {kind: noise_chance(receiver) for kind, receiver in one_of_kind.items()}
     chances = np.exp(np.array([of_kind[receiver.kind] for receiver in receivers]))
     floor_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors])
     return SnrDetection(
