@@ -1,0 +1,56 @@
+"""What the chain from light to probability costs beside the engine, in counts."""
+
+from typing import Any
+
+import pytest
+
+import opir_core as opir
+from opir_core.columns import Columns
+from opir_core.detection import snr
+from opir_core.run import plan_windows
+from opir_core.summary import Tally
+
+SCENE: dict[str, Any] = {
+    "scene": "chain",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 60,
+    "seed": 1,
+    "outputs": [],
+    "detection": {"model": "snr"},
+    "targets": [
+        {
+            "id": "I",
+            "type": "ICBM",
+            "launch": {"lat_deg": 5.0, "lon_deg": -150.0, "time_s": 2.0},
+            "aim": {"lat_deg": -50.0, "lon_deg": -110.0},
+        }
+    ],
+    "sensors": [
+        {"model": model, "id": f"{model}-{slot:g}", "orbital_slot_deg": slot}
+        for model in ("SBIRS-GEO", "NEXTGEN-GEO")
+        for slot in (-150.0, -140.0, -120.0, -110.0)
+    ],
+}
+
+
+def test_what_noise_alone_does_is_worked_out_once_a_kind_of_sensor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is an integral of the sensor's rule, dearer than all else that a satellite's receiver is compiled from."""
+    asked = []
+    own = snr.noise_chance
+    monkeypatch.setattr(snr, "noise_chance", lambda receiver: asked.append(receiver) or own(receiver))
+    opir.compile_plan(opir.scene_from_mapping(SCENE))
+    assert len(asked) == 2
+
+
+def test_a_window_with_noise_is_summed_up_without_a_copy_of_its_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A window has two dozen columns, of which five are counted."""
+    plan = opir.compile_plan(opir.scene_from_mapping(SCENE))
+    (window,) = plan_windows(plan)
+    assert (window.truth.target < 0).any()
+    assert (window.truth.target >= 0).any()
+    tally = Tally(plan)
+    monkeypatch.setattr(Columns, "take", lambda *_: pytest.fail("columns that are not counted were copied"))
+    tally.count(window)
+    counts = tally.counts()
+    assert counts["detections"] == len(window.detections)
+    assert counts["noise_detections"] == int((window.truth.target < 0).sum())
