@@ -83,15 +83,13 @@ def aim(
     landing = shot.landing(azimuth_rad, speed_m_s)
     converged = landing.miss_m <= tolerance_m
     path = boost_path(site, _column(ignition_s, n), azimuth_rad, speed_m_s, course)
-    burnout_ecef = path.state(np.arange(n), path.burnout_s)
     return Aim(
         range_m,
         np.remainder(azimuth_rad, 2.0 * np.pi),
         speed_m_s,
         0.5 * np.pi - course.turn_rad,
         path.burnout_s,
-        *burnout_ecef,
-        *ecef_to_eci_state(*burnout_ecef, path.burnout_s),
+        *_burnout_states(path),
         path.burnout_s + landing.duration_s,
         landing.impact_ecef_m,
         landing.miss_m,
@@ -131,6 +129,12 @@ def _lambert_range_m(latitude_1: Floats, longitude_1: Floats, latitude_2: Floats
     y = (angle + np.sin(angle)) * cos_sum * sin_difference / np.where(chord > 0.0, chord, 1.0)
     distance: Floats = EARTH_EQUATORIAL_RADIUS_M * (angle - 0.5 * EARTH_FLATTENING * (x + y))
     return distance
+
+
+def _burnout_states(path: BoostPath) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return position and velocity at burnout, ECEF and then ECI, each (n, 3)."""
+    ecef = path.state(np.arange(len(path.burnout_s)), path.burnout_s)
+    return *ecef, *ecef_to_eci_state(*ecef, path.burnout_s)
 
 
 def _forces_of(model: "ForceModel", n: int) -> "Forces | None":

@@ -1,13 +1,16 @@
 """Where and when bodies in free flight come down on the Earth."""
 
 from enum import IntEnum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from opir_core.flight.forces import J2, ForceModel, Forces, forces_of
 from opir_core.flight.propagation import TOLERANCE_M, Floats
+
+if TYPE_CHECKING:
+    from opir_core.flight.integration import Ends
 
 #: How long, s, arcs are followed unless told otherwise.
 WITHIN_S = 86400.0
@@ -75,13 +78,7 @@ def impact_states(
     columns = columns_of(position_m, velocity_m_s, within_s, tolerance_m, forces, height)
     states = _nowhere(columns.duration.size)
     for part, integration in integrations(columns, forces):
-        ends = integration.ends()
-        reason = _REASONS[ends.outcome]
-        hit = reason == ImpactReason.IMPACT
-        states.duration_s[part] = np.where(hit, ends.elapsed, np.nan)
-        states.position_m[part] = np.where(hit, ends.position, np.nan).T
-        states.velocity_m_s[part] = np.where(hit, ends.velocity, np.nan).T
-        states.reason[part] = reason
+        _put(states, part, integration.ends())
     return _shaped(states, columns.shape)
 
 
@@ -119,6 +116,16 @@ def _kepler_impacts(
 
 def _nowhere(count: int) -> ImpactStates:
     return ImpactStates(np.empty(count), np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int8))
+
+
+def _put(states: ImpactStates, part: slice, ends: "Ends") -> None:
+    """Put what became of a part of the arcs in its place."""
+    reason = _REASONS[ends.outcome]
+    hit = reason == ImpactReason.IMPACT
+    states.duration_s[part] = np.where(hit, ends.elapsed, np.nan)
+    states.position_m[part] = np.where(hit, ends.position, np.nan).T
+    states.velocity_m_s[part] = np.where(hit, ends.velocity, np.nan).T
+    states.reason[part] = reason
 
 
 def _shaped(states: ImpactStates, shape: tuple[int, ...]) -> ImpactStates:

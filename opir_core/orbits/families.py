@@ -106,12 +106,7 @@ def walker_pattern(
     complaint = walker_complaint(total, planes, phasing)
     if complaint:
         raise ValueError(complaint)
-    a_plane = total // planes
     node_step_rad = (math.pi if star else 2.0 * math.pi) / planes
-    # In units of 2 pi / total all places are whole numbers, which are reduced to one turn exactly.
-    places = [
-        (plane, (place * planes + plane * phasing) % total) for plane in range(planes) for place in range(a_plane)
-    ]
     return [
         circular_elements(
             altitude_m,
@@ -119,8 +114,14 @@ def walker_pattern(
             first_node_longitude_rad + plane * node_step_rad,
             first_argument_of_latitude_rad + units * (2.0 * math.pi / total),
         )
-        for plane, units in places
+        for plane, units in _walker_places(total, planes, phasing)
     ]
+
+
+def _walker_places(total: int, planes: int, phasing: int) -> list[tuple[int, int]]:
+    """Return the plane of each satellite, and its place there: whole units of 2 pi / total, reduced to one turn."""
+    a_plane = total // planes
+    return [(plane, (place * planes + plane * phasing) % total) for plane in range(planes) for place in range(a_plane)]
 
 
 def walker_complaint(total: int, planes: int, phasing: int) -> str | None:

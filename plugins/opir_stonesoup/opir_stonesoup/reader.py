@@ -150,8 +150,6 @@ class _Event(msgspec.Struct):
 
 
 def _events(path: Path) -> Iterator[Sight]:
-    from opir_core.geometry import local_axes
-
     decoder = msgspec.json.Decoder(_Event)
     try:
         lines = path.read_bytes().splitlines()
@@ -165,23 +163,29 @@ def _events(path: Path) -> Iterator[Sight]:
             raise SceneError(
                 [Problem(f"line {number}", f"is no event of the encoder forge: {error}")], source=str(path)
             ) from error
-        place = np.array(event.sensor_position_ecef_m)
-        azimuth, elevation = np.radians([event.azimuth_deg, event.elevation_deg])
-        level = np.cos(elevation)
-        local = np.array([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)])
-        yield Sight(
-            time_us=time_us,
-            sensor_id=event.sensor_id,
-            sensor_ecef_m=place,
-            direction_ecef=local @ local_axes(place),
-            sigma_rad=event.line_of_sight_sigma_urad * 1e-6,
-            metadata={
-                "sensor_id": event.sensor_id,
-                "detection_id": event.detection_id,
-                "reported_type": event.target_type,
-                "confidence": event.confidence,
-            },
-        )
+        yield _sight(event, time_us)
+
+
+def _sight(event: _Event, time_us: int) -> Sight:
+    from opir_core.geometry import local_axes
+
+    place = np.array(event.sensor_position_ecef_m)
+    azimuth, elevation = np.radians([event.azimuth_deg, event.elevation_deg])
+    level = np.cos(elevation)
+    local = np.array([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)])
+    return Sight(
+        time_us=time_us,
+        sensor_id=event.sensor_id,
+        sensor_ecef_m=place,
+        direction_ecef=local @ local_axes(place),
+        sigma_rad=event.line_of_sight_sigma_urad * 1e-6,
+        metadata={
+            "sensor_id": event.sensor_id,
+            "detection_id": event.detection_id,
+            "reported_type": event.target_type,
+            "confidence": event.confidence,
+        },
+    )
 
 
 def _epoch_us(text: str) -> int:
