@@ -2,12 +2,17 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 from followed_flights import followed, rows_of, usual
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from other_flights import flown
 
 from opir_core.scoring.consistency import nees
 from opir_core.tracking.gating import Pairs
-from opir_core.tracking.stereo.stray_rays import Strays, doubtful
+from opir_core.tracking.stereo.stray_rays import SHARES, Strays, doubtful, shares_told, unsuspected
+
+GATE = 4.5
 
 
 def pairs_of(track, distance):
@@ -26,12 +31,54 @@ def test_only_tracks_with_an_improbable_ray_or_strays_before_are_looked_at():
     assert doubtful(pairs, np.array([0.0, 0.0, 0.2])).tolist() == [1, 2]
 
 
-def test_a_share_is_the_mean_of_what_rays_said_and_is_the_same_in_one_go_or_two():
-    first = Strays.of(np.array([0.0, 30.0]), np.array([100, 100]))
-    assert first.share[0] < 1e-3
-    assert first.share[1] == pytest.approx(0.3, abs=0.01)
-    whole = Strays.of(np.array([12.0, 33.0]), np.array([140, 140]))
-    assert first.after(np.array([12.0, 3.0]), np.array([40, 40])) == pytest.approx(whole.share)
+def squares_of(strays, tracks, rays, seed):
+    """Return how far off (tracks, rays) rays are, squared: with unit errors, or evenly within the gate."""
+    rng = np.random.default_rng(seed)
+    square = rng.chisquare(2, (tracks, rays))
+    return np.where(rng.random((tracks, rays)) < strays, GATE**2 * rng.random((tracks, rays)), square)
+
+
+def told_by(square):
+    """Return what rays (tracks, rays) tell of shares (tracks, shares)."""
+    track = np.repeat(np.arange(len(square)), square.shape[1])
+    return shares_told(square.ravel(), GATE, track, len(square))
+
+
+@pytest.mark.parametrize(("strays", "rays"), [(0.0, 40), (0.1, 200), (0.3, 60), (0.3, 400), (0.6, 60)])
+def test_the_share_of_strays_is_found_from_few_rays_on(strays, rays):
+    share = Strays(told_by(squares_of(strays, 400, rays, 1))).share
+    # What is believed beforehand is three rays without strays, and shares below one in a hundred are on no grid.
+    drawn = strays * 3.0 / rays + 0.01
+    assert share.mean() == pytest.approx(strays, abs=drawn + 3.3 * share.std() / np.sqrt(len(share)))
+
+
+def test_rays_beyond_the_gate_say_nothing_of_the_share_within():
+    near = squares_of(0.3, 5, 50, 2)
+    far = np.concatenate([near, np.full((5, 20), 1.01 * GATE**2), np.full((5, 20), 1e6)], axis=1)
+    assert told_by(far) == pytest.approx(told_by(near), rel=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), strays=st.floats(0.0, 1.0), cut=st.integers(0, 300))
+def test_a_share_is_a_share_and_the_same_in_one_go_or_two_and_in_any_order(seed, strays, cut):
+    square = squares_of(strays, 3, 300, seed)
+    whole = Strays(told_by(square))
+    assert np.all((whole.share >= 0.0) & (whole.share <= SHARES[-1]))
+    parts = Strays(told_by(square[:, :cut])).after(told_by(square[:, cut:]))
+    assert parts.log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
+    assert told_by(square[:, ::-1]) == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
+    assert whole.take(np.array([2])).share == pytest.approx(whole.share[2:])
+
+
+def test_before_any_ray_one_in_a_hundred_strays_and_rays_without_any_make_it_fewer():
+    nothing = Strays(np.zeros((1, len(SHARES))))
+    assert nothing.share == pytest.approx(0.01, abs=5e-4)
+    pairs = evolve(pairs_of([0] * 30, [1.0] * 30), sigma_rad=np.ones(30))
+    clean = nothing.after(unsuspected(pairs, nothing, GATE)).share
+    assert clean < 0.5 * nothing.share
+    # In a gate four times as wide a stray ray would have passed for one of the track's.
+    vague = evolve(pairs, log_volume=np.full(30, np.log(4.0) * 2.0))
+    assert nothing.after(unsuspected(vague, nothing, GATE)).share == pytest.approx(nothing.share)
 
 
 def values_of(strays, count=24, seed=31):

@@ -24,7 +24,7 @@ from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.stereo.ghosts import RANGE_M, Slice, without_ghosts
-from opir_core.tracking.stereo.stray_rays import Span, Strays, doubtful, weighed
+from opir_core.tracking.stereo.stray_rays import SHARES, Span, Strays, doubtful, unsuspected, weighed
 
 #: A settled assignment may reach this much farther than the first gate, in standard deviations.
 _SETTLING_GATE = 6.0
@@ -36,20 +36,20 @@ _RESTLESS = 1.0 / 3.0
 _Asked = TypeVar("_Asked")
 _Answer = TypeVar("_Answer")
 
-_NONE = np.empty(0, dtype=np.int64)
+_NONE, _NOTHING = np.empty(0, dtype=np.int64), np.empty((0, len(SHARES)))
 
 
 class Followed(NamedTuple):
     """Estimates after a slice, the row that each ray was given to, -1 for none, the pairs in which it was, and all.
 
-    `strays` (n,) says how many of each track's own rays are probably none of its; it is missing where none is in doubt.
+    `strays` (n, shares) is what each track's own rays tell of the share of strays among them.
     """
 
     bank: Bank
     owner: IntArray
     own: Pairs
     pairs: Pairs
-    strays: FloatArray | None = None
+    strays: FloatArray = _NOTHING
 
 
 @frozen(eq=False)
@@ -105,14 +105,14 @@ class Following:
 
     def _weighed(self, told: Followed, bank: Bank, span: Span, stray: Strays, doubted: IntArray) -> Followed:
         """Return what was followed with the rays of tracks `doubted`, which have no rivals, weighed."""
+        strays = unsuspected(told.own, stray, span.gate)
         if not len(doubted):
-            return told
+            return Followed(told.bank, told.owner, told.own, told.pairs, strays)
         place = np.full(len(bank), -1, dtype=np.int64)
         place[doubted] = np.arange(len(doubted))
         mine = told.own.take(np.flatnonzero(place[told.own.track] >= 0))
         own, before, after = evolve(mine, track=place[mine.track]), bank.take(doubted), told.bank.take(doubted)
         found = weighed(self.filter, before, after, span, own, stray.take(doubted))
-        strays = np.zeros(len(bank))
         strays[doubted] = found.strays
         return told._replace(bank=told.bank.put(doubted, found.bank), strays=strays)
 

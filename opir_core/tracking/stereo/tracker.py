@@ -8,7 +8,7 @@ from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.rays import Rays
-from opir_core.tracking.stereo.stray_rays import Strays
+from opir_core.tracking.stereo.stray_rays import SHARES, Strays
 from opir_core.tracking.stereo.tracking import Situation, StereoTracking
 
 #: What makes detections rays.
@@ -41,7 +41,7 @@ class StereoTracker:
     def stray_shares(self, track: IntArray) -> FloatArray:
         """Return the shares (n,) of strays among the rays of tracks by number (n,), as known at the last tick."""
         roster = self._now.roster
-        known = Strays.of(np.append(roster.strays, 0.0), np.append(roster.hits, 0)).share
+        known = Strays(np.concatenate([roster.strays, np.zeros((1, len(SHARES)))])).share
         row = np.searchsorted(roster.number, track)
         here = np.append(roster.number, -1)[row] == track
         return known[np.where(here, row, len(roster))]

@@ -137,10 +137,9 @@ class StereoTracking:
             bank = self.filter.updated(bank, end_s, no_sights(), span)
             return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
         young = np.searchsorted(now.roster.number, histories.number)
-        told = self.following.followed(bank, end_s, rays, span, young, Strays.of(now.roster.strays, now.roster.hits))
-        if told.strays is not None:
-            now = evolve(now, roster=evolve(now.roster, strays=now.roster.strays + told.strays))
-        now = evolve(now, time_s=end_s, histories=histories, bank=told.bank)
+        told = self.following.followed(bank, end_s, rays, span, young, Strays(now.roster.strays))
+        roster = now.roster.with_strays(told.strays)
+        now = evolve(now, time_s=end_s, roster=roster, histories=histories, bank=told.bank)
         return self._decided(now, told, young, rays, span), told.owner
 
     def _decided(self, now: Situation, told: Followed, rows: IntArray, rays: Rays, span: float) -> Situation:

@@ -8,6 +8,7 @@ from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.rays import dot
+from opir_core.tracking.stereo.stray_rays import SHARES
 
 #: Tracks nearer to each other than this are looked at as possible doubles, m.
 _NEAR_M = 20e3
@@ -30,9 +31,9 @@ _LOWEST_M = -20e3
 class Roster(Columns):
     """What is kept of tracks beside their estimates: number, when begun, first and last seen, how many rays, whence.
 
-    `strays` (n,) is how many of the rays are probably none of the track's; `reports` (n, sensors) are the types that
-    each sensor last reported, codes into `REPORTED_TYPES`, -1 for none; `launch` (n, 3) and `launch_covariance`
-    (n, 3, 3) are as in `Tracks`.
+    `strays` (n, shares) is what the rays tell of the share of strays among them (`stray_rays`); `reports` (n, sensors)
+    are the types that each sensor last reported, codes into `REPORTED_TYPES`, -1 for none; `launch` (n, 3) and
+    `launch_covariance` (n, 3, 3) are as in `Tracks`.
     """
 
     number: IntArray
@@ -61,10 +62,17 @@ class Roster(Columns):
             first_s=np.full(count, np.inf),
             seen_s=np.full(count, -np.inf),
             hits=np.zeros(count, dtype=np.int64),
-            strays=np.zeros(count),
+            strays=np.zeros((count, len(SHARES))),
             reports=np.full((count, sensors), -1, dtype=np.int64),
             launch=np.full((count, 3), np.nan),
             launch_covariance=np.full((count, 3, 3), np.nan),
+        )
+
+    def with_strays(self, told: FloatArray) -> "Roster":
+        """Return the roster after rays that tell so much (n, shares) of the shares of strays."""
+        launches = self.launch, self.launch_covariance
+        return Roster(
+            self.number, self.begun_s, self.first_s, self.seen_s, self.hits, self.strays + told, self.reports, *launches
         )
 
     def seen(self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray) -> "Roster":
