@@ -32,9 +32,10 @@ class Seen(Columns):
 
     `drift` (n, sensors, 2) is the running mean of whitened innovations, `wander` (n, sensors) its variance if well.
     `lean` (n, sensors, 2) and `doubt` (n, sensors) are the mean and variance of what innovations would be off by, did
-    the target not fly as the family does, and `strange` (n,) the logarithm of the odds that it does not
-    (`strain`). `newest` (n, sensors, 2) are the last innovations, `rough` (n,) is the sum of half the squares
-    of what they differ by from one to the next, and `jumps` (n,) the number of those.
+    the target not fly as the family does, and `strange` (n,) the logarithm of the odds that it does not (`strain`);
+    `staged` (n,) is that of the odds that its burn has paused. `newest` (n, sensors, 2) are the last innovations,
+    `rough` (n,) is the sum of half the squares of what they differ by from one to the next, and `jumps` (n,) the number
+    of those.
     """
 
     track: IntArray
@@ -47,6 +48,7 @@ class Seen(Columns):
     lean: FloatArray
     doubt: FloatArray
     strange: FloatArray
+    staged: FloatArray
     newest: FloatArray
     rough: FloatArray
     jumps: FloatArray
@@ -66,10 +68,17 @@ class Seen(Columns):
             np.zeros((*shape, 2)),
             np.full(shape, LEAN_VARIANCE),
             np.full(len(track), FIRST_STRANGE),
+            np.full(len(track), -np.inf),
             np.full((*shape, 2), np.nan),
             np.zeros(len(track)),
             np.zeros(len(track)),
         )
+
+    @property
+    def otherwise(self) -> FloatArray:
+        """Return the logarithms (n,) of the odds that targets do not fly as the family does, whatever tells it."""
+        odds: FloatArray = np.logaddexp(self.strange, self.staged)
+        return odds
 
     def drifted(self) -> FloatArray:
         """Return by how much (n,) the χ² of the running means of innovations exceeds their number."""
@@ -99,7 +108,8 @@ class Seen(Columns):
         """Return what is seen, made stranger where rays (m,) come after a pause that no single burn has by chance.
 
         Between stages nothing burns. `before` is what was seen before the rays. The pause's probability is that of as
-        many missed looks of all sensors that have seen the target lately.
+        many missed looks of all sensors that have seen the target lately. However well the family fits what comes after
+        a pause, with its parameters put wrong, none of its burns has one: the odds of the most improbable pause stay.
         """
         known = np.isin(rays.track, before.track)
         order = np.lexsort((rays.time_s[known], rays.track[known]))
@@ -117,7 +127,8 @@ class Seen(Columns):
         log = np.sum(np.where(hears, missed * np.log1p(-np.nan_to_num(share, nan=0.01)), 0.0), axis=1)
         gain = np.zeros(len(self.track))
         np.maximum.at(gain, np.searchsorted(self.track, track), np.clip(_CHANCE - log, 0.0, _MOST))
-        return evolve(self, strange=self.strange + gain)
+        staged = np.maximum(self.staged, np.where(gain > 0.0, FIRST_STRANGE + gain, -np.inf))
+        return evolve(self, strange=self.strange + gain, staged=staged)
 
     def silence(self, kind: IntArray, tick_s: float, watch: Watch) -> Silence:
         """Return the silence at a tick of hypotheses (n,) of these classes, one row each.

@@ -88,7 +88,7 @@ class ProfileTracker:
         filtered, fitted = followed.take(row[present]), told.take(present)
         seen = self._bank.seen.of(filtered.track)
         dark_s = filtered.tick_s - np.max(seen.last_s, axis=1)
-        chance = 1.0 / (1.0 + np.exp(-seen.strange - apart(fitted, filtered)))
+        chance = 1.0 / (1.0 + np.exp(-seen.otherwise - apart(fitted, filtered)))
         chance[np.count_nonzero(seen.hits > 0, axis=1) < 2] = 0.0
         mixed = blended(fitted, filtered, chance, dark_s)
         every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
