@@ -47,7 +47,7 @@ def test_the_family_holds_the_class_profiles(profile):
                 profile.speed_shape,
                 profile.pitch_exponent,
                 profile.pitch_start_s / profile.burn_time_s,
-                *np.ones(7),
+                *np.ones(9),
             ]
         )[:, None]
     )
@@ -231,6 +231,20 @@ def test_a_sensor_that_fails_does_not_end_a_burn_that_another_sees():
     both = Silence(np.array([[50.0, 90.0]]), np.array([[90.0, 90.0]]), np.full((1, 2), 0.8), np.full(2, 0.1))
     found = ends_of(np.zeros(1), np.log([120.0]), np.array([0.0069]), both)
     assert np.exp(found.mean) == pytest.approx(120.0, abs=0.5)
+
+
+@pytest.mark.parametrize(("chance", "period", "last"), [(0.6, 0.2, 130.0), (0.72, 0.1, 180.0), (0.95, 0.05, 206.0)])
+def test_silence_of_the_only_sensor_ends_a_burn_as_sharply_as_its_looks_are_dense(chance, period, last):
+    seen = silence(last, last + 8.0, chance, period)
+    found = ends_of(np.zeros(1), np.log([206.0]), np.array([0.04]), seen)
+    # A whole number of missed looks, geometric, and a place between two looks, even; the fit adds next to nothing.
+    sigma_s = period * np.sqrt((1.0 - chance) / chance**2 + 1.0 / 12.0)
+    assert np.sqrt(found.variance[0]) * last == pytest.approx(sigma_s, rel=0.05)
+
+
+def test_a_burn_that_is_far_too_short_goes_on_unseen_by_a_sensor_that_failed():
+    found = ends_of(np.zeros(1), np.log([206.0]), np.array([0.0025]), silence(100.0, 108.0, 0.8, 0.1))
+    assert np.exp(found.mean) == pytest.approx(206.0, rel=0.01)
 
 
 def test_windows_of_a_line_add_up_to_one():

@@ -12,8 +12,11 @@ from attrs import frozen
 
 from opir_core.records import FloatArray, IntArray
 
-#: The chance that a sensor stops to see a burning target for a reason of its own, between two looks.
-_LOST = 1e-5
+#: How often a sensor stops to see a burning target for a reason of its own, 1/s: once in ten days; notional.
+_LOST_PER_S = 1e-6
+
+#: That a sensor stopped for a reason of its own, and a burn may so go on, is left out where it is less probable.
+_LEAST = 1e-3
 
 #: Places of the quadrature, and the finest distance between them, s.
 _PLACES, _FINEST_S = 128, 0.02
@@ -68,7 +71,7 @@ def ends_of(start_s: FloatArray, mean: FloatArray, variance: FloatArray, silence
     early = start_s + np.exp(mean - _FAR * sigma)
     near = np.flatnonzero(np.isfinite(last) & (early < np.maximum(last, until)) & (last > start_s))
     middle = (start_s + np.exp(mean))[:, None]
-    evidence = sum(_log_silence(silence, each, middle)[:, 0] for each in range(silence.last_s.shape[1]))
+    evidence = sum(_log_silence(silence, each, middle)[0][:, 0] for each in range(silence.last_s.shape[1]))
     found = Ends(mean.copy(), variance.copy(), np.zeros(len(mean)) + evidence, *normal_rule(len(mean)))
     if len(near):
         part = _moments(start_s[near], mean[near], sigma[near], last[near], until[near], silence.take(near))
@@ -98,16 +101,12 @@ def _moments(
     length = np.log(burn)
     log = np.log(_FINEST_S * np.exp(x) * (top / _PLACES)[:, None] / burn)
     log = log - 0.5 * np.square((length - mean[:, None]) / sigma[:, None])
-    for sensor in range(silence.last_s.shape[1]):
-        log = log + _log_silence(silence, sensor, last[:, None] + after)
-    most = log.max(axis=1)
-    share = np.exp(log - most[:, None])
-    total = share.sum(axis=1)
-    share = share / total[:, None]
+    log, evidence = _seen(log, silence, last[:, None] + after)
+    share = np.exp(log)
     middle = (share * length).sum(axis=1)
     apart = length - middle[:, None]
     variance = (share * np.square(apart)).sum(axis=1)
-    evidence = most + np.log(total) - np.log(sigma * np.sqrt(2.0 * np.pi))
+    evidence = evidence - np.log(sigma * np.sqrt(2.0 * np.pi))
     rule = _gauss_rule(apart / np.sqrt(np.maximum(variance, 1e-30))[:, None], share)
     return Ends(middle, np.maximum(variance, np.square(_SHARPEST_S / (last - start))), evidence, *rule)
 
@@ -135,10 +134,31 @@ def _gauss_rule(value: FloatArray, share: FloatArray) -> tuple[FloatArray, Float
     return nodes, np.square(axes[:, 0])
 
 
-def _log_silence(silence: Silence, sensor: int, end: FloatArray) -> FloatArray:
-    """Return the log likelihoods (n, places) of a sensor's silence, were the burns to end then."""
+def _seen(log: FloatArray, silence: Silence, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the logarithms of shares (n, places) of ends, from those the fit has, and of their sums (n,).
+
+    A sensor that may have stopped to see lets a burn go on for as long as the fit leaves open: a tail so far off that it
+    outweighs all the rest in the variance, however small its chance. As any hypothesis it is left out if improbable.
+    """
+    told = [_log_silence(silence, sensor, end) for sensor in range(silence.last_s.shape[1])]
+    whole, total = _normalised(log + sum(each for each, _ in told))
+    for every, missed in told:
+        lost = np.sum(np.exp(whole) * -np.expm1(missed - every), axis=1)
+        log = log + np.where(lost[:, None] < _LEAST, missed, every)
+    return _normalised(log)[0], total
+
+
+def _normalised(log: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the logarithms of shares (n, places) that add up to 1, and of what they added up to (n,)."""
+    most = log.max(axis=1)
+    total: FloatArray = most + np.log(np.exp(log - most[:, None]).sum(axis=1))
+    return log - total[:, None], total
+
+
+def _log_silence(silence: Silence, sensor: int, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the log likelihoods (n, places) of a sensor's silence, were the burns to end then; and of missed looks."""
     known = np.isfinite(silence.last_s[:, sensor, None])
     last, until = (np.nan_to_num(v[:, sensor, None]) for v in (silence.last_s, silence.until_s))
     missed = np.maximum(np.floor((np.minimum(end, until) - last) / silence.period_s[sensor] - 1e-6), 0.0)
-    log = np.logaddexp(missed * np.log1p(-silence.chance[:, sensor, None]), np.log(_LOST))
-    return np.where(known, log, 0.0)
+    log = np.where(known, missed * np.log1p(-silence.chance[:, sensor, None]), 0.0)
+    return np.where(known, np.logaddexp(log, np.log(_LOST_PER_S * silence.period_s[sensor])), 0.0), log
