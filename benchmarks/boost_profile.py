@@ -2,14 +2,17 @@
 
     python benchmarks/boost_profile.py [--runs 150] [--batches 4] [--only SRBM] [--parts FOLDER] [--write FOLDER]
 
-Flights are drawn from the tracker's own priors, and seen by one or two like sensors in geostationary orbit; the fit is
-given each flight's detections (association is measured elsewhere) and the class, and told of nothing else. Marks are
-times since the start: 20 s after the first look, 50, 75 and 95 % of the class's median burn time, of those flights that
-were seen in the last second, and 5 s after the burn. Which flights count is so known from the looks. (A share of each
-flight's own burn would pick the flights whose burns are about to end: no posterior is right on those.)
+Flights are drawn from the tracker's own priors, that of how long clouds hide a boost at first among them. One or two
+like sensors in geostationary orbit look; the fit is given each flight's detections (association is measured elsewhere)
+and the class, and told of nothing else. Marks are times since the first look that saw: 20 s, and 50, 75 and 95 % of the
+class's median burn time, of those flights that were seen in the last second; and 5 s after the burn, of those that were
+seen for 20 s. Which flights count is so known from the looks. (A share of each flight's own burn, or a time since its
+own start, would pick flights by what no tracker knows: no posterior is right on those.)
 
 Information is that of the priors and of the lines of sight that detected, along the true flight; once the burn has
-ended, the end as if measured with the standard deviation that the looks alone give it. Two yardsticks come of it.
+ended, the end as if measured with the standard deviation that the looks alone give it. The start's prior counts as
+normal: that no start is after the first light is left out, so that errors may be smaller than what is expected for as
+long as looks tell little of the start. Two yardsticks come of it.
 "bound" is van Trees': information and slopes averaged over flights, in axes turned to each flight's heading, and then
 inverted; it is below every estimator's mean square error (but for the divergence of these axes, of the order of the
 heading's variance), and far below where flights differ much in what can be known of them. "expected" is the mean over

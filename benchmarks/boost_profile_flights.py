@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
-from profile_flights import PRIORS, flights, lines_of_sight, watch_of
+from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 
 from opir_core.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees
@@ -36,8 +36,8 @@ SENSORS: dict[str, tuple[float, float, tuple[float, ...]]] = {
 #: The end of a burn is known this well, s, before any look tells of it: too little to matter.
 _OPEN_S = 2.0
 
-#: Marks at which flights are looked at: seconds after the start, shares of the class's burn, seconds after the burn.
-EARLY_S, SHARES, AFTER_S = 21.0, (0.5, 0.75, 0.95), 5.0
+#: Marks: after the first look, seconds and shares of the class's burn; seconds after the burn.
+EARLY_S, SHARES, AFTER_S = 20.0, (0.5, 0.75, 0.95), 5.0
 MARKS = ("20 s", "50 %", "75 %", "95 %", "5 s after")
 
 
@@ -74,18 +74,22 @@ class Marked:
 def marks_at(truth: Hypotheses, seen: Seen, tick_s: float) -> np.ndarray:
     """Return which mark (n,) each flight passes at a tick, -1 for none.
 
-    Marks in the burn are times, the same for all flights of a class, of those flights of which light came in the last
-    second: which flights count is then known from what was seen, as a posterior wants it. (A share of each flight's own
-    burn would pick the flights whose burns are about to end, which no tracker can know.)
+    Marks in the burn are times since the first look, the same for all flights of a class, of those flights of which
+    light came in the last second: which flights count is then known from what was seen, as a posterior wants it. (A
+    share of each flight's own burn would pick the flights whose burns are about to end, which no tracker can know.)
+    After the burn those count of which the first light and the last are so far apart as the first mark is late.
     """
-    family = fit.family_of(truth, PRIORS)
     found = np.full(len(truth), -1)
-    last_s = np.max(seen.last_s, axis=1)[np.searchsorted(seen.track, truth.track)]
+    place = np.flatnonzero(np.isin(truth.track, seen.track))
+    if not len(place):
+        return found
+    truth, seen = truth.take(place), seen.of(truth.track[place])
+    first_s, last_s = np.min(seen.first_s, axis=1), np.max(seen.last_s, axis=1)
     burn_s = PRIORS.burn_s[truth.kind]
     for mark, after_s in enumerate([np.full(len(truth), EARLY_S), *(share * burn_s for share in SHARES)]):
-        at = np.ceil(family.start_s + after_s)
-        found[(at == tick_s) & (last_s > tick_s - 1.0)] = mark
-    found[np.ceil(family.burnout_s + AFTER_S) == tick_s] = len(MARKS) - 1
+        found[place[(np.ceil(first_s + after_s) == tick_s) & (last_s > tick_s - 1.0)]] = mark
+    burnout_s = fit.family_of(truth, PRIORS).burnout_s
+    found[place[(np.ceil(burnout_s + AFTER_S) == tick_s) & (last_s > first_s + EARLY_S)]] = len(MARKS) - 1
     return found
 
 
@@ -148,7 +152,8 @@ def measured(kind: str, model: str, sensors: int, runs: int, seed: int) -> Marke
     number = TARGET_TYPES.index(kind)
     truth = flights(kind, runs, seed)
     chance = chances[number]
-    track, rays = lines_of_sight(truth, sigma_rad, seed, sensors=sensors, period_s=period_s, chance=chance)
+    seeing: dict[str, Any] = {"sensors": sensors, "period_s": period_s, "chance": chance}
+    track, rays = lines_of_sight(truth, sigma_rad, seed, **seeing, hidden_s=hidden(truth, seed))
     watch = watch_of(sensors, period_s, chance)
     prior = PRIORS.take([number])
     fitting, bank, marked, cut = Fitting(prior, watch, True), Bank.empty(sensors), Marked(), 0
@@ -159,7 +164,7 @@ def measured(kind: str, model: str, sensors: int, runs: int, seed: int) -> Marke
         bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
         known = with_true_rows(known, track[cut:end], rays.take(slice(cut, end)))
         cut = end
-        marks = marks_at(truth, bank.seen, float(tick)) if len(bank.seen.track) == runs else np.full(runs, -1)
+        marks = marks_at(truth, bank.seen, float(tick))
         for mark in np.unique(marks[marks >= 0]).tolist():
             chosen = np.flatnonzero(marks == mark)
             marked.put(mark, *figures(known.take(chosen), bank, fitting, float(tick)))

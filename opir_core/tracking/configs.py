@@ -211,7 +211,7 @@ def _prior(*values: float) -> BoostPriorConfig:
 
 @frozen(kw_only=True)
 class BoostPriorsConfig:
-    """The priors of the classes."""
+    """The priors of the classes, and of when a boost is seen first, whatever its class."""
 
     ICBM: BoostPriorConfig = nested(
         default=_prior(206.0, 0.2, 6800.0, 0.06, 1.8, 0.25, 0.525, 0.15, 0.048, 0.3, 64.0, 5.0), help="intercontinental"
@@ -221,6 +221,14 @@ class BoostPriorsConfig:
     )
     SRBM: BoostPriorConfig = nested(
         default=_prior(65.0, 0.2, 1600.0, 0.3, 0.95, 0.2, 0.85, 0.15, 0.09, 0.3, 48.0, 6.0), help="short range"
+    )
+    hidden_s: float = number(
+        default=15.0,
+        unit="s",
+        minimum=1.0,
+        maximum=100.0,
+        source="at 15 m/s² two in three come out by a height of 1.7 km, 95 % by 7 km; notional",
+        help="how long clouds hide a boost at first: that times the size of a standard normal number",
     )
 
 

@@ -47,7 +47,7 @@ def test_the_family_holds_the_class_profiles(profile):
                 profile.speed_shape,
                 profile.pitch_exponent,
                 profile.pitch_start_s / profile.burn_time_s,
-                *np.ones(9),
+                *np.ones(8),
             ]
         )[:, None]
     )

@@ -65,11 +65,20 @@ def _drawn(rng, number, count):
     )
 
 
-def lines_of_sight(truth, sigma_rad, seed, *, sensors=2, period_s=0.25, chance=0.7, biases_rad=0.0):
-    """Return tracks and rays, by time, of like sensors whose biases are drawn for each flight."""
+def hidden(truth, seed):
+    """Return how long (n,) flights are hidden at first, s: draws from their types' prior."""
+    return PRIORS.hidden_s[truth.kind] * np.abs(np.random.default_rng(2000 + seed).normal(size=len(truth)))
+
+
+def lines_of_sight(truth, sigma_rad, seed, *, sensors=2, period_s=0.25, chance=0.7, biases_rad=0.0, hidden_s=0.0):
+    """Return tracks and rays, by time, of like sensors whose biases are drawn for each flight.
+
+    Nothing is seen of a flight for the first `hidden_s` (n,), or for all alike: clouds.
+    """
     rng = np.random.default_rng(1000 + seed)
     family = fit.family_of(truth, PRIORS)
     count, parts, tracks = len(truth), [], []
+    clear_s = family.start_s + hidden_s
     looks = period_s * np.arange(1, int(family.burnout_s.max() / period_s) + 4)
     for sensor, slot in enumerate(SLOTS_RAD[:sensors]):
         origin = GEO_M * np.array([np.cos(slot), np.sin(slot), 0.0])
@@ -82,7 +91,7 @@ def lines_of_sight(truth, sigma_rad, seed, *, sensors=2, period_s=0.25, chance=0
             held = np.clip(left_s, family.start_s[track], family.burnout_s[track])
             line = _position(family, track, held) - origin
             left_s = time_s - np.linalg.norm(line, axis=1) / SPEED_OF_LIGHT_M_S
-        seen = (left_s > family.start_s[track]) & (left_s < family.burnout_s[track])
+        seen = (left_s > clear_s[track]) & (left_s < family.burnout_s[track])
         track, time_s, line = track[seen], time_s[seen], line[seen]
         rays = Rays(
             time_s,

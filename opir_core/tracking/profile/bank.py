@@ -13,6 +13,7 @@ from opir_core.tracking.profile.fit import Hypotheses, Solved
 from opir_core.tracking.profile.hypotheses import joined
 from opir_core.tracking.profile.rows import SPAN_S, Rows, axes_about, compressed, means, normal_points
 from opir_core.tracking.profile.seen import Seen
+from opir_core.tracking.profile.start import started
 from opir_core.tracking.profile.strain import Bank, strained
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.watch import Watch
@@ -191,6 +192,7 @@ class Fitting:
     def _settled(self, hypotheses: Hypotheses, family: Family, seen: Seen, tick_s: float) -> Hypotheses:
         """Return the hypotheses at the solutions of their normal equations, given when their burns may end."""
         solution = fit.solved(hypotheses, self.priors, self.watch.bias_sigma_rad)
+        solution = started(hypotheses, solution, self.priors, seen)
         solution, end = self._ended(hypotheses, solution, family, seen, tick_s)
         return evolve(
             hypotheses,
@@ -209,7 +211,7 @@ class Fitting:
         slope[:, START], slope[:, BURN] = 1.0 / family.courses.burn_s, 1.0
         away = solution.parameters - hypotheses.parameters
         mean = np.log(family.courses.burn_s) + np.sum(slope * away, axis=1)
-        spread = solution.spread * solution.misfit[:, None, None]
+        spread = solution.spread
         gain = np.sum(spread * slope[:, None], axis=2)
         variance = np.sum(gain * slope, axis=1)
         silence = seen.of(hypotheses.track).silence(hypotheses.kind, tick_s, self.watch)

@@ -137,8 +137,8 @@ def _gauss_rule(value: FloatArray, share: FloatArray) -> tuple[FloatArray, Float
 def _seen(log: FloatArray, silence: Silence, end: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the logarithms of shares (n, places) of ends, from those the fit has, and of their sums (n,).
 
-    A sensor that may have stopped to see lets a burn go on for as long as the fit leaves open: a tail so far off that it
-    outweighs all the rest in the variance, however small its chance. As any hypothesis it is left out if improbable.
+    A sensor that may have stopped to see lets a burn go on for as long as the fit leaves open: a tail so far off that
+    it outweighs all the rest in the variance, however small its chance. As any hypothesis it is left out if improbable.
     """
     told = [_log_silence(silence, sensor, end) for sensor in range(silence.last_s.shape[1])]
     whole, total = _normalised(log + sum(each for each, _ in told))

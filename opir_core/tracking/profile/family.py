@@ -53,9 +53,8 @@ __all__ = (
     "Priors",
 )
 
-#: Standard deviations of the prior of place, m, and start, s: the anchor is below the first line of sight.
+#: The standard deviation of the prior of place, m: the anchor is below the first line of sight.
 PLACE_SIGMA_M = 50e3
-START_SIGMA_S = 15.0
 
 #: The vague prior of each component of the turn, rad.
 VAGUE_TURN_RAD = 2.0
@@ -69,7 +68,10 @@ RADIUS_M = 6.371e6
 
 @frozen(eq=False)
 class Priors(Columns):
-    """Priors of n hypotheses, (n,) each: medians, and standard deviations of logarithms; the turn's is in rad."""
+    """Priors of n hypotheses, (n,) each: medians, and standard deviations of logarithms; the turn's is in rad.
+
+    `hidden_s` is for how long boosts are not seen at first (`start`).
+    """
 
     burn_s: FloatArray
     speed_m_s: FloatArray
@@ -83,11 +85,12 @@ class Priors(Columns):
     pitch_sigma: FloatArray
     lift_sigma: FloatArray
     turn_sigma_rad: FloatArray
+    hidden_s: FloatArray
 
     def information(self) -> FloatArray:
         """Return the diagonals (n, 10) of what is linear in natural parameters; the turn's length is not."""
         sigma = np.ones((len(self.burn_s), SIZE))
-        sigma[:, [EAST, NORTH]], sigma[:, START] = PLACE_SIGMA_M, START_SIGMA_S
+        sigma[:, [EAST, NORTH]], sigma[:, START] = PLACE_SIGMA_M, self.hidden_s
         sigma[:, [TURN_EAST, TURN_NORTH]] = VAGUE_TURN_RAD
         sigma[:, SPEED], sigma[:, BURN], sigma[:, SHAPE] = self.speed_sigma, self.burn_sigma, self.shape_sigma
         sigma[:, PITCH], sigma[:, LIFT] = self.pitch_sigma, self.lift_sigma

@@ -42,6 +42,14 @@ def with_priors(
     normal += (share[:, None] * by_length)[:, :, None] * by_length[:, None]
     right += (share * missing)[:, None] * by_length
     constant += share * missing * missing
+    # Farther out than the class's length, as windows beyond it are, headings are told apart: the ring bends away.
+    bend = share * np.maximum(1.0 - prior.turn_rad / length, 0.0)
+    aside = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    by_heading = np.sum(aside[:, :, None] * slope[:, [TURN_EAST, TURN_NORTH]], axis=1)
+    middle = np.sum(by_heading * here, axis=1)
+    normal += (bend[:, None] * by_heading)[:, :, None] * by_heading[:, None]
+    right += (bend * middle)[:, None] * by_heading
+    constant += bend * middle * middle
     # Every heading alike: the density in the plane is that of the length over the length; the lean's over its share.
     crowding = np.where(bent, 1.0 / length, 0.0)[:, None] * by_length
     crowding[:, [BURN, PITCH, LIFT]] += 2.0 * found.lean_slope

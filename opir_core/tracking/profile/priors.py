@@ -28,6 +28,7 @@ def priors_of(config: BoostPriorsConfig) -> Priors:
                 prior.pitch_sigma,
                 prior.start_sigma,
                 math.radians(prior.turn_sigma_deg),
+                config.hidden_s,
             )
         )
     return Priors(*np.array(rows, dtype=np.float64).T)

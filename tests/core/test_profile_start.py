@@ -1,0 +1,97 @@
+"""When a boost started, of `boost-profile`: against integrals, and what a fit makes of the first light."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from attrs import evolve
+from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
+from scipy.integrate import quad
+from scipy.stats import halfnorm, norm
+
+from opir_core.scene import TARGET_TYPES
+from opir_core.tracking.profile import fit
+from opir_core.tracking.profile.bank import Fitting
+from opir_core.tracking.profile.family import START, TURN_EAST, TURN_NORTH
+from opir_core.tracking.profile.hypotheses import probability
+from opir_core.tracking.profile.prior_squares import with_priors
+from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.start import starts_of
+from opir_core.tracking.profile.strain import Bank
+
+
+@pytest.mark.parametrize(
+    ("mean", "sigma", "first", "hidden_s"),
+    [
+        (-3.0, 2.0, 1.0, 15.0),
+        (0.9, 0.1, 1.0, 15.0),
+        (1.3, 0.1, 1.0, 15.0),
+        (2.5, 1.0, 1.0, 3.0),
+        (-20.0, 1.0, 1.5, 15.0),
+        (0.0, 14.99, 1.0, 15.0),
+        (3.0, 0.2, 0.2, 15.0),
+    ],
+)
+def test_a_start_is_before_the_first_light_by_a_half_normal_time(mean, sigma, first, hidden_s):
+    found = starts_of(*(np.array([value]) for value in (mean, sigma**2, first, hidden_s)))
+
+    def height(s):
+        prior = norm.pdf(s, 0.0, hidden_s)
+        return norm.pdf(s, mean, sigma) / prior * (0.99 * halfnorm.pdf(first - s, scale=hidden_s) + 0.01 * prior)
+
+    edges = np.unique([*np.linspace(mean - 12.0 * sigma, mean + 12.0 * sigma, 25), first])
+    spans = list(pairwise(edges))
+    whole, once, twice = (sum(quad(lambda s, n=n: s**n * height(s), *span)[0] for span in spans) for n in range(3))
+    assert found.evidence[0] == pytest.approx(np.log(whole), abs=1e-4)
+    assert found.mean[0] == pytest.approx(once / whole, abs=1e-3 * sigma)
+    assert found.variance[0] == pytest.approx(twice / whole - (once / whole) ** 2, rel=1e-3)
+
+
+def launches(kind, runs, seed, ticks, hidden_s):
+    """Return the times of the first light of flights that one sensor sees, and what is told of them after ticks."""
+    truth = flights(kind, runs, seed)
+    track, rays = lines_of_sight(truth, 5e-5, seed, sensors=1, period_s=0.2, chance=0.5, hidden_s=hidden_s)
+    priors = PRIORS.take([TARGET_TYPES.index(kind)])
+    fitting, bank, cut = Fitting(priors, watch_of(1, 0.2, 0.5), True), Bank.empty(1), 0
+    for tick in range(1, ticks + 1):
+        end = int(np.searchsorted(rays.time_s, tick))
+        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
+        cut = end
+    told = report(bank.hypotheses, probability(bank.hypotheses), float(ticks), priors, "kepler", np.inf)
+    return np.min(bank.seen.first_s, axis=1), told
+
+
+def test_no_start_is_told_after_the_first_light():
+    first_s, told = launches("IRBM", 20, 3, 20, 0.0)
+    assert (told.launch[:, 2] < first_s).all()
+
+
+def test_starts_of_flights_that_clouds_hid_as_the_prior_has_it_are_told_as_surely_as_they_are_known():
+    truth = flights("IRBM", 30, 8)
+    _, told = launches("IRBM", 30, 8, 40, hidden(truth, 8))
+    assert len(told) > 25
+    away = told.launch[:, 2] - fit.family_of(truth, PRIORS).start_s[told.track]
+    values = np.square(away) / told.launch_covariance[:, 2, 2]
+    assert abs(values.mean() - 1.0) < 3.3 * np.sqrt(2.0 / len(values))
+
+
+def test_a_lean_beyond_its_class_tells_headings_apart_as_the_ring_about_it_bends():
+    number = TARGET_TYPES.index("ICBM")
+    prior = PRIORS.take([number])
+    turn, sigma = float(prior.turn_rad[0]), float(prior.turn_sigma_rad[0])
+    for share in (0.9, 1.1, 1.3):
+        there = evolve(fit.blank(1, 1), kind=np.array([number]), is_bent=np.ones(1, dtype=np.int64))
+        x = there.parameters.copy()
+        lean = fit.natural(x, prior).lean
+        x[:, TURN_NORTH] = share * turn * lean
+        normal, right, _, _ = with_priors(evolve(there, parameters=x), prior, np.zeros((1, 10, 10)), np.zeros((1, 10)))
+        step = 1e-4
+
+        def square(aside, share=share):
+            return 0.5 * (np.hypot(share * turn, aside) - turn) ** 2 / sigma**2
+
+        bend = (square(step) - 2.0 * square(0.0) + square(-step)) / step**2
+        expected = (1.0 / 4.0 + max(bend, 0.0)) / lean[0] ** 2
+        assert normal[0, TURN_EAST, TURN_EAST] == pytest.approx(expected, rel=1e-4)
+        assert right[0, TURN_EAST] == pytest.approx(0.0, abs=1e-9)
+        assert normal[0, START, START] == pytest.approx(1.0 / prior.hidden_s[0] ** 2)
