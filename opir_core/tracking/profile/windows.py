@@ -30,8 +30,15 @@ _LATER = np.linspace(-3.2, 3.2, 9)
 #: Windows wider than so many of the posterior's standard deviations are laid anew.
 _WIDE = 1.0
 
+#: Windows are laid anew where one that is not there would hold more than this: ten times what is given up.
+_MISSED = 0.01
+
 #: A ridge bent by less than this share of its width, one standard deviation off, is straight.
 _STRAIGHT = 0.15
+
+#: A ridge whose arc leaves its tangent by more than this share of its width across, one standard deviation off, may
+#: bend yet as it gets narrower: what lies along leans as far, on a circle about the vertical.
+_ARC = 0.5
 
 _LEAN = slice(TURN_EAST, TURN_NORTH + 1)
 
@@ -79,7 +86,8 @@ class _Ridges(NamedTuple):
     """Groups of hypotheses of a track and class that have windows: which is whose, and how their sums lie.
 
     `group` (n,) and `share` (n,) in it; by group (g,) the line (g, 2), the mean and standard deviation along it, and
-    over that the width of windows.
+    over that the width of windows; `arc` is by how much a circle about the vertical leaves its tangent one standard
+    deviation off, over the width of parts across.
     """
 
     group: IntArray
@@ -88,6 +96,7 @@ class _Ridges(NamedTuple):
     mean: FloatArray
     sigma: FloatArray
     width: FloatArray
+    arc: FloatArray
 
     @classmethod
     def of(cls, hypotheses: Hypotheses) -> "_Ridges":
@@ -97,12 +106,19 @@ class _Ridges(NamedTuple):
         lean = hypotheses.parameters[:, _LEAN]
         mean = np.stack([np.bincount(group, share * lean[:, i]) for i in range(2)], axis=1)
         apart = lean - mean[group]
-        parts = hypotheses.spread[:, _LEAN, _LEAN] + apart[:, :, None] * apart[:, None]
-        whole = np.stack([np.bincount(group, share * parts[:, i, j]) for i in (0, 1) for j in (0, 1)], axis=1)
-        value, axes = np.linalg.eigh(whole.reshape(-1, 2, 2))
+        within = _averaged(hypotheses.spread[:, _LEAN, _LEAN], share, group)
+        value, axes = np.linalg.eigh(within + _averaged(apart[:, :, None] * apart[:, None], share, group))
         along, sigma = axes[:, :, 1], np.sqrt(np.maximum(value[:, 1], 1e-18))
         width = np.bincount(group, share / np.sqrt(hypotheses.window[:, 3]))
-        return cls(group, share, along, np.sum(mean * along, axis=1), sigma, width / sigma)
+        across = np.sqrt(np.maximum(np.linalg.eigvalsh(within)[:, 0], 1e-18))
+        arc = 0.5 * np.square(sigma) / (across * np.maximum(np.hypot(mean[:, 0], mean[:, 1]), 1e-9))
+        return cls(group, share, along, np.sum(mean * along, axis=1), sigma, width / sigma, arc)
+
+
+def _averaged(matrices: FloatArray, share: FloatArray, group: IntArray) -> FloatArray:
+    """Return the means (g, 2, 2) of matrices (n, 2, 2) that have shares (n,) in groups (n,)."""
+    entries = [np.bincount(group, share * matrices[:, i, j]) for i in (0, 1) for j in (0, 1)]
+    return np.asarray(np.stack(entries, axis=1).reshape(-1, 2, 2), dtype=np.float64)
 
 
 def anew(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
@@ -161,12 +177,34 @@ def laid(hypotheses: Hypotheses) -> tuple[Hypotheses, BoolArray]:
         return hypotheses, narrow
     seen, rest = hypotheses.take(narrow), hypotheses.take(~narrow)
     ridges = _Ridges.of(seen)
-    wide = ridges.width > _WIDE
+    wide = (ridges.width > _WIDE) | (_left_out(seen, ridges) > _MISSED)
     again = _relaid(seen, ridges, np.flatnonzero(wide))
     kept = seen.take(~wide[ridges.group])
     parts = [rest, kept, again]
     every = Hypotheses.concatenate(parts)
     return every, np.repeat([False, False, True], [len(part) for part in parts])
+
+
+def _left_out(hypotheses: Hypotheses, ridges: _Ridges) -> FloatArray:
+    """Return how much (g,) the next window beyond either end of ridges would hold, were it there.
+
+    Of evenly spaced windows on a normal distribution the shares' logarithms lie on a parabola, of which the last two at
+    an end and the widths tell the next. Windows that cover a whole circle of leans, twice, end where that ends.
+    """
+    place, group = hypotheses.window[:, 2], ridges.group
+    found = np.zeros(len(ridges.mean))
+    twice = np.zeros(len(ridges.mean), dtype=np.bool_)
+    bend = np.exp(-np.square(SPACING * ridges.width) / (1.0 + np.square(ridges.width)))
+    for order in (np.lexsort((place, group)), np.lexsort((-place, group))):
+        last = np.flatnonzero(np.append(True, np.diff(group[order]) != 0))
+        last = last[np.bincount(group)[group[order[last]]] > 1]
+        end, inner = order[last], order[last + 1]
+        share = np.square(ridges.share[end]) / ridges.share[inner] * bend[group[end]]
+        np.maximum.at(found, group[end], share)
+    order = np.lexsort((place, group))
+    same = (np.diff(group[order]) == 0) & (np.diff(place[order]) == 0.0)
+    twice[group[order[1:]][same]] = True
+    return np.where(twice, 0.0, found)
 
 
 def _relaid(hypotheses: Hypotheses, ridges: _Ridges, wide: IntArray) -> Hypotheses:
@@ -194,7 +232,7 @@ def straightened(hypotheses: Hypotheses) -> tuple[Hypotheses, BoolArray]:
         return hypotheses, narrow
     seen, rest = hypotheses.take(narrow), hypotheses.take(~narrow)
     ridges = _Ridges.of(seen)
-    straight = (_bends(seen, ridges) < _STRAIGHT) & (ridges.width < 1.2 * _WIDE)
+    straight = (_bends(seen, ridges) < _STRAIGHT) & (ridges.arc < _ARC) & (ridges.width < 1.2 * _WIDE)
     order = np.lexsort((-seen.evidence, ridges.group))
     first = order[np.append(True, np.diff(ridges.group[order]) != 0)]
     lone = seen.take(first[straight])

@@ -1,0 +1,82 @@
+"""Windows through which `boost-profile` sees a lean: when they are laid anew, and when their sum is one hypothesis."""
+
+import numpy as np
+import pytest
+from attrs import evolve
+from profile_flights import PRIORS
+
+from opir_core.tracking.profile import fit
+from opir_core.tracking.profile.family import TURN_EAST, TURN_NORTH
+from opir_core.tracking.profile.hypotheses import GIVEN_UP, probability
+from opir_core.tracking.profile.prior_squares import SPACING
+from opir_core.tracking.profile.windows import laid, straightened, windowed
+
+#: The lean of all ridges here, rad, and how well it is known along them.
+LEAN_RAD, ALONG_RAD = 0.7, 0.1
+
+
+def ridge(width, across_rad, middles=range(-8, 9)):
+    """Return hypotheses through windows on a lean that is normal and straight: to the north, known east and west.
+
+    `width` is that of windows over `ALONG_RAD`, and `middles` where they lie, over their distance.
+    """
+    window = width * ALONG_RAD
+    place = window * SPACING * np.array([*middles], dtype=float)
+    count, known = len(place), np.array([50.0, 50.0, 0.5, 1.0, across_rad, 0.02, 0.05, 0.05, 0.1, 0.2])
+    through = np.column_stack([np.ones(count), np.zeros(count), place, np.full(count, window**-2)])
+    return settled(
+        evolve(
+            fit.blank(count, 1),
+            spread=np.tile(np.diag(np.square(known)), (count, 1, 1)),
+            window=through,
+            is_bent=np.ones(count, dtype=np.int64),
+            kind=np.ones(count, dtype=np.int64),
+        )
+    )
+
+
+def settled(hypotheses):
+    """Return hypotheses with the moments and the evidence of the normal curve times their windows, where not given up.
+
+    What lies along is east of where the mean is, whichever way the line was laid.
+    """
+    place, window = hypotheses.window[:, 2] * np.sign(hypotheses.window[:, 0]), 1.0 / hypotheses.window[:, 3]
+    whole = ALONG_RAD**2 + window
+    parameters, spread = np.zeros_like(hypotheses.parameters), hypotheses.spread.copy()
+    parameters[:, TURN_EAST], parameters[:, TURN_NORTH] = place * ALONG_RAD**2 / whole, LEAN_RAD
+    spread[:, TURN_EAST, TURN_EAST] = ALONG_RAD**2 * window / whole
+    found = evolve(hypotheses, parameters=parameters, spread=spread, evidence=-0.5 * place**2 / whole)
+    return found.take(np.flatnonzero(probability(found) > GIVEN_UP))
+
+
+@pytest.mark.parametrize("width", [0.5, 0.7, 0.9])
+def test_windows_that_hold_a_whole_ridge_stay_as_they_are(width):
+    whole = ridge(width, 0.05)
+    again, fresh = laid(whole)
+    assert not fresh.any()
+    assert np.array_equal(again.window, whole.window)
+
+
+@pytest.mark.parametrize("width", [0.5, 0.7, 0.9])
+@pytest.mark.parametrize("side", [1, -1])
+def test_windows_are_laid_anew_where_one_that_is_not_there_would_hold_much(width, side):
+    half = ridge(width, 0.05, [side * step for step in range(-8, 1)])
+    again, fresh = laid(half)
+    assert fresh.all()
+    again, _ = laid(settled(again))
+    assert np.max(side * again.window[:, 2] * np.sign(again.window[:, 0])) > 2.0 * ALONG_RAD
+
+
+def test_a_lean_in_every_heading_ends_where_its_circle_does():
+    straight = evolve(fit.blank(1, 1), kind=np.array([2]), spread=np.diag([1.0] * 3 + [1.0, 0.1] + [1.0] * 5)[None])
+    split = windowed(straight, PRIORS)
+    # All that is likely lies at one end of the line.
+    there = evolve(split, evidence=-np.abs(split.window[:, 2] - split.window[:, 2].max()) / 0.1)
+    assert not laid(there)[1].any()
+
+
+def test_a_ridge_is_not_taken_for_straight_where_it_is_narrow_for_its_arc():
+    # The circle of leans leaves its tangent by 7 mrad one standard deviation off.
+    wide, narrow = (straightened(ridge(0.7, across_rad))[0] for across_rad in (0.05, 0.005))
+    assert wide.window[:, 3].tolist() == [0.0]
+    assert len(narrow) == len(ridge(0.7, 0.005))
