@@ -12,10 +12,8 @@ from opir_core.engine import Engine
 from opir_core.errors import SceneError
 from opir_core.events.forge import ForgeEncoder
 from opir_core.live import running
-from opir_core.live.broadcast import Viewer
 from opir_core.live.drafting import Draft, RestartError, drafted_launch, drafted_settings
 from opir_core.live.growth import without_those_over
-from opir_core.live.pace import Pace
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.live.turns import BusyError, PastError, RefusedError
 from opir_core.plan import Plan, compile_plan
@@ -234,29 +232,6 @@ def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Hos
     assert all((part == 1.0).all() for part in confident)
     assert launched.target_id in run.plan.targets.ids
     assert run.settings_mapping()["confidence"] == {"model": "always"}
-
-
-def test_a_slow_viewer_loses_the_oldest_and_knows_how_many() -> None:
-    viewer: Viewer[int] = Viewer(3)
-    for number in range(10):
-        viewer.put(number)
-    assert [viewer.take(0.0) for _ in range(4)] == [7, 8, 9, None]
-    assert viewer.dropped == 7
-    viewer.close()
-    assert viewer.is_over
-
-
-def test_a_run_that_is_behind_takes_more_in_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    moment = [10 * NS]
-    monkeypatch.setattr(time, "monotonic_ns", lambda: moment[0])
-    pace = Pace(2.0, 50_000_000)
-    pace.start()
-    assert pace.step_ns(0) == 100_000_000
-    moment[0] += NS // 2
-    assert pace.late_ns(NS) == 0
-    assert pace.step_ns(NS // 2) == 500_000_000
-    moment[0] += 100 * NS
-    assert pace.step_ns(NS) == 20 * 100_000_000
 
 
 UNTIMED = {"type": "SRBM", "launch": {"lat_deg": 22.0, "lon_deg": -160.0}, "aim": {"lat_deg": 24.0, "lon_deg": -158.0}}

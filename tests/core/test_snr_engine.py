@@ -1,73 +1,23 @@
-"""The model `snr` in the engine: the formula, noise at its rate, bounds on what is interpolated, and no dependence."""
+"""The model `snr` in the engine: noise at its rate, what a window costs, calibration, and no dependence."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-from attrs import evolve, fields
-from scipy.special import ndtr
+from attrs import fields
 from scipy.stats import chi2, norm, poisson, spearmanr
+from snr_scene import DSP, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
 from opir_core import exceedances
 from opir_core.detection import snr
 from opir_core.detection.gate_density import GateDensity
 from opir_core.engine import Engine
-from opir_core.errors import ModelError
-from opir_core.knots import Knots
-from opir_core.looks import Looks, exposures
 from opir_core.randomness import Reader
-from opir_core.records import Detections, DetectionTruth, Window
+from opir_core.records import Detections, DetectionTruth
 from opir_core.responses import Response
 from opir_core.scenery import REFERENCE_ALTITUDE_M
-from opir_core.sites import Sites
-from opir_core.weaving import SIGNAL_SHARE, SIGNAL_SIGMA
-
-LAUNCHES = (
-    {"id": "I", "type": "ICBM", "lat": 5.0, "lon": -150.0, "at": 3.0, "aim": (-50.0, -110.0)},
-    {"id": "R", "type": "IRBM", "lat": -3.0, "lon": -140.0, "at": 5.0, "aim": (-28.0, -170.0)},
-    {"id": "S", "type": "SRBM", "lat": 2.0, "lon": -135.0, "at": 4.0, "aim": (5.4, -132.0)},
-)
-DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0}
-SBIRS = {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0}
-NEXTGEN = {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -120.0, "scan_period_ms": 100.0}
-
-
-def scene(sensors: Sequence[Any] = (DSP, SBIRS, NEXTGEN), names: str = "IRS", **changes: Any) -> opir.Scene:
-    targets = [
-        {
-            "id": row["id"],
-            "type": row["type"],
-            "launch": {"lat_deg": row["lat"], "lon_deg": row["lon"], "time_s": row["at"]},
-            "aim": {"lat_deg": row["aim"][0], "lon_deg": row["aim"][1]},
-        }
-        for row in LAUNCHES
-        if row["id"] in names
-    ]
-    mapping = {
-        "scene": "light",
-        "epoch": "2026-04-01T12:00:00Z",
-        "duration_s": 60,
-        "seed": 5,
-        "sensors": list(sensors),
-        "targets": targets,
-        "detection": {"model": "snr"},
-        "outputs": [],
-    }
-    return opir.scene_from_mapping({**mapping, **changes})
-
-
-def windows_of(plan: Any, edges_s: Sequence[float]) -> list[Window]:
-    engine = Engine(plan)
-    return [engine.advance(round(edge * 1e9)) for edge in edges_s]
-
-
-def joined(windows: Sequence[Window]) -> tuple[Detections, DetectionTruth]:
-    return (
-        Detections.concatenate(window.detections for window in windows),
-        DetectionTruth.concatenate(window.truth for window in windows),
-    )
 
 
 def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = ()) -> None:
@@ -135,75 +85,6 @@ def test_noise_is_spread_uniformly_over_the_field_of_regard(
     )
     turns = (turns + np.pi) / (2.0 * np.pi)
     assert np.max(np.abs(turns - (np.arange(len(turns)) + 0.5) / len(turns))) < 1.95 / np.sqrt(len(turns))
-
-
-SKIES = {
-    "empty space": {},
-    "air": {"atmosphere": "lowtran", "background": "earth"},
-    "cloud": {"atmosphere": {"model": "lowtran", "climate": "tropical", "cloud": {"top_km": 9.0, "cover": 0.5}}},
-}
-
-
-@pytest.mark.parametrize("sky", SKIES)
-@pytest.mark.parametrize("calibrate", ["none", "paper"])
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-6])
-def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, calibrate: str, tolerance: float) -> None:
-    chosen = {"model": "snr", "calibrate": calibrate, "probability_tolerance": tolerance}
-    near = opir.compile_plan(scene(detection=chosen, duration_s=220, **SKIES[sky]))
-    engine, looks = Engine(near), Looks.between(near.pairs, 0, near.end_ns)
-    assert engine._knots is not None
-    spans = engine._knots.over(looks)
-    exposed = exposures(near, Sites.of(near.sensors), looks.pair, looks.scan, geometry=True)
-    exact = near.detection.response(exposed)
-    probability = spans.probability()
-    assert np.abs(probability - ndtr(exact.probit)).max() <= tolerance
-    # Signals are held midway between knots: where something is seen, hardly any is off by more than is said.
-    shared, seen = spans.response(np.arange(len(looks.scan))), probability > 1e-7
-    off = np.abs(shared.snr - exact.snr)[seen] / np.maximum(SIGNAL_SHARE * exact.snr, SIGNAL_SIGMA)[seen]
-    assert np.mean(off <= 1.0) > 0.998
-    assert off.max() < 3.0
-    assert len(engine._knots.at[0]) < {1e-2: 0.25, 1e-4: 0.4, 1e-6: 0.8}[tolerance] * len(looks.pair)
-
-
-def test_without_word_of_its_kinks_a_model_is_held_to_the_tolerance_too() -> None:
-    chosen = {"model": "snr", "calibrate": "paper"}
-    near = opir.compile_plan(scene(detection=chosen, duration_s=220, atmosphere="lowtran", background="earth"))
-    mute = evolve(near, detection=_Mute(near.detection))
-    looks = Looks.between(near.pairs, 0, near.end_ns)
-    exposed = exposures(near, Sites.of(near.sensors), looks.pair, looks.scan, geometry=True)
-    exact = ndtr(near.detection.response(exposed).probit)
-    knots = [Knots.of(plan, Sites.of(plan.sensors), 1e-4) for plan in (near, mute)]
-    for each in knots:
-        assert np.abs(each.over(looks).probability() - exact).max() <= 1e-4
-    assert len(knots[0].at[0]) < len(knots[1].at[0])
-
-
-class _Mute:
-    """A model that keeps its kinks to itself."""
-
-    def __init__(self, model: Any) -> None:
-        self.probability_tolerance, self.response = model.probability_tolerance, model.response
-        self.measure_response = model.measure_response
-
-
-def test_detections_follow_the_formula_in_bins_of_signal() -> None:
-    plan = opir.compile_plan(scene([DSP], "IR", detection={"model": "snr", "exact": True}, duration_s=200))
-    looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair, looks.scan, geometry=True)
-    chance = plan.detection.probability(exposed)
-    margin = plan.detection.response(exposed).snr[:, 0] - 5.0
-    assert np.allclose(chance, ndtr(margin), rtol=1e-12)
-    bins = np.digitize(chance, np.linspace(0.0, 1.0, 21)[1:-1])
-    hits, expected, spread = np.zeros(20), np.zeros(20), np.zeros(20)
-    for seed in range(12):
-        engine = Engine(evolve(plan, scene=evolve(plan.scene, seed=seed)))
-        truth = joined([engine.advance(plan.end_ns)])[1]
-        found = truth.probability[truth.target >= 0]
-        hits += np.bincount(np.digitize(found, np.linspace(0.0, 1.0, 21)[1:-1]), minlength=20)
-        expected += np.bincount(bins, chance, minlength=20)
-        spread += np.bincount(bins, chance * (1.0 - chance), minlength=20)
-    # 99.9 % over all bins together: 4.06 deviations each, and a count for the discreteness.
-    assert np.all(np.abs(hits - expected) <= 4.06 * np.sqrt(spread) + 1.0)
 
 
 def test_a_window_reads_each_pair_once_a_purpose_makes_few_generators_and_lays_no_panels_to_measure(
@@ -335,36 +216,3 @@ def test_residuals_are_as_wide_as_they_say(plan: Any) -> None:
     assert np.ptp(found.line_of_sight_sigma_rad) > 1e-7
     assert np.max(np.abs(ordered - (np.arange(count) + 0.5) / count)) < 1.95 / np.sqrt(count)
     assert np.allclose(found.line_of_sight_sigma_rad, np.hypot(50e-6, 56e-6 / found.snr), rtol=1e-12, atol=0.0)
-
-
-@pytest.mark.parametrize("nei", [0.0, 1e-30, 1.0, 1e6])
-def test_no_noise_and_enormous_noise_stay_in_bounds(nei: float) -> None:
-    sensor = {**NEXTGEN, "nei_w_m2": nei, "threshold_sigma": 9.0}
-    plan = opir.compile_plan(scene([sensor], "I", atmosphere="lowtran"))
-    found, truth = joined(windows_of(plan, [60.0]))
-    chance = truth.probability[truth.target >= 0]
-    assert np.all((chance >= 0.0) & (chance <= 1.0))
-    assert np.all(np.isfinite(found.snr))
-    assert (len(found) == 0) == (nei >= 1.0)
-
-
-def test_a_nei_in_w_cm2_is_converted_once() -> None:
-    per_m2, per_cm2 = ({**DSP, "id": "D", key: value} for key, value in (("nei_w_m2", 2e-12), ("nei_w_cm2", 2e-16)))
-    one, other = (
-        joined(windows_of(opir.compile_plan(scene([sensor], "I")), [60.0]))[0] for sensor in (per_m2, per_cm2)
-    )
-    assert np.array_equal(one.time_ns, other.time_ns)
-
-
-def test_a_sensor_that_says_nothing_of_light_is_refused() -> None:
-    plan = opir.compile_plan(scene([DSP], "I"))
-    mute = evolve(plan.sensors[0], radiometer=None)
-    from opir_core.detection.configs import SnrConfig
-    from opir_core.detection.snr import snr_detection
-    from opir_core.protocols import ModelContext
-
-    context = ModelContext(
-        sensors=(mute,), target_type_code=plan.targets.type_code, make_scenery=lambda: plan.detection.scenery
-    )
-    with pytest.raises(ModelError, match="does not say how it measures light"):
-        snr_detection(SnrConfig(), context)

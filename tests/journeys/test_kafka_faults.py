@@ -5,12 +5,10 @@ arrival, what is there twice is there unchanged. Scenarios that have to spoil th
 run against any broker that KAFKA_BOOTSTRAP names.
 """
 
-import json
 import random
 import signal
 import threading
 import time
-from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,20 +16,27 @@ from typing import Any
 import kafka_stand
 import pytest
 from doomed import killed_at_random
-from kafka_stand import INIT_PRODUCER_ID, METADATA, PRODUCE, dead_address, kafka_sink, messages
+from kafka_stand import (
+    INIT_PRODUCER_ID,
+    METADATA,
+    PRODUCE,
+    brief,
+    closed,
+    dead_address,
+    examine,
+    kafka_sink,
+    messages,
+)
 from opir_kafka.failures import FATAL_CODES
-from spool_stand import ENCODER, SENSORS, fill, window
+from spool_stand import SENSORS, fill, window
 
 from opir_core.errors import SinkError
 from opir_core.protocols import Delivery
 from opir_core.pump import Outlets
-from opir_core.spool.dispatch import Policy
 
 #: Codes that the protocol's table gives for taking messages and that may pass. 46 (DUPLICATE_SEQUENCE_NUMBER) is not
 #: among them: it says that the message is there.
 PASSING_CODES = (-1, 2, 3, 5, 6, 7, 8, 9, 13, 14, 15, 16, 19, 20, 41, 45, 47, 49, 51, 56, 59, 72, 74, 75, 89)
-#: What closing may take: the policy's stall, the goodbyes of a connection, and a slow machine.
-CLOSE_S = 8.0 + 6.0
 
 
 @pytest.fixture(scope="module")
@@ -56,31 +61,6 @@ def mock(broker: Any) -> Any:
 @pytest.fixture
 def spool(tmp_path: Path) -> Path:
     return tmp_path / "spool"
-
-
-def examine(broker: Any, topic: str, events: int) -> None:
-    """Hold what is in a topic against the events 0 to `events` of `window`."""
-    expected: dict[str, list[bytes]] = defaultdict(list)
-    for line in ENCODER.encode(window(events)).splitlines():
-        expected[json.loads(line)["sensor_id"]].append(line)
-    arrived: dict[str, dict[str, bytes]] = defaultdict(dict)
-    for message in messages(broker.address, topic):
-        value = message.value()
-        event = json.loads(value)
-        assert message.key() == event["sensor_id"].encode()
-        assert arrived[event["sensor_id"]].setdefault(event["detection_id"], value) == value
-    assert {sensor: list(found.values()) for sensor, found in arrived.items()} == expected
-
-
-def closed(sink: Any) -> Delivery:
-    began = time.monotonic()
-    delivery: Delivery = sink.close()
-    assert time.monotonic() - began < CLOSE_S
-    return delivery
-
-
-def brief(stall_s: float = 0.2) -> Policy:
-    return Policy(when_full="refuse", stall_s=stall_s)
 
 
 def test_all_is_well(broker: Any, spool: Path) -> None:

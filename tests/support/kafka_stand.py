@@ -1,12 +1,14 @@
 """A stand for the Kafka sink: a broker to spoil, a topic of one's own, and a consumer that says what is in it."""
 
 import itertools
+import json
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,8 +18,9 @@ import confluent_kafka
 from opir_kafka.carrier import KafkaCarrier
 from opir_kafka.connection import connector
 from opir_kafka.settings import KafkaConfig
-from spool_stand import ENCODER, SENSORS, take_for_ever
+from spool_stand import ENCODER, SENSORS, take_for_ever, window
 
+from opir_core.protocols import Delivery
 from opir_core.spool.backlog import MemoryBacklog
 from opir_core.spool.dispatch import Dispatch, Policy
 from opir_core.spool.journal import Journal
@@ -28,6 +31,8 @@ BOOTSTRAP = os.environ.get("KAFKA_BOOTSTRAP")
 PARTITIONS = 3
 #: Kafka's number of the API that takes messages.
 PRODUCE, METADATA, INIT_PRODUCER_ID = 0, 3, 22
+#: What closing may take: the policy's stall, the goodbyes of a connection, and a slow machine.
+CLOSE_S = 8.0 + 6.0
 _names = (f"opir-test-{os.getpid()}-{time.time_ns()}-{number}" for number in itertools.count())
 
 #: Times short enough for tests; the sink's rules are those of its defaults.
@@ -176,3 +181,28 @@ def _to_the_end(consumer: Any, parts: set[int]) -> Iterator[confluent_kafka.Mess
 def kafka_for_ever(folder: str, first: int, address: str, topic: str) -> None:
     """Be a process that sends events through a spool for ever, to be killed."""
     take_for_ever(kafka_sink(address, topic, Path(folder) / "spool"), folder, first)
+
+
+def examine(broker: Any, topic: str, events: int) -> None:
+    """Hold what is in a topic against the events 0 to `events` of `window`."""
+    expected: dict[str, list[bytes]] = defaultdict(list)
+    for line in ENCODER.encode(window(events)).splitlines():
+        expected[json.loads(line)["sensor_id"]].append(line)
+    arrived: dict[str, dict[str, bytes]] = defaultdict(dict)
+    for message in messages(broker.address, topic):
+        value = message.value()
+        event = json.loads(value)
+        assert message.key() == event["sensor_id"].encode()
+        assert arrived[event["sensor_id"]].setdefault(event["detection_id"], value) == value
+    assert {sensor: list(found.values()) for sensor, found in arrived.items()} == expected
+
+
+def closed(sink: Any) -> Delivery:
+    began = time.monotonic()
+    delivery: Delivery = sink.close()
+    assert time.monotonic() - began < CLOSE_S
+    return delivery
+
+
+def brief(stall_s: float = 0.2) -> Policy:
+    return Policy(when_full="refuse", stall_s=stall_s)

@@ -1,0 +1,27 @@
+"""Free flights by chance, and the forces that tests of propagation let act on them."""
+
+import numpy as np
+
+from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
+
+ALL_ZONALS = Forces(zonal=("j2", "j3", "j4"))
+EXPONENTIAL = ExponentialAtmosphere(1.225, 7200.0)
+MODELS = {
+    "j2": Forces(),
+    "j2+j3+j4": ALL_ZONALS,
+    "us76": Forces(drag=Drag(800.0)),
+    "exp": Forces(drag=Drag(800.0, EXPONENTIAL)),
+}
+
+
+def flights(count, seed=0):
+    """Return states shortly after burnout, all over the Earth, that fly for 20 to 45 minutes."""
+    random = np.random.default_rng(seed)
+    up = random.normal(size=(count, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    along = np.cross(up, random.normal(size=(count, 3)))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    angle = np.radians(random.uniform(20.0, 45.0, (count, 1)))
+    speed = random.uniform(6300.0, 7200.0, (count, 1))
+    height = random.uniform(150e3, 300e3, (count, 1))
+    return up * (6371e3 + height), speed * (np.sin(angle) * up + np.cos(angle) * along)

@@ -1,0 +1,53 @@
+"""Three launches before three geostationary sensors that reckon with light, and their windows."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import opir_core as opir
+from opir_core.engine import Engine
+from opir_core.records import Detections, DetectionTruth, Window
+
+LAUNCHES = (
+    {"id": "I", "type": "ICBM", "lat": 5.0, "lon": -150.0, "at": 3.0, "aim": (-50.0, -110.0)},
+    {"id": "R", "type": "IRBM", "lat": -3.0, "lon": -140.0, "at": 5.0, "aim": (-28.0, -170.0)},
+    {"id": "S", "type": "SRBM", "lat": 2.0, "lon": -135.0, "at": 4.0, "aim": (5.4, -132.0)},
+)
+DSP = {"model": "DSP", "id": "D", "orbital_slot_deg": -140.0}
+SBIRS = {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": -150.0}
+NEXTGEN = {"model": "NEXTGEN-GEO", "id": "N", "orbital_slot_deg": -120.0, "scan_period_ms": 100.0}
+
+
+def scene(sensors: Sequence[Any] = (DSP, SBIRS, NEXTGEN), names: str = "IRS", **changes: Any) -> opir.Scene:
+    targets = [
+        {
+            "id": row["id"],
+            "type": row["type"],
+            "launch": {"lat_deg": row["lat"], "lon_deg": row["lon"], "time_s": row["at"]},
+            "aim": {"lat_deg": row["aim"][0], "lon_deg": row["aim"][1]},
+        }
+        for row in LAUNCHES
+        if row["id"] in names
+    ]
+    mapping = {
+        "scene": "light",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 60,
+        "seed": 5,
+        "sensors": list(sensors),
+        "targets": targets,
+        "detection": {"model": "snr"},
+        "outputs": [],
+    }
+    return opir.scene_from_mapping({**mapping, **changes})
+
+
+def windows_of(plan: Any, edges_s: Sequence[float]) -> list[Window]:
+    engine = Engine(plan)
+    return [engine.advance(round(edge * 1e9)) for edge in edges_s]
+
+
+def joined(windows: Sequence[Window]) -> tuple[Detections, DetectionTruth]:
+    return (
+        Detections.concatenate(window.detections for window in windows),
+        DetectionTruth.concatenate(window.truth for window in windows),
+    )
