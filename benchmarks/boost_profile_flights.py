@@ -10,7 +10,7 @@ from attrs import evolve
 from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 
 from opir_core.scene import TARGET_TYPES
-from opir_core.scoring.consistency import nees
+from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile import flight as profile_flight
 from opir_core.tracking.profile.bank import Fitting
@@ -201,7 +201,7 @@ def figures(
         "velocity": np.sum(error[:, 3:] ** 2, axis=1),
         "impact": np.sum(away**2, axis=1),
         "nees": nees(error, told.state_covariance),
-        "impact nees": nees(away, told.impact_covariance[:, :2, :2]),
+        "impact nees": on_normal_scale(nees(away, told.impact_covariance[:, :2, :2]), told.impact_sigmas),
     }
     found |= {f"{name} at the truth": at_best[:, part].sum(axis=1) for name, part in PARTS.items()}
     return found, inverse(limit), slopes

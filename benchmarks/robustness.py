@@ -27,7 +27,7 @@ from other_flights import Flown, away_from, flown
 from opir_core.flight.forces import Drag, Forces
 from opir_core.records import Tracks
 from opir_core.scene import TARGET_TYPES
-from opir_core.scoring.consistency import containment, nees
+from opir_core.scoring.consistency import containment, nees, on_normal_scale
 
 #: The tracker's gate, standard deviations; from geostationary orbit the Earth is so wide, rad.
 GATE, DISC_RAD = 4.5, 0.15
@@ -121,7 +121,7 @@ def figures(tracks: Tracks, row: np.ndarray, state: np.ndarray, landed: np.ndarr
     found["velocity"][known] = np.sum(error[:, 3:] ** 2, axis=1)
     found["impact"][known] = np.sum(away**2, axis=1)
     found["nees"][known] = nees(error, mine.state_covariance)
-    found["impact nees"][known] = nees(away, mine.impact_covariance[:, :2, :2])
+    found["impact nees"][known] = on_normal_scale(nees(away, mine.impact_covariance[:, :2, :2]), mine.impact_sigmas)
     return found
 
 

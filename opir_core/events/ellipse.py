@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.records import IMPACT_CONTAINMENTS, FloatArray
 
 #: The probabilities that the point lies in the ellipses of an event, the first that of `containment_ellipse`.
 CONTAINMENT = 0.95
@@ -32,11 +32,23 @@ def sigmas(containment: float) -> float:
     return math.sqrt(-2.0 * math.log1p(-containment))
 
 
+def _reach(containment: float, told: FloatArray | None) -> FloatArray | float:
+    """Return the radii of ellipses, in standard deviations: those told (n, 3) of `IMPACT_CONTAINMENTS`, if they are."""
+    usual = sigmas(containment)
+    if told is None:
+        return usual
+    column = told[:, IMPACT_CONTAINMENTS.index(containment)]
+    return np.where((column >= 0.0) & np.isfinite(column), column, usual)
+
+
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def containment_ellipse(covariance_m2: FloatArray, containment: float = CONTAINMENT) -> Ellipse:
+def containment_ellipse(
+    covariance_m2: FloatArray, containment: float = CONTAINMENT, told_sigmas: FloatArray | None = None
+) -> Ellipse:
     """Return the ellipses of east-north covariances (n, 2, 2), m², that hold the point with this probability.
 
-    nan where one is no covariance or not known.
+    Where the point is not normally distributed, `told_sigmas` (n, 3) are the radii of `IMPACT_CONTAINMENTS`, in
+    standard deviations; nan where it is. The ellipse is nan where one is no covariance or not known.
 
     Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 3.7.4
     (ellipsoids of probability); the axes are the eigenvectors, in closed form.
@@ -48,9 +60,10 @@ def containment_ellipse(covariance_m2: FloatArray, containment: float = CONTAINM
     # The smaller eigenvalue is the determinant over the larger: their difference would cancel.
     minor = np.where(major > 0.0, np.maximum(determinant, 0.0) / major, 0.0)
     lawful = (east >= 0.0) & (north >= 0.0) & (determinant >= -_ROUNDING * east * north) & np.isfinite(major * minor)
+    reach = _reach(containment, told_sigmas)
+    lawful &= np.isfinite(reach * np.sqrt(major))
     bearing = np.mod(0.5 * np.pi - 0.5 * np.arctan2(2.0 * cross, east - north), np.pi)
     bearing = np.where(bearing < np.pi, bearing, 0.0)
-    reach = sigmas(containment)
     return Ellipse(
         *(np.where(lawful, axis, np.nan) for axis in (reach * np.sqrt(major), reach * np.sqrt(minor), bearing))
     )

@@ -143,7 +143,9 @@ def _points(window: Window, epoch_us: int) -> Piece:
     rows, of_detection = np.unique(estimate, return_inverse=True)
     used = rows[rows >= 0]
     launches = point_texts(estimates.launch[used], estimates.launch_covariance[used], epoch_us)
-    impacts = point_texts(estimates.impact[used], estimates.impact_covariance[used], epoch_us)
+    impacts = point_texts(
+        estimates.impact[used], estimates.impact_covariance[used], epoch_us, estimates.impact_sigmas[used]
+    )
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
     known = [_POINTS % both for both in zip(launches, impacts, strict=True)]
     return taken(piece_table([*unknown, *known]), of_detection)

@@ -40,11 +40,13 @@ class EstimatedPoint(msgspec.Struct):
 _encode = msgspec.json.Encoder().encode
 
 
-def point_texts(place: FloatArray, covariance: FloatArray, epoch_us: int) -> list[bytes]:
+def point_texts(
+    place: FloatArray, covariance: FloatArray, epoch_us: int, told_sigmas: FloatArray | None = None
+) -> list[bytes]:
     """Return points as JSON, or `null` where the place is not known or none on Earth.
 
     `place` (n, 3) is latitude_rad, longitude_rad and scene time_s; `covariance` (n, 3, 3) is over east and
-    north, m, and time, s.
+    north, m, and time, s; `told_sigmas` (n, 3) are as in `containment_ellipse`.
     """
     on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
     known = np.where(on_earth[:, np.newaxis], place, 0.0)
@@ -52,7 +54,7 @@ def point_texts(place: FloatArray, covariance: FloatArray, epoch_us: int) -> lis
         rounded_degrees(known[:, 0]).tolist(),
         rounded_longitude_deg(np.mod(known[:, 1], 2.0 * np.pi)).tolist(),
         _times(known[:, 2], epoch_us),
-        *(_ellipses(covariance[:, :2, :2], share) for share in (CONTAINMENT, *OTHER_CONTAINMENTS)),
+        *(_ellipses(covariance[:, :2, :2], share, told_sigmas) for share in (CONTAINMENT, *OTHER_CONTAINMENTS)),
         _sigmas(covariance[:, 2, 2]),
     )
     points = (EstimatedPoint(*values) for values in zip(*columns, strict=True))
@@ -71,8 +73,10 @@ def _sigmas(variance: FloatArray) -> list[float | None]:
     return [value if lawful else None for value, lawful in zip(sigma, known.tolist(), strict=True)]
 
 
-def _ellipses(covariance_m2: FloatArray, containment: float) -> list[UncertaintyEllipse | None]:
-    ellipse = containment_ellipse(covariance_m2, containment)
+def _ellipses(
+    covariance_m2: FloatArray, containment: float, told_sigmas: FloatArray | None
+) -> list[UncertaintyEllipse | None]:
+    ellipse = containment_ellipse(covariance_m2, containment, told_sigmas)
     known = np.isfinite(ellipse.semi_major_m).tolist()
     major_m = rounded(ellipse.semi_major_m, METRE_DECIMALS).tolist()
     minor_m = rounded(ellipse.semi_minor_m, METRE_DECIMALS).tolist()

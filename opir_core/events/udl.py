@@ -157,23 +157,24 @@ def _track_pieces(window: Window, epoch_us: int) -> list[Piece]:
     used = rows[rows >= 0]
     if len(used):
         found = window.estimates.take(used)
-        launch = _points(b"launch", found.launch, found.launch_covariance, epoch_us)
-        impact = _points(b"impact", found.impact, found.impact_covariance, epoch_us)
+        launch = _points(b"launch", found.launch, found.launch_covariance, epoch_us, None)
+        impact = _points(b"impact", found.impact, found.impact_covariance, epoch_us, found.impact_sigmas)
         joined = [b"".join(both) for both in zip(launch, impact, strict=True)]
         known = [points + (_CONTAINMENT if b"AouType" in points else b"") for points in joined]
         pieces.append(taken(piece_table([*[b""] * (len(rows) - len(used)), *known]), of_row))
     return pieces
 
 
-def _points(kind: bytes, place: FloatArray, covariance_m2: FloatArray, epoch_us: int) -> list[bytes]:
+def _points(
+    kind: bytes, place: FloatArray, covariance_m2: FloatArray, epoch_us: int, told_sigmas: FloatArray | None
+) -> list[bytes]:
     """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as fields; nothing where one is not known."""
     on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
     there = np.where(on_earth[:, np.newaxis], place, 0.0)
     latitude = number_texts(rounded_degrees(there[:, 0]))
     longitude = number_texts(rounded_longitude_deg(np.mod(there[:, 1], 2.0 * np.pi)))
-    texts = zip(
-        on_earth.tolist(), latitude, longitude, _times(there[:, 2], epoch_us), _areas(covariance_m2), strict=True
-    )
+    areas = _areas(covariance_m2, told_sigmas)
+    texts = zip(on_earth.tolist(), latitude, longitude, _times(there[:, 2], epoch_us), areas, strict=True)
     return [
         b',"%bLat":%b,"%bLon":%b%b%b'
         % (kind, lat, kind, lon, time and b',"%bTime":"%b"' % (kind, time), area and area % (kind, kind))
@@ -189,9 +190,9 @@ def _times(time_s: FloatArray, epoch_us: int) -> list[bytes]:
     return [text.encode() if known else b"" for text, known in zip(texts, writable.tolist(), strict=True)]
 
 
-def _areas(covariance_m2: FloatArray) -> list[bytes]:
+def _areas(covariance_m2: FloatArray, told_sigmas: FloatArray | None) -> list[bytes]:
     """Return areas of uncertainty: the 95 % ellipse as bearing, degrees, and semi-axes, km."""
-    ellipse = containment_ellipse(covariance_m2)
+    ellipse = containment_ellipse(covariance_m2, told_sigmas=told_sigmas)
     known = np.isfinite(ellipse.semi_major_m)
     axes = np.column_stack(
         [

@@ -10,7 +10,7 @@ from opir_core.columns import Columns
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
 from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
 from opir_core.scoring.bound import free_bound, position_and_velocity, state_bound
-from opir_core.scoring.consistency import nees
+from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.scoring.evidence import Evidence, true_states
 from opir_core.scoring.ownership import Ownership
 
@@ -48,7 +48,8 @@ class StateErrors(Columns):
 class PointErrors(Columns):
     """One row a target with a track: its last launch and impact estimates against the truth, by two degrees of freedom.
 
-    Distances are along the ground, m; times are s, estimated minus true; nan where nothing was estimated.
+    Distances are along the ground, m; times are s, estimated minus true; nan where nothing was estimated. What is told
+    of the radii of impacts' ellipses is in `impact_nees` (`on_normal_scale`).
     """
 
     target: IntArray
@@ -143,7 +144,7 @@ def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:
         launch_nees=nees(launch_error, told.launch_covariance[:, :2, :2]),
         launch_time_s=told.launch[:, 2] - ignition_s,
         impact_m=np.linalg.norm(impact_error, axis=1),
-        impact_nees=nees(impact_error, told.impact_covariance[:, :2, :2]),
+        impact_nees=on_normal_scale(nees(impact_error, told.impact_covariance[:, :2, :2]), told.impact_sigmas),
         impact_time_s=told.impact[:, 2] - impact_s,
     )
 

@@ -10,12 +10,14 @@ from typing import Any, BinaryIO, Self
 
 import msgspec
 import numpy as np
-from attrs import fields
+from attrs import NOTHING, fields
 
 from opir_core.errors import Problem, SceneError, unwritable
 from opir_core.records import Tracks
 
 _NAMES = tuple(attribute.name for attribute in fields(Tracks))
+#: What a tracker may leave out, a file may: unknown.
+_OPTIONAL = tuple(attribute.name for attribute in fields(Tracks) if attribute.default is not NOTHING)
 
 
 class TracksFile:
@@ -58,9 +60,13 @@ def read_tracks(path: Path) -> Tracks:
     return Tracks(*(_column(rows, name, getattr(empty, name), path) for name in _NAMES))
 
 
+_BLANK = {name: np.full(getattr(Tracks.empty(), name).shape[1:], None).tolist() for name in _OPTIONAL}
+
+
 def _row(line: bytes, number: int, path: Path) -> dict[str, Any]:
     try:
         row = msgspec.json.decode(line, type=dict[str, Any])
+        row = _BLANK | row
         missing = [name for name in _NAMES if name not in row]
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise SceneError([Problem(f"line {number}", f"not a track: {error}")], source=str(path)) from error

@@ -61,6 +61,7 @@ def estimates(draw: st.DrawFn) -> Tracks:
         launch_covariance=draw(covariance),
         impact=draw(place),
         impact_covariance=draw(covariance),
+        impact_sigmas=draw(column(st.floats() | st.floats(0.0, 4.0), count, shape=(3,))),
     )
 
 

@@ -65,6 +65,7 @@ def estimates(draw: st.DrawFn) -> Tracks:
         launch_covariance=column(st.floats() | st.floats(-1e4, 1e8), 3, 3),
         impact=column(st.floats() | st.floats(-7.0, 7.0), 3),
         impact_covariance=column(st.floats() | st.floats(-1e4, 1e8), 3, 3),
+        impact_sigmas=column(st.floats() | st.floats(0.0, 4.0), 3),
     )
 
 
@@ -206,6 +207,9 @@ def test_a_missile_track_says_where_it_comes_down_and_how_surely() -> None:
     assert (record["impactLat"], record["impactLon"]) == (9.0, 167.7)
     assert (record["impactAouType"], record["impactAouData"]) == ("ELLIPSE", [90.0, 7.34324, 2.447747])
     assert record["containment"] == 95.0
+    known = evolve(known, impact_sigmas=np.array([[1.0, 2.0, 3.0]]))
+    (record,) = events_of(UDL, stub_window(1, estimates=known, estimate=0, track=3))
+    assert record["impactAouData"] == [90.0, 9.0, 3.0]
     assert "impactTime" not in record
 
 

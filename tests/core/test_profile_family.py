@@ -14,7 +14,7 @@ from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.configs import BoostProfileConfig
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.coordinates import REFERENCE, fitted, natural
-from opir_core.tracking.profile.end import Silence, ends_of
+from opir_core.tracking.profile.end import DEVIATES, Silence, ends_of
 from opir_core.tracking.profile.family import (
     BURN,
     LIFT,
@@ -188,6 +188,10 @@ def test_an_end_that_may_be_any_time_after_the_last_light_is_a_truncated_lognorm
     assert found.mean == pytest.approx(law.mean(), abs=2e-4)
     assert found.variance == pytest.approx(law.var(), rel=0.01)
     assert np.exp(found.evidence) == pytest.approx(norm.sf(np.log(last - start), mean, sigma), rel=0.01)
+    quantiles = found.mean + np.sqrt(found.variance) * found.quantiles[0]
+    # A cell of the quadrature is a few hundredths of the way on: as much of the distance to the last light.
+    passed = np.exp(quantiles) - (last - start)
+    assert passed == pytest.approx(np.exp(law.ppf(norm.cdf(DEVIATES))) - (last - start), rel=0.05)
     # Three nodes are exact for polynomials of the fifth degree.
     there = found.mean + np.sqrt(found.variance) * found.nodes[0]
     for power in range(6):

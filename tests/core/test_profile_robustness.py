@@ -171,6 +171,16 @@ def test_certain_chances_tell_one_of_the_two():
     assert np.isnan(told.burnout[1]).all()
 
 
+def test_radii_of_ellipses_are_told_where_nothing_is_mixed_in():
+    fitted, filtered = pair_of_tracks(np.random.default_rng(9), 5)
+    radii = np.array([0.8, 1.9, 2.6])
+    fitted = evolve(fitted, impact_sigmas=np.tile(radii, (5, 1)))
+    filtered.impact[[3, 4]] = np.nan
+    told = blended(fitted, filtered, np.array([0.0, 0.3, 0.9, 0.3, 0.9]), np.full(5, 9.0))
+    for row, is_kept in enumerate((True, False, False, True, False)):
+        assert told.impact_sigmas[row] == pytest.approx(radii if is_kept else np.full(3, np.nan), nan_ok=True)
+
+
 def test_a_strange_target_that_may_light_another_stage_has_no_impact():
     fitted, filtered = pair_of_tracks(np.random.default_rng(6), 2)
     told = blended(fitted, filtered, np.array([0.9, 0.9]), np.array([1.0, 9.0]))

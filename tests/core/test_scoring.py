@@ -10,7 +10,14 @@ from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.run import run_of_plan
 from opir_core.scoring import evidence_of_run
-from opir_core.scoring.consistency import consistency, containment, nees, proportion, root_mean_square
+from opir_core.scoring.consistency import (
+    consistency,
+    containment,
+    nees,
+    on_normal_scale,
+    proportion,
+    root_mean_square,
+)
 from opir_core.scoring.evidence import true_states
 from opir_core.scoring.innovations import innovations
 from opir_core.scoring.ownership import ownership
@@ -63,6 +70,24 @@ def test_a_proportions_interval_is_wilsons():
     assert proportion(0, 10) == pytest.approx((0.0, 0.0, 0.27753), abs=1e-5)
     assert proportion(10, 10)[2] == pytest.approx(1.0)
     assert np.isnan(proportion(0, 0)).all()
+
+
+def test_radii_that_are_told_are_judged_as_they_are_told():
+    told = np.array([0.8, 1.9, 2.6])
+    edges = np.square(np.concatenate([told * (1.0 - 1e-9), told * (1.0 + 1e-9)]))
+    scaled = on_normal_scale(edges, np.tile(told, (6, 1)))
+    for nominal, inside in ((0.5, 1), (0.9, 2), (0.95, 3)):
+        assert np.count_nonzero(scaled <= chi2.ppf(nominal, 2)) == inside + (inside - 1)
+
+
+def test_the_scale_of_radii_rises_and_leaves_alone_what_tells_none():
+    values = np.append(np.linspace(0.0, 30.0, 301), [np.inf, np.nan])
+    scaled = on_normal_scale(values, np.tile([0.8, 1.9, 2.6], (303, 1)))
+    assert np.all(np.diff(scaled[:302]) > 0.0)
+    assert np.isnan(scaled[302])
+    assert np.array_equal(on_normal_scale(values, np.full((303, 3), np.nan)), values, equal_nan=True)
+    usual = np.sqrt(chi2.ppf([0.5, 0.9, 0.95], 2))
+    assert on_normal_scale(values, np.tile(usual, (303, 1))) == pytest.approx(values, rel=1e-12, nan_ok=True)
 
 
 def test_errors_that_depend_on_each_other_widen_the_interval():

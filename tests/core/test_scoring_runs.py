@@ -16,6 +16,8 @@ from opir_core.scoring.evidence import Evidence
 from opir_core.scoring.files import evidence_of_files
 from opir_core.scoring.ownership import ownership
 from opir_core.scoring.scorecard import ScoreSettings
+from opir_core.scoring.tracks_file import TracksFile, read_tracks
+from opir_core.testing.windows import stub_estimates
 
 
 def synthetic(track, target):
@@ -124,6 +126,19 @@ def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, mes
     (tmp_path / "SCENE").write_text(json.dumps(SCENE))
     assert main(words) == 2
     assert message in capsys.readouterr().err
+
+
+def test_radii_of_ellipses_are_kept_in_the_tracks_file_and_may_be_missing(tmp_path):
+    told = stub_estimates(2, impact_sigmas=[[0.8, 1.9, 2.6], [np.nan] * 3])
+    with TracksFile(tmp_path / "tracks.jsonl") as file:
+        file.write(told)
+    assert np.array_equal(read_tracks(tmp_path / "tracks.jsonl").impact_sigmas, told.impact_sigmas, equal_nan=True)
+    rows = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
+    old = "".join(json.dumps({k: v for k, v in row.items() if k != "impact_sigmas"}) + "\n" for row in rows)
+    (tmp_path / "tracks.jsonl").write_text(old)
+    read = read_tracks(tmp_path / "tracks.jsonl").impact_sigmas
+    assert read.shape == (2, 3)
+    assert np.isnan(read).all()
 
 
 def test_files_of_different_runs_are_refused(tmp_path):

@@ -256,7 +256,13 @@ def _lawful(tracks: Tracks) -> Mapping[str, bool]:
         f"type_probability: over {', '.join(REPORTED_TYPES)}, summing to 1": bool(
             np.all(chances[known] >= 0.0) and np.all(np.abs(chances[known].sum(axis=1) - 1.0) < 1e-6)
         ),
+        "impact_sigmas: positive and rising": _are_radii(tracks.impact_sigmas),
     }
+
+
+def _are_radii(sigmas: FloatArray) -> bool:
+    steps = np.diff(sigmas, axis=1, prepend=0.0)
+    return not np.any(steps <= 0.0)
 
 
 def _shape(tracks: Tracks, name: str) -> tuple[int, ...]:

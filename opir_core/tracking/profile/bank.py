@@ -7,7 +7,7 @@ from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile import fit, windows
 from opir_core.tracking.profile import hypotheses as hypotheses_of
-from opir_core.tracking.profile.end import ends_of
+from opir_core.tracking.profile.end import Ends, ends_of
 from opir_core.tracking.profile.family import BURN, SIZE, START, Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, Solved
 from opir_core.tracking.profile.hypotheses import joined
@@ -193,10 +193,11 @@ class Fitting:
         """Return the hypotheses at the solutions of their normal equations, given when their burns may end."""
         solution = fit.solved(hypotheses, self.priors, self.watch.bias_sigma_rad)
         solution = started(hypotheses, solution, self.priors, seen)
-        solution, end = self._ended(hypotheses, solution, family, seen, tick_s)
+        solution, ends = self._ended(hypotheses, solution, family, seen, tick_s)
         return evolve(
             hypotheses,
-            end=end,
+            end=np.stack([ends.nodes, ends.weights], axis=1),
+            end_quantiles=ends.quantiles,
             parameters=fit.moved(hypotheses, solution.parameters, self.priors),
             spread=solution.spread,
             evidence=solution.evidence,
@@ -205,8 +206,8 @@ class Fitting:
 
     def _ended(
         self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: Seen, tick_s: float
-    ) -> tuple[Solved, FloatArray]:
-        """Return the solution given what was seen, or not, of the ends of burns, and rules (n, 2, nodes) for these."""
+    ) -> tuple[Solved, Ends]:
+        """Return the solution given what was seen, or not, of the ends of burns, and these."""
         slope = np.zeros((len(hypotheses), SIZE))
         slope[:, START], slope[:, BURN] = 1.0 / family.courses.burn_s, 1.0
         away = solution.parameters - hypotheses.parameters
@@ -224,7 +225,7 @@ class Fitting:
             solution.evidence + ends.evidence,
             solution.misfit,
         )
-        return settled, np.stack([ends.nodes, ends.weights], axis=1)
+        return settled, ends
 
 
 def _has_moved(hypotheses: Hypotheses) -> BoolArray:

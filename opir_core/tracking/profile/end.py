@@ -5,6 +5,7 @@ detection if the burn went on. The fit's normal distribution of the logarithm of
 is no normal distribution; its mean and variance are taken over by quadrature, which for those two is exact.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,10 @@ _SHARPEST_S = 0.002
 
 #: Nodes of Gauss's rule for what depends on the end of a burn.
 RULE = 5
+
+#: Quantiles of an end are told at the shares that a normal distribution has below these, standard deviations.
+DEVIATES = np.linspace(-3.0, 3.0, 13)
+_SHARES = np.array([0.5 * math.erfc(-each / math.sqrt(2.0)) for each in DEVIATES])
 
 #: Beyond so many standard deviations an end is out of the question.
 _FAR = 5.0
@@ -53,7 +58,8 @@ class Ends(NamedTuple):
     """Burns' lengths: means and variances (n,) of their logarithms, and the logarithms of the likelihoods (n,).
 
     `nodes` and `weights` (n, nodes) are Gauss's rule for their distribution, of mean 0 and variance 1: what is taken
-    over the end of a burn needs no more than these places.
+    over the end of a burn needs no more than these places. `quantiles` (n, deviates) are those of the shares that a
+    normal distribution has below `DEVIATES`, so scaled too: of a normal distribution they are the `DEVIATES`.
     """
 
     mean: FloatArray
@@ -61,6 +67,7 @@ class Ends(NamedTuple):
     evidence: FloatArray
     nodes: FloatArray
     weights: FloatArray
+    quantiles: FloatArray
 
 
 def ends_of(start_s: FloatArray, mean: FloatArray, variance: FloatArray, silence: Silence) -> Ends:
@@ -72,7 +79,13 @@ def ends_of(start_s: FloatArray, mean: FloatArray, variance: FloatArray, silence
     near = np.flatnonzero(np.isfinite(last) & (early < np.maximum(last, until)) & (last > start_s))
     middle = (start_s + np.exp(mean))[:, None]
     evidence = sum(_log_silence(silence, each, middle)[0][:, 0] for each in range(silence.last_s.shape[1]))
-    found = Ends(mean.copy(), variance.copy(), np.zeros(len(mean)) + evidence, *normal_rule(len(mean)))
+    found = Ends(
+        mean.copy(),
+        variance.copy(),
+        np.zeros(len(mean)) + evidence,
+        *normal_rule(len(mean)),
+        normal_quantiles(len(mean)),
+    )
     if len(near):
         part = _moments(start_s[near], mean[near], sigma[near], last[near], until[near], silence.take(near))
         for whole, some in zip(found, part, strict=True):
@@ -86,6 +99,11 @@ def normal_rule(count: int) -> tuple[FloatArray, FloatArray]:
 
     nodes, weights = hermegauss(RULE)
     return np.tile(nodes, (count, 1)), np.tile(weights / weights.sum(), (count, 1))
+
+
+def normal_quantiles(count: int) -> FloatArray:
+    """Return the quantiles (n, deviates) of normal distributions."""
+    return np.tile(DEVIATES, (count, 1))
 
 
 def _moments(
@@ -107,8 +125,27 @@ def _moments(
     apart = length - middle[:, None]
     variance = (share * np.square(apart)).sum(axis=1)
     evidence = evidence - np.log(sigma * np.sqrt(2.0 * np.pi))
-    rule = _gauss_rule(apart / np.sqrt(np.maximum(variance, 1e-30))[:, None], share)
-    return Ends(middle, np.maximum(variance, np.square(_SHARPEST_S / (last - start))), evidence, *rule)
+    scale = np.sqrt(np.maximum(variance, 1e-30))[:, None]
+    rule = _gauss_rule(apart / scale, share)
+    x = _quantiles(share) / _PLACES * top[:, None]
+    quantiles = (np.log((last - start)[:, None] + _FINEST_S * np.expm1(x)) - middle[:, None]) / scale
+    return Ends(middle, np.maximum(variance, np.square(_SHARPEST_S / (last - start))), evidence, *rule, quantiles)
+
+
+def _quantiles(share: FloatArray) -> FloatArray:
+    """Return how many places (n, deviates) hold the shares `_SHARES` of distributions over places (n, m)."""
+    count, places = share.shape
+    below = np.cumsum(share, axis=1)
+    # What is not known must not put others' sums out of order.
+    below = np.nan_to_num(below / below[:, -1:], nan=1.0)
+    # One search for all rows: each row's sums stand a whole above those before it.
+    row = np.arange(count)[:, None]
+    sought = np.searchsorted((below + row).ravel(), (_SHARES + row).ravel()).reshape(count, -1) - places * row
+    place = np.clip(sought, 0, places - 1)
+    before = np.where(place > 0, np.take_along_axis(below, np.maximum(place - 1, 0), axis=1), 0.0)
+    within = (_SHARES - before) / np.maximum(np.take_along_axis(below, place, axis=1) - before, 1e-300)
+    found: FloatArray = place + np.clip(within, 0.0, 1.0)
+    return found
 
 
 def _gauss_rule(value: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:

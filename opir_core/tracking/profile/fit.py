@@ -16,7 +16,7 @@ from attrs import evolve, frozen
 from opir_core.columns import Columns
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile.coordinates import SIZE, fitted, natural
-from opir_core.tracking.profile.end import normal_rule
+from opir_core.tracking.profile.end import normal_quantiles, normal_rule
 from opir_core.tracking.profile.family import Anchors, Family, Places, Priors
 from opir_core.tracking.profile.grouped_squares import squares
 from opir_core.tracking.profile.prior_squares import with_priors
@@ -40,7 +40,8 @@ class Hypotheses(Columns):
     the rows' squares exceed what their errors explain, 1 where they do not; `stood`
     (n, 10) is the estimate at the last review. While `is_bent` is False the turn has no
     direction yet, and its prior none either. `window` (n, 4) is what the lean is seen through: direction, place and
-    1/σ², all 0 of none; `end` (n, 2, nodes) are nodes, in standard deviations, and weights for the end of the burn.
+    1/σ², all 0 of none; `end` (n, 2, nodes) are nodes, in standard deviations, and weights for the end of the burn,
+    `end_quantiles` (n, deviates) its quantiles.
     """
 
     track: IntArray
@@ -63,6 +64,7 @@ class Hypotheses(Columns):
     is_bent: IntArray
     window: FloatArray
     end: FloatArray
+    end_quantiles: FloatArray
 
     @property
     def anchors(self) -> Anchors:
@@ -106,6 +108,7 @@ def blank(count: int, sensors: int) -> Hypotheses:
         is_bent=whole,
         window=np.zeros((count, 4)),
         end=np.stack(normal_rule(count), axis=1),
+        end_quantiles=normal_quantiles(count),
     )
 
 

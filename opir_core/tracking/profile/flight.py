@@ -110,12 +110,13 @@ def impacts(ends: Moments, slope: FloatArray, spread: FloatArray, forces: "Force
 
 def open_impacts(
     ends: Moments, parts: Moments, slope: FloatArray, spread: FloatArray, weights: FloatArray, forces: "ForceModel"
-) -> Moments:
+) -> tuple[Moments, Moments]:
     """Return impacts, as `impacts` does, of burns whose ends are open: sums over k parts that end at other times.
 
     `parts` are the ends (k n,) of all n hypotheses' first parts, then of their second ones, and so on, with their
     slopes (k n, 7, 10) and the parameters' covariances (k n, 10, 10); `weights` (n, k) are theirs. What does not come
-    down is left out: targets do.
+    down is left out: targets do. Returned are the sums, and the parts' own impacts (n, k, 3) with their covariances,
+    nan of those left out.
     """
     count, number = weights.shape
     middle = _landed(ends.mean)
@@ -126,12 +127,15 @@ def open_impacts(
     share = np.where(known, weights, 0.0)
     total = share.sum(axis=1)
     share = share / np.where(total > _LEAST_KNOWN, total, np.nan)[:, None]
-    away, within = np.where(known[..., None], away, 0.0), np.where(known[..., None, None], within, 0.0)
+    left_out = ~known
+    away[left_out], within[left_out] = 0.0, 0.0
     mean = np.sum(share[:, :, None] * away, axis=1)
     apart = away - mean[:, None]
     covariance = np.sum(share[..., None, None] * (within + apart[..., :, None] * apart[..., None, :]), axis=1)
     centre = middle if forces == "kepler" else _forced(ends.mean, forces)
-    return Moments(off_ground(mean, centre), covariance)
+    each = off_ground(away, centre[:, None])
+    each[left_out], within[left_out] = np.nan, np.nan
+    return Moments(off_ground(mean, centre), covariance), Moments(each, within)
 
 
 #: An impact of which less than this share comes down is not known.
@@ -230,12 +234,12 @@ def on_ground(points: FloatArray, about: FloatArray) -> FloatArray:
 
 
 def off_ground(away: FloatArray, about: FloatArray) -> FloatArray:
-    """Return the points (n, 3) that lie metres east and north of others, and seconds after them."""
-    angle = np.hypot(away[:, 0], away[:, 1]) / RADIUS_M
-    azimuth = np.arctan2(away[:, 0], away[:, 1])
-    here = about[:, 0]
+    """Return the points (..., 3) that lie metres east and north of others, and seconds after them."""
+    angle = np.hypot(away[..., 0], away[..., 1]) / RADIUS_M
+    azimuth = np.arctan2(away[..., 0], away[..., 1])
+    here = about[..., 0]
     sine = np.sin(here) * np.cos(angle) + np.cos(here) * np.sin(angle) * np.cos(azimuth)
     latitude = np.arcsin(np.clip(sine, -1.0, 1.0))
     turn = np.arctan2(np.sin(azimuth) * np.sin(angle) * np.cos(here), np.cos(angle) - np.sin(here) * sine)
-    longitude = np.remainder(about[:, 1] + turn + np.pi, 2.0 * np.pi) - np.pi
-    return np.stack([latitude, longitude, about[:, 2] + away[:, 2]], axis=1)
+    longitude = np.remainder(about[..., 1] + turn + np.pi, 2.0 * np.pi) - np.pi
+    return np.stack([latitude, longitude, about[..., 2] + away[..., 2]], axis=-1)

@@ -1,15 +1,17 @@
 """What the profile fit tells of its tracks: state, launch, burnout and impact with covariances, and the type.
 
-Estimates of a track's hypotheses are blended by their probabilities; the covariance holds what they differ by.
+Estimates of a track's hypotheses are blended by their probabilities; the covariance holds what they differ by. Beside
+the impact's covariance is told how far its ellipses reach that hold what they say (`containing`).
 """
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray, Tracks
 from opir_core.tracking.profile import flight
+from opir_core.tracking.profile.containing import Arcs, containing_sigmas
 from opir_core.tracking.profile.family import BURN, EAST, LIFT, NORTH, RADIUS_M, SIZE, START, Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, family_of
 from opir_core.tracking.profile.flight import Moments, off_ground, on_ground
@@ -36,20 +38,16 @@ def report(
 
     An impact whose 95 % ellipse has a semi-axis longer than `largest_impact_m` is not told.
     """
-    kept = np.flatnonzero(probability >= _LEAST)
-    hypotheses, weight = hypotheses.take(kept), probability[kept]
-    number, row = np.unique(hypotheses.track, return_inverse=True)
-    weight = weight / np.bincount(row, weight)[row]
+    hypotheses, number, mixture = _mixtures(hypotheses, probability)
     family = family_of(hypotheses, priors)
     ends, slope = flight.burnouts(family, hypotheses.spread)
     state = flight.states(family, hypotheses.spread, tick_s, ends, slope, forces)
     state.covariance[...] += _doubts(hypotheses, family, tick_s, state.mean, priors)
-    places = _launches(hypotheses, family), _impacts(hypotheses, family, ends, slope, priors, forces)
-    launch, impact = (_blended(each, weight, row, len(number), True) for each in places)
-    state, ends = (_blended(each, weight, row, len(number), False) for each in (state, ends))
-    types = np.zeros((len(number), 4))
-    np.add.at(types, (row, hypotheses.kind), weight)
-    _withhold_vague(impact, largest_impact_m)
+    impacts, arcs = _impacts(hypotheses, family, ends, slope, priors, forces)
+    launch, impact = (_blended(each, mixture, True) for each in (_launches(hypotheses, family), impacts))
+    state, ends = (_blended(each, mixture, False) for each in (state, ends))
+    impact_sigmas = containing_sigmas(arcs, mixture.weight, mixture.row, impact)
+    _withhold_vague(impact, impact_sigmas, largest_impact_m)
     return Tracks(
         tick_s=np.full(len(number), tick_s),
         track=number,
@@ -59,54 +57,92 @@ def report(
         launch_covariance=launch.covariance,
         impact=impact.mean,
         impact_covariance=impact.covariance,
-        type_probability=types,
+        type_probability=mixture.sums(np.eye(4)[hypotheses.kind]),
         burnout=ends.mean,
         burnout_covariance=ends.covariance,
+        impact_sigmas=impact_sigmas,
     )
+
+
+class _Mixture(NamedTuple):
+    """The weights (n,) of hypotheses, and to which of `tracks` tracks each belongs, `row` (n,)."""
+
+    weight: FloatArray
+    row: IntArray
+    tracks: int
+
+    def sums(self, values: FloatArray) -> FloatArray:
+        """Return the weighted sums (tracks, ...) of values (n, ...)."""
+        found = np.zeros((self.tracks, *values.shape[1:]))
+        np.add.at(found, self.row, self.weight.reshape(-1, *(1,) * (values.ndim - 1)) * values)
+        return found
+
+
+def _mixtures(hypotheses: Hypotheses, probability: FloatArray) -> tuple[Hypotheses, IntArray, _Mixture]:
+    """Return the hypotheses that count, the numbers of their tracks, and how they are mixed."""
+    kept = np.flatnonzero(probability >= _LEAST)
+    number, row = np.unique(hypotheses.track[kept], return_inverse=True)
+    weight = probability[kept]
+    return hypotheses.take(kept), number, _Mixture(weight / np.bincount(row, weight)[row], row, len(number))
 
 
 def _impacts(
     hypotheses: Hypotheses, family: Family, ends: Moments, slope: FloatArray, priors: Priors, forces: "ForceModel"
-) -> Moments:
-    """Return impacts; where the end of the burn is open, as sums over when it may come."""
+) -> tuple[Moments, Arcs]:
+    """Return impacts; where the end of the burn is open, as sums over when it may come, along arcs."""
     spread, by_end = hypotheses.spread, np.zeros((len(hypotheses), SIZE))
     by_end[:, START], by_end[:, BURN] = 1.0 / family.courses.burn_s, 1.0
     gain = np.sum(spread * by_end[:, None], axis=2)
     variance = np.sum(gain * by_end, axis=1)
     opens = variance > _OPEN**2
     rows, closed = np.flatnonzero(opens), np.flatnonzero(~opens)
-    if not len(rows):
-        return flight.impacts(ends, slope, spread, forces)
-    gain, sigma = gain[rows] / variance[rows, None], np.sqrt(variance[rows])
-    left = spread[rows] - variance[rows, None, None] * gain[:, :, None] * gain[:, None]
-    nodes, weights = hypotheses.end[rows, 0], hypotheses.end[rows, 1]
-    again = np.tile(np.arange(len(rows)), nodes.shape[1])
-    parts, left = hypotheses.take(rows[again]), left[again]
+    parts = []
+    if len(closed):
+        found = flight.impacts(ends.take(closed), slope[closed], spread[closed], forces)
+        parts.append((found, Arcs.still(found, hypotheses.end[closed, 0], hypotheses.end_quantiles[closed])))
+    if len(rows):
+        apart = hypotheses.take(rows), ends.take(rows), gain[rows], variance[rows]
+        parts.append(_open_impacts(*apart, priors, forces))
+    order = np.argsort(np.concatenate([closed, rows]))
+    impacts, arcs = zip(*parts, strict=True)
+    return Moments.concatenate(impacts).take(order), Arcs.concatenate(arcs).take(order)
+
+
+def _open_impacts(
+    hypotheses: Hypotheses,
+    ends: Moments,
+    gain: FloatArray,
+    variance: FloatArray,
+    priors: Priors,
+    forces: "ForceModel",
+) -> tuple[Moments, Arcs]:
+    """Return impacts of open ends, of variance (n,), the parameters' covariance with which is the gain (n, 10)."""
+    gain, sigma = gain / variance[:, None], np.sqrt(variance)
+    left = hypotheses.spread - variance[:, None, None] * gain[:, :, None] * gain[:, None]
+    nodes, weights = hypotheses.end[:, 0], hypotheses.end[:, 1]
+    again = np.tile(np.arange(len(sigma)), nodes.shape[1])
+    parts, left = hypotheses.take(again), left[again]
     parameters = parts.parameters + gain[again] * (sigma[again] * nodes.T.ravel())[:, None]
     there = flight.burnouts(family_of(evolve(parts, parameters=parameters), priors), left)
-    others = flight.open_impacts(ends.take(rows), *there, left, weights, forces)
-    if not len(closed):
-        return others
-    found = flight.impacts(ends.take(closed), slope[closed], spread[closed], forces)
-    every = Moments.concatenate([found, others])
-    return every.take(np.argsort(np.concatenate([closed, rows])))
+    found, parts_found = flight.open_impacts(ends, *there, left, weights, forces)
+    return found, Arcs.of(parts_found, nodes, hypotheses.end_quantiles)
 
 
 #: A burn whose length is less certain than this, of it, has an open end.
 _OPEN = 0.01
 
 
-def _withhold_vague(impact: Moments, largest_m: float) -> None:
+def _withhold_vague(impact: Moments, sigmas: FloatArray, largest_m: float) -> None:
     """Take away impacts whose 95 % ellipses are larger than told, m, or of no size."""
-    vague = ~(_semi_axis_95(impact.covariance) <= largest_m)
+    vague = ~(_semi_axis_95(impact.covariance, sigmas[:, -1]) <= largest_m)
     impact.mean[vague], impact.covariance[vague] = np.nan, np.nan
 
 
-def _semi_axis_95(covariance: FloatArray) -> FloatArray:
-    """Return the larger semi-axes (n,) of the ellipses on the ground that hold 95 %, m; nan of none."""
+def _semi_axis_95(covariance: FloatArray, sigmas: FloatArray) -> FloatArray:
+    """Return the larger semi-axes (n,) of ellipses on the ground of radii told, or of 95 % of a normal distribution."""
     east, north, both = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     largest = 0.5 * (east + north) + np.hypot(0.5 * (east - north), both)
-    semi_axis: FloatArray = _SEMI_AXES_95 * np.sqrt(np.maximum(largest, 0.0))
+    semi_axis: FloatArray = np.where(np.isnan(sigmas), _SEMI_AXES_95, sigmas) * np.sqrt(np.maximum(largest, 0.0))
     return semi_axis
 
 
@@ -168,12 +204,13 @@ def _launches(hypotheses: Hypotheses, family: Family) -> Moments:
     return Moments(np.stack([latitude, longitude, family.start_s], axis=1), covariance)
 
 
-def _blended(parts: Moments, weight: FloatArray, row: IntArray, count: int, are_places: bool) -> Moments:
-    """Return means (count, d) and covariances (count, d, d) of mixtures: `row` says which each part belongs to.
+def _blended(parts: Moments, mixture: _Mixture, are_places: bool) -> Moments:
+    """Return means (count, d) and covariances (count, d, d) of mixtures.
 
     Parts that are not known, as the impact of a flight that does not come down, leave the whole unknown where they
     are no small part of it.
     """
+    weight, row, count = mixture
     known = np.isfinite(parts.mean).all(axis=1) & np.isfinite(parts.covariance).all(axis=(1, 2))
     share = np.bincount(row[known], weight[known], count)
     values, spread, weight, row = parts.mean[known], parts.covariance[known], weight[known], row[known]
@@ -181,17 +218,15 @@ def _blended(parts: Moments, weight: FloatArray, row: IntArray, count: int, are_
     nothing = Moments(np.full((count, size), np.nan), np.full((count, size, size), np.nan))
     if not len(values):
         return nothing
-    weight = weight / share[row]
+    mixture = _Mixture(weight / share[row], row, count)
     heaviest = np.zeros(count, dtype=np.int64)
-    order = np.argsort(weight, kind="stable")
+    order = np.argsort(mixture.weight, kind="stable")
     heaviest[row[order]] = order
     about = values[heaviest][row]
     away = on_ground(values, about) if are_places else values - about
-    mean = np.zeros((count, size))
-    np.add.at(mean, row, weight[:, None] * away)
+    mean = mixture.sums(away)
     apart = away - mean[row]
-    total = np.zeros((count, size, size))
-    np.add.at(total, row, weight[:, None, None] * (spread + apart[:, :, None] * apart[:, None, :]))
+    total = mixture.sums(spread + apart[:, :, None] * apart[:, None, :])
     first = values[heaviest]
     told = off_ground(mean, first) if are_places else first + mean
     enough = share > _KNOWN

@@ -28,8 +28,9 @@ _LEAST_LEFT, _ROUNDING = 0.25, 1e-12
 def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatArray) -> Tracks:
     """Return the tracks of both, row by row, as mixtures in which the filter's have these chances (n,).
 
-    The type is the fit's. A burn that has stages may go on: of targets that more likely than not fly otherwise, no
-    impact is told before they have been dark (n,) long enough, nor an end of the burn.
+    The type is the fit's, and so are the radii of impacts' ellipses where nothing is mixed in. A burn that has stages
+    may go on: of targets that more likely than not fly otherwise, no impact is told before they have been dark (n,)
+    long enough, nor an end of the burn.
     """
     heavy = chance > 0.5
     over = dark_s > STAGED_S
@@ -43,6 +44,8 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
     )
     early = heavy & ~over
     impact[early], impact_spread[early] = np.nan, np.nan
+    sigmas = fitted.impact_sigmas.copy()
+    sigmas[(chance > 0.0) & np.isfinite(filtered.impact).all(axis=1) | heavy] = np.nan
     burnout, burnout_spread = fitted.burnout.copy(), fitted.burnout_covariance.copy()
     burnout[heavy], burnout_spread[heavy] = np.nan, np.nan
     return evolve(
@@ -55,6 +58,7 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
         impact_covariance=impact_spread,
         burnout=burnout,
         burnout_covariance=burnout_spread,
+        impact_sigmas=sigmas,
     )
 
 

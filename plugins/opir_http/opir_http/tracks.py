@@ -54,7 +54,10 @@ class TrackBook:
             _rounded(np.degrees(place.longitude_rad), 6),
             _rounded(place.height_m, 1),
             map(msgspec.Raw, point_texts(tracks.launch, tracks.launch_covariance, self._epoch_us)),
-            map(msgspec.Raw, point_texts(tracks.impact, tracks.impact_covariance, self._epoch_us)),
+            map(
+                msgspec.Raw,
+                point_texts(tracks.impact, tracks.impact_covariance, self._epoch_us, tracks.impact_sigmas),
+            ),
             [dict(zip(REPORTED_TYPES, _rounded(row, 4), strict=True)) for row in tracks.type_probability],
         )
         return [dict(zip(_NAMES, values, strict=True)) for values in zip(*columns, strict=True)]
