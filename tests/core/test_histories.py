@@ -94,6 +94,24 @@ def test_any_exchange_among_three_is_put_right_at_once(order: tuple[int, ...]) -
     assert np.allclose(found.told.coast_mean, found.bank.coast_mean, atol=1.0)
 
 
+def test_tracks_that_began_far_off_weigh_one_anothers_histories_all_the_same() -> None:
+    """Three rays' breadths apart, and each begun 2 to 4 deviations off: far from all histories, its own as well."""
+    shifts = np.array([[0.0, 0.0, 0.0], [6400.0, -2900.0, -1800.0], [-4200.0, 3700.0, -800.0]])
+    off = np.array([[0.0, -2700.0, -3000.0], [-700.0, 1900.0, -300.0], [2300.0, 0.0, -300.0]])
+    states = apart(*shifts)
+    began = states + np.pad(off, ((0, 0), (0, 3)))
+    first = evolve(begun(states, 1000.0), coast_mean=began, boost_mean=np.pad(began, ((0, 0), (0, 6))))
+    sights, sensor = looks(states)
+    # Each sensor's histories are exchanged between the first track and another.
+    holder = np.where(sensor == 1, np.array([2, 1, 0])[sights.track], np.array([1, 0, 2])[sights.track])
+    sights = sights.placed(holder)
+    bank = FILTER.updated(first, END_S, sights, END_S)
+    means = mean_sights(FILTER.outlook(bank, END_S), sights, sensor, 1.0)
+    histories = Histories(np.arange(3), np.zeros(3), first, *means)
+    doubt = decided(FILTER, histories, bank, END_S, UNBIASED).histories.doubt
+    assert (doubt > 0.0).all()
+
+
 def test_the_order_of_tracks_does_not_matter() -> None:
     histories, bank = known(THREE, (1, 2, 0))
     found = decided(FILTER, histories, bank, END_S, UNBIASED)

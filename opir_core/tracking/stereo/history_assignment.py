@@ -23,6 +23,12 @@ from opir_core.tracking.stereo.histories import Histories, rows_of, weighed, wit
 #: A track may have a history whose last line of sight is this near to where the other sensors see it, in deviations.
 _GATE = 4.5
 
+#: Nor need it be nearer than the track's own, squared, and this: a track that began far off is far from all of them.
+_FARTHER = 10.0
+
+#: They are sought as far off as this many deviations.
+_REACH = 6.3
+
 #: Histories this much less likely (log) than the track's likeliest are left out.
 _LEAST_LOG = -40.0
 
@@ -181,18 +187,21 @@ def _near(without: Outlook, whole: Outlook, theirs: Sights, rows: IntArray) -> t
     last[theirs.track] = np.arange(len(theirs))
     place = whole.derivative[rows, 0]
     # A track that another sensor's rays put elsewhere is still seen in its own direction: look as far as it may be off.
-    reach = _GATE * (without.reach_m(0.0)[rows] + float(whole.reach_m(0.0)[rows].max()))
+    reach = _REACH * (without.reach_m(0.0)[rows] + float(whole.reach_m(0.0)[rows].max()))
     found = cKDTree(place).query_ball_point(without.derivative[rows, 0], reach, return_sorted=True)
-    length = np.array([len(near) for near in found])
-    track = np.repeat(rows, length)
+    track = np.repeat(rows, [len(near) for near in found])
     source = rows[np.concatenate([np.array(near, dtype=np.int64) for near in found])]
+    others = track != source
+    track, source = np.concatenate([rows, track[others]]), np.concatenate([rows, source[others]])
     sights = theirs.take(last[source])
     residual, slope = sights.residuals(without.positions(track, sights.time_s))
     side = slope @ without.position_sides(track, sights.time_s)
     spread = side @ side.transpose(0, 2, 1) + np.eye(2)
     distance = np.sum(residual * np.linalg.solve(spread, residual[:, :, None])[:, :, 0], axis=1)
-    inside = (distance < _GATE**2) & (track != source)
-    return np.concatenate([rows, track[inside]]), np.concatenate([rows, source[inside]])
+    own = np.zeros(len(last))
+    own[rows] = distance[: len(rows)]
+    inside = (distance < np.maximum(_GATE**2, own[track] + _FARTHER)) | (track == source)
+    return track[inside], source[inside]
 
 
 def _exchanged(
