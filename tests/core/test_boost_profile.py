@@ -9,7 +9,7 @@ from opir_core import simulate
 from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.scene import TARGET_TYPES
-from opir_core.scoring.consistency import nees
+from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile import flight as profile_flight
 from opir_core.tracking.profile.bank import Fitting
@@ -144,6 +144,21 @@ def test_impact_ellipses_hold_the_truth():
     assert abs(values.mean() - 2.0) < 3.3 * np.sqrt(4.0 / 30)
     # 30 draws that are held with 95 %: fewer than 24 are a case of one in a thousand.
     assert np.count_nonzero(values < 5.99) >= 24
+
+
+def test_impact_ellipses_hold_what_they_say_while_the_end_of_the_burn_is_open():
+    # Told of the class: of flights of one class alone no posterior over three is right.
+    truth, (found,) = told("IRBM", 60, 5, (65,), priors=PRIORS.take([TARGET_TYPES.index("IRBM")]))
+    _, impact, burning = true_values(truth, 65.0)
+    away = profile_flight.on_ground(impact, found.impact)[:, :2]
+    usual = nees(away, found.impact_covariance[:, :2, :2])[burning]
+    values = on_normal_scale(usual, found.impact_sigmas[burning])
+    assert len(values) > 50
+    # The ellipse that would hold half of a normal distribution holds far more; 3.3 σ is 99.9 %.
+    half, wanders = np.log(4.0), 3.3 * np.sqrt(0.25 / len(values))
+    assert np.mean(usual <= half) > 0.5 + wanders
+    assert abs(np.mean(values <= half) - 0.5) < wanders
+    assert np.mean(values <= 5.99) > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / len(values))
 
 
 def test_a_scene_is_tracked_to_launch_and_impact():

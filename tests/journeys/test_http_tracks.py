@@ -9,8 +9,13 @@ from typing import Any
 
 import http_stand
 import jsonschema
+import msgspec
+import numpy as np
 from http_stand import serving
 from opir_http.openapi import document
+from opir_http.tracks import TrackBook
+
+from opir_core.testing.windows import stub_estimates
 
 LAUNCH, AIM = (34.73, -120.57), (32.0, -124.0)
 
@@ -31,6 +36,23 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
             ellipse = point["ellipse"]
             assert 0.0 < ellipse["semi_minor_m"] <= ellipse["semi_major_m"] < 5e6
             assert 0.0 < ellipse["containment"] < 1.0
+
+
+def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> None:
+    told = stub_estimates(
+        1,
+        tick_s=60.0,
+        state=np.array([6.5e6, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        launch=np.array([0.1, 0.2, 3.0]),
+        launch_covariance=np.diag([4e6, 1e6, 1.0]),
+        impact=np.array([0.4, 0.2, 900.0]),
+        impact_covariance=np.diag([4e6, 1e6, 1.0]),
+        impact_sigmas=np.array([0.75, 1.5, 2.75]),
+    )
+    (track,) = json.loads(msgspec.json.encode(TrackBook(0).take(told)))["tracks"]
+    axes = [track["impact_point"][name]["semi_major_m"] for name in ("ellipse_50", "ellipse_90", "ellipse")]
+    assert axes == [1500.0, 3000.0, 5500.0]
+    assert track["launch_point"]["ellipse_50"]["semi_major_m"] == 2354.82
 
 
 def streamed_track(port: int) -> Any:
