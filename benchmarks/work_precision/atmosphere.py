@@ -11,15 +11,13 @@ medians. `--write` puts the table, and, where matplotlib is installed, a plot in
 
 import argparse
 import csv
-import statistics
-import time
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from atmosphere_left_out import Model, Way, by_region, left_out
+from timing import median_s, multiply_ns
 
 from opir_core.radiometry.long_paths import CLIMBS
 from opir_core.radiometry.lowtran import LowtranAtmosphere
@@ -208,22 +206,6 @@ def above_the_air(count: int, repeat: int) -> float:
     nowhere = np.zeros((count, 3))
     paths = Paths(np.full(count, 2e5), np.full(count, 0.5), nowhere, nowhere, np.zeros(count))
     return 1e9 * median_s(lambda: atmosphere.transmittance(0, paths), repeat) / count
-
-
-def median_s(action: Callable[[], object], repeat: int) -> float:
-    """Return the median processor time of an action, after one call that is not counted."""
-    times = []
-    for _ in range(repeat + 1):
-        start = time.process_time()
-        action()
-        times.append(time.process_time() - start)
-    return statistics.median(times[1:])
-
-
-def multiply_ns() -> float:
-    """Return the time a plain numpy multiplication takes an element, as a measure of how busy the machine is."""
-    a = np.ones(32768)
-    return 1e9 * median_s(lambda: [np.multiply(a, a, out=a) for _ in range(1000)], 7) / (1000 * len(a))
 
 
 def table(rows: list[Row], space_ns: float) -> str:

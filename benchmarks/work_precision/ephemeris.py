@@ -9,13 +9,12 @@ puts the table, and, where matplotlib is installed, a plot into a folder.
 """
 
 import argparse
-import statistics
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from timing import median_s, multiply_ns
 
 from opir_core.flight.aiming import Aim, aim
 from opir_core.flight.ephemeris import Ephemeris
@@ -73,16 +72,6 @@ def exact_m(flight: Aim, target: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     return np.where((time_s <= flight.burnout_s[target])[:, None], boost, eci_to_ecef(coast, time_s))
 
 
-def median_s(action: Callable[[], object], repeat: int) -> float:
-    """Return the median processor time of an action, after one call that is not counted."""
-    times = []
-    for _ in range(repeat + 1):
-        start = time.process_time()
-        action()
-        times.append(time.process_time() - start)
-    return statistics.median(times[1:])
-
-
 def largest_error_m(ephemeris: Ephemeris, flight: Aim) -> float:
     """Return the largest error over random points, half of them crowded towards the start."""
     rng = np.random.default_rng(2)
@@ -132,17 +121,6 @@ def measured(span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, t
         1e9 * median_s(lambda: ephemeris.position_m(mixed, mixed_times), repeat) / points,
         1e9 * median_s(lambda: ephemeris.state(target, times), repeat) / points,
     )
-
-
-def multiply_ns() -> float:
-    """Return the time a plain numpy multiplication takes an element, as a measure of how busy the machine is."""
-    a = np.ones(32768)
-
-    def many() -> None:
-        for _ in range(1000):
-            np.multiply(a, a, out=a)
-
-    return 1e9 * median_s(many, 7) / (1000 * len(a))
 
 
 def table(rows: list[Row]) -> str:
