@@ -6,7 +6,7 @@ from attrs import evolve
 from profile_flights import PRIORS
 
 from opir_core.tracking.profile import fit
-from opir_core.tracking.profile.family import TURN_EAST, TURN_NORTH
+from opir_core.tracking.profile.family import SIZE, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.hypotheses import GIVEN_UP, probability
 from opir_core.tracking.profile.prior_squares import SPACING
 from opir_core.tracking.profile.windows import laid, straightened, windowed
@@ -65,6 +65,22 @@ def test_windows_are_laid_anew_where_one_that_is_not_there_would_hold_much(width
     assert fresh.all()
     again, _ = laid(settled(again))
     assert np.max(side * again.window[:, 2] * np.sign(again.window[:, 0])) > 2.0 * ALONG_RAD
+
+
+def test_windows_laid_anew_leave_other_headings_where_they_are():
+    ridges = ridge(1.5, 0.05)
+    # Three in a thousand lean the other way.
+    other = ridges.take(np.array([np.argmax(ridges.evidence)]))
+    west = evolve(
+        other,
+        parameters=other.parameters - 12.0 * ALONG_RAD * np.eye(SIZE)[TURN_EAST],
+        window=other.window - 12.0 * ALONG_RAD * np.eye(4)[2],
+        evidence=other.evidence + np.log(0.003),
+    )
+    both = type(ridges).concatenate([ridges, west])
+    again, fresh = laid(both)
+    assert fresh.sum() == 9
+    assert again.take(np.flatnonzero(~fresh)).parameters.tolist() == west.parameters.tolist()
 
 
 def test_a_lean_in_every_heading_ends_where_its_circle_does():

@@ -179,10 +179,18 @@ def laid(hypotheses: Hypotheses) -> tuple[Hypotheses, BoolArray]:
     ridges = _Ridges.of(seen)
     wide = (ridges.width > _WIDE) | (_left_out(seen, ridges) > _MISSED)
     again = _relaid(seen, ridges, np.flatnonzero(wide))
-    kept = seen.take(~wide[ridges.group])
+    kept = seen.take(~wide[ridges.group] | _lie_apart(seen, ridges))
     parts = [rest, kept, again]
     every = Hypotheses.concatenate(parts)
     return every, np.repeat([False, False, True], [len(part) for part in parts])
+
+
+def _lie_apart(hypotheses: Hypotheses, ridges: _Ridges) -> BoolArray:
+    """Return which (n,) hypotheses lie where not even the next of windows laid anew would see them: other headings."""
+    place = np.sum(hypotheses.parameters[:, _LEAN] * ridges.along[ridges.group], axis=1)
+    reach = (2.0 * _LATER[-1] - _LATER[-2]) * ridges.sigma
+    apart: BoolArray = np.abs(place - ridges.mean[ridges.group]) > reach[ridges.group]
+    return apart
 
 
 def _left_out(hypotheses: Hypotheses, ridges: _Ridges) -> FloatArray:
