@@ -35,7 +35,7 @@ def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
 
     Rows and columns are any whole numbers from 0; components are numbered by their first pair.
     """
-    from scipy.sparse import coo_array
+    from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
 
     if not len(row):
@@ -43,12 +43,15 @@ def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
     rows, columns = ranks(row), ranks(column)
     size = int(rows.max()) + 1
     total = size + int(columns.max()) + 1
-    graph = coo_array((np.ones(len(row), dtype=np.int8), (rows, columns + size)), shape=(total, total))
+    start = np.zeros(total + 1, dtype=np.int32)
+    np.cumsum(np.bincount(rows, minlength=total), out=start[1:])
+    ends = (columns + size).astype(np.int32)[np.argsort(rows, kind="stable")]
+    graph = csr_array((np.ones(len(row)), ends, start), shape=(total, total))
     count, label = connected_components(graph, directed=False)
     component = label[rows].astype(np.int64)
-    first = np.full(count, len(row))
-    np.minimum.at(first, component, np.arange(len(row)))
-    rank = np.empty(count, dtype=np.int64)
+    first, rank = np.empty((2, count), dtype=np.int64)
+    # Of all that are put in one place the last stays.
+    first[component[::-1]] = np.arange(len(row) - 1, -1, -1)
     rank[np.argsort(first)] = np.arange(count)
     return rank[component], count
 
@@ -65,6 +68,12 @@ def ranks(value: IntArray) -> IntArray:
     return place
 
 
+def different(value: IntArray) -> IntArray:
+    """Return the different ones, in order, of whole numbers from 0, none of which is many times their count."""
+    found: IntArray = np.flatnonzero(np.bincount(value))
+    return found
+
+
 def lone(row: IntArray, column: IntArray) -> BoolArray:
     """Return which pairs (n,) share neither their row nor their column with another."""
     if not len(row):
@@ -74,17 +83,18 @@ def lone(row: IntArray, column: IntArray) -> BoolArray:
 
 
 def places(component: IntArray, node: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the place of each pair's node within its component, by node, and the number of nodes of each component."""
-    order = np.lexsort((node, component))
-    group, value = component[order], node[order]
-    fresh = np.ones(len(node), dtype=bool)
-    fresh[1:] = (group[1:] != group[:-1]) | (value[1:] != value[:-1])
-    running = np.cumsum(fresh) - 1
-    sizes = np.bincount(group[fresh], minlength=int(component.max(initial=-1)) + 1)
-    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    place = np.empty(len(node), dtype=np.int64)
-    place[order] = running - starts[group] if len(node) else running
-    return place, sizes.astype(np.int64)
+    """Return the place of each pair's node within its component, by node, and the number of nodes of each component.
+
+    A node is in one component alone.
+    """
+    node = ranks(node)
+    group = np.empty(int(node.max(initial=-1)) + 1, dtype=np.int64)
+    group[node] = component
+    sizes = np.bincount(group, minlength=int(component.max(initial=-1)) + 1)
+    order = np.argsort(group, kind="stable")
+    place = np.empty(len(group), dtype=np.int64)
+    place[order] = np.arange(len(group)) - (np.cumsum(sizes) - sizes)[group[order]]
+    return place[node], sizes.astype(np.int64)
 
 
 def blocks(row: IntArray, column: IntArray, group: IntArray, count: int) -> Iterator[Blocks]:

@@ -6,7 +6,7 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.tracking.assignment import components, lone, nearest, ranks
+from opir_core.tracking.assignment import components, different, lone, nearest, ranks
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.joint_association import marginals
 from opir_core.tracking.rays import Rays, Sights
@@ -72,7 +72,7 @@ def scan_groups(pairs: Pairs, rays: Rays) -> IntArray:
 def crowded(pairs: Pairs, rays: Rays) -> IntArray:
     """Return the tracks, in order, that share a ray with another or have several rays of one scan to choose from."""
     rivals = ~lone(scan_groups(pairs, rays), pairs.ray)
-    return np.unique(pairs.track[rivals])
+    return different(pairs.track[rivals])
 
 
 def related(pairs: Pairs, tracks: IntArray) -> BoolArray:

@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 
 from opir_core.records import BoolArray, FloatArray, IntArray
-from opir_core.tracking.assignment import components, lone, places
+from opir_core.tracking.assignment import components, different, lone, places, ranks
 
 #: A cluster is summed exactly as long as it has no more rows, or no more columns, than this: 2**8 states.
 EXACT_WIDTH = 8
@@ -61,7 +61,7 @@ def _narrow_marginals(
     line = np.where(flat[group], column_place, row_place)
     place = np.where(flat[group], row_place, column_place)
     width, height = np.minimum(rows, columns), np.maximum(rows, columns)
-    for size in np.unique(width[width <= exact_width]).tolist():
+    for size in different(width[width <= exact_width]).tolist():
         clusters = np.flatnonzero(width == size)
         rank = np.full(count, -1, dtype=np.int64)
         rank[clusters] = np.arange(len(clusters))
@@ -171,7 +171,7 @@ def propagated(row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int =
     On a graph without loops it is exact. With loops of strong evidence it believes too much in the likeliest
     explanation.
     """
-    line, place = (np.unique(node, return_inverse=True)[1] for node in (row, column))
+    line, place = ranks(row), ranks(column)
     to_row = np.ones(len(ratio))
     for _ in range(sweeps):
         fresh = 1.0 / (1.0 + _others(place, ratio / (1.0 + _others(line, ratio * to_row))))

@@ -4,7 +4,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.records import BoolArray, FloatArray, IntArray
-from opir_core.tracking.assignment import lone
+from opir_core.tracking.assignment import different, lone
 from opir_core.tracking.association import Chances, plain, scan_groups, scan_numbers
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.gating import Pairs
@@ -91,8 +91,8 @@ def turned(filter_: SwitchingFilter, known: Histories, bank: Bank, time_s: float
     if not len(known.contested):
         return known, bank
     whose = known.sights.track
-    used = np.unique(known.contested.sight)
-    rows = np.unique(whose[used])
+    used = different(known.contested.sight)
+    rows = different(whose[used])
     place = np.full(len(known), -1, dtype=np.int64)
     place[rows] = np.arange(len(rows))
     part, sights = bank.take(rows), known.sights.take(used)

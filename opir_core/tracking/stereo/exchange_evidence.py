@@ -11,6 +11,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.assignment import ranks
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.rays import Sights, along, dot
 from opir_core.tracking.stereo.contested import Contested, expected
@@ -69,15 +70,16 @@ def _rivals(known: Histories, first: Bank, row: IntArray, side: IntArray) -> _Ri
     pick, where = rows_of(contested.sight, row)
     rays, trial = contested.take(pick), side[where] // 2
     rows, scans = int(contested.ray.max(initial=-1)) + 1, int(contested.scan.max(initial=-1)) + 1
-    key, meeting = np.unique(trial * rows + rays.ray, return_inverse=True)
+    meeting = ranks(trial * rows + rays.ray)
     claimed, held = np.bincount(contested.ray, contested.weight, rows), np.bincount(meeting, rays.weight)
     left = np.clip(1.0 - claimed[rays.ray] + held[meeting], _LEAST_LEFT, 1.0)
-    scan_of = np.empty(len(key), dtype=np.int64)
-    scan_of[meeting] = trial * scans + rays.scan
-    scan_key, scan = np.unique(scan_of, return_inverse=True)
+    scan_of = ranks(trial * scans + rays.scan)
+    scan = np.empty(int(meeting.max(initial=-1)) + 1, dtype=np.int64)
+    trial_of = np.empty(int(scan_of.max(initial=-1)) + 1, dtype=np.int64)
+    scan[meeting], trial_of[scan_of] = scan_of, trial
     rays = evolve(rays, sight=where, odds=rays.odds + np.log(left))
     second = (side[where] % 2).astype(np.float64)
-    return _Rivals(first, known.sights.take(row).placed(side), rays, second, meeting, scan, scan_key // scans)
+    return _Rivals(first, known.sights.take(row).placed(side), rays, second, meeting, scan, trial_of)
 
 
 def _settled(filter_: SwitchingFilter, rivals: _Rivals, bank: Bank, time_s: float) -> tuple[Bank, FloatArray]:

@@ -11,7 +11,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.records import BoolArray, FloatArray, IntArray
-from opir_core.tracking.assignment import lone, nearest
+from opir_core.tracking.assignment import different, lone, nearest
 from opir_core.tracking.filter import square_root
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.joint_association import marginals
@@ -83,7 +83,7 @@ def decided(
     if len(known) < 2:
         return Decision(evolve(known, doubt=doubt), bank, bank)
     asked = np.ones(len(known), dtype=bool) if asked is None else asked
-    for sensor in np.unique(known.sensor).tolist():
+    for sensor in different(known.sensor).tolist():
         trials = _trials(filter_, known, with_biases(known, bias_sigma_rad), bank, time_s, sensor, asked)
         if not len(trials.track):
             continue
@@ -145,7 +145,7 @@ def _settled(
     filter_: SwitchingFilter, known: Histories, trials: _Trials, bank: Bank, time_s: float, sensor: int
 ) -> _Trials:
     """Return the trials with those in which two tracks exchange contested histories judged by what both settle into."""
-    go, back = _exchanges(trials, np.unique(known.sights.track[known.contested.sight]))
+    go, back = _exchanges(trials, different(known.sights.track[known.contested.sight]))
     own = np.full(len(known), -1, dtype=np.int64)
     same = np.flatnonzero(trials.track == trials.source)
     own[trials.track[same]] = same
