@@ -11,7 +11,7 @@ from opir_core.protocols import Sensor
 from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.ground_points import GroundPoints, impacts
+from opir_core.tracking.ground_points import impacts
 from opir_core.tracking.stereo.upkeep import Roster
 
 
@@ -29,11 +29,10 @@ def estimates(
     An impact is told of the tracks `is_free` (n,), and `types` are those of the tracks' types.
     """
     count = len(state)
-    impact = GroundPoints(_unknown(count, 3), _unknown(count, 3, 3))
+    impact, burnout = _unknown(count, 5, 3), _unknown(count, 8, 7)
     if np.count_nonzero(is_free):
         free = np.flatnonzero(is_free)
-        landed = impacts(state[free], covariance[free], time_s, forces)
-        impact.place[free], impact.covariance[free] = landed
+        impact[free, 0], impact[free, 1:4] = impacts(state[free], covariance[free], time_s, forces)
     state, covariance = earth_fixed(state, covariance, time_s)
     return Tracks(
         tick_s=np.array([time_s] * count),
@@ -42,11 +41,12 @@ def estimates(
         state_covariance=covariance,
         launch=roster.launch,
         launch_covariance=roster.launch_covariance,
-        impact=impact.place,
-        impact_covariance=impact.covariance,
+        impact=impact[:, 0],
+        impact_covariance=impact[:, 1:4],
+        impact_sigmas=impact[:, 4],
         type_probability=types,
-        burnout=_unknown(count, 7),
-        burnout_covariance=_unknown(count, 7, 7),
+        burnout=burnout[:, 7],
+        burnout_covariance=burnout[:, :7],
     )
 
 
