@@ -86,16 +86,17 @@ def test_light_that_comes_back_after_a_pause_of_all_sensors_is_a_stage(pause_s, 
 
 def test_a_pause_is_not_forgotten_however_white_the_innovations_after_it_are():
     watch, looks = watch_of(2, period_s=0.1, chance=0.8), 0.1 * np.arange(1, 101)
-    early, late = rows_at(looks, 2), rows_at([looks[-1] + 0.8], 2)
+    early, late = rows_at(looks, 2), rows_at([looks[-1] + 1.2], 2)
     known = Seen.nothing(np.zeros(0, dtype=np.int64), 2).with_rays(early, early.time_s)
     known = known.with_rays(late, late.time_s).paused(known, late, watch)
     told = known.otherwise[0]
-    assert told > 0.0
+    assert told > 2.0
     rng = np.random.default_rng(5)
-    for tick in range(60):
+    for tick in range(120):
         known = judged(known, rows_at([20.0 + tick], 2), rng.normal(size=(2, 2)))
     assert known.strange[0] < told - 3.0
-    assert known.otherwise[0] > told - np.log(2.0)
+    # One flight in three with a pause is fitted on: by a third the odds at the pause were larger than the others alone.
+    assert told - np.log(4.0) - 1e-9 < known.otherwise[0] < told - 0.5
     # A flight without a pause has no odds beside those of its innovations.
     white = Seen.nothing(np.zeros(1, dtype=np.int64), 2)
     assert white.otherwise[0] == FIRST_STRANGE

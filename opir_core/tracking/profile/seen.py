@@ -19,6 +19,10 @@ _CHANCE = -7.0
 #: would be off by, in units of what is expected of innovations.
 FIRST_STRANGE, LEAN_VARIANCE = float(np.log(0.015)), 0.3
 
+#: The logarithm of the share of staged flights that go on after a pause so that the family fits all that is seen: that
+#: which makes likeliest what innovations after it said of a hundred SRBM of two stages.
+_FITTED = float(np.log(1.0 / 3.0))
+
 #: Of a pause no more is made than this, log.
 _MOST = 12.0
 
@@ -33,9 +37,9 @@ class Seen(Columns):
     `drift` (n, sensors, 2) is the running mean of whitened innovations, `wander` (n, sensors) its variance if well.
     `lean` (n, sensors, 2) and `doubt` (n, sensors) are the mean and variance of what innovations would be off by, did
     the target not fly as the family does, and `strange` (n,) the logarithm of the odds that it does not (`strain`);
-    `staged` (n,) is that of the odds that its burn has paused. `newest` (n, sensors, 2) are the last innovations,
-    `rough` (n,) is the sum of half the squares of what they differ by from one to the next, and `jumps` (n,) the number
-    of those.
+    `staged` (n,) is that of the odds that its burn has paused, but the family fits on. `newest` (n, sensors, 2) are the
+    last innovations, `rough` (n,) is the sum of half the squares of what they differ by from one to the next, and
+    `jumps` (n,) the number of those.
     """
 
     track: IntArray
@@ -108,8 +112,8 @@ class Seen(Columns):
         """Return what is seen, made stranger where rays (m,) come after a pause that no single burn has by chance.
 
         Between stages nothing burns. `before` is what was seen before the rays. The pause's probability is that of as
-        many missed looks of all sensors that have seen the target lately. However well the family fits what comes after
-        a pause, with its parameters put wrong, none of its burns has one: the odds of the most improbable pause stay.
+        many missed looks of all sensors that have seen the target lately. Innovations after it tell whether the family
+        fits on, and so does it fit some flights with a pause, its parameters put wrong: the odds of those stay.
         """
         known = np.isin(rays.track, before.track)
         order = np.lexsort((rays.time_s[known], rays.track[known]))
@@ -127,7 +131,7 @@ class Seen(Columns):
         log = np.sum(np.where(hears, missed * np.log1p(-np.nan_to_num(share, nan=0.01)), 0.0), axis=1)
         gain = np.zeros(len(self.track))
         np.maximum.at(gain, np.searchsorted(self.track, track), np.clip(_CHANCE - log, 0.0, _MOST))
-        staged = np.maximum(self.staged, np.where(gain > 0.0, FIRST_STRANGE + gain, -np.inf))
+        staged = np.maximum(self.staged, np.where(gain > 0.0, FIRST_STRANGE + gain + _FITTED, -np.inf))
         return evolve(self, strange=self.strange + gain, staged=staged)
 
     def silence(self, kind: IntArray, tick_s: float, watch: Watch) -> Silence:
