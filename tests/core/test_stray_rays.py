@@ -38,6 +38,11 @@ def squares_of(strays, tracks, rays, seed):
     return np.where(rng.random((tracks, rays)) < strays, GATE**2 * rng.random((tracks, rays)), square)
 
 
+def nothing_of(tracks):
+    """Return what is known of the shares of so many tracks before any ray."""
+    return Strays(np.zeros((tracks, len(SHARES))))
+
+
 def told_by(square):
     """Return what rays (tracks, rays) tell of shares (tracks, shares)."""
     track = np.repeat(np.arange(len(square)), square.shape[1])
@@ -46,7 +51,7 @@ def told_by(square):
 
 @pytest.mark.parametrize(("strays", "rays"), [(0.0, 40), (0.1, 200), (0.3, 60), (0.3, 400), (0.6, 60)])
 def test_the_share_of_strays_is_found_from_few_rays_on(strays, rays):
-    share = Strays(told_by(squares_of(strays, 400, rays, 1))).share
+    share = nothing_of(400).after(told_by(squares_of(strays, 400, rays, 1))).share
     # What is believed beforehand is three rays without strays, and shares below one in a hundred are on no grid.
     drawn = strays * 3.0 / rays + 0.01
     assert share.mean() == pytest.approx(strays, abs=drawn + 3.3 * share.std() / np.sqrt(len(share)))
@@ -62,16 +67,16 @@ def test_rays_beyond_the_gate_say_nothing_of_the_share_within():
 @given(seed=st.integers(0, 10**6), strays=st.floats(0.0, 1.0), cut=st.integers(0, 300))
 def test_a_share_is_a_share_and_the_same_in_one_go_or_two_and_in_any_order(seed, strays, cut):
     square = squares_of(strays, 3, 300, seed)
-    whole = Strays(told_by(square))
+    whole = nothing_of(3).after(told_by(square))
     assert np.all((whole.share >= 0.0) & (whole.share <= SHARES[-1]))
-    parts = Strays(told_by(square[:, :cut])).after(told_by(square[:, cut:]))
+    parts = nothing_of(3).after(told_by(square[:, :cut])).after(told_by(square[:, cut:]))
     assert parts.log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
-    assert told_by(square[:, ::-1]) == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
+    assert nothing_of(3).after(told_by(square[:, ::-1])).log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
     assert whole.take(np.array([2])).share == pytest.approx(whole.share[2:])
 
 
 def test_before_any_ray_one_in_a_hundred_strays_and_rays_without_any_make_it_fewer():
-    nothing = Strays(np.zeros((1, len(SHARES))))
+    nothing = nothing_of(1)
     assert nothing.share == pytest.approx(0.01, abs=5e-4)
     pairs = evolve(pairs_of([0] * 30, [1.0] * 30), sigma_rad=np.ones(30))
     clean = nothing.after(unsuspected(pairs, nothing, GATE)).share

@@ -24,7 +24,7 @@ from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.stereo.ghosts import RANGE_M, Slice, without_ghosts
-from opir_core.tracking.stereo.stray_rays import SHARES, Span, Strays, doubtful, unsuspected, weighed
+from opir_core.tracking.stereo.stray_rays import FEW, Span, Strays, doubtful, unsuspected, weighed
 
 #: A settled assignment may reach this much farther than the first gate, in standard deviations.
 _SETTLING_GATE = 6.0
@@ -36,20 +36,21 @@ _RESTLESS = 1.0 / 3.0
 _Asked = TypeVar("_Asked")
 _Answer = TypeVar("_Answer")
 
-_NONE, _NOTHING = np.empty(0, dtype=np.int64), np.empty((0, len(SHARES)))
+_NONE = np.empty(0, dtype=np.int64)
 
 
 class Followed(NamedTuple):
     """Estimates after a slice, the row that each ray was given to, -1 for none, the pairs in which it was, and all.
 
-    `strays` (n, shares) is what each track's own rays tell of the share of strays among them.
+    `strays` (n, shares) is what each track's own rays so far tell of the share of strays among them; it is missing
+    where all tracks are known to have next to none.
     """
 
     bank: Bank
     owner: IntArray
     own: Pairs
     pairs: Pairs
-    strays: FloatArray = _NOTHING
+    strays: FloatArray | None = None
 
 
 @frozen(eq=False)
@@ -98,23 +99,27 @@ class Following:
         busy = self._restless(bank, after, pairs, rays, young) if self.config.settling and found.contested else _NONE
         first = Followed(after, found.owner, found.own, pairs)
         told = self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
-        doubted = doubtful(told.own, stray.share) if self.config.association == "nearest" else _NONE
+        share = stray.share
+        doubted = doubtful(told.own, share) if self.config.association == "nearest" else _NONE
         if len(doubted) and found.contested:
             doubted = np.setdiff1d(doubted, crowded(pairs, rays), assume_unique=True)
+        if not len(doubted):
+            if not np.count_nonzero(share > FEW):
+                return told
+            strays = stray.log + unsuspected(told.own, stray, self.config.gate_sigma)
+            return Followed(told.bank, told.owner, told.own, told.pairs, strays)
         return self._weighed(told, bank, Span(end_s, span, self.config.gate_sigma), stray, doubted)
 
     def _weighed(self, told: Followed, bank: Bank, span: Span, stray: Strays, doubted: IntArray) -> Followed:
         """Return what was followed with the rays of tracks `doubted`, which have no rivals, weighed."""
         strays = unsuspected(told.own, stray, span.gate)
-        if not len(doubted):
-            return Followed(told.bank, told.owner, told.own, told.pairs, strays)
         place = np.full(len(bank), -1, dtype=np.int64)
         place[doubted] = np.arange(len(doubted))
         mine = told.own.take(np.flatnonzero(place[told.own.track] >= 0))
         own, before, after = evolve(mine, track=place[mine.track]), bank.take(doubted), told.bank.take(doubted)
         found = weighed(self.filter, before, after, span, own, stray.take(doubted))
         strays[doubted] = found.strays
-        return told._replace(bank=told.bank.put(doubted, found.bank), strays=strays)
+        return told._replace(bank=told.bank.put(doubted, found.bank), strays=stray.after(strays).log)
 
     def _restless(self, bank: Bank, after: Bank, pairs: Pairs, rays: Rays, young: IntArray) -> IntArray:
         """Return the tracks that have rivals, of clusters in which one, not young, moved enough for other rays."""

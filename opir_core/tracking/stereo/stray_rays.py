@@ -33,6 +33,9 @@ _SHARE, _BELIEVED = 0.01, 3.0
 #: A ray farther off than this, squared standard deviations, is one in a thousand; so large a share of strays is some.
 _IMPROBABLE, _SOME = 13.8, 0.02
 
+#: Rays none of which is improbable are not counted while fewer than this are strays: so many that begin later are seen.
+FEW = 1e-3
+
 _NONE = np.empty(0, dtype=np.int64)
 
 #: Turns of expectation and maximisation; a slice tells at least this share of what its weights say.
@@ -60,15 +63,14 @@ _BEFORE, _CLEAN = _believed(), np.log1p(-SHARES)
 
 
 class Strays(NamedTuple):
-    """What tracks' rays so far say of the share of strays among them: log likelihoods (n, shares) of `SHARES`."""
+    """What tracks' rays so far say of the share of strays among them: log likelihoods (n, shares), at most 0."""
 
     log: FloatArray
 
     @property
     def share(self) -> FloatArray:
         """Return the mean share (n,)."""
-        log = self.log + _BEFORE
-        chance = np.exp(log - np.maximum.reduce(log, axis=1, keepdims=True))
+        chance = np.exp(self.log + _BEFORE)
         share: FloatArray = np.add.reduce(chance * SHARES, axis=1) / np.add.reduce(chance, axis=1)
         return share
 
@@ -78,7 +80,8 @@ class Strays(NamedTuple):
 
     def after(self, told: FloatArray) -> "Strays":
         """Return that after more rays, which told so much (n, shares)."""
-        return Strays(self.log + told)
+        log = self.log + told
+        return Strays(log - np.maximum.reduce(log, axis=1, keepdims=True))
 
 
 class Weighed(NamedTuple):

@@ -138,7 +138,7 @@ class StereoTracking:
             return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
         young = np.searchsorted(now.roster.number, histories.number)
         told = self.following.followed(bank, end_s, rays, span, young, Strays(now.roster.strays))
-        roster = now.roster.with_strays(told.strays)
+        roster = now.roster if told.strays is None else now.roster.with_strays(told.strays)
         now = evolve(now, time_s=end_s, roster=roster, histories=histories, bank=told.bank)
         return self._decided(now, told, young, rays, span), told.owner
 

@@ -68,12 +68,10 @@ class Roster(Columns):
             launch_covariance=np.full((count, 3, 3), np.nan),
         )
 
-    def with_strays(self, told: FloatArray) -> "Roster":
-        """Return the roster after rays that tell so much (n, shares) of the shares of strays."""
+    def with_strays(self, strays: FloatArray) -> "Roster":
+        """Return the roster with what rays tell (n, shares) of the shares of strays."""
         launches = self.launch, self.launch_covariance
-        return Roster(
-            self.number, self.begun_s, self.first_s, self.seen_s, self.hits, self.strays + told, self.reports, *launches
-        )
+        return Roster(self.number, self.begun_s, self.first_s, self.seen_s, self.hits, strays, self.reports, *launches)
 
     def seen(self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray) -> "Roster":
         """Return the roster after rays (m,) in order of time were given to rows `owner`, -1 for none."""
