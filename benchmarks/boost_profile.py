@@ -11,15 +11,14 @@ own start, would pick flights by what no tracker knows: no posterior is right on
 
 Information is that of the priors and of the lines of sight that detected, along the true flight; once the burn has
 ended, the end as if measured with the standard deviation that the looks alone give it. The start's prior counts as
-normal: that no start is after the first light is left out, so that errors may be smaller than what is expected for as
-long as looks tell little of the start. Two yardsticks come of it.
-"bound" is van Trees': information and slopes averaged over flights, in axes turned to each flight's heading, and then
-inverted; it is below every estimator's mean square error (but for the divergence of these axes, of the order of the
-heading's variance), and far below where flights differ much in what can be known of them. "expected" is the mean over
-flights of the inverse at each truth. It is what the inequality of Gill and Levit (Bernoulli 1, 1995, 59) comes to with
-each flight's own weights, without the term in which these weights change across a posterior: the sharper yardstick
-where posteriors are small, and no bound where they are not, as with one sensor and while the end of the burn is open,
-for which the impact bends.
+normal: that no start is after the first light is left out, so that errors may be smaller than either yardstick for as
+long as looks tell little of the start. Two yardsticks come of it. "bound" is van Trees': information and slopes
+averaged over flights, in axes turned to each flight's heading, and then inverted; it is below every estimator's mean
+square error (but for the divergence of these axes, of the order of the heading's variance), and far below where flights
+differ much in what can be known of them. "expected" is the mean over flights of the inverse at each truth. It is what
+the inequality of Gill and Levit (Bernoulli 1, 1995, 59) comes to with each flight's own weights, without the term in
+which these weights change across a posterior: the sharper yardstick where posteriors are small, and no bound where they
+are not, as with one sensor and while the end of the burn is open, for which the impact bends.
 """
 
 import argparse
