@@ -1,6 +1,7 @@
 """Where a key belongs that means nothing in its block; looked up when a scene is refused, and not before."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 
 from attrs import fields, frozen
 
@@ -91,11 +92,16 @@ def _usable(host: Host, hook: str) -> Iterator[Component]:
 
 def _blocks_with(key: str, component: Component) -> Iterator[str]:
     """Yield the blocks of a component's settings that have a key: "" for the outermost, then those inside."""
-    try:
-        rows = list(field_rows(component.config))
-    except Exception:  # a stranger's class that cannot be read has no settings to point to
-        return
-    for row in rows:
-        block, _, name = row.key.rpartition(".")
+    for block, name in _settings(component.config):
         if name == key:
             yield block
+
+
+@cache
+def _settings(config: type) -> Sequence[tuple[str, str]]:
+    """Return the settings of a configuration class, each with the block that it stands in."""
+    try:
+        keys = [row.key for row in field_rows(config)]
+    except Exception:  # a stranger's class that cannot be read has no settings to point to
+        return ()
+    return [(block, name) for block, _, name in (key.rpartition(".") for key in keys)]
