@@ -35,6 +35,10 @@ _SHARES = np.array([0.5 * math.erfc(-each / math.sqrt(2.0)) for each in DEVIATES
 #: Beyond so many standard deviations an end is out of the question.
 _FAR = 5.0
 
+#: A fit that knows the logarithm of a burn's length no better than this, or has it beyond that, has run away: its end
+#: stays what the fit says.
+_VAGUE, _LONGEST = 2.0, 20.0
+
 
 @frozen(eq=False)
 class Silence:
@@ -75,9 +79,11 @@ def ends_of(start_s: FloatArray, mean: FloatArray, variance: FloatArray, silence
     sigma = np.sqrt(variance)
     last = np.max(np.where(np.isfinite(silence.last_s), silence.last_s, -np.inf), axis=1, initial=-np.inf)
     until = np.max(np.where(np.isfinite(silence.last_s), silence.until_s, -np.inf), axis=1, initial=-np.inf)
-    early = start_s + np.exp(mean - _FAR * sigma)
-    near = np.flatnonzero(np.isfinite(last) & (early < np.maximum(last, until)) & (last > start_s))
-    middle = (start_s + np.exp(mean))[:, None]
+    length = np.clip(mean, -_LONGEST, _LONGEST)
+    told = (sigma < _VAGUE) & (length == mean)
+    early = start_s + np.exp(length - _FAR * np.minimum(sigma, _VAGUE))
+    near = np.flatnonzero(told & np.isfinite(last) & (early < np.maximum(last, until)) & (last > start_s))
+    middle = (start_s + np.exp(length))[:, None]
     evidence = sum(_log_silence(silence, each, middle)[0][:, 0] for each in range(silence.last_s.shape[1]))
     found = Ends(
         mean.copy(),
