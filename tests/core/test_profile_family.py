@@ -175,7 +175,7 @@ def test_normal_points_of_a_long_flight_are_few_and_say_as_much():
 
 def test_windows_of_a_line_add_up_to_one():
     straight = evolve(fit.blank(1, 1), kind=np.array([2]), spread=np.diag([1.0] * 3 + [1.0, 0.1] + [1.0] * 5)[None])
-    split = windowed(straight, PRIORS)
+    split = windowed(straight, PRIORS, np.zeros(1, dtype=np.bool_))
     lean = np.linspace(-0.6, 0.6, 41)
     along, middle, narrow = split.window[::2, :2], split.window[::2, 2], split.window[::2, 3]
     assert np.abs(along[:, 0]) == pytest.approx(1.0)

@@ -10,7 +10,8 @@ from scipy.integrate import quad
 from scipy.stats import halfnorm, norm
 
 from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.profile import fit
+from opir_core.scoring.consistency import nees
+from opir_core.tracking.profile import fit, flight
 from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.family import START, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.hypotheses import probability
@@ -95,3 +96,42 @@ def test_a_lean_beyond_its_class_tells_headings_apart_as_the_ring_about_it_bends
         assert normal[0, TURN_EAST, TURN_EAST] == pytest.approx(expected, rel=1e-4)
         assert right[0, TURN_EAST] == pytest.approx(0.0, abs=1e-9)
         assert normal[0, START, START] == pytest.approx(1.0 / prior.hidden_s[0] ** 2)
+
+
+def test_a_boost_that_clouds_hid_for_long_does_not_run_away_from_the_one_sensor_that_sees_it():
+    """Seen first half a minute after the start, at 500 m/s: from a start that is told late no slope leads back."""
+    number, runs = TARGET_TYPES.index("ICBM"), 8
+    truth = evolve(flights("ICBM", 500, 1).take(np.full(runs, 48)), track=np.arange(runs))
+    track, rays = lines_of_sight(truth, 5e-5, 3, sensors=1, period_s=0.2, chance=0.6, hidden_s=np.full(runs, 35.5))
+    priors = PRIORS.take([number])
+    fitting, bank, cut = Fitting(priors, watch_of(1, 0.2, 0.6), True), Bank.empty(1), 0
+    for tick in range(1, 66):
+        end = int(np.searchsorted(rays.time_s, tick))
+        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
+        cut = end
+    told = report(bank.hypotheses, probability(bank.hypotheses), 65.0, priors, "kepler", np.inf)
+    known, unsure = fit.family_of(truth, PRIORS), np.zeros((runs, 10, 10))
+    exact = flight.states(known, unsure, 65.0, *flight.burnouts(known, unsure), "kepler").mean
+    # So long a time is improbable, and so are its errors, but not as much as those of what runs away: 2000 and more.
+    assert nees(told.state - exact, told.state_covariance).max() < 100.0
+
+
+def test_steps_that_are_cut_short_fit_by_as_much_less_as_the_parabola_has_it():
+    dice = np.random.default_rng(5)
+    root = dice.normal(size=(3, 10, 10))
+    spread = root @ root.transpose(0, 2, 1) * np.outer(np.logspace(-3, 4, 10), np.logspace(-3, 4, 10))
+    there = dice.normal(size=(3, 10)) * np.logspace(-3, 4, 10)
+    here = np.array([0.5, 1.0, 0.2])[:, None] * there
+    found = fit.shortfall(fit.Solved(there, spread, np.zeros(3), np.array([1.0, 1.0, 4.0])), here)
+    away = there - here
+    squares = np.array([each @ np.linalg.solve(matrix, each) for each, matrix in zip(away, spread, strict=True)])
+    assert found == pytest.approx(0.5 * squares * [1.0, 1.0, 4.0], rel=1e-6)
+    assert found[1] == 0.0
+
+
+@pytest.mark.filterwarnings("error")
+def test_of_fits_that_have_run_away_no_shortfall_is_told():
+    spread = np.stack([np.eye(10), -np.eye(10), np.full((10, 10), np.nan)])
+    found = fit.shortfall(fit.Solved(np.ones((3, 10)), spread, np.zeros(3), np.ones(3)), np.zeros((3, 10)))
+    assert found[0] == pytest.approx(5.0)
+    assert found[1:] == pytest.approx(0.0)

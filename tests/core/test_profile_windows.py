@@ -85,7 +85,7 @@ def test_windows_laid_anew_leave_other_headings_where_they_are():
 
 def test_a_lean_in_every_heading_ends_where_its_circle_does():
     straight = evolve(fit.blank(1, 1), kind=np.array([2]), spread=np.diag([1.0] * 3 + [1.0, 0.1] + [1.0] * 5)[None])
-    split = windowed(straight, PRIORS)
+    split = windowed(straight, PRIORS, np.zeros(1, dtype=np.bool_))
     # All that is likely lies at one end of the line.
     there = evolve(split, evidence=-np.abs(split.window[:, 2] - split.window[:, 2].max()) / 0.1)
     assert not laid(there)[1].any()

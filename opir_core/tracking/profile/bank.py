@@ -153,7 +153,8 @@ class Fitting:
         settled = self._again(settled, rows, seen, tick_s, hypotheses.track[doubted])
         if not bends.any():
             return hypotheses_of.distinct(settled)
-        spread = windows.windowed(hypotheses.take(bends), self.priors)
+        is_alone = np.count_nonzero(seen.of(hypotheses.track[bends]).hits > 0, axis=1) < 2
+        spread = windows.windowed(hypotheses.take(bends), self.priors, is_alone)
         spread = hypotheses_of.distinct(self._relinearised(spread, rows, seen, tick_s, _STEPS))
         spread = self._relinearised(spread, rows, seen, tick_s, _STEPS)
         return hypotheses_of.distinct(Hypotheses.concatenate([settled, spread]))
@@ -194,13 +195,14 @@ class Fitting:
         solution = fit.solved(hypotheses, self.priors, self.watch.bias_sigma_rad)
         solution = started(hypotheses, solution, self.priors, seen)
         solution, ends = self._ended(hypotheses, solution, family, seen, tick_s)
+        parameters = fit.moved(hypotheses, solution.parameters, self.priors)
         return evolve(
             hypotheses,
             end=np.stack([ends.nodes, ends.weights], axis=1),
             end_quantiles=ends.quantiles,
-            parameters=fit.moved(hypotheses, solution.parameters, self.priors),
+            parameters=parameters,
             spread=solution.spread,
-            evidence=solution.evidence,
+            evidence=solution.evidence - fit.shortfall(solution, parameters),
             misfit=solution.misfit,
         )
 

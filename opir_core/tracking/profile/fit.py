@@ -239,6 +239,10 @@ def _misfit(residual_square: FloatArray, rows: FloatArray) -> FloatArray:
     return growth
 
 
+#: Steps that end nearer than this, in standard deviations, were not cut short; rounding, beside a correlation.
+_CUT, _ROUNDING = 1e-3, 1e-12
+
+
 def moved(hypotheses: Hypotheses, target: FloatArray, priors: Priors) -> FloatArray:
     """Return the parameters (n, 10) on the way to others, no farther off than a step may go, and near their priors."""
     prior = priors.take(hypotheses.kind)
@@ -246,6 +250,23 @@ def moved(hypotheses: Hypotheses, target: FloatArray, priors: Priors) -> FloatAr
     found = natural(hypotheses.parameters + step, prior).parameters
     limit = _WITHIN / np.sqrt(prior.information())
     return fitted(np.clip(found, -limit, limit), prior)
+
+
+def shortfall(solution: Solved, parameters: FloatArray) -> FloatArray:
+    """Return by how much (n,) the evidence is less where steps that were cut short ended, as the linear problem has it.
+
+    A hypothesis that is still on its way does not fit as well as where it is bound for.
+    """
+    variance = np.diagonal(solution.spread, axis1=1, axis2=2)
+    sigma = np.sqrt(np.where(variance > 0.0, variance, np.inf))
+    away = (solution.parameters - parameters) / sigma
+    scaled = solution.spread / (sigma[:, :, None] * sigma[:, None]) + _ROUNDING * np.eye(away.shape[1])
+    less = np.zeros(len(away))
+    cut = np.flatnonzero(np.any(np.abs(away) > _CUT, axis=1) & np.isfinite(scaled).all(axis=(1, 2)))
+    if len(cut):
+        back = np.linalg.solve(scaled[cut], away[cut, :, None])[:, :, 0]
+        less[cut] = 0.5 * solution.misfit[cut] * np.maximum(np.sum(away[cut] * back, axis=1), 0.0)
+    return less
 
 
 def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
