@@ -39,17 +39,13 @@ def with_priors(
     share = np.where(bent, 1.0 / np.square(prior.turn_sigma_rad), 0.0)
     by_length = np.sum(along[:, :, None] * slope[:, [TURN_EAST, TURN_NORTH]], axis=1)
     missing = prior.turn_rad - length + np.sum(by_length * here, axis=1)
-    normal += (share[:, None] * by_length)[:, :, None] * by_length[:, None]
-    right += (share * missing)[:, None] * by_length
-    constant += share * missing * missing
+    sums = normal, right, constant
+    _add_rows(sums, share, by_length, missing)
     # Farther out than the class's length, as windows beyond it are, headings are told apart: the ring bends away.
     bend = share * np.maximum(1.0 - prior.turn_rad / length, 0.0)
     aside = np.stack([-along[:, 1], along[:, 0]], axis=1)
     by_heading = np.sum(aside[:, :, None] * slope[:, [TURN_EAST, TURN_NORTH]], axis=1)
-    middle = np.sum(by_heading * here, axis=1)
-    normal += (bend[:, None] * by_heading)[:, :, None] * by_heading[:, None]
-    right += (bend * middle)[:, None] * by_heading
-    constant += bend * middle * middle
+    _add_rows(sums, bend, by_heading, np.sum(by_heading * here, axis=1))
     # Every heading alike: the density in the plane is that of the length over the length; the lean's over its share.
     crowding = np.where(bent, 1.0 / length, 0.0)[:, None] * by_length
     crowding[:, [BURN, PITCH, LIFT]] += 2.0 * found.lean_slope
@@ -60,6 +56,16 @@ def with_priors(
     free = np.log(information[:, [TURN_EAST, TURN_NORTH]]).sum(axis=1)
     log = height + 0.5 * linear + np.where(bent, ring, 0.5 * free)
     return normal, right, constant, log + _windowed(hypotheses.window, normal, right, constant)
+
+
+def _add_rows(
+    sums: tuple[FloatArray, FloatArray, FloatArray], weight: FloatArray, slope: FloatArray, value: FloatArray
+) -> None:
+    """Add to normal equations, right sides and constants one row each: a value (n,) that goes with slopes (n, 10)."""
+    normal, right, constant = sums
+    normal += (weight[:, None] * slope)[:, :, None] * slope[:, None]
+    right += (weight * value)[:, None] * slope
+    constant += weight * value * value
 
 
 def _windowed(window: FloatArray, normal: FloatArray, right: FloatArray, constant: FloatArray) -> FloatArray:
