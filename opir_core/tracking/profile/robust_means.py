@@ -75,16 +75,24 @@ def weights_of(
             total = np.bincount(group, own * whole) + pull
             mean = np.stack([np.bincount(group, own * whole * seen[:, axis]) / total for axis in (0, 1)], axis=1)
             share = (np.bincount(owner, 1.0 - own) + _SHARE * _BELIEVED) / (rays + _BELIEVED)
+    part = _part_told(group, own * whole, own, square, pull)[group]
+    # Of few rays any may be a stray one: their mean is as uncertain as both kinds are together.
+    mixed = 1.0 if stray is None else 1.0 + stray * (0.25 * GATE**2 - 1.0)
+    return Weights(own * whole, np.where(few, whole / mixed, own * whole * part))
+
+
+def _part_told(
+    group: IntArray, weight: FloatArray, own: FloatArray, square: FloatArray, pull: FloatArray
+) -> FloatArray:
+    """Return which part of what weights of rays (n,) add up to their groups' means (g,) know."""
     # Of a ray that may be a stray one, the mean knows less: w - w (1 - w) r², averaged over both angles.
-    told, most = np.bincount(group, own * (1.0 - 0.5 * (1.0 - own) * square) * whole), np.bincount(group, own * whole)
+    told, most = np.bincount(group, weight * (1.0 - 0.5 * (1.0 - own) * square)), np.bincount(group, weight)
     part = np.maximum(told / most, _LEAST_TOLD)
     # Where a path guides the weights the mean goes along with it by a share, and tells so much less of it: of a place
     # known from means with shares b of what is known already, the variance is 1 / (1 - 2 b) of that which they say.
     along = (1.0 - part) * pull / (part * most + pull)
-    part = (part * np.square(1.0 - along))[group]
-    # Of few rays any may be a stray one: their mean is as uncertain as both kinds are together.
-    mixed = 1.0 if stray is None else 1.0 + stray * (0.25 * GATE**2 - 1.0)
-    return Weights(own * whole, np.where(few, whole / mixed, own * whole * part))
+    known: FloatArray = part * np.square(1.0 - along)
+    return known
 
 
 def _pull(group: IntArray, middle: FloatArray, whole: FloatArray) -> FloatArray:
