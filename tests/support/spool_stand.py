@@ -69,11 +69,17 @@ class Holding:
 
 
 class Appending(Holding):
-    """A carrier that appends lines to a file, a little at a time, as a slow consumer takes them."""
+    """A carrier that appends lines to a file, a little at a time, as a slow consumer takes them.
+
+    A kill can leave a line torn. The next carrier goes on below it, so that what is sent again is whole.
+    """
 
     def __init__(self, path: Path, nap_s: float) -> None:
         super().__init__()
+        is_torn = path.exists() and path.read_bytes()[-1:] not in (b"", b"\n")
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        if is_torn:
+            os.write(self._file, b"\n")
         self._nap_s = nap_s
 
     def carry(self, parcel: Parcel) -> "Future[None]":
