@@ -43,7 +43,7 @@ def as_text(cards: Cards) -> str:
 LEGEND = """\
 /known, /unknown: error over the Cramér-Rao bound with the thrust known, and unknown, where directions tell the place to
 100 km. NEES/6, NIS/2: 1 is honest, more is too sure; p: of a Kolmogorov-Smirnov test against chi-squared. Launch and
-impact are each track's last estimate, the shares those of the truths in its ellipses."""
+impact are what was told last of each target, the shares those of the truths in the ellipses."""
 
 
 def _heading(figures: Mapping[str, Any]) -> str:
@@ -59,13 +59,14 @@ def _heading(figures: Mapping[str, Any]) -> str:
 def _whole(cards: Cards) -> str:
     rows: Sequence[tuple[str, Callable[[Mapping[str, Any]], str]]] = (
         ("launches tracked", lambda f: _interval(f["launches_tracked"], 3)),
+        ("tracks a launch", lambda f: _interval(f["tracks_a_launch"], 2)),
         ("false tracks a run", lambda f: _interval(f["false_tracks_a_run"], 2)),
         ("purity", lambda f: _interval(f["purity"], 4)),
         ("completeness", lambda f: _interval(f["completeness"], 3)),
         ("first track after, s", lambda f: _interval(f["first_track_after_s"], 2)),
         ("GOSPA a target, m", lambda f: _interval(f["gospa"]["a_target_m"], 0)),
         ("  located, missed, false", lambda f: _shares(f["gospa"])),
-        ("type told right", lambda f: _right(f["type_confusion"])),
+        ("type told right", lambda f: _interval(f["type_right"], 3)),
         ("time a detection, us", lambda f: _interval(f["tracking_us_a_detection"], 1)),
         ("time a track update, us", lambda f: _interval(f["tracking_us_a_track_update"], 0)),
     )
@@ -92,7 +93,9 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
     if not binned:
         return []
     binned.sort(key=lambda row: row[0][0])
-    errors = ("since s", "tracker", "n", "position m", "/known", "/unknown", "velocity m/s", "/known", "/unknown")
+    over = ("/known", "/unknown")
+    place = ("since s", "tracker", "n", "position m", *over, "impact km")
+    speed = ("since s", "tracker", "n", "velocity m/s", *over)
     honest = ("since s", "tracker", "n", "NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
     label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
     figures = [(name, card.figures[geometry]) for name, card in cards.items()]
@@ -100,24 +103,31 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
     nominal = [f"{100.0 * part['nominal']:g} %" for part in figures[0][1]["launch_containment"]]
     return [
         f"{geometry}, by time since ignition",
-        table((*errors, "impact km"), [(since, name, *_error_cells(part)) for since, name, part in label]),
+        table(place, [(since, name, *_place_cells(part)) for since, name, part in label]),
+        table(speed, [(since, name, *_speed_cells(part)) for since, name, part in label]),
         table(honest, [(since, name, *_honest_cells(part)) for since, name, part in label]),
         f"{geometry}, launch and impact",
         table(points, [(name, *_point_cells(part)) for name, part in figures]),
-        table(("share in the ellipse of", "tracker", *nominal), _curves(figures)),
+        table(("% in the ellipse of", "tracker", *nominal), _curves(figures)),
     ]
 
 
-def _error_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
+def _place_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         str(part["samples"]),
         _interval(part["position_m"], 0),
-        _number(part["position_over_bound"]["value"], 2),
-        _number(part["position_over_free_bound"]["value"], 2),
-        _interval(part["velocity_m_s"], 1),
-        _number(part["velocity_over_bound"]["value"], 2),
-        _number(part["velocity_over_free_bound"]["value"], 2),
+        _interval(part["position_over_bound"], 2),
+        _interval(part["position_over_free_bound"], 2),
         _interval(part["impact_m"], 1, 1e-3),
+    )
+
+
+def _speed_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        str(part["samples"]),
+        _interval(part["velocity_m_s"], 1),
+        _interval(part["velocity_over_bound"], 2),
+        _interval(part["velocity_over_free_bound"], 2),
     )
 
 
@@ -142,7 +152,7 @@ def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _curves(figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, ...]]:
     return [
-        (point, name, *(_per_cent(part["value"]) for part in told[f"{point}_containment"]))
+        (point, name, *(_interval(part, 0, 100.0) for part in told[f"{point}_containment"]))
         for point in ("launch", "impact")
         for name, told in figures
     ]
@@ -153,16 +163,6 @@ def _shares(gospa: Mapping[str, Any]) -> str:
     parts = [gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")]
     total = sum(parts)
     return ", ".join(f"{100.0 * part / total:.0f} %" for part in parts) if total > 0.0 else "-"
-
-
-def _per_cent(value: float) -> str:
-    return f"{100.0 * value:.1f} %" if math.isfinite(value) else "-"
-
-
-def _right(confusion: Mapping[str, Mapping[str, int]]) -> str:
-    total = sum(sum(row.values()) for row in confusion.values())
-    right = sum(row[true] for true, row in confusion.items())
-    return f"{right} of {total}" if total else "-"
 
 
 def _interval(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:

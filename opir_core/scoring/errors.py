@@ -7,17 +7,17 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.columns import Columns
-from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
+from opir_core.geometry import east_north_up_axes, geodesic_inverse, geodetic_to_ecef
 from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
 from opir_core.scoring.bound import free_bound, position_and_velocity, state_bound
 from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.scoring.evidence import Evidence, true_states
-from opir_core.scoring.ownership import Ownership
+from opir_core.scoring.ownership import Ownership, rows_in_force
 
 
 @frozen(eq=False)
 class StateErrors(Columns):
-    """One row a tick of a target's best track, while the truth is known.
+    """One row a tick of a target's track in force, while the truth is known.
 
     `since_s` counts from the target's ignition, `seen_s` from its first detection; errors and bounds are in m and m/s;
     `nees` has six degrees of freedom. The bounds are those of a known thrust, the free ones those of an unknown one
@@ -69,20 +69,21 @@ class PointErrors(Columns):
 
 
 def state_errors(evidence: Evidence, owners: Ownership) -> StateErrors:
-    """Return the errors of all targets' best tracks."""
-    parts = [
-        _errors_of(evidence, row, owners) for row in np.flatnonzero(owners.is_best & (owners.target >= 0)).tolist()
-    ]
+    """Return the errors of all targets' tracks in force, by target and then by tick."""
+    rows = rows_in_force(evidence, owners)
+    owner = np.searchsorted(owners.track, evidence.tracks.track[rows])
+    parts = []
+    for target in np.unique(owners.target[owner]).tolist():
+        mine = np.flatnonzero(owners.target[owner] == target)
+        parts.append(_errors_of(evidence, target, evidence.tracks.take(rows[mine]), owners.is_stereo[owner[mine]]))
     return StateErrors.concatenate(parts)
 
 
-def _errors_of(evidence: Evidence, row: int, owners: Ownership) -> StateErrors:
-    target, tracks = int(owners.target[row]), evidence.tracks
-    told = tracks.take(np.flatnonzero(tracks.track == owners.track[row]))
+def _errors_of(evidence: Evidence, target: int, told: Tracks, is_stereo: BoolArray) -> StateErrors:
     everyone = np.full(len(told), target, dtype=np.int32)
     true = true_states(evidence.plan, everyone, told.tick_s)
     known = np.isfinite(true).all(axis=1) & np.isfinite(told.state).all(axis=1)
-    told, true = told.take(known), true[known]
+    told, true, is_stereo = told.take(known), true[known], is_stereo[known]
     error = told.state - true
     looks = np.flatnonzero(evidence.target == target)
     known_thrust, free_thrust = _bounds(evidence, target, looks, told.tick_s)
@@ -90,7 +91,7 @@ def _errors_of(evidence: Evidence, row: int, owners: Ownership) -> StateErrors:
         target=np.full(len(told), target, dtype=np.int64),
         since_s=told.tick_s - evidence.plan.targets.ignition_s[target],
         seen_s=told.tick_s - (evidence.time_s[looks[0]] if len(looks) else np.nan),
-        is_stereo=np.full(len(told), owners.is_stereo[row]),
+        is_stereo=is_stereo,
         position_m=np.linalg.norm(error[:, :3], axis=1),
         velocity_m_s=np.linalg.norm(error[:, 3:], axis=1),
         nees=nees(error, told.state_covariance),
@@ -105,7 +106,7 @@ def _errors_of(evidence: Evidence, row: int, owners: Ownership) -> StateErrors:
 def _impact_error(told: Tracks, truth: Mapping[str, Any]) -> FloatArray:
     """Return how far predicted impacts are from the true one along the ground, (n,) m; nan where none is told."""
     place = np.broadcast_to(np.array(_place(truth.get("impact"))), (len(told), 3))
-    error: FloatArray = np.linalg.norm(_ground_error(told.impact, place), axis=1)
+    error: FloatArray = np.linalg.norm(ground_error(told.impact, place), axis=1)
     return error
 
 
@@ -125,21 +126,21 @@ def _bounds(
 
 
 def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:
-    """Return the errors of the last launch and impact estimates of all targets' best tracks."""
-    rows = np.flatnonzero(owners.is_best & (owners.target >= 0))
-    last = _last_rows(evidence.tracks, owners.track[rows])
-    told, target = evidence.tracks.take(last), owners.target[rows]
+    """Return the errors of the launch and impact estimates told last of each target with a track."""
+    told = evidence.tracks.take(last_rows(evidence, owners))
+    owner = np.searchsorted(owners.track, told.track)
+    target = owners.target[owner]
     truth = evidence.plan.targets.truth()
     launch, impact = ([_place(truth[number].get(name)) for number in target.tolist()] for name in ("launch", "impact"))
     ignition_s = evidence.plan.targets.ignition_s[target]
     impact_s = np.array([_time(truth[number].get("impact")) for number in target.tolist()])
     launch_error, impact_error = (
-        _ground_error(point, np.array(place, dtype=np.float64).reshape(-1, 3))
+        ground_error(point, np.array(place, dtype=np.float64).reshape(-1, 3))
         for point, place in ((told.launch, launch), (told.impact, impact))
     )
     return PointErrors(
         target=target,
-        is_stereo=owners.is_stereo[rows],
+        is_stereo=owners.is_stereo[owner],
         launch_m=np.linalg.norm(launch_error, axis=1),
         launch_nees=nees(launch_error, told.launch_covariance[:, :2, :2]),
         launch_time_s=told.launch[:, 2] - ignition_s,
@@ -149,9 +150,11 @@ def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:
     )
 
 
-def _last_rows(tracks: Tracks, number: IntArray) -> IntArray:
-    """Return the last row of each track; rows come sorted by tick."""
-    return np.array([np.flatnonzero(tracks.track == each)[-1] for each in number.tolist()], dtype=np.int64)
+def last_rows(evidence: Evidence, owners: Ownership) -> IntArray:
+    """Return the rows of the run's tracks that were in force last, one a launch with a track, by launch."""
+    rows = rows_in_force(evidence, owners)
+    target = owners.target[np.searchsorted(owners.track, evidence.tracks.track[rows])]
+    return rows[np.append(np.diff(target) != 0, True)] if len(rows) else rows
 
 
 def _place(point: object) -> tuple[float, float, float]:
@@ -165,11 +168,22 @@ def _time(point: object) -> float:
     return float(point["time_s"]) if isinstance(point, dict) and "time_s" in point else np.nan
 
 
-def _ground_error(point: FloatArray, place: FloatArray) -> FloatArray:
-    """Return estimated minus true places (n, 2), east and north in the plane that touches the Earth at the estimate."""
+#: Beyond this the Earth is no longer flat, m: within it a plane is wrong by 3 cm.
+_FLAT_M = 20e3
+
+
+def ground_error(point: FloatArray, place: FloatArray) -> FloatArray:
+    """Return estimated minus true places (n, 2), m east and north at the estimate, as long as the way over the ground.
+
+    Seen from the estimate the truth lies at the geodesic's bearing and length: in the plane that touches the Earth
+    there, an error of 8000 km would be one of 6000 km.
+    """
     latitude, longitude = point[:, 0], point[:, 1]
     here = geodetic_to_ecef(latitude, longitude, np.zeros(len(point)))
     there = geodetic_to_ecef(place[:, 0], place[:, 1], np.zeros(len(place)))
     axes = east_north_up_axes(latitude, longitude)
     error: FloatArray = np.einsum("nij,nj->ni", axes[:, :2], here - there)
+    far = np.flatnonzero(np.linalg.norm(here - there, axis=1) > _FLAT_M)
+    way = geodesic_inverse(latitude[far], longitude[far], place[far, 0], place[far, 1])
+    error[far] = -way.distance_m[:, None] * np.stack([np.sin(way.bearing_rad), np.cos(way.bearing_rad)], axis=1)
     return error

@@ -11,7 +11,7 @@ from opir_core.columns import Columns
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
 from opir_core.scoring.evidence import Evidence
-from opir_core.scoring.ownership import Ownership
+from opir_core.scoring.ownership import Ownership, rows_in_force
 from opir_core.tracking.rays import along, axes_across
 
 #: Detections so long after a tick are left out, s: within it a boost of 50 m/s² strays by 25 m from a straight line.
@@ -20,7 +20,7 @@ REACH_S = 1.0
 
 @frozen(eq=False)
 class Innovations(Columns):
-    """One row a tick of a target's best track: its target, time since ignition, mono or stereo, and the NIS.
+    """One row a tick of a target's track in force: its target, time since ignition, mono or stereo, and the NIS.
 
     The normalised innovation squared has two degrees of freedom: the two angles across the line of sight.
     """
@@ -38,14 +38,15 @@ class Innovations(Columns):
 
 
 def innovations(evidence: Evidence, owners: Ownership) -> Innovations:
-    """Return the innovations of all targets' best tracks."""
-    rows = np.flatnonzero(owners.is_best & (owners.target >= 0)).tolist()
-    return Innovations.concatenate(_of_track(evidence, row, owners) for row in rows)
-
-
-def _of_track(evidence: Evidence, row: int, owners: Ownership) -> Innovations:
-    told = evidence.tracks.take(np.flatnonzero(evidence.tracks.track == owners.track[row]))
+    """Return the innovations of the tracks in force, by track."""
+    told = evidence.tracks.take(rows_in_force(evidence, owners))
     told = told.take(np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2)))
+    numbers = np.unique(told.track).tolist()
+    return Innovations.concatenate(_of_track(evidence, told.take(told.track == each), owners) for each in numbers)
+
+
+def _of_track(evidence: Evidence, told: Tracks, owners: Ownership) -> Innovations:
+    row = int(np.searchsorted(owners.track, told.track[0]))
     mine = np.flatnonzero(evidence.track == owners.track[row])
     before = np.searchsorted(told.tick_s, evidence.time_s[mine], side="right") - 1
     mine, before = mine[before >= 0], before[before >= 0]

@@ -1,4 +1,8 @@
-"""Whose tracks are whose: each track belongs to the target that most of its detections came from."""
+"""Whose tracks are whose: each track belongs to the target that most of its detections came from.
+
+A target may have several tracks, side by side or, where one was lost, one after another. At every tick one of them is
+*in force*: so what is told after a track was lost is judged too, and what two tracks tell at once is not counted twice.
+"""
 
 import numpy as np
 from attrs import frozen
@@ -11,16 +15,14 @@ from opir_core.scoring.evidence import Evidence
 class Ownership:
     """One row a track, by number: its target (-1: noise or a source that is no launch), purity, and mono or stereo.
 
-    `purity` is the share of the track's detections that came from its target; `is_best` marks, of several tracks of one
-    target, the one that holds most of its detections.
+    `held` counts the track's detections that came from its target, and `purity` is their share of all its detections.
     """
 
     track: IntArray
     target: IntArray
     purity: FloatArray
-    detections: IntArray
+    held: IntArray
     is_stereo: BoolArray
-    is_best: BoolArray
 
 
 def ownership(evidence: Evidence) -> Ownership:
@@ -40,10 +42,24 @@ def ownership(evidence: Evidence) -> Ownership:
         track=numbers,
         target=target,
         purity=np.where(total > 0, of_owner / np.maximum(total, 1), 0.0),
-        detections=total,
+        held=of_owner,
         is_stereo=_sensors(evidence, row, held, len(numbers)) > 1,
-        is_best=_best(target, of_owner),
     )
+
+
+def rows_in_force(evidence: Evidence, owners: Ownership) -> IntArray:
+    """Return the rows of the run's tracks that are in force, one a launch and tick, by launch and then by tick.
+
+    Of several tracks of a launch that are told at a tick that is the one that holds most of its detections, the
+    earliest of equals.
+    """
+    owner = np.searchsorted(owners.track, evidence.tracks.track)
+    target, tick_s = owners.target[owner], evidence.tracks.tick_s
+    order = np.lexsort((owner, -owners.held[owner], tick_s, target))
+    order = order[target[order] >= 0]
+    first = np.ones(len(order), dtype=np.bool_)
+    first[1:] = (np.diff(target[order]) != 0) | (np.diff(tick_s[order]) != 0.0)
+    return order[first]
 
 
 def _sensors(evidence: Evidence, row: IntArray, held: IntArray, tracks: int) -> IntArray:
@@ -52,12 +68,3 @@ def _sensors(evidence: Evidence, row: IntArray, held: IntArray, tracks: int) -> 
     seen[row, evidence.sensor[held]] = True
     count: IntArray = seen.sum(axis=1)
     return count
-
-
-def _best(target: IntArray, of_owner: IntArray) -> BoolArray:
-    """Return which tracks hold the most of their target's detections, the earliest of equals."""
-    order = np.lexsort((np.arange(len(target)), -of_owner, target))
-    first = np.append(True, np.diff(target[order]) != 0) if len(target) else np.empty(0, dtype=np.bool_)
-    best = np.zeros(len(target), dtype=np.bool_)
-    best[order[first]] = True
-    return best & (target >= 0)

@@ -9,12 +9,12 @@ from attrs import frozen
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.scoring.consistency import consistency, proportion
-from opir_core.scoring.errors import PointErrors, StateErrors, point_errors, state_errors
-from opir_core.scoring.evidence import Evidence, true_states
+from opir_core.scoring.coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
+from opir_core.scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
+from opir_core.scoring.evidence import Evidence
 from opir_core.scoring.figures import consistent, contained, mean, over, plain, rms, share
 from opir_core.scoring.innovations import Innovations, innovations
 from opir_core.scoring.ownership import Ownership, ownership
-from opir_core.tracking.metrics import gospa
 
 _STATE_FREEDOM = 6
 _DIRECTION_FREEDOM = 2
@@ -25,13 +25,10 @@ _MANY = 10**9
 
 
 @frozen(kw_only=True)
-class ScoreSettings:
-    """What a score depends on beside the runs: bins of time since ignition, and GOSPA's parameters."""
+class ScoreSettings(GospaSettings):
+    """What a score depends on beside the runs: GOSPA's parameters, and bins of time since ignition."""
 
     bin_s: float = 20.0
-    cutoff_m: float = 5000.0
-    order: float = 2.0
-    alpha: float = 2.0
 
 
 #: The settings unless told otherwise.
@@ -62,7 +59,7 @@ def scorecard(evidences: Iterable[Evidence], settings: ScoreSettings = USUAL_SET
             **_counts(judged),
             **geometry,
             "gospa": _gospa(judged, settings),
-            "type_confusion": _confusion(judged),
+            **_types_told(judged),
         }
     )
 
@@ -76,8 +73,7 @@ class _Judged:
     innovations: Innovations
     owners: Ownership
     launches: int
-    completeness: FloatArray
-    first_track_s: FloatArray
+    coverage: Coverage
     gospa_parts: FloatArray
     confusion: FloatArray
     detections: int
@@ -87,7 +83,6 @@ class _Judged:
 
 def _judged(evidence: Evidence, settings: ScoreSettings) -> _Judged:
     owners = ownership(evidence)
-    completeness, first_track_s = _coverage(evidence, owners)
     return _Judged(
         seed=evidence.plan.scene.seed,
         is_biased=evidence.plan.bias is not None,
@@ -96,9 +91,8 @@ def _judged(evidence: Evidence, settings: ScoreSettings) -> _Judged:
         innovations=innovations(evidence, owners),
         owners=owners,
         launches=len(evidence.plan.scene.targets),
-        completeness=completeness,
-        first_track_s=first_track_s,
-        gospa_parts=_gospa_parts(evidence, owners, settings),
+        coverage=coverage(evidence, owners),
+        gospa_parts=gospa_parts(evidence, owners, settings),
         confusion=_types(evidence, owners),
         detections=len(evidence.time_s),
         track_updates=len(evidence.tracks),
@@ -106,65 +100,31 @@ def _judged(evidence: Evidence, settings: ScoreSettings) -> _Judged:
     )
 
 
-def _coverage(evidence: Evidence, owners: Ownership) -> tuple[FloatArray, FloatArray]:
-    """Return, by launch that was detected, the share of ticks to burnout with a track, and when the first came, s."""
-    ticks = np.unique(evidence.tracks.tick_s)
-    shares, firsts = [], []
-    for target in range(len(evidence.plan.scene.targets)):
-        seen = evidence.time_s[evidence.target == target]
-        if not len(seen):
-            continue
-        mine = np.isin(evidence.tracks.track, owners.track[owners.target == target])
-        told = np.unique(evidence.tracks.tick_s[mine])
-        due = ticks[(ticks >= seen[0]) & (ticks <= evidence.plan.targets.burnout_s[target])]
-        shares.append(float(np.isin(due, told).mean()) if len(due) else np.nan)
-        firsts.append(float(told[0] - seen[0]) if len(told) else np.nan)
-    return np.array(shares), np.array(firsts)
-
-
-def _gospa_parts(evidence: Evidence, owners: Ownership, settings: ScoreSettings) -> FloatArray:
-    """Return (ticks, 5): distance, the three p-th powers, and how many launches there are whose truth is known.
-
-    A track of a launch whose truth is no longer known, as after burnout, is neither found nor false: it is left out.
-    """
-    targets, tracks = evidence.plan.targets, evidence.tracks
-    launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
-    owner = owners.target[np.searchsorted(owners.track, tracks.track)]
-    rows = []
-    for tick_s in np.unique(tracks.tick_s).tolist():
-        known = launches[(targets.ignition_s[launches] <= tick_s) & (targets.end_s[launches] >= tick_s)]
-        if not len(known):
-            continue
-        true = true_states(evidence.plan, known, np.full(len(known), tick_s))[:, :3]
-        judged = (tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0])
-        told = tracks.state[judged & ((owner < 0) | np.isin(owner, known)), :3]
-        found = gospa(told, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha)
-        rows.append((found.distance, found.localisation, found.missed, found.false, len(known)))
-    return np.array(rows, dtype=np.float64).reshape(-1, 5)
-
-
 def _types(evidence: Evidence, owners: Ownership) -> FloatArray:
-    """Return counts (true types, reported types) of the last type posteriors of best tracks."""
+    """Return counts (true types, reported types) of the type posteriors told last of each launch."""
     count = np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES)))
-    for row in np.flatnonzero(owners.is_best & (owners.target >= 0)).tolist():
-        posterior = evidence.tracks.type_probability[evidence.tracks.track == owners.track[row]][-1]
-        if np.isfinite(posterior).all():
-            count[evidence.plan.targets.type_code[owners.target[row]], int(posterior.argmax())] += 1
+    told = evidence.tracks.take(last_rows(evidence, owners))
+    target = owners.target[np.searchsorted(owners.track, told.track)]
+    known = np.isfinite(told.type_probability).all(axis=1)
+    likeliest = told.type_probability[known].argmax(axis=1)
+    np.add.at(count, (evidence.plan.targets.type_code[target[known]], likeliest), 1)
     return count
 
 
 def _counts(judged: Sequence[_Judged]) -> dict[str, Any]:
     launches = sum(each.launches for each in judged)
-    tracked = sum(int(np.count_nonzero(each.owners.is_best & (each.owners.target >= 0))) for each in judged)
+    tracks, completeness, first_track_s = (
+        np.concatenate([getattr(each.coverage, name) for each in judged])
+        for name in ("tracks", "share", "first_track_s")
+    )
     purity = np.concatenate([each.owners.purity[each.owners.target >= 0] for each in judged])
-    completeness = np.concatenate([each.completeness for each in judged])
-    first = np.concatenate([each.first_track_s for each in judged])
     return {
-        "launches_tracked": share(*proportion(tracked, launches)),
+        "launches_tracked": share(*proportion(int(np.count_nonzero(tracks)), launches)),
+        "tracks_a_launch": mean(tracks[tracks > 0].astype(np.float64)),
         "false_tracks_a_run": mean(np.array([np.count_nonzero(each.owners.target < 0) for each in judged])),
         "purity": mean(purity, 1.0),
         "completeness": mean(completeness, 1.0),
-        "first_track_after_s": mean(first),
+        "first_track_after_s": mean(first_track_s),
         "tracking_us_a_detection": _pace(judged, [each.detections for each in judged]),
         "tracking_us_a_track_update": _pace(judged, [each.track_updates for each in judged]),
     }
@@ -250,7 +210,7 @@ def _last_of_each(states: StateErrors) -> BoolArray:
 
 def _gospa(judged: Sequence[_Judged], settings: ScoreSettings) -> dict[str, Any]:
     """Return the distances, averaged over the ticks of a run, and their parts, which are p-th powers."""
-    means = np.array([_mean_gospa(each.gospa_parts) for each in judged]).reshape(-1, 5)
+    means = np.array([mean_gospa(each.gospa_parts, settings.order) for each in judged]).reshape(-1, 5)
     names = ("mean_m", "a_target_m", "localisation_a_target", "missed_a_target", "false_a_target")
     return {
         "cutoff_m": settings.cutoff_m,
@@ -260,19 +220,13 @@ def _gospa(judged: Sequence[_Judged], settings: ScoreSettings) -> dict[str, Any]
     }
 
 
-def _mean_gospa(parts: FloatArray) -> FloatArray:
-    """Return a run's mean distance, the same a target, and its three parts a target; nan of a run without tracks."""
-    if not len(parts):
-        return np.full(5, np.nan)
-    burning = np.maximum(parts[:, 4:], 1.0)
-    each: FloatArray = np.concatenate([parts[:, :1], parts[:, :4] / burning], axis=1).mean(axis=0)
-    return each
-
-
-def _confusion(judged: Sequence[_Judged]) -> dict[str, dict[str, int]]:
+def _types_told(judged: Sequence[_Judged]) -> dict[str, Any]:
+    """Return the share of types told right, and the confusion matrix."""
     count = sum((each.confusion for each in judged), np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES))))
-    return {
+    right = sum(int(count[row, REPORTED_TYPES.index(true)]) for row, true in enumerate(TARGET_TYPES))
+    confusion = {
         true: {told: int(count[row, column]) for column, told in enumerate(REPORTED_TYPES)}
         for row, true in enumerate(TARGET_TYPES)
         if count[row].any()
     }
+    return {"type_right": share(*proportion(right, int(count.sum()))), "type_confusion": confusion}

@@ -19,6 +19,7 @@ from opir_core.scoring.consistency import (
     proportion,
     root_mean_square,
 )
+from opir_core.scoring.errors import ground_error
 from opir_core.scoring.evidence import true_states
 from opir_core.scoring.innovations import innovations
 from opir_core.scoring.ownership import ownership
@@ -150,3 +151,30 @@ def test_true_states_are_those_of_the_trajectory():
     position, velocity = boost.state(np.zeros(3, dtype=np.int64), times[1:4])
     assert np.abs(states[1:4, :3] - position).max() < 0.02
     assert np.abs(states[1:4, 3:] - velocity).max() < 0.1
+
+
+def test_errors_on_the_ground_are_as_long_as_the_way_over_it():
+    """A third of the way round the Earth, where a plane at the estimate would say 5500 km."""
+    place = np.radians([[0.0, 120.0], [0.0, 0.05], [0.0, 10.0]])
+    point = np.zeros((3, 3))
+    error = ground_error(point, np.column_stack([place, np.zeros(3)]))
+    length = 6378137.0 * place[:, 1]
+    assert error[:, 0] == pytest.approx(-length, rel=1e-6)
+    assert error[:, 1] == pytest.approx(0.0, abs=0.01)
+    north = ground_error(point, np.array([[np.pi / 2, 0.0, 0.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]))
+    # The quarter of the meridian of WGS 84.
+    assert north[0] == pytest.approx([0.0, -10001965.729], abs=0.01)
+    assert north[1].tolist() == [0.0, 0.0]
+    assert np.isnan(north[2]).all()
+
+
+@pytest.mark.parametrize("clusters", [2, 3, 5, 20])
+def test_intervals_of_few_tracks_hold_the_truth_as_often_as_they_say(clusters):
+    rng = np.random.default_rng(4)
+    held, trials = 0, 1000
+    for _ in range(trials):
+        size = np.linalg.norm(rng.normal(size=(clusters, 3)), axis=1)
+        ticks = rng.integers(3, 8, clusters)
+        _, low, high = root_mean_square(np.repeat(size, ticks), np.repeat(np.arange(clusters), ticks))
+        held += low <= np.sqrt(3.0) <= high
+    assert 0.92 < held / trials < 0.98
