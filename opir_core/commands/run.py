@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     with progress(scene, is_shown=not arguments.quiet and sys.stderr.isatty()) as on_window:
         outcome = deliver(plan, truth_path=truth, tracks_path=tracks, on_window=on_window)
     if manifest is not None:
-        _write_manifest(manifest, outcome.manifest)
+        _write_manifest(manifest, {**outcome.manifest, **_digests(tracks)})
     _tell(arguments, scene, outcome, {what: path for what, path in files.items() if path is not None})
     outcome.raise_for_failures()
     return 0
@@ -91,6 +91,15 @@ def _require_own_paths(arguments: argparse.Namespace, scene: "Scene", files: Map
             problems.append(Problem("", f"the {what} would go to {path}, which is for {holder}; give another path"))
     if problems:
         raise SceneError(problems, source="command line")
+
+
+def _digests(tracks: Path | None) -> Mapping[str, str]:
+    """Return what tells the tracks that were written from those of any other run, where they can be read again."""
+    if tracks is None or not tracks.is_file():
+        return {}
+    from opir_core.scoring.one_run import digest
+
+    return {"tracks_sha256": digest(tracks)}
 
 
 def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:

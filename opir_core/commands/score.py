@@ -10,6 +10,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the run, its truth, and the form of the answer."""
     parser.add_argument("events", metavar="RUN", help="a run's events; tracks and manifest lie beside them")
     parser.add_argument("--truth", metavar="PATH", help="the run's truth (default: beside the events)")
+    parser.add_argument(
+        "--tracks", metavar="PATH", help="tracks of its events, the run's or another tracker's (as above)"
+    )
+    parser.add_argument("--manifest", metavar="PATH", help="the run's manifest (as above)")
     add_settings(parser)
 
 
@@ -29,7 +33,9 @@ def run(arguments: argparse.Namespace) -> int:
     from opir_core.scoring.files import evidence_of_files
 
     settings = settings_of(arguments)
-    evidence = evidence_of_files(Path(arguments.events), truth=Path(arguments.truth) if arguments.truth else None)
+    elsewhere = {name: getattr(arguments, name) for name in ("truth", "tracks", "manifest")}
+    given = {name: Path(path) for name, path in elsewhere.items() if path}
+    evidence = evidence_of_files(Path(arguments.events), **given)
     card = scorecard([evidence], settings)
     tracker = evidence.plan.scene.tracker.name
     told = json.dumps(card.as_plain(), indent=2) if arguments.json else as_text({tracker: card})

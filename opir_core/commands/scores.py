@@ -12,16 +12,24 @@ from opir_core.scoring.scorecard import Scorecard, ScoreSettings
 
 Cards = Mapping[str, Scorecard]
 
+#: Powers of ten that leave room for sums in a double.
+_LARGEST_POWER = 280.0
+
 
 def settings_of(arguments: argparse.Namespace) -> ScoreSettings:
     """Return the settings that the arguments give; `SceneError` names those out of range."""
     problems = [
         Problem(flag, message)
         for flag, is_wrong, message in (
-            ("--bin-s", not arguments.bin_s > 0.0, "must be positive"),
+            ("--bin-s", not 0.01 <= arguments.bin_s < math.inf, "must be at least 0.01 and finite"),
             ("--cutoff-m", not 0.0 < arguments.cutoff_m < math.inf, "must be positive and finite"),
             ("--order", not 1.0 <= arguments.order < math.inf, "must be at least 1 and finite"),
             ("--alpha", not 0.0 < arguments.alpha <= 2.0, "must be in (0, 2]"),
+            (
+                "--order",
+                _is_beyond(arguments.cutoff_m, arguments.order),
+                "too large: no number holds the cut-off to it",
+            ),
         )
         if is_wrong
     ]
@@ -30,6 +38,11 @@ def settings_of(arguments: argparse.Namespace) -> ScoreSettings:
     return ScoreSettings(
         bin_s=arguments.bin_s, cutoff_m=arguments.cutoff_m, order=arguments.order, alpha=arguments.alpha
     )
+
+
+def _is_beyond(cutoff_m: float, order: float) -> bool:
+    """Return whether p-th powers of distances up to the cut-off, and their sums, would overflow, or come to nothing."""
+    return 0.0 < cutoff_m < math.inf and 1.0 <= order < math.inf and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER
 
 
 def as_text(cards: Cards) -> str:

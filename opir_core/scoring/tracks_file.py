@@ -12,8 +12,9 @@ import msgspec
 import numpy as np
 from attrs import NOTHING, fields
 
-from opir_core.errors import Problem, SceneError, unwritable
+from opir_core.errors import unwritable
 from opir_core.records import Tracks
+from opir_core.scoring.one_run import content, refused
 
 _NAMES = tuple(attribute.name for attribute in fields(Tracks))
 #: What a tracker may leave out, a file may: unknown.
@@ -52,12 +53,13 @@ class TracksFile:
 
 
 def read_tracks(path: Path) -> Tracks:
-    """Return the tracks of a file; `SceneError` with file and line where it is none."""
-    rows = [_row(line, number, path) for number, line in enumerate(path.read_bytes().splitlines(), start=1)]
+    """Return the tracks of a file, by tick and then by track; `SceneError` with file and line where it is none."""
+    rows = [_row(line, number, path) for number, line in enumerate(content(path).splitlines(), start=1)]
     if not rows:
         return Tracks.empty()
     empty = Tracks.empty()
-    return Tracks(*(_column(rows, name, getattr(empty, name), path) for name in _NAMES))
+    tracks = Tracks(*(_column(rows, name, getattr(empty, name), path) for name in _NAMES))
+    return tracks.take(np.lexsort((tracks.track, tracks.tick_s)))
 
 
 _BLANK = {name: np.full(getattr(Tracks.empty(), name).shape[1:], None).tolist() for name in _OPTIONAL}
@@ -66,23 +68,38 @@ _BLANK = {name: np.full(getattr(Tracks.empty(), name).shape[1:], None).tolist() 
 def _row(line: bytes, number: int, path: Path) -> dict[str, Any]:
     try:
         row = msgspec.json.decode(line, type=dict[str, Any])
-        row = _BLANK | row
-        missing = [name for name in _NAMES if name not in row]
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise SceneError([Problem(f"line {number}", f"not a track: {error}")], source=str(path)) from error
+        raise refused(path, f"line {number}", f"not a track: {error}") from error
+    row = _BLANK | row
+    missing = [name for name in _NAMES if name not in row]
     if missing:
-        raise SceneError([Problem(f"line {number}", f"a track without {', '.join(missing)}")], source=str(path))
+        raise refused(path, f"line {number}", f"a track without {', '.join(missing)}")
+    for name, kinds, due in (("track", (int,), "a whole number of 64 bits"), ("tick_s", (int, float), "a time, s")):
+        if type(row[name]) not in kinds or abs(row[name]) >= 2**63:
+            raise refused(path, f"line {number}: {name}", f"{row[name]!r} is not {due}")
     return row
 
 
 def _column(rows: list[dict[str, Any]], name: str, like: Any, path: Path) -> Any:
+    due = like.shape[1:]
     try:
         values = np.array([row[name] for row in rows], dtype=object if like.dtype.kind == "f" else like.dtype)
         # null becomes nan; numbers stay as they are.
         column = values.astype(like.dtype)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise SceneError([Problem(name, f"not what opir writes: {error}")], source=str(path)) from error
-    if column.shape[1:] != like.shape[1:]:
-        shapes = f"{column.shape[1:]} numbers a track, where {like.shape[1:]} are due"
-        raise SceneError([Problem(name, f"not what opir writes: {shapes}")], source=str(path))
+    except (TypeError, ValueError, OverflowError):
+        column = None
+    if column is None or column.shape[1:] != due:
+        words = f"not what opir writes: {' by '.join(map(str, due)) or '1'} numbers, or nulls, are due"
+        raise refused(path, _first_wrong(rows, name, due), words)
     return column
+
+
+def _first_wrong(rows: list[dict[str, Any]], name: str, due: tuple[int, ...]) -> str:
+    """Return the place of the first row in which a column is not what it should be."""
+    for number, row in enumerate(rows, start=1):
+        try:
+            if np.array(row[name], dtype=object).astype(np.float64).shape != due:
+                return f"line {number}: {name}"
+        except (TypeError, ValueError, OverflowError):
+            return f"line {number}: {name}"
+    return name

@@ -7,7 +7,6 @@ import pytest
 from scored_scene import SCENE
 
 from opir_core.cli import main
-from opir_core.errors import SceneError
 from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.run import run_of_plan
@@ -126,6 +125,8 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
         (["compare", "SCENE", "--runs", "0"], "--runs: 0 is not a number of runs"),
         (["compare", "SCENE", "--tracker", "none", "--runs", "1"], "none makes no tracks to judge"),
         (["compare", "SCENE", "--alpha", "3"], "--alpha: must be in (0, 2]"),
+        (["compare", "SCENE", "--order", "300"], "--order: too large"),
+        (["compare", "SCENE", "--bin-s", "inf"], "--bin-s: must be at least 0.01 and finite"),
         (["score", "nothing.jsonl"], "there is no file of the manifest"),
     ],
 )
@@ -147,15 +148,3 @@ def test_radii_of_ellipses_are_kept_in_the_tracks_file_and_may_be_missing(tmp_pa
     read = read_tracks(tmp_path / "tracks.jsonl").impact_sigmas
     assert read.shape == (2, 3)
     assert np.isnan(read).all()
-
-
-def test_files_of_different_runs_are_refused(tmp_path):
-    scene = tmp_path / "scene.yaml"
-    scene.write_text(json.dumps({**SCENE, "outputs": [{"jsonl": {"path": str(tmp_path / "events.jsonl")}}]}))
-    main(["run", str(scene), "--quiet"])
-    main(["run", str(scene), "--quiet", "--seed", "8", "--out", str(tmp_path / "other.jsonl")])
-    with pytest.raises(SceneError, match="the files are of different runs"):
-        evidence_of_files(tmp_path / "events.jsonl", truth=tmp_path / "other.truth.jsonl")
-    (tmp_path / "events.tracks.jsonl").write_text("{}\n")
-    with pytest.raises(SceneError, match="line 1: a track without"):
-        evidence_of_files(tmp_path / "events.jsonl")

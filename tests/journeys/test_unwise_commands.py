@@ -76,16 +76,13 @@ def test_what_keeps_nothing_may_take_several(folder: Path) -> None:
 TRACKS, TRUTH, EVENTS, MANIFEST = "run.tracks.jsonl", "run.truth.jsonl", "run.jsonl", "run.manifest.json"
 
 BROKEN = [
-    (TRACKS, r'"tick_s":[0-9.]+', '"tick_s":"x"', "tick_s: not what opir writes"),
-    (TRACKS, r'"track":[0-9]+', '"track":null', "track: not what opir writes"),
-    (TRACKS, r'"track":[0-9]+', '"track":1e300', "track: not what opir writes"),
-    (
-        TRACKS,
-        r'"state":\[[^]]*\]',
-        '"state":[1]',
-        "state: not what opir writes: (1,) numbers a track, where (6,) are due",
-    ),
-    (TRACKS, r'\A(.*?)"state":\[[^]]*\]', r'\1"state":[1]', "state: not what opir writes"),
+    (TRACKS, r'"tick_s":[0-9.]+', '"tick_s":"x"', "line 1: tick_s: 'x' is not a time, s"),
+    (TRACKS, r'"track":[0-9]+', '"track":null', "line 1: track: None is not a whole number of 64 bits"),
+    (TRACKS, r'"track":[0-9]+', '"track":1e300', "line 1: track: 1e+300 is not a whole number of 64 bits"),
+    (TRACKS, r'"track":[0-9]+', '"track":99999999999999999999', "line 1: track: 99999999999999999999 is not a whole"),
+    (TRACKS, r'"tick_s":[0-9.]+', '"tick_s":7.5', "not the tracks that the manifest's run wrote"),
+    (TRACKS, r'"state":\[[^]]*\]', '"state":[1]', "line 1: state: not what opir writes: 6 numbers, or nulls, are due"),
+    (TRACKS, r'\A(.*?)"state":\[[^]]*\]', r'\1"state":[1]', "line 1: state: not what opir writes"),
     (TRUTH, r'"target_id":"T1"', '"target_id":[]', "line 1: not what opir writes"),
     (TRUTH, r'"detection_id"', '"x"', "is not in the truth: the files are of different runs"),
     (EVENTS, r'"timestamp":"[^"]*"', '"timestamp":"x"', "timestamp: not what opir writes"),

@@ -1,0 +1,130 @@
+"""Files that are not of one run, are cut off or spoilt are refused, with the file, the place and what to do."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+from scored_scene import SCENE
+
+from opir_core.cli import main
+from opir_core.errors import SceneError
+from opir_core.scoring.files import evidence_of_files
+
+PARTS = (".jsonl", ".truth.jsonl", ".tracks.jsonl", ".manifest.json")
+DIFFERENT = "the files are of different runs, or one of them is cut off"
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Return a folder with the files of two runs, of seeds 7 and 8, and a third whose launch lies elsewhere."""
+    folder = tmp_path_factory.mktemp("runs")
+    scene = folder / "scene.yaml"
+    scene.write_text(json.dumps({**SCENE, "duration_s": 40.0}))
+    for name, words in (("one", []), ("two", ["--seed", "8"]), ("away", ["--set", "targets[0].launch.lat_deg=35.0"])):
+        assert main(["run", str(scene), "--quiet", "--out", str(folder / f"{name}.jsonl"), *words]) == 0
+    return folder
+
+
+@pytest.fixture
+def copied(runs, tmp_path):
+    for part in PARTS:
+        shutil.copy(runs / f"one{part}", tmp_path / f"one{part}")
+    return tmp_path / "one.jsonl"
+
+
+def lines_of(path):
+    return path.read_text().splitlines(keepends=True)
+
+
+@pytest.mark.parametrize(
+    ("part", "message"),
+    [
+        (".jsonl", "is not in the truth"),
+        (".truth.jsonl", "is not in the truth"),
+        (".tracks.jsonl", "not the tracks that the manifest's run wrote"),
+        (".manifest.json", "not the tracks that the manifest's run wrote"),
+    ],
+)
+def test_a_file_of_another_run_is_refused(runs, copied, part, message):
+    shutil.copy(runs / f"two{part}", copied.with_suffix(part))
+    with pytest.raises(SceneError, match=f"{message}.*{DIFFERENT}"):
+        evidence_of_files(copied)
+
+
+@pytest.mark.parametrize("part", PARTS[:3])
+def test_a_file_that_ends_early_is_refused(copied, part):
+    path = copied.with_suffix(part)
+    path.write_text("".join(lines_of(path)[:-5]))
+    with pytest.raises(SceneError, match=DIFFERENT):
+        evidence_of_files(copied)
+    path.write_text("")
+    with pytest.raises(SceneError, match=DIFFERENT):
+        evidence_of_files(copied)
+
+
+def test_events_that_are_told_twice_are_refused(copied):
+    copied.write_text("".join(lines_of(copied) + lines_of(copied)[:3]))
+    with pytest.raises(SceneError, match="3 detections are told twice"):
+        evidence_of_files(copied)
+
+
+def test_a_truth_of_another_launch_is_refused(runs, copied):
+    told = lines_of(copied.with_suffix(".truth.jsonl"))
+    told[0] = lines_of(runs / "away.truth.jsonl")[0]
+    copied.with_suffix(".truth.jsonl").write_text("".join(told))
+    with pytest.raises(SceneError, match="T1 is another target in the manifest's scene"):
+        evidence_of_files(copied)
+    told[0] = told[0].replace('"target_id":"T1"', '"target_id":"T9"')
+    copied.with_suffix(".truth.jsonl").write_text("".join(told))
+    with pytest.raises(SceneError, match="the manifest's scene has no target T9"):
+        evidence_of_files(copied)
+
+
+def test_tracks_from_elsewhere_are_judged_where_they_are_asked_for(runs, copied, tmp_path):
+    rows = lines_of(runs / "one.tracks.jsonl")
+    (tmp_path / "mine.jsonl").write_text("".join(reversed(rows)))
+    found = evidence_of_files(copied, tracks=tmp_path / "mine.jsonl").tracks
+    assert np.array_equal(found.state, evidence_of_files(runs / "one.jsonl").tracks.state)
+
+
+def test_files_may_lie_anywhere(runs, tmp_path, capsys):
+    places = {name: tmp_path / f"{name}.x" for name in ("truth", "tracks", "manifest")}
+    shutil.copy(runs / "one.jsonl", tmp_path / "events.jsonl")
+    words = []
+    for (name, path), part in zip(places.items(), PARTS[1:], strict=True):
+        shutil.copy(runs / f"one{part}", path)
+        words += [f"--{name}", str(path)]
+    assert main(["score", str(tmp_path / "events.jsonl"), *words]) == 0
+    assert "launches tracked" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("track", 1.5, "line 3: track: 1.5 is not a whole number of 64 bits"),
+        ("track", None, "line 3: track: None is not a whole number of 64 bits"),
+        ("tick_s", None, "line 3: tick_s: None is not a time, s"),
+        ("state", [1.0, 2.0], "line 3: state: not what opir writes: 6 numbers, or nulls, are due"),
+        ("state", ["far"] * 6, "line 3: state: not what opir writes: 6 numbers"),
+        ("launch_covariance", None, "line 3: launch_covariance: not what opir writes: 3 by 3 numbers"),
+    ],
+)
+def test_a_spoilt_track_is_told_with_its_line(copied, name, value, message):
+    path = copied.with_suffix(".tracks.jsonl")
+    rows = [json.loads(line) for line in lines_of(path)]
+    rows[2][name] = value
+    path.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    with pytest.raises(SceneError, match=message):
+        evidence_of_files(copied, tracks=path)
+
+
+def test_lines_of_other_shapes_are_told_with_what_is_due(copied):
+    events = copied.read_text()
+    copied.write_text('{"id": 3}\n')
+    with pytest.raises(SceneError, match="line 1: not what the encoder forge writes"):
+        evidence_of_files(copied)
+    copied.write_text(events)
+    copied.with_suffix(".tracks.jsonl").write_text("{}\n")
+    with pytest.raises(SceneError, match="line 1: a track without"):
+        evidence_of_files(copied, tracks=copied.with_suffix(".tracks.jsonl"))
