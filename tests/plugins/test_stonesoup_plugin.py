@@ -2,18 +2,20 @@
 
 import subprocess
 import sys
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
 from opir_stonesoup.models import EarthFixedMotion, SightModel, sensor_axes
 from opir_stonesoup.reader import OpirDetectionReader
-from opir_stonesoup.upkeep import ground_prior
+from opir_stonesoup.upkeep import SilenceDeleter, ground_prior
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor
 from stonesoup.types.array import StateVector
 from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.prediction import GaussianStatePrediction
 from stonesoup.types.state import State
+from stonesoup.types.track import Track
+from stonesoup.types.update import GaussianStateUpdate
 from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
 import opir_core as opir
@@ -28,6 +30,7 @@ from opir_core.tracking.initiation import FIRST_HEIGHT_M
 
 SCENE = "examples/first_light.yaml"
 SENSORS = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0, scan_period_ms: 1000}, {model: SBIRS-GEO, id: B, orbital_slot_deg: -100.0, scan_period_ms: 500}]"  # noqa: E501
+ALONE = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0}]"
 LAUNCHES = "targets=[{id: T1, type: ICBM, launch: {lat_deg: 34.73, lon_deg: -120.57, time_s: 5.0}, aim: {lat_deg: 9.0, lon_deg: 167.7}}, {id: T2, type: IRBM, launch: {lat_deg: 35.6, lon_deg: -121.2, time_s: 8.0}, aim: {lat_deg: 20.0, lon_deg: -150.0}}]"  # noqa: E501
 
 
@@ -218,6 +221,28 @@ def test_two_launches_are_two_tracks_that_know_how_wrong_they_are(tracker):
     told = run.detections.track >= 0
     assert told.mean() > 0.8
     assert np.array_equal(np.array(owners)[run.detections.track[told]], run.truth.target[told])
+
+
+def test_a_target_that_goes_on_being_seen_keeps_its_track_however_far_away_it_may_be():
+    """One sensor leaves it open along its lines of sight; a second track would take it to be near the ground."""
+    plan = plan_of("tracker={model: stonesoup, lost_sigma_m: 8000}", ALONE, "duration_s=45")
+    run = run_of_plan(plan)
+    sigma_m = np.sqrt(np.trace(run.tracks.state_covariance[-1, :3, :3]))
+    assert sigma_m > 2.0 * 8000.0
+    assert set(run.tracks.track.tolist()) == {0}
+    assert np.mean(run.detections.track == 0) > 0.9
+
+
+@pytest.mark.parametrize(("silent_s", "sigma_m", "ends"), [(20, 1e6, False), (40, 1e6, True), (40, 1e5, False)])
+def test_a_track_that_little_is_known_of_ends_when_it_is_no_longer_seen(silent_s, sigma_m, ends):
+    start = datetime(2026, 4, 1)
+    moment = {"state_vector": np.zeros((6, 1)), "covar": np.eye(6) * sigma_m**2}
+    track = Track([GaussianStateUpdate(**moment, hypothesis=None, timestamp=start)])
+    track.append(GaussianStatePrediction(**moment, timestamp=start + timedelta(seconds=silent_s)))
+    deleter = SilenceDeleter(needed_hits=1, tentative_s=30.0, silence_s=120.0, lost_sigma_m=3e5)
+    assert deleter.check_for_deletion(track) == ends
+    track[-1].covar[0, 0] = np.nan
+    assert deleter.check_for_deletion(track)
 
 
 def test_windows_change_nothing():

@@ -50,11 +50,19 @@ class StoneSoupConfig:
         default=4, minimum=1, maximum=100, help="a track is told of once so many detections were its own"
     )
     tentative_s: float = number(
-        default=30.0, unit="s", above=0.0, maximum=1e6, help="a track not yet told of is dropped if unseen for longer"
+        default=30.0,
+        unit="s",
+        above=0.0,
+        maximum=1e6,
+        help="a track not yet told of, or less certain than lost_sigma_m, is dropped if unseen for longer",
     )
     silence_s: float = number(
         default=120.0, unit="s", above=0.0, maximum=1e6, help="a track unseen for longer is dropped"
     )
     lost_sigma_m: float = number(
-        default=300e3, unit="m", above=0.0, maximum=1e9, help="a track less certain than this is dropped"
+        default=300e3,
+        unit="m",
+        above=0.0,
+        maximum=1e9,
+        help="a track less certain than this is dropped once it is unseen for tentative_s",
     )

@@ -46,20 +46,25 @@ class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
 
 
 class SilenceDeleter(Deleter):  # type: ignore[misc]
-    """Tracks end that are unseen for too long, the sooner if seen seldom so far, or that nothing is known of."""
+    """Tracks end that are unseen for too long, the sooner if seen seldom so far, or if little is known of them.
+
+    How little is known ends no track that goes on being seen. One sensor alone leaves a target open along its lines of
+    sight, by hundreds of kilometres in the end; a track begun in its place would take it to be near the ground.
+    """
 
     needed_hits: int = Property(doc="detections after which a track is no longer tentative")
     tentative_s: float = Property(doc="longest silence of a tentative track")
     silence_s: float = Property(doc="longest silence of a track")
-    lost_sigma_m: float = Property(doc="largest standard deviation of a position, on any axis")
+    lost_sigma_m: float = Property(doc="standard deviation of a position, on any axis, beyond which it is tentative")
 
     def check_for_deletion(self, track: Any, timestamp: datetime | None = None, **_: Any) -> bool:
         """Return whether a track ends."""
         now = track.timestamp if timestamp is None else timestamp
         seen = next(state.timestamp for state in reversed(track.states) if isinstance(state, Update))
-        patience = self.silence_s if has_hits(track, self.needed_hits) else self.tentative_s
-        widest = float(np.sqrt(np.diag(track.covar)[:3].max()))
-        return now - seen > timedelta(seconds=patience) or not widest <= self.lost_sigma_m
+        variance = np.diag(track.covar)[:3]
+        is_lost = not variance.max() <= self.lost_sigma_m**2
+        patience = self.silence_s if has_hits(track, self.needed_hits) and not is_lost else self.tentative_s
+        return now - seen > timedelta(seconds=patience) or not np.isfinite(variance).all()
 
 
 def has_hits(track: Any, needed: int) -> bool:
