@@ -13,7 +13,7 @@ from opir_core.testing.doubles import stub_sensor
 from opir_core.tracking.arc import fit as arc_fit
 from opir_core.tracking.arc.ends import impacts, launches, shots, states_at
 from opir_core.tracking.arc.fit import Arcs
-from opir_core.tracking.arc.types import likeliest_types, ranges_m, type_probabilities
+from opir_core.tracking.range_types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.watch import Watch
 

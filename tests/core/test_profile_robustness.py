@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from followed_flights import last_told, usual
+from followed_flights import followed, last_told, rows_of, usual
 from other_flights import Flown, away_from, flown
 from profile_flights import PRIORS, flights, lines_of_sight, watch_of
 
 from opir_core.flight import Drag, Forces, propagate
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state
 from opir_core.records import Tracks
+from opir_core.scene import TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.scoring.consistency import nees
 from opir_core.tracking.profile import fit as profile_fit
 from opir_core.tracking.profile import flight as profile_flight
@@ -18,7 +19,7 @@ from opir_core.tracking.profile.family import SIZE
 from opir_core.tracking.profile.rows import Rows
 from opir_core.tracking.profile.seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
 from opir_core.tracking.profile.strain import KEPT, TURNS, Bank, judged
-from opir_core.tracking.profile.trust import apart, blended
+from opir_core.tracking.profile.trust import apart, blended, typed
 
 
 def rows_at(time_s, sensors, tracks=1):
@@ -195,6 +196,52 @@ def test_what_one_knows_and_the_other_does_not_is_told_of_the_likelier():
     told = blended(fitted, filtered, np.array([0.3, 0.7]), np.full(2, 9.0))
     assert told.impact[0] == pytest.approx(fitted.impact[0])
     assert np.isnan(told.impact[1]).all()
+
+
+def test_types_are_mixed_as_all_else_is():
+    fitted, filtered = pair_of_tracks(np.random.default_rng(8), 3)
+    fitted = evolve(fitted, type_probability=np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)))
+    filtered = evolve(filtered, type_probability=np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)))
+    told = blended(fitted, filtered, np.array([0.05, 0.3, 1.0]), np.full(3, 9.0)).type_probability
+    assert told == pytest.approx(np.array([[1.0, 0.0, 0.0, 0.0], [0.7, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]]))
+
+
+def test_how_far_a_stranger_flies_tells_its_type_beside_what_sensors_report():
+    _, filtered = pair_of_tracks(np.random.default_rng(8), 4)
+    away_rad = np.array([300e3, 8000e3, np.nan, 8000e3]) / 6.371e6
+    filtered.launch[:, :2], filtered.impact[:, 0], filtered.impact[:, 1] = 0.0, 0.0, away_rad
+    silent, sure = np.eye(4)[UNKNOWN_TYPE], np.array([1e-6, 1e-6, 1.0 - 2e-6, 0.0])
+    told = typed(evolve(filtered, type_probability=np.stack([silent, silent, silent, sure]))).type_probability
+    assert told.sum(axis=1) == pytest.approx(np.ones(4))
+    likeliest = [TARGET_TYPES[row.argmax()] for row in told[:2]]
+    assert likeliest == ["SRBM", "ICBM"]
+    assert told[:2].max(axis=1).min() > 0.95
+    assert told[2] == pytest.approx(silent)
+    # Reports as sure as this outweigh a range, which rules nothing out.
+    assert told[3, TARGET_TYPES.index("ICBM")] < 0.01
+
+
+def test_only_what_two_sensors_see_is_certainly_strange():
+    known = evolve(Seen.nothing(np.arange(3), 2), strange=np.array([12.0, 14.0, 14.0]))
+    known.hits[...] = [[9.0, 9.0], [9.0, 9.0], [9.0, 0.0]]
+    assert known.strangers().tolist() == [1]
+
+
+def test_certain_strangers_cost_no_fit_and_are_told_as_the_filter_tells_them(monkeypatch):
+    fitted, plain = [], Fitting._fitted
+
+    def counted(self, bank, fresh, tick_s):
+        fitted.append(len(np.unique(bank.hypotheses.track)))
+        return plain(self, bank, fresh, tick_s)
+
+    monkeypatch.setattr(Fitting, "_fitted", counted)
+    truth = flown("ICBM", 4, 31, "staged")
+    *_, last = followed(truth, usual("ICBM"), 31, truth.burnout_s.max() + 6.0)
+    rows = rows_of(last.told, last.shared)
+    assert fitted[5] == 4
+    assert fitted[-1] == 0
+    assert np.array_equal(last.told.state[rows], last.filtered.state[rows])
+    assert (last.told.type_probability[rows, TARGET_TYPES.index("ICBM")] > 0.9).all()
 
 
 def test_impact_ellipses_hold_targets_of_other_families():

@@ -10,8 +10,8 @@ from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state,
 from opir_core.geometry.intersection import intersection_with_ellipsoid
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.arc.fit import STEPS, Arcs, solved
-from opir_core.tracking.arc.types import burn_s
 from opir_core.tracking.ground_points import GroundPoints
+from opir_core.tracking.range_types import burn_s
 from opir_core.tracking.rays import Rays, along, emission_s
 from opir_core.tracking.watch import Watch
 

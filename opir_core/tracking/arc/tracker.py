@@ -12,10 +12,10 @@ from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.arc import fit as arc_fit
 from opir_core.tracking.arc.ends import expected_looks, impacts, latency_s, launches, shots, states_at
 from opir_core.tracking.arc.fit import Arcs
-from opir_core.tracking.arc.types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.association import associate_nearest
 from opir_core.tracking.configs import KeplerArcConfig, StereoFilterConfig
 from opir_core.tracking.gating import candidates, gated
+from opir_core.tracking.range_types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo.tracking import StereoTracking
 from opir_core.tracking.watch import Watch

@@ -53,7 +53,8 @@ class Fitting:
     def stepped(self, bank: Bank, tick_s: float, track: IntArray, rays: Rays, stray: FloatArray | None = None) -> Bank:
         """Return the bank at a tick, with rays (m,) since the last one, given to tracks by number (m,).
 
-        `stray` (m,) is the share of strays among each ray's track's, where that is known.
+        `stray` (m,) is the share of strays among each ray's track's, where that is known. Tracks of certain strangers
+        lose their fits for good, and cost no more than what was seen of them.
         """
         fresh, travelled = self._points(bank, track, rays, stray)
         seen = bank.seen.with_rays(travelled, rays.time_s) if len(rays) else bank.seen
@@ -63,11 +64,12 @@ class Fitting:
         begun = np.setdiff1d(seen.track, bank.seen.track)
         hypotheses = Hypotheses.concatenate([bank.hypotheses, self._begun(fresh, begun)])
         bank = Bank(hypotheses, bank.rows, seen, ticks + 1)
-        return (
-            self._fitted(strained(bank, fresh, self.priors, self.watch.bias_sigma_rad), fresh, tick_s)
-            if len(hypotheses)
-            else bank
-        )
+        if not len(hypotheses):
+            return bank
+        fresh = fresh.take(np.isin(fresh.track, hypotheses.track))
+        bank = strained(bank, fresh, self.priors, self.watch.bias_sigma_rad)
+        bank = bank.without_fits(bank.seen.strangers())
+        return self._fitted(bank, fresh.take(np.isin(fresh.track, bank.hypotheses.track)), tick_s)
 
     def _points(self, bank: Bank, track: IntArray, rays: Rays, stray: FloatArray | None) -> tuple[Rows, Rows]:
         """Return the normal points of rays, and the rays as rows at the times at which light left."""

@@ -56,17 +56,22 @@ class Bank:
         whole = np.empty(0, dtype=np.int64)
         return cls(fit.blank(0, sensors), Rows.empty(), Seen.nothing(whole, sensors), whole)
 
+    def without_fits(self, track: IntArray) -> "Bank":
+        """Return the bank without the hypotheses and rows of tracks, of which it remains known what was seen."""
+        if not len(track):
+            return self
+        return evolve(
+            self,
+            hypotheses=self.hypotheses.take(~np.isin(self.hypotheses.track, track)),
+            rows=self.rows.take(~np.isin(self.rows.track, track)),
+        )
+
     def without(self, track: IntArray) -> "Bank":
         """Return the bank without tracks."""
         if not len(track):
             return self
         kept = ~np.isin(self.seen.track, track)
-        return Bank(
-            self.hypotheses.take(~np.isin(self.hypotheses.track, track)),
-            self.rows.take(~np.isin(self.rows.track, track)),
-            self.seen.take(kept),
-            self.ticks[kept],
-        )
+        return evolve(self.without_fits(track), seen=self.seen.take(kept), ticks=self.ticks[kept])
 
 
 def strained(bank: Bank, fresh: Rows, priors: Priors, bias_sigma_rad: FloatArray) -> Bank:

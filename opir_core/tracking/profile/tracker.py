@@ -13,7 +13,7 @@ from opir_core.tracking.profile.claim import claimed
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.report import report
 from opir_core.tracking.profile.strain import Bank
-from opir_core.tracking.profile.trust import apart, blended
+from opir_core.tracking.profile.trust import apart, blended, typed
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo.tracker import StereoTracker
 from opir_core.tracking.watch import Watch
@@ -71,11 +71,12 @@ class ProfileTracker:
         """Return the estimates of all tracks with a fit; of the others, what the stereo filter tells."""
         ready = self._bank.hypotheses
         if not len(ready):
-            return followed
+            return typed(followed)
         ready = evolve(ready, evidence=ready.evidence + _reported(followed, ready.track, ready.kind))
         probability = hypotheses_of.probability(ready)
         told = report(ready, probability, tick_s, self._fitting.priors, self._forces, self._largest_impact_m)
         sound = np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2))
+        followed = typed(followed)
         told = self._trusted(told.take(sound), followed)
         rest = followed.take(~np.isin(followed.track, told.track))
         every = Tracks.concatenate([told, rest])

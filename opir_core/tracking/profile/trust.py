@@ -12,11 +12,16 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.records import BoolArray, FloatArray, Tracks
+from opir_core.scene import UNKNOWN_TYPE
 from opir_core.tracking.profile.flight import off_ground, on_ground
+from opir_core.tracking.range_types import ranges_m, type_probabilities
 from opir_core.tracking.stereo.report import STAGED_S
 
 #: Chances below this are none: a mixture with little of what is far less certain says less than it knows.
 _LEAST_CHANCE = 0.1
+
+#: No type is ruled out by a range: flights may be lofted, or end early.
+_LEAST_TYPE = 1e-3
 
 #: How many times as wide as it says the fit of a target that flies otherwise is off; the most log odds that may tell.
 _WIDE, _MOST = 8.0, 12.0
@@ -28,12 +33,11 @@ _LEAST_LEFT, _ROUNDING = 0.25, 1e-12
 def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatArray) -> Tracks:
     """Return the tracks of both, row by row, as mixtures in which the filter's have these chances (n,).
 
-    The type is the fit's, and so are the radii of impacts' ellipses where nothing is mixed in. A burn that has stages
-    may go on: of targets that more likely than not fly otherwise, no impact is told before they have been dark (n,)
-    long enough, nor an end of the burn.
+    The radii of impacts' ellipses are the fit's where nothing is mixed in. A burn that has stages may go on: of targets
+    that more likely than not fly otherwise, no impact is told before they have been dark (n,) long enough, nor an end
+    of the burn.
     """
     heavy = chance > 0.5
-    over = dark_s > STAGED_S
     chance = np.where(chance < _LEAST_CHANCE, 0.0, chance)
     state, spread = _mixed(fitted.state, fitted.state_covariance, filtered.state, filtered.state_covariance, chance)
     launch, launch_spread = _mixed_places(
@@ -42,24 +46,51 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
     impact, impact_spread = _mixed_places(
         fitted.impact, fitted.impact_covariance, filtered.impact, filtered.impact_covariance, chance, heavy
     )
-    early = heavy & ~over
-    impact[early], impact_spread[early] = np.nan, np.nan
-    sigmas = fitted.impact_sigmas.copy()
-    sigmas[(chance > 0.0) & np.isfinite(filtered.impact).all(axis=1) | heavy] = np.nan
-    burnout, burnout_spread = fitted.burnout.copy(), fitted.burnout_covariance.copy()
-    burnout[heavy], burnout_spread[heavy] = np.nan, np.nan
+    early = heavy & (dark_s <= STAGED_S)
+    is_mixed = (chance > 0.0) & np.isfinite(filtered.impact).all(axis=1) | heavy
     return evolve(
         fitted,
         state=state,
         state_covariance=spread,
         launch=launch,
         launch_covariance=launch_spread,
-        impact=impact,
-        impact_covariance=impact_spread,
-        burnout=burnout,
-        burnout_covariance=burnout_spread,
-        impact_sigmas=sigmas,
+        impact=_hidden(impact, early),
+        impact_covariance=_hidden(impact_spread, early),
+        burnout=_hidden(fitted.burnout, heavy),
+        burnout_covariance=_hidden(fitted.burnout_covariance, heavy),
+        impact_sigmas=_hidden(fitted.impact_sigmas, is_mixed),
+        type_probability=_between(fitted.type_probability, filtered.type_probability, chance),
     )
+
+
+def _hidden(values: FloatArray, rows: BoolArray) -> FloatArray:
+    """Return values (n, ...) with nan in rows (n,)."""
+    return np.where(rows.reshape(-1, *(1,) * (values.ndim - 1)), np.nan, values)
+
+
+def _between(one: FloatArray, other: FloatArray, share: FloatArray) -> FloatArray:
+    """Return means (n, d) of two, of which the other counts for shares (n,)."""
+    return one + share[:, None] * (other - one)
+
+
+def typed(filtered: Tracks) -> Tracks:
+    """Return tracks of the filter with what the ranges of those with an impact say of their types.
+
+    That is the ranges of the generic classes, with the longer semi-axis of the impact as the error, beside what the
+    sensors have reported, which is all that the filter knows of types.
+    """
+    rows = np.flatnonzero(np.isfinite(filtered.launch).all(axis=1) & np.isfinite(filtered.impact).all(axis=1))
+    if not len(rows):
+        return filtered
+    range_m = ranges_m(filtered.launch[rows], filtered.impact[rows])
+    sigma_m = np.sqrt(np.linalg.eigvalsh(filtered.impact_covariance[rows, :2, :2])[:, -1])
+    types = filtered.type_probability.copy()
+    reported, is_silent = types[rows], types[rows, UNKNOWN_TYPE] > 0.5
+    reported[is_silent] = 1.0
+    share = np.maximum(type_probabilities(range_m, sigma_m), _LEAST_TYPE) * reported
+    share[:, UNKNOWN_TYPE] = 0.0
+    types[rows] = share / share.sum(axis=1, keepdims=True)
+    return evolve(filtered, type_probability=types)
 
 
 def apart(fitted: Tracks, filtered: Tracks) -> FloatArray:
@@ -85,7 +116,7 @@ def _mixed(
     """Return means (n, d) and covariances (n, d, d) of mixtures of two normal distributions."""
     away, share = other - mean, chance[:, None, None]
     apart = share * (1.0 - share) * away[:, :, None] * away[:, None, :]
-    return mean + chance[:, None] * away, (1.0 - share) * spread + share * other_spread + apart
+    return _between(mean, other, chance), (1.0 - share) * spread + share * other_spread + apart
 
 
 def _mixed_places(

@@ -1,4 +1,4 @@
-"""What the range of an arc says of the target's type: the generic classes and their ranges."""
+"""What the range of a flight says of the target's type: the generic classes and their ranges."""
 
 from functools import cache
 from math import erf
