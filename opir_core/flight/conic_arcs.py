@@ -26,18 +26,16 @@ class ConicArcs(NamedTuple):
     second_s: Floats  #: the unit of time
 
     def at(self, index: NDArray[np.intp]) -> "ConicArcs":
-        """Return the arcs at these indices."""
+        """Return the arcs at these indices, in order; of them all, the arcs themselves."""
+        if len(index) == len(self.sigma):
+            return self
         return ConicArcs(*(column[..., index] for column in self))
 
-    def positions_m(self, s: Floats) -> Floats:
-        """Return positions (3, n), m."""
-        _, g1, g2, _ = universal_functions(self.alpha, s)
-        return ((1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity) * self.length_m
-
-    def times_s(self, s: Floats) -> Floats:
-        """Return times since the start, s."""
+    def times_and_positions(self, s: Floats) -> tuple[Floats, Floats]:
+        """Return times since the start, s, and positions (3, n), m."""
         _, g1, g2, g3 = universal_functions(self.alpha, s)
-        return (g1 + self.sigma * g2 + g3) * self.second_s
+        positions = ((1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity) * self.length_m
+        return (g1 + self.sigma * g2 + g3) * self.second_s, positions
 
     def heights_m(self, s: Floats) -> Floats:
         """Return geodetic heights, m."""

@@ -75,8 +75,9 @@ def _impacts(position: Floats, velocity: Floats, height: Floats, mu: float) -> t
     hit = np.flatnonzero(low <= high)
     at = at[hit]
     if at.size:
-        s = _descent(arcs.at(hit), height[at], low[hit], high[hit])
-        duration[at], point[at] = arcs.at(hit).times_s(s), arcs.at(hit).positions_m(s).T
+        arcs = arcs.at(hit)
+        duration[at], places = arcs.times_and_positions(_descent(arcs, height[at], low[hit], high[hit]))
+        point[at] = places.T
     return duration, point
 
 

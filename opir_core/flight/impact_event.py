@@ -45,6 +45,9 @@ def impact(
     tolerance_m: ArrayLike = TOLERANCE_M,
 ) -> tuple[Floats, Floats]:
     """Return the times to impact (...), s, and the points of impact (..., 3), m, as `impact_states` does."""
+    forces = forces_of(forces)
+    if forces.is_kepler:
+        return _kepler_points(position_m, velocity_m_s, height_m, within_s, forces)
     states = impact_states(position_m, velocity_m_s, height_m, forces, within_s=within_s, tolerance_m=tolerance_m)
     return states.duration_s, states.position_m
 
@@ -99,19 +102,26 @@ _REASONS = np.array(
 def _kepler_impacts(
     position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike, within_s: ArrayLike, forces: Forces
 ) -> ImpactStates:
-    from opir_core.flight.conic_impact import kepler_impact
     from opir_core.flight.kepler import propagate_kepler
 
-    mu = forces.gravity.mu_m3_s2
-    duration, point = kepler_impact(position_m, velocity_m_s, height_m, mu)
-    duration, limit = np.broadcast_arrays(duration, np.asarray(within_s, dtype=np.float64))
-    duration = np.where(duration <= limit, duration, np.nan)
-    hit = ~np.isnan(duration)
-    velocity = propagate_kepler(position_m, velocity_m_s, duration, mu)[1]
+    duration, point = _kepler_points(position_m, velocity_m_s, height_m, within_s, forces)
+    velocity = propagate_kepler(position_m, velocity_m_s, duration, forces.gravity.mu_m3_s2)[1]
     inputs = (np.asarray(each, dtype=np.float64).sum(axis=-1) for each in (position_m, velocity_m_s))
-    finite = np.isfinite(sum(inputs) + np.asarray(height_m, dtype=np.float64) + limit)
+    finite = np.isfinite(sum(inputs) + np.asarray(height_m, dtype=np.float64) + np.asarray(within_s, dtype=np.float64))
+    hit = ~np.isnan(duration)
     reason = np.where(hit, ImpactReason.IMPACT, np.where(finite, ImpactReason.NO_DESCENT, ImpactReason.NOT_FINITE))
-    return ImpactStates(duration, np.where(hit[..., np.newaxis], point, np.nan), velocity, reason.astype(np.int8))
+    return ImpactStates(duration, point, velocity, reason.astype(np.int8))
+
+
+def _kepler_points(
+    position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike, within_s: ArrayLike, forces: Forces
+) -> tuple[Floats, Floats]:
+    """Return times to impact (...) and points of impact (..., 3) of two-body arcs, `nan` where it takes too long."""
+    from opir_core.flight.conic_impact import kepler_impact
+
+    duration, point = kepler_impact(position_m, velocity_m_s, height_m, forces.gravity.mu_m3_s2)
+    soon = duration <= np.asarray(within_s, dtype=np.float64)
+    return np.where(soon, duration, np.nan), np.where(soon[..., np.newaxis], point, np.nan)
 
 
 def _nowhere(count: int) -> ImpactStates:

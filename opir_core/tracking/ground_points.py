@@ -32,21 +32,28 @@ def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Fo
     The point is that of the mean under `forces`. The covariance is spread through two-body arcs by central differences,
     one standard deviation either way: their partials differ from those under `forces` by parts in a thousand.
     """
-    from opir_core.flight.impact_event import impact
-
     points = GroundPoints.nowhere(len(state))
     if not len(state):
         return points
-    duration, point = impact(state[:, :3], state[:, 3:], forces=forces, tolerance_m=_CLOSE_M)
-    ground = turned(point, -(time_s + duration))
-    side = np.linalg.cholesky(covariance)
-    shifted = state[:, None, None, :] + np.stack([side, -side], axis=1).transpose(0, 1, 3, 2)
-    flight, fell = impact(shifted[..., :3], shifted[..., 3:], forces=Forces(zonal=(), gravity=forces.gravity))
-    landed = turned(fell.reshape(-1, 3), -(time_s + flight.ravel())).reshape(fell.shape)
-    apart = 0.5 * (landed[:, 0] - landed[:, 1])
-    plane = apart @ local_axes(ground)[:, :2].transpose(0, 2, 1)
-    later = 0.5 * (flight[:, 0] - flight[:, 1])
-    return _told(ground, time_s + duration, np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
+    side = np.linalg.cholesky(covariance).transpose(0, 2, 1)
+    flight, fell = _fallen(state[:, None] + np.concatenate([np.zeros_like(side[:, :1]), side, -side], axis=1), forces)
+    when = time_s + flight
+    ground, landed = turned(fell[:, 0], -when[:, 0]), turned(fell[:, 1:].reshape(-1, 3), -when[:, 1:].ravel())
+    landed = landed.reshape(-1, 2, 6, 3)
+    plane = 0.5 * (landed[:, 0] - landed[:, 1]) @ local_axes(ground)[:, :2].transpose(0, 2, 1)
+    later = 0.5 * (flight[:, 1:7] - flight[:, 7:])
+    return _told(ground, when[:, 0], np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
+
+
+def _fallen(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
+    """Return times to impact (n, k) and points (n, k, 3) of states (n, k, 6); all but the first on two-body arcs."""
+    from opir_core.flight.impact_event import impact
+
+    flight, fell = impact(state[:, :, :3], state[:, :, 3:], forces=Forces(zonal=(), gravity=forces.gravity))
+    if not forces.is_kepler:
+        mean = state[:, 0]
+        flight[:, 0], fell[:, 0] = impact(mean[:, :3], mean[:, 3:], forces=forces, tolerance_m=_CLOSE_M)
+    return flight, fell
 
 
 def _told(ground: FloatArray, when: FloatArray, plane: FloatArray) -> GroundPoints:
