@@ -33,6 +33,16 @@ _LAUNCHED = 25.0
 #: Times less probable than this are left at the Earth's centre: its distance squared times this is below 1e-10 m².
 _LEAST_CHANCE = 1e-24
 
+#: The times before the first look stand for the stretches between these edges, s.
+_EDGES_S = _BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
+_MIDDLES_S, _WIDTHS_S = 0.5 * (_EDGES_S[1:] + _EDGES_S[:-1]), np.diff(_EDGES_S)
+
+#: The chance beforehand that a launch was seen late, and lies in each of them.
+_LATER = (1.0 - _AT_ONCE) * _WIDTHS_S / _BEFORE_S
+
+#: The covariance of the height of a site, m², and of the velocity of what stands there, m²/s².
+_AT_REST = np.diag(np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S]))
+
 _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 
@@ -49,20 +59,18 @@ def launches(
     points, count = GroundPoints.nowhere(len(outlook.side)), len(outlook.side)
     if not count:
         return points
-    edges = _BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
-    since = 0.5 * (edges[1:] + edges[:-1])
     track = np.repeat(np.arange(count), _TIMES)
-    when = np.repeat(first_s, _TIMES) - np.tile(since, count)
+    when = (first_s[:, None] - _MIDDLES_S).ravel()
     starts = _from_rest(outlook, track, when, noise, biased)
     misfit, log = starts.misfit, starts.log
-    soon = -np.diff(np.exp(-edges / pause_s[:, None]), axis=1)
+    soon = -np.diff(np.exp(-_EDGES_S / pause_s[:, None]), axis=1)
     log = (log - 0.5 * misfit).reshape(count, _TIMES)
-    log += np.log(_AT_ONCE * soon + (1.0 - _AT_ONCE) * np.diff(edges) / _BEFORE_S)
+    log += np.log(_AT_ONCE * soon + _LATER)
     chance = np.exp(log - log.max(axis=1, keepdims=True))
     chance /= chance.sum(axis=1, keepdims=True)
     known = np.flatnonzero(misfit.reshape(count, _TIMES).min(axis=1) < _LAUNCHED)
     told = _blended(*_places(starts, when, np.flatnonzero(chance > _LEAST_CHANCE)), when, chance)
-    told[1][:, 2, 2] += np.sum(chance * np.diff(edges) ** 2, axis=1) / 12.0
+    told[1][:, 2, 2] += np.sum(chance * _WIDTHS_S**2, axis=1) / 12.0
     points.place[known], points.covariance[known] = told[0][known], told[1][known]
     return points
 
@@ -76,12 +84,12 @@ def _from_rest(
     position, velocity = followed(path, weight), _speeds(path, weight)
     ground = ecef_to_geodetic(turned(position, -when))
     up = _up(ground, when)
-    covariance = _covariances(outlook, track, weight, noise * noise, outlook.time_s - when)
+    covariance = _covariances(outlook, weight, noise * noise, outlook.time_s - when)
     if biased is not None:
         covariance[:, :3, :3] += biased[track]
     off = np.concatenate([ground.height_m[:, None], velocity - position @ _SPIN.T], axis=1)
     crossed = _gained(covariance, up)
-    spread = _gained(crossed.transpose(0, 2, 1), up) + np.diag(np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S]))
+    spread = _gained(crossed.transpose(0, 2, 1), up) + _AT_REST
     side = np.linalg.cholesky(spread)
     white = _forward(side, np.concatenate([crossed[:, :, :3], off[:, :, None]], axis=2))
     log = -np.log(np.diagonal(side, axis1=1, axis2=2)).sum(axis=1)
@@ -158,24 +166,26 @@ def _turns(time_s: FloatArray) -> FloatArray:
     return turn
 
 
-def _covariances(
-    outlook: Outlook, track: IntArray, weight: FloatArray, intensity: float, span_s: FloatArray
-) -> FloatArray:
-    """Return the covariances (m, 6, 6) of position and velocity at earlier times, with the noise gathered since."""
-    blocks = outlook.side.reshape(len(outlook.side), 4, 3, BOOST)
-    place = outlook.position_sides(track, outlook.time_s + weight[:, 1])
-    speed = blocks[track, 1].copy()
+def _covariances(outlook: Outlook, weight: FloatArray, intensity: float, span_s: FloatArray) -> FloatArray:
+    """Return the covariances (m, 6, 6) of position and velocity at earlier times, with the noise gathered since.
+
+    `weight` (m, 5) are those of the times, as many of each track in turn.
+    """
+    blocks = outlook.side.reshape(-1, 1, 4, 3, BOOST)
+    share = weight.reshape(len(blocks), -1, 5, 1, 1)
+    side = np.empty((len(blocks), share.shape[1], 6, BOOST))
+    side[:, :, :3], side[:, :, 3:] = blocks[:, :, 0], blocks[:, :, 1]
+    for order in range(1, 4):
+        side[:, :, :3] += blocks[:, :, order] * share[:, :, order]
     for order in (2, 3):
-        speed += blocks[track, order] * weight[:, order - 1, None, None]
-    side = np.concatenate([place, speed], axis=1)
+        side[:, :, 3:] += blocks[:, :, order] * share[:, :, order - 1]
+    side = side.reshape(-1, 6, BOOST)
     covariance: FloatArray = side @ side.transpose(0, 2, 1)
-    for row, column, term in (
-        (0, 0, span_s**7 / 252.0),
-        (0, 3, -(span_s**6) / 72.0),
-        (3, 0, -(span_s**6) / 72.0),
-        (3, 3, span_s**5 / 20.0),
-    ):
-        covariance[:, np.arange(row, row + 3), np.arange(column, column + 3)] += (intensity * term)[:, None]
+    far, both, fast = span_s**7 / 252.0, -(span_s**6) / 72.0, span_s**5 / 20.0
+    flat = covariance.reshape(len(covariance), 36)
+    # A step of 7 goes down a diagonal of blocks of 3 by 3.
+    for first, term in ((0, far), (3, both), (18, both), (21, fast)):
+        flat[:, first : first + 15 : 7] += (intensity * term)[:, None]
     return covariance
 
 
