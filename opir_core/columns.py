@@ -1,6 +1,6 @@
 """What all records of columns can do: numpy arrays of one length, taken, joined and filled as one."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
@@ -31,10 +31,11 @@ class Columns:
 
     def take(self, rows: Any) -> Self:
         """Return the rows chosen by an index array, a mask or a slice."""
+        columns = [getattr(self, name) for name in names_of(type(self))]
         if isinstance(rows, np.ndarray) and rows.dtype != np.bool_:
             # Of columns several wide, numpy's `take` is several times as fast as an index.
-            return self._map(lambda column: column.take(rows, axis=0))
-        return self._map(lambda column: column[rows])
+            return type(self)(*[None if column is None else column.take(rows, axis=0) for column in columns])
+        return type(self)(*[None if column is None else column[rows] for column in columns])
 
     def freeze(self) -> Self:
         """Make every buffer read-only and return the record."""
@@ -61,10 +62,6 @@ class Columns:
     def empty(cls) -> Self:
         """Return the record of no rows."""
         raise TypeError(f"{cls.__name__} has no empty form")
-
-    def _map(self, change: Callable[[Any], Any]) -> Self:
-        columns = (getattr(self, name) for name in names_of(type(self)))
-        return type(self)(*(None if column is None else change(column) for column in columns))
 
 
 class Filling(Generic[_Filled]):

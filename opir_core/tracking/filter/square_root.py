@@ -19,17 +19,13 @@ def triangular(rows: FloatArray) -> FloatArray:
     """Return the upper triangular T (n, d, d) with Tᵀ T = AᵀA of arrays A (n, m, d), m at least d."""
     count, _, size = rows.shape
     if count == 1:
-        factor = _lapack().dgeqrf(rows[0], lwork=_WORK * size)[0][:size]
+        factor = _lapack().dgeqrf(rows[0], lwork=size)[0][:size]
         lone: FloatArray = (factor * _above(size, size, "F"))[None]
         return lone
     raw: Any = np.linalg.qr(rows, mode="raw")[0]
     side = raw.transpose(0, 2, 1)[:, : rows.shape[2]]
     upper: FloatArray = side * _above(side.shape[1], side.shape[2])
     return upper
-
-
-#: Work space for LAPACK's QR decomposition, columns.
-_WORK = 32
 
 
 @cache

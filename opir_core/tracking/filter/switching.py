@@ -47,20 +47,19 @@ class SwitchingFilter:
             return bank
         mixed = mode_mixing.mixed(bank, step_s, self.boost_s, self.coast_s) if self.switches else bank
         boost, coast = _modes_of(mixed)
-        used = _in_use(bank)
+        used, steps = _in_use(bank), np.full(len(bank.weight), step_s)
         if used[0]:
-            boost = self._carried(self.boost, *boost, step_s)
+            boost = self._carried(self.boost, *boost, steps)
         if used[1]:
-            coast = self._carried(self.coast, *coast, step_s)
+            coast = self._carried(self.coast, *coast, steps)
         return Bank(mixed.weight, *boost, *coast, mixed.pace)
 
     def _carried(
-        self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: float
+        self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        steps = np.full(len(mean), step_s)
-        after = motion.propagated(mean, steps)
-        back = motion.transition(0.5 * (mean + after), -steps)
-        return after, square_root.moved(root, back, motion.noise_root(steps, after))
+        after = motion.propagated(mean, step_s)
+        back = motion.transition(0.5 * (mean + after), -step_s)
+        return after, square_root.moved(root, back, motion.noise_root(step_s, after))
 
     def updated(self, bank: Bank, time_s: float, sights: Sights, step_s: float) -> Bank:
         """Return the bank with sights of a slice of length `step_s` that ends at `time_s` taken in."""

@@ -99,7 +99,7 @@ class Following:
         busy = self._restless(bank, after, pairs, rays, young) if self.config.settling and found.contested else _NONE
         first = Followed(after, found.owner, found.own, pairs)
         told = self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
-        share = stray.share
+        share = self.remembered("shares", lambda log, _: Strays(log).share, stray.log, 0.0)
         doubted = doubtful(told.own, share) if self.config.association == "nearest" else _NONE
         if len(doubted) and found.contested:
             doubted = np.setdiff1d(doubted, crowded(pairs, rays), assume_unique=True)

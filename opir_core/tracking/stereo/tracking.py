@@ -5,6 +5,7 @@ situation before them and stepping forward again: the result is that of their ha
 """
 
 from collections.abc import Iterator
+from math import ceil
 
 import numpy as np
 from attrs import evolve, field, frozen
@@ -51,6 +52,10 @@ class Situation:
     histories: Histories = field(factory=Histories.none)
     doubtful: tuple[IntArray, Bank] = field(factory=lambda: (np.empty(0, dtype=np.int64), Bank.empty()))
     next_number: int = 0
+
+    def after(self, time_s: float, bank: Bank, roster: upkeep.Roster, histories: Histories) -> "Situation":
+        """Return the situation at a time with its tracks as they are then."""
+        return Situation(time_s, bank, roster, self.pool, self.reported, histories, self.doubtful, self.next_number)
 
 
 @frozen(eq=False)
@@ -110,7 +115,8 @@ class StereoTracking:
         span = end_s - now.time_s
         then, owner = self.followed(now, end_s, rays)
         if len(owner):
-            then = evolve(then, roster=then.roster.seen(owner, rays.time_s, rays.sensor, reported))
+            roster = then.roster.seen(owner, rays.time_s, rays.sensor, reported)
+            then = then.after(end_s, then.bank, roster, then.histories)
         then = self._pooled(then, rays, owner, reported, span)
         return self._kept(self._launched(self._begun(then)), rays, owner)
 
@@ -135,11 +141,11 @@ class StereoTracking:
         histories = now.histories.moved(self.filter.moved, span)
         if not len(owner):
             bank = self.filter.updated(bank, end_s, no_sights(), span)
-            return evolve(now, time_s=end_s, histories=histories, bank=bank), owner
+            return now.after(end_s, bank, now.roster, histories), owner
         young = np.searchsorted(now.roster.number, histories.number)
         told = self.following.followed(bank, end_s, rays, span, young, Strays(now.roster.strays))
         roster = now.roster if told.strays is None else now.roster.with_strays(told.strays)
-        now = evolve(now, time_s=end_s, roster=roster, histories=histories, bank=told.bank)
+        now = now.after(end_s, told.bank, roster, histories)
         return self._decided(now, told, young, rays, span), told.owner
 
     def _decided(self, now: Situation, told: Followed, rows: IntArray, rays: Rays, span: float) -> Situation:
@@ -181,7 +187,8 @@ class StereoTracking:
             return now
         told, bank = now.roster.take(young), now.bank.take(young)
         outlook, noise = self.filter.outlook(bank, now.time_s), self.config.jerk_noise_back_m_s3
-        biased = self.biases.covariance(bank.likelier_position_m, now.time_s, told.reports >= 0)
+        sure = not self.biases.any
+        biased = None if sure else self.biases.covariance(bank.likelier_position_m, now.time_s, told.reports >= 0)
         found = launches(outlook, told.first_s, self._slowest(told), noise, biased)
         best = renewed(GroundPoints(told.launch, told.launch_covariance), found)
         launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
@@ -288,7 +295,7 @@ class StereoTracking:
 
 def _slice_ends(start_s: float, end_s: float, slice_s: float) -> Iterator[float]:
     """Yield the ends of equal slices no longer than `slice_s`."""
-    count = max(1, int(np.ceil((end_s - start_s) / slice_s - 1e-9)))
+    count = max(1, ceil((end_s - start_s) / slice_s - 1e-9))
     for number in range(1, count):
         yield start_s + (end_s - start_s) * number / count
     yield end_s
