@@ -37,6 +37,10 @@ class Columns:
             return type(self)(*[None if column is None else column.take(rows, axis=0) for column in columns])
         return type(self)(*[None if column is None else column[rows] for column in columns])
 
+    def part(self, rows: Any) -> Self:
+        """Return the rows chosen by an index array, each once and in order: of all of them, the record itself."""
+        return self if len(rows) == len(self) else self.take(rows)
+
     def freeze(self) -> Self:
         """Make every buffer read-only and return the record."""
         for name in names_of(type(self)):

@@ -35,9 +35,9 @@ def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float) -> Bank:
     into_coast = (share[:, 0, 1] > _LEAST_SHARE).nonzero()[0]
     into_boost = (share[:, 1, 0] > _LEAST_SHARE).nonzero()[0]
     if len(into_coast):
-        coast = _put(coast, into_coast, _into_coast(_part(bank, into_coast), share[into_coast, :, 1]))
+        coast = _put(coast, into_coast, _into_coast(bank.part(into_coast), share[into_coast, :, 1]))
     if len(into_boost):
-        boost = _put(boost, into_boost, _into_boost(_part(bank, into_boost), share[into_boost, :, 0]))
+        boost = _put(boost, into_boost, _into_boost(bank.part(into_boost), share[into_boost, :, 0]))
     return Bank(weight, *boost, *coast, bank.pace)
 
 
@@ -68,10 +68,6 @@ def _shares(before: FloatArray, leave: tuple[float, float]) -> tuple[FloatArray,
         # A target that burns has not coasted before: what its coast mode made of the looks so far is let go.
         share[before[:, 0] > 0.5, :, 1] = [1.0, 0.0]
     return weight, share
-
-
-def _part(bank: Bank, rows: IntArray) -> Bank:
-    return bank if len(rows) == len(bank) else bank.take(rows)
 
 
 def _put(

@@ -47,13 +47,15 @@ def slice_sights(
     place[rows] = np.arange(len(rows))
     owner, pairs = place[told.owner], told.pairs if len(rows) > 1 else told.own
     free = (told.owner < 0) | (owner >= 0)
-    pairs = pairs.take(np.flatnonzero((place[pairs.track] >= 0) & free[pairs.ray]))
+    pairs = pairs.part(np.flatnonzero((place[pairs.track] >= 0) & free[pairs.ray]))
     pairs, contested = _disputed(path, evolve(pairs, track=place[pairs.track]), owner, rays, chances)
     sights, sensor = plain(pairs), rays.sensor[pairs.ray].astype(np.int64)
     weight = np.where(owner[pairs.ray] == pairs.track, 1.0, LEAST_WEIGHT)
     weighed_sights = evolve(sights, whitener=sights.whitener * np.sqrt(weight)[:, None, None])
     means, whose, part = parted_sights(path, weighed_sights, sensor, span)
     rows = np.flatnonzero(contested)
+    if not len(rows):
+        return means, whose, Contested.empty()
     residual = sights.missed(path.positions(pairs.track, pairs.time_s))
     open_ = Contested(
         sight=part[rows],
@@ -87,9 +89,10 @@ def _disputed(path: Outlook, pairs: Pairs, owner: IntArray, rays: Rays, chances:
 
 def turned(filter_: SwitchingFilter, known: Histories, bank: Bank, time_s: float) -> tuple[Histories, Bank]:
     """Return histories with their contested rays weighed anew by estimates (a bank) at `time_s`, and what follows."""
-    known = evolve(known, contested=known.contested.take(known.contested.end_s > time_s - _RECENT_S))
-    if not len(known.contested):
-        return known, bank
+    recent = np.flatnonzero(known.contested.end_s > time_s - _RECENT_S)
+    if not len(recent):
+        return evolve(known, contested=Contested.empty()) if len(known.contested) else known, bank
+    known = evolve(known, contested=known.contested.part(recent))
     whose = known.sights.track
     used = different(known.contested.sight)
     rows = different(whose[used])

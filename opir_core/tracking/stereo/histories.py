@@ -91,6 +91,9 @@ class Histories:
 
     def seen(self, sights: Sights, sensor: IntArray, contested: Contested) -> "Histories":
         """Return the histories with more lines of sight, and the rays that may be part of these."""
+        sensor = np.concatenate([self.sensor, sensor])
+        if not len(contested):
+            return evolve(self, sights=Sights.concatenate([self.sights, sights]), sensor=sensor)
         fresh = evolve(
             contested,
             sight=contested.sight + len(self.sights),
@@ -100,7 +103,7 @@ class Histories:
         return evolve(
             self,
             sights=Sights.concatenate([self.sights, sights]),
-            sensor=np.concatenate([self.sensor, sensor]),
+            sensor=sensor,
             contested=Contested.concatenate([self.contested, fresh]),
         )
 

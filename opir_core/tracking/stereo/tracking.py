@@ -153,16 +153,17 @@ class StereoTracking:
         known = now.histories
         if not len(known.number):
             return now
-        bank, age = now.bank.take(rows), now.time_s - known.begun_s
-        seen = slice_sights(self.filter.outlook(bank, now.time_s), told, rows, rays, self.following.chances, span)
-        known, bank = turned(self.filter, known.seen(*seen), bank, now.time_s)
+        before, age = now.bank.part(rows), now.time_s - known.begun_s
+        path = self.following.outlook(before, now.time_s)
+        seen = slice_sights(path, told, rows, rays, self.following.chances, span)
+        known, bank = turned(self.filter, known.seen(*seen), before, now.time_s)
         found = decided(self.filter, known, bank, now.time_s, self.biases.sigma_rad, asked(known, age, span))
         known, boosts = found.histories, bank.weight[:, 0] > 0.5
         stays = kept(known, age, boosts, self.boost_lasts_s)
         open_ = np.flatnonzero(stays & (known.doubt > 0.0))
         return evolve(
             now,
-            bank=now.bank.put(rows, found.bank),
+            bank=now.bank if found.bank is before else now.bank.put(rows, found.bank),
             histories=known.of(stays),
             doubtful=(known.number[open_], found.told.take(open_)),
         )
@@ -173,9 +174,8 @@ class StereoTracking:
         if not len(number):
             return now.bank
         here = np.flatnonzero(np.isin(number, now.roster.number))
-        return (
-            now.bank.put(np.searchsorted(now.roster.number, number[here]), told.take(here)) if len(here) else now.bank
-        )
+        rows = np.searchsorted(now.roster.number, number[here])
+        return now.bank.put(rows, told.take(here)) if len(here) else now.bank
 
     def _launched(self, now: Situation) -> Situation:
         """Return the situation with what the young tracks' paths say of their launches."""
@@ -185,15 +185,14 @@ class StereoTracking:
         young = np.flatnonzero(fresh & (now.bank.weight[:, 0] > 0.5))
         if not len(young):
             return now
-        told, bank = now.roster.take(young), now.bank.take(young)
-        outlook, noise = self.filter.outlook(bank, now.time_s), self.config.jerk_noise_back_m_s3
+        told, bank = now.roster.part(young), now.bank.part(young)
+        outlook, noise = self.following.outlook(bank, now.time_s), self.config.jerk_noise_back_m_s3
         sure = not self.biases.any
         biased = None if sure else self.biases.covariance(bank.likelier_position_m, now.time_s, told.reports >= 0)
         found = launches(outlook, told.first_s, self._slowest(told), noise, biased)
-        best = renewed(GroundPoints(told.launch, told.launch_covariance), found)
         launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
-        launch[young], covariance[young] = best
-        return evolve(now, roster=evolve(now.roster, launch=launch, launch_covariance=covariance))
+        launch[young], covariance[young] = renewed(GroundPoints(told.launch, told.launch_covariance), found)
+        return now.after(now.time_s, now.bank, now.roster.with_launches(launch, covariance), now.histories)
 
     def _begun(self, now: Situation) -> Situation:
         """Return the situation with tracks begun where unclaimed rays show a target."""

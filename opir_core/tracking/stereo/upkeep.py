@@ -73,6 +73,11 @@ class Roster(Columns):
         launches = self.launch, self.launch_covariance
         return Roster(self.number, self.begun_s, self.first_s, self.seen_s, self.hits, strays, self.reports, *launches)
 
+    def with_launches(self, launch: FloatArray, covariance: FloatArray) -> "Roster":
+        """Return the roster with other launches (n, 3) and covariances (n, 3, 3)."""
+        seen = self.begun_s, self.first_s, self.seen_s
+        return Roster(self.number, *seen, self.hits, self.strays, self.reports, launch, covariance)
+
     def seen(self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray) -> "Roster":
         """Return the roster after rays (m,) in order of time were given to rows `owner`, -1 for none."""
         known = owner >= 0
