@@ -179,8 +179,8 @@ def _covariances(outlook: Outlook, weight: FloatArray, intensity: float, span_s:
         side[:, :, :3] += blocks[:, :, order] * share[:, :, order]
     for order in (2, 3):
         side[:, :, 3:] += blocks[:, :, order] * share[:, :, order - 1]
-    side = side.reshape(-1, 6, BOOST)
-    covariance: FloatArray = side @ side.transpose(0, 2, 1)
+    spread = side.reshape(-1, 6, BOOST)
+    covariance: FloatArray = spread @ spread.transpose(0, 2, 1)
     far, both, fast = span_s**7 / 252.0, -(span_s**6) / 72.0, span_s**5 / 20.0
     flat = covariance.reshape(len(covariance), 36)
     # A step of 7 goes down a diagonal of blocks of 3 by 3.
