@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from profile_flights import PRIORS
+from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 
+from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile import fit
+from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.family import SIZE, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.hypotheses import GIVEN_UP, probability
 from opir_core.tracking.profile.prior_squares import SPACING
+from opir_core.tracking.profile.strain import Bank
 from opir_core.tracking.profile.windows import laid, straightened, windowed
 
 #: The lean of all ridges here, rad, and how well it is known along them.
@@ -96,3 +99,23 @@ def test_a_ridge_is_not_taken_for_straight_where_it_is_narrow_for_its_arc():
     wide, narrow = (straightened(ridge(0.7, across_rad))[0] for across_rad in (0.05, 0.005))
     assert wide.window[:, 3].tolist() == [0.0]
     assert len(narrow) == len(ridge(0.7, 0.005))
+
+
+def test_what_one_sensor_alone_sees_is_fitted_where_a_further_step_stays():
+    truth, tick_s = flights("IRBM", 8, 3), 60
+    kind = np.array([TARGET_TYPES.index("IRBM")])
+    hidden_s = hidden(truth, 3)
+    track, rays = lines_of_sight(truth, 10e-6, 3, sensors=1, period_s=0.1, chance=0.9, hidden_s=hidden_s)
+    fitting, bank, cut = Fitting(PRIORS.take(kind), watch_of(1, 0.1, 0.9), True), Bank.empty(1), 0
+    for tick in range(1, tick_s + 1):
+        end = int(np.searchsorted(rays.time_s, tick))
+        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
+        cut = end
+    older = bank.seen.track[(bank.ticks > 25) & (bank.seen.last_s[:, 0] > tick_s - 1.0)]
+    likely = bank.hypotheses.take(np.isin(bank.hypotheses.track, older) & (probability(bank.hypotheses) > 0.05))
+    again = fitting._relinearised(likely, bank.rows, bank.seen, float(tick_s), 1)
+    away = (again.parameters - likely.parameters)[:, :, None]
+    square = np.sum(away * np.linalg.solve(likely.spread, away), axis=(1, 2))
+    assert len(older) > 4
+    # A tenth of a standard deviation; two thirds of one is what a tick moves them by.
+    assert np.max(square) < 0.01
