@@ -8,7 +8,7 @@ from typing import Any
 from opir_core.commands.tables import table
 from opir_core.errors import Problem, SceneError
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
-from opir_core.scoring.scorecard import Scorecard, ScoreSettings
+from opir_core.scoring.scorecard import GEOMETRIES, Scorecard, ScoreSettings
 
 Cards = Mapping[str, Scorecard]
 
@@ -48,7 +48,7 @@ def _is_beyond(cutoff_m: float, order: float) -> bool:
 def as_text(cards: Cards) -> str:
     """Return tables of the cards: the whole, then mono and stereo by time since ignition."""
     parts = [_heading(next(iter(cards.values())).figures), _whole(cards), _confusions(cards)]
-    for geometry in ("mono", "stereo"):
+    for geometry in GEOMETRIES:
         parts += _geometry(cards, geometry)
     return "\n\n".join(part for part in [*parts, LEGEND] if part)
 
@@ -112,14 +112,15 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
     honest = ("since s", "tracker", "n", "NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
     label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
     figures = [(name, card.figures[geometry]) for name, card in cards.items()]
-    points = ("tracker", "launch m", "launch s", "impact km", "impact s")
+    title = geometry.replace("_biased", " by sensors of which some have a bias")
+    points = ("tracker", "targets", "launch told", "impact told", "launch m", "launch s", "impact km", "impact s")
     nominal = [f"{100.0 * part['nominal']:g} %" for part in figures[0][1]["launch_containment"]]
     return [
-        f"{geometry}, by time since ignition",
+        f"{title}, by time since ignition",
         table(place, [(since, name, *_place_cells(part)) for since, name, part in label]),
         table(speed, [(since, name, *_speed_cells(part)) for since, name, part in label]),
         table(honest, [(since, name, *_honest_cells(part)) for since, name, part in label]),
-        f"{geometry}, launch and impact",
+        f"{title}, launch and impact",
         table(points, [(name, *_point_cells(part)) for name, part in figures]),
         table(("% in the ellipse of", "tracker", *nominal), _curves(figures)),
     ]
@@ -156,6 +157,7 @@ def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
     return (
+        *(str(figures[name]) for name in ("targets", "launches_told", "impacts_told")),
         _interval(figures["launch_m"], 0),
         _interval(figures["launch_time_s"], 2),
         _interval(figures["impact_m"], 1, 1e-3),

@@ -28,6 +28,7 @@ class StateErrors(Columns):
     since_s: FloatArray
     seen_s: FloatArray
     is_stereo: BoolArray
+    is_biased: BoolArray
     position_m: FloatArray
     velocity_m_s: FloatArray
     nees: FloatArray
@@ -41,7 +42,8 @@ class StateErrors(Columns):
     def empty(cls) -> "StateErrors":
         """Return the record of no rows."""
         integer, real = np.empty(0, dtype=np.int64), np.empty(0)
-        return cls(integer, real, real, np.empty(0, dtype=np.bool_), *(real for _ in range(8)))
+        truth = np.empty(0, dtype=np.bool_)
+        return cls(integer, real, real, truth, truth, *(real for _ in range(8)))
 
 
 @frozen(eq=False)
@@ -54,6 +56,7 @@ class PointErrors(Columns):
 
     target: IntArray
     is_stereo: BoolArray
+    is_biased: BoolArray
     launch_m: FloatArray
     launch_nees: FloatArray
     launch_time_s: FloatArray
@@ -64,26 +67,24 @@ class PointErrors(Columns):
     @classmethod
     def empty(cls) -> "PointErrors":
         """Return the record of no rows."""
-        real = np.empty(0)
-        return cls(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.bool_), *(real for _ in range(6)))
+        real, truth = np.empty(0), np.empty(0, dtype=np.bool_)
+        return cls(np.empty(0, dtype=np.int64), truth, truth, *(real for _ in range(6)))
 
 
 def state_errors(evidence: Evidence, owners: Ownership) -> StateErrors:
     """Return the errors of all targets' tracks in force, by target and then by tick."""
-    rows = rows_in_force(evidence, owners)
-    owner = np.searchsorted(owners.track, evidence.tracks.track[rows])
-    parts = []
-    for target in np.unique(owners.target[owner]).tolist():
-        mine = np.flatnonzero(owners.target[owner] == target)
-        parts.append(_errors_of(evidence, target, evidence.tracks.take(rows[mine]), owners.is_stereo[owner[mine]]))
+    told = evidence.tracks.take(rows_in_force(evidence, owners))
+    target = owners.target[np.searchsorted(owners.track, told.track)]
+    parts = (_errors_of(evidence, each, told.take(target == each), owners) for each in np.unique(target).tolist())
     return StateErrors.concatenate(parts)
 
 
-def _errors_of(evidence: Evidence, target: int, told: Tracks, is_stereo: BoolArray) -> StateErrors:
+def _errors_of(evidence: Evidence, target: int, told: Tracks, owners: Ownership) -> StateErrors:
     everyone = np.full(len(told), target, dtype=np.int32)
     true = true_states(evidence.plan, everyone, told.tick_s)
     known = np.isfinite(true).all(axis=1) & np.isfinite(told.state).all(axis=1)
-    told, true, is_stereo = told.take(known), true[known], is_stereo[known]
+    told, true = told.take(known), true[known]
+    owner = np.searchsorted(owners.track, told.track)
     error = told.state - true
     looks = np.flatnonzero(evidence.target == target)
     known_thrust, free_thrust = _bounds(evidence, target, looks, told.tick_s)
@@ -91,7 +92,8 @@ def _errors_of(evidence: Evidence, target: int, told: Tracks, is_stereo: BoolArr
         target=np.full(len(told), target, dtype=np.int64),
         since_s=told.tick_s - evidence.plan.targets.ignition_s[target],
         seen_s=told.tick_s - (evidence.time_s[looks[0]] if len(looks) else np.nan),
-        is_stereo=is_stereo,
+        is_stereo=owners.is_stereo[owner],
+        is_biased=owners.is_biased[owner],
         position_m=np.linalg.norm(error[:, :3], axis=1),
         velocity_m_s=np.linalg.norm(error[:, 3:], axis=1),
         nees=nees(error, told.state_covariance),
@@ -141,6 +143,7 @@ def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:
     return PointErrors(
         target=target,
         is_stereo=owners.is_stereo[owner],
+        is_biased=owners.is_biased[owner],
         launch_m=np.linalg.norm(launch_error, axis=1),
         launch_nees=nees(launch_error, told.launch_covariance[:, :2, :2]),
         launch_time_s=told.launch[:, 2] - ignition_s,

@@ -20,7 +20,7 @@ REACH_S = 1.0
 
 @frozen(eq=False)
 class Innovations(Columns):
-    """One row a tick of a target's track in force: its target, time since ignition, mono or stereo, and the NIS.
+    """One row a tick of a target's track in force: its target, time since ignition, who saw it, and the NIS.
 
     The normalised innovation squared has two degrees of freedom: the two angles across the line of sight.
     """
@@ -28,13 +28,14 @@ class Innovations(Columns):
     target: IntArray
     since_s: FloatArray
     is_stereo: BoolArray
+    is_biased: BoolArray
     nis: FloatArray
 
     @classmethod
     def empty(cls) -> "Innovations":
         """Return the record of no rows."""
-        real = np.empty(0)
-        return cls(np.empty(0, dtype=np.int64), real, np.empty(0, dtype=np.bool_), real)
+        real, truth = np.empty(0), np.empty(0, dtype=np.bool_)
+        return cls(np.empty(0, dtype=np.int64), real, truth, truth, real)
 
 
 def innovations(evidence: Evidence, owners: Ownership) -> Innovations:
@@ -58,6 +59,7 @@ def _of_track(evidence: Evidence, told: Tracks, owners: Ownership) -> Innovation
         target=np.full(len(mine), target, dtype=np.int64),
         since_s=told.tick_s - evidence.plan.targets.ignition_s[target],
         is_stereo=np.full(len(mine), owners.is_stereo[row]),
+        is_biased=np.full(len(mine), owners.is_biased[row]),
         nis=_normalised(evidence, mine, told),
     )
 

@@ -13,9 +13,10 @@ from opir_core.scoring.evidence import Evidence
 
 @frozen(eq=False)
 class Ownership:
-    """One row a track, by number: its target (-1: noise or a source that is no launch), purity, and mono or stereo.
+    """One row a track, by number: its target (-1: noise or a source that is no launch), purity, and who saw it.
 
     `held` counts the track's detections that came from its target, and `purity` is their share of all its detections.
+    `is_stereo` says whether several sensors saw it, `is_biased` whether one that did has a line-of-sight bias.
     """
 
     track: IntArray
@@ -23,6 +24,7 @@ class Ownership:
     purity: FloatArray
     held: IntArray
     is_stereo: BoolArray
+    is_biased: BoolArray
 
 
 def ownership(evidence: Evidence) -> Ownership:
@@ -38,12 +40,15 @@ def ownership(evidence: Evidence) -> Ownership:
     of_owner = count.max(axis=1, initial=0)
     is_launch = np.append(evidence.is_launch, False)
     target = np.where((total > 0) & is_launch[owner], owner, -1)
+    seen = _seen(evidence, row, held, len(numbers))
+    biased = np.array([sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in evidence.plan.sensors], dtype=np.bool_)
     return Ownership(
         track=numbers,
         target=target,
         purity=np.where(total > 0, of_owner / np.maximum(total, 1), 0.0),
         held=of_owner,
-        is_stereo=_sensors(evidence, row, held, len(numbers)) > 1,
+        is_stereo=seen.sum(axis=1) > 1,
+        is_biased=(seen & biased).sum(axis=1) > 0,
     )
 
 
@@ -62,9 +67,8 @@ def rows_in_force(evidence: Evidence, owners: Ownership) -> IntArray:
     return order[first]
 
 
-def _sensors(evidence: Evidence, row: IntArray, held: IntArray, tracks: int) -> IntArray:
-    """Return how many different sensors each track has detections of."""
+def _seen(evidence: Evidence, row: IntArray, held: IntArray, tracks: int) -> BoolArray:
+    """Return which sensors each track has detections of, (tracks, sensors)."""
     seen = np.zeros((tracks, len(evidence.plan.sensors)), dtype=np.bool_)
     seen[row, evidence.sensor[held]] = True
-    count: IntArray = seen.sum(axis=1)
-    return count
+    return seen

@@ -18,6 +18,13 @@ from opir_core.scoring.ownership import Ownership, ownership
 
 _STATE_FREEDOM = 6
 _DIRECTION_FREEDOM = 2
+#: Targets are judged apart by who saw them: several sensors or one, and whether one of these has a bias.
+GEOMETRIES: Mapping[str, tuple[bool, bool]] = {
+    "mono": (False, False),
+    "stereo": (True, False),
+    "mono_biased": (False, True),
+    "stereo_biased": (True, True),
+}
 #: Errors are held against bounds of the position below this, m: above, directions alone say little of the place.
 TOLD_M = 100e3
 #: More targets than a scene can have.
@@ -49,7 +56,7 @@ class Scorecard:
 def scorecard(evidences: Iterable[Evidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
     """Return the scorecard of runs of one scene and one tracker; runs are looked at one at a time."""
     judged = [_judged(evidence, settings) for evidence in evidences]
-    geometry = {name: _geometry(judged, is_stereo, settings) for name, is_stereo in (("mono", False), ("stereo", True))}
+    geometry = {name: _geometry(judged, *seen, settings) for name, seen in GEOMETRIES.items()}
     biased = any(each.is_biased for each in judged)
     return Scorecard(
         {
@@ -136,14 +143,16 @@ def _pace(judged: Sequence[_Judged], count: Sequence[int]) -> dict[str, Any]:
     return mean(1e6 * taken / np.maximum(np.array(count), 1))
 
 
-def _geometry(judged: Sequence[_Judged], is_stereo: bool, settings: ScoreSettings) -> dict[str, Any]:
-    """Return the figures of the targets that one sensor saw, or several."""
+def _geometry(judged: Sequence[_Judged], is_stereo: bool, is_biased: bool, settings: ScoreSettings) -> dict[str, Any]:
+    """Return the figures of the targets that one sensor saw, or several, none of them with a bias, or some."""
     states = StateErrors.concatenate(each.states for each in judged)
     points = PointErrors.concatenate(each.points for each in judged)
     found = Innovations.concatenate(each.innovations for each in judged)
     run = np.repeat(np.arange(len(judged)), [len(each.states) for each in judged])
-    mine, seen = states.is_stereo == is_stereo, found.is_stereo == is_stereo
-    states, run, points = states.take(mine), run[mine], points.take(points.is_stereo == is_stereo)
+    mine, seen, told = (
+        (each.is_stereo == is_stereo) & (each.is_biased == is_biased) for each in (states, found, points)
+    )
+    states, run, points = states.take(mine), run[mine], points.take(told)
     nis, nis_bin = found.nis[seen], _bins(found.since_s[seen], settings)
     bins = _bins(states.since_s, settings)
     return {
@@ -155,6 +164,9 @@ def _geometry(judged: Sequence[_Judged], is_stereo: bool, settings: ScoreSetting
             }
             for number in np.unique(bins).tolist()
         ],
+        "targets": len(points),
+        "launches_told": int(np.count_nonzero(np.isfinite(points.launch_m))),
+        "impacts_told": int(np.count_nonzero(np.isfinite(points.impact_m))),
         "launch_m": rms(points.launch_m),
         "launch_time_s": rms(points.launch_time_s),
         "impact_m": rms(points.impact_m),

@@ -5,6 +5,7 @@ import pytest
 from attrs import evolve
 from scored_scene import SCENE
 
+from opir_core.commands.scores import as_text
 from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.run import run_of_plan
@@ -13,6 +14,7 @@ from opir_core.scoring.coverage import GospaSettings, coverage, gospa_parts, mea
 from opir_core.scoring.errors import point_errors, state_errors
 from opir_core.scoring.evidence import true_states
 from opir_core.scoring.ownership import ownership, rows_in_force
+from opir_core.scoring.scorecard import GEOMETRIES, Scorecard
 
 FIRST_S, LAST_S = 30.0, 80.0
 
@@ -104,3 +106,33 @@ def test_of_tracks_told_at_once_the_one_of_most_detections_is_in_force(told):
     rows = rows_in_force(evidence, ownership(evidence))
     assert set(evidence.tracks.track[rows].tolist()) == set(told.tracks.track.tolist())
     assert len(rows) == len(told.tracks)
+
+
+def test_targets_of_biased_sensors_are_scored_apart():
+    """Of two launches far apart each is seen by one sensor, one of which has a bias."""
+    east = {
+        "id": "T2",
+        "type": "ICBM",
+        "launch": {"lat_deg": 45.0, "lon_deg": 60.0, "time_s": 5.0},
+        "aim": {"lat_deg": 5.0, "lon_deg": 100.0},
+    }
+    sensors = [
+        {"model": "SBIRS-GEO", "id": "A", "orbital_slot_deg": -130.0},
+        {"model": "SBIRS-GEO", "id": "B", "orbital_slot_deg": 60.0, "line_of_sight_bias_sigma_urad": 30.0},
+    ]
+    scene = {**SCENE, "duration_s": 40.0, "sensors": sensors, "targets": [*SCENE["targets"], east]}
+    plan = compile_plan(scene_from_mapping(scene))
+    figures = scorecard([evidence_of_run(run_of_plan(plan), plan)]).figures
+    assert {name: figures[name]["targets"] for name in GEOMETRIES} == {
+        "mono": 1,
+        "stereo": 0,
+        "mono_biased": 1,
+        "stereo_biased": 0,
+    }
+    for name in ("mono", "mono_biased"):
+        assert figures[name]["launches_told"] == 1
+        assert figures[name]["impacts_told"] == 0
+        assert figures[name]["by_time"][0]["nis"]["samples"] > 5
+    text = as_text({"tracker": Scorecard(figures)})
+    assert "mono by sensors of which some have a bias, by time since ignition" in text
+    assert "stereo" not in text
