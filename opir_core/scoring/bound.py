@@ -6,7 +6,6 @@ state, and the jerk wanders. A tracker below it had more to go by than direction
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.forces import Forces
@@ -27,7 +26,7 @@ FREE_PRIOR_SIGMA = (*PRIOR_SIGMA, 1e2, 1e2, 1e2, 1e1, 1e1, 1e1)
 #: Looks are taken in, and the jerk wanders, in slices no longer than this, s.
 _SLICE_S = 0.5
 
-#: The longest step over which the gravity gradient counts as constant, s.
+#: With the thrust known they are in steps no longer than this, s, over which the gravity gradient counts as constant.
 _STEP_S = 1.0
 
 
@@ -44,20 +43,24 @@ def state_bound(
     target and sensor then stood, `sigma_rad` (n,) the standard deviation of each direction, per axis. Source:
     Tichavský, Muravchik and Nehorai, IEEE Trans. Signal Processing 46 (1998), 1386, without process noise.
     """
+    bounds = np.full((len(tick_s), 6, 6), np.nan)
+    if not len(look_s):
+        return bounds
     information = np.diag(1.0 / np.square(PRIOR_SIGMA))
     target, sensor = (ecef_to_eci(position, look_s) for position in (target_ecef_m, sensor_ecef_m))
-    told = _directions(target - sensor, sigma_rad)
-    bounds = np.full((len(tick_s), 6, 6), np.nan)
-    now, row = (look_s[0] if len(look_s) else np.inf), 0
+    slopes = _slopes(target - sensor, sigma_rad)
+    now, row = float(look_s[0]), 0
     for number, tick in enumerate(tick_s.tolist()):
-        while row < len(look_s) and look_s[row] <= tick:
-            information = _carried(information, target[row], look_s[row] - now)
-            information[:3, :3] += told[row]
-            now, row = look_s[row], row + 1
-        if row:
-            information = _carried(information, target[row - 1], tick - now)
-            now = tick
-            bounds[number] = np.linalg.inv(information)
+        if tick < look_s[0]:
+            continue
+        for end in np.linspace(now, tick, 1 + max(1, int(np.ceil((tick - now) / _STEP_S))))[1:].tolist():
+            near = target[min(row, len(target) - 1)]
+            back = _transitions(near, np.array([now - end]))[0]
+            last = int(np.searchsorted(look_s, end, side="right"))
+            gained = (slopes[row:last] @ _transitions(near, look_s[row:last] - end)[:, :3]).reshape(-1, 6)
+            information = back.T @ information @ back + gained.T @ gained
+            now, row = end, last
+        bounds[number] = np.linalg.inv(0.5 * (information + information.T))
     return bounds
 
 
@@ -101,31 +104,20 @@ def _slopes(line_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:
     return across
 
 
-def _directions(line_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:
-    """Return the information (n, 3, 3) on position that directions along lines (n, 3) give."""
-    range_m = np.linalg.norm(line_m, axis=1)
-    unit = line_m / range_m[:, None]
-    across = np.eye(3) - unit[:, :, None] * unit[:, None, :]
-    informed: FloatArray = across / np.square(range_m * sigma_rad)[:, None, None]
-    return informed
+def _transitions(position_m: FloatArray, span_s: FloatArray) -> FloatArray:
+    """Return how small differences of state grow over short spans (n,) under two-body gravity near a position (3,).
 
-
-def _carried(information: FloatArray, position_m: FloatArray, span_s: float) -> FloatArray:
-    """Return the information a span of time later, near a position, in steps in which the gradient is constant."""
-    steps = max(1, int(np.ceil(span_s / _STEP_S)))
-    back = np.linalg.matrix_power(_transition(position_m, -span_s / steps), steps)
-    moved: FloatArray = back.T @ information @ back
-    return 0.5 * (moved + moved.T)
-
-
-def _transition(position_m: FloatArray, span_s: float) -> NDArray[np.float64]:
-    """Return how small differences of state grow over a short span under two-body gravity: second order in time."""
+    (n, 6, 6), to second order in time, and their effect on the position to third.
+    """
     radius = np.linalg.norm(position_m)
     unit = position_m / radius
     gradient = EARTH_MU_M3_S2 / radius**3 * (3.0 * np.outer(unit, unit) - np.eye(3))
-    rate = np.zeros((6, 6))
-    rate[:3, 3:], rate[3:, :3] = np.eye(3), gradient
-    return np.asarray(np.eye(6) + rate * span_s + rate @ rate * (0.5 * span_s**2))
+    span, bent = span_s[:, None, None], 0.5 * span_s[:, None, None] ** 2 * gradient
+    grown = np.zeros((len(span_s), 6, 6))
+    grown[:, :3, :3] = grown[:, 3:, 3:] = np.eye(3) + bent
+    grown[:, :3, 3:] = span * (np.eye(3) + bent / 3.0)
+    grown[:, 3:, :3] = span * gradient
+    return grown
 
 
 def position_and_velocity(bounds: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -59,7 +59,7 @@ def evidence_of_files(
     made = _existing(manifest or events.with_suffix(".manifest.json"), "manifest")
     told = read_manifest(made)
     plan = compile_plan(scene_from_mapping(told["scene"], source=f"the scene in {made}"))
-    without = "; a scene whose tracker is none has no tracks"
+    without = "; the tracker none makes no tracks: give the run another, with --tracker"
     place = _existing(tracks or events.with_suffix(".tracks.jsonl"), "tracks", without)
     estimates = read_tracks(place)
     if tracks is None:

@@ -1,6 +1,7 @@
 """The bound that errors of states are judged by, against published figures and recursions of other people."""
 
 import json
+import sys
 from math import factorial
 from pathlib import Path
 
@@ -104,3 +105,29 @@ def differences(state, span_s):
     up, down = state + np.diag(steps), state - np.diag(steps)
     ends = [np.concatenate(propagate_kepler(each[:, :3], each[:, 3:], span_s), axis=1) for each in (up, down)]
     return ((ends[0] - ends[1]) / (2.0 * steps[:, None])).T
+
+
+def calls_of_bounds(looks):
+    """Return how many functions are called for both bounds of a minute of looks, at a tick a second."""
+    time_s = np.linspace(0.0, 60.0, looks)
+    target = np.array([6.7e6, 0.0, 0.0]) + time_s[:, None] * np.array([500.0, 3000.0, 0.0])
+    sensor = np.tile([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]], (looks // 2, 1))
+    seen = (np.arange(1.0, 61.0), time_s, target, sensor, np.full(looks, 2e-5))
+    calls = 0
+
+    def counted(_frame, event, _argument):
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    sys.setprofile(counted)
+    try:
+        state_bound(*seen)
+        free_bound(*seen)
+    finally:
+        sys.setprofile(None)
+    return calls
+
+
+def test_work_grows_with_ticks_and_not_with_looks():
+    calls_of_bounds(60)
+    assert calls_of_bounds(6000) < 1.2 * calls_of_bounds(60)
