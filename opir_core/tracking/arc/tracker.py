@@ -17,6 +17,7 @@ from opir_core.tracking.configs import KeplerArcConfig, StereoFilterConfig
 from opir_core.tracking.gating import candidates, gated
 from opir_core.tracking.range_types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.rays import Rays, no_rays
+from opir_core.tracking.rays_of_last import RaysOfLast
 from opir_core.tracking.stereo.tracking import StereoTracking
 from opir_core.tracking.watch import Watch
 
@@ -40,22 +41,23 @@ class ArcTracker:
         self._now = tracking.start()
         self._watch = Watch.of(context.sensors, least=_LEAST_CHANCE, most=1.0)
         self._light_time = context.light_time
+        self._rays = RaysOfLast(Rays.of)
         self._pool = no_rays()
         self._arcs = Arcs.none(len(context.sensors))
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
-        return self._tracking.nearest(self._now, Rays.of(detections))
+        return self._tracking.nearest(self._now, self._rays.of(detections))
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Take in the detections since the last tick and return the estimates at this one."""
-        before_s = self._now.time_s
-        self._now = self._tracking.stepped(self._now, tick_s, detections)
+        before_s, rays = self._now.time_s, self._rays.of(detections)
+        self._now = self._tracking.stepped(self._now, tick_s, detections, self._tracking.biases.widened(rays))
         told = self._now.roster.hits >= 2 * self._tracking.config.needed_scans
         self._follow(np.sort(self._now.roster.number[told]))
         if self._config.memory_s is not None:
             self._arcs = self._arcs.faded(float(np.exp((before_s - tick_s) / self._config.memory_s)))
-        self._take_in(Rays.of(detections), before_s)
+        self._take_in(rays, before_s)
         return self._told(tick_s)
 
     def _follow(self, number: IntArray) -> None:

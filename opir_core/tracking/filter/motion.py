@@ -119,8 +119,10 @@ class Motion:
         """
         if self.noise == 0.0:
             return None
+        if len(step_s) == 1:
+            return _noise_alone(abs(float(step_s[0])), self.size // 3, self.noise)
         whole = self.noise * noises(np.abs(step_s), self.size // 3)
-        return whole if len(step_s) == 1 else np.broadcast_to(whole, (len(step_s), self.size, self.size))
+        return np.broadcast_to(whole, (len(step_s), self.size, self.size))
 
     def taylor(self, state: FloatArray) -> FloatArray:
         """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
@@ -235,6 +237,11 @@ def noises(step_s: FloatArray, blocks: int) -> FloatArray:
 @lru_cache(maxsize=64)
 def _noise_of_one(step_s: float, blocks: int) -> FloatArray:
     return noises(np.array([step_s, np.nan]), blocks)[:1]
+
+
+@lru_cache(maxsize=64)
+def _noise_alone(step_s: float, blocks: int, noise: float) -> FloatArray:
+    return np.asarray(noise * _noise_of_one(step_s, blocks))
 
 
 def integrator_noise(blocks: int) -> FloatArray:

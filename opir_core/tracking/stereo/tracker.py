@@ -7,12 +7,9 @@ import numpy as np
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.rays import Rays
+from opir_core.tracking.rays_of_last import RaysOfLast
 from opir_core.tracking.stereo.stray_rays import SHARES, Strays
 from opir_core.tracking.stereo.tracking import Situation, StereoTracking
-
-#: What makes detections rays.
-_SEEN = ("time_ns", "sensor", "scan", "line_of_sight_ecef", "sensor_ecef_m", "line_of_sight_sigma_rad")
 
 
 class StereoTracker:
@@ -23,15 +20,15 @@ class StereoTracker:
         self._tracking = tracking
         self._now = tracking.start()
         self._past: deque[tuple[Situation, float, Detections]] = deque()
-        self._met: tuple[Detections, Rays] | None = None
+        self._rays = RaysOfLast(tracking.rays_of)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
-        return self._tracking.nearest(self._now, self._rays_of(detections))
+        return self._tracking.nearest(self._now, self._rays.of(detections))
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Take in the detections since the last tick, and late ones, and return the estimates at this tick."""
-        late = self._rays_of(detections).time_s < self._now.time_s
+        late = self._rays.of(detections).time_s < self._now.time_s
         if np.count_nonzero(late):
             self._go_back(detections.take(np.flatnonzero(late)))
             detections = detections.take(np.flatnonzero(~late))
@@ -46,21 +43,13 @@ class StereoTracker:
         here = np.append(roster.number, -1)[row] == track
         return known[np.where(here, row, len(roster))]
 
-    def _rays_of(self, detections: Detections) -> Rays:
-        """Return the rays of detections; those asked for last are kept, for labels and estimates ask for the same."""
-        if self._met is None or not alike(self._met[0], detections):
-            self._met = detections, self._tracking.rays_of(detections)
-        elif self._met[0] is not detections:
-            self._met = detections, self._met[1]
-        return self._met[1]
-
     def _advance(self, tick_s: float, detections: Detections) -> None:
         late_s = self._tracking.config.late_s
         if late_s:
             self._past.append((self._now, tick_s, detections))
             while self._past and self._past[0][1] <= tick_s - late_s:
                 self._past.popleft()
-        self._now = self._tracking.stepped(self._now, tick_s, detections, self._rays_of(detections))
+        self._now = self._tracking.stepped(self._now, tick_s, detections, self._rays.of(detections))
 
     def _go_back(self, late: Detections) -> None:
         """Step again from before the late detections; those from before the remembered past are left out."""
@@ -77,15 +66,6 @@ class StereoTracker:
         for _, tick_s, known in steps[again:]:
             mine = (late.time_s >= self._now.time_s) & (late.time_s < tick_s)
             self._advance(tick_s, _merged(known, late.take(np.flatnonzero(mine))))
-
-
-def alike(one: Detections, other: Detections) -> bool:
-    """Return whether the rays of two records are the same, to the last bit."""
-    if one is other:
-        return True
-    if len(one.time_ns) != len(other.time_ns):
-        return False
-    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in _SEEN)
 
 
 def _merged(known: Detections, late: Detections) -> Detections:
