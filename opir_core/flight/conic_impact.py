@@ -67,12 +67,12 @@ def _impacts(position: Floats, velocity: Floats, height: Floats, mu: float) -> t
     """Return times (n,) and points (n, 3) of impact."""
     duration, point = np.full(height.shape, np.nan), np.full((height.size, 3), np.nan)
     finite = np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & (height > -6.0e6)
-    at = np.flatnonzero(finite & (height < np.inf) & (position != 0.0).any(axis=1))
+    (at,) = (finite & (height < np.inf) & (position != 0.0).any(axis=1)).nonzero()
     if not at.size:
         return duration, point
     arcs = conic_arcs(position[at], velocity[at], mu)
     low, high = _brackets(arcs, height[at])
-    hit = np.flatnonzero(low <= high)
+    (hit,) = (low <= high).nonzero()
     at = at[hit]
     if at.size:
         arcs = arcs.at(hit)
@@ -91,7 +91,7 @@ def _brackets(arcs: ConicArcs, height: Floats) -> tuple[Floats, Floats]:
     low, high = _steep_brackets(arcs, height, outer, inner)
     turning = 1.0 / arcs.alpha
     turns_between = (turning > inner) & (turning < outer) & (arcs.radial_squared(turning) > 0.0)
-    grazing = np.flatnonzero(~steep & ((at_outer > 0.0) | (at_inner > 0.0) | turns_between))
+    (grazing,) = (~steep & ((at_outer > 0.0) | (at_inner > 0.0) | turns_between)).nonzero()
     low[~steep] = np.nan
     if grazing.size:
         low[grazing], high[grazing] = grazing_brackets(arcs.at(grazing), height[grazing], ON_SURFACE_M)
@@ -105,7 +105,7 @@ def _steep_brackets(arcs: ConicArcs, height: Floats, outer: Floats, inner: Float
     for the next turn.
     """
     low, high = arcs.first_descent(outer), arcs.first_descent(inner)
-    falling = np.flatnonzero((outer > 1.0) & (inner < 1.0) & (arcs.sigma < 0.0))
+    (falling,) = ((outer > 1.0) & (inner < 1.0) & (arcs.sigma < 0.0)).nonzero()
     if falling.size:
         above = arcs.at(falling).heights_m(np.zeros(falling.size)) - height[falling]
         here, below = np.abs(above) <= ON_SURFACE_M, above < -ON_SURFACE_M
@@ -119,7 +119,7 @@ def _descent(arcs: ConicArcs, height: Floats, low: Floats, high: Floats) -> Floa
     s = 0.5 * (low + high)
     still = low < high
     for _ in range(_MOST_STEPS):
-        at = np.flatnonzero(still)
+        (at,) = still.nonzero()
         if not at.size:
             break
         above, slope = arcs.at(at).heights_and_slopes(s[at])

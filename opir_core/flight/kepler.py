@@ -81,8 +81,8 @@ def flat_states(
         if vectors.ndim == 0 or vectors.shape[-1] != 3:
             raise ValueError(f"expected vectors with a last axis of 3 (x, y, z), got shape {vectors.shape}")
     shape = np.broadcast_shapes(one.shape[:-1], two.shape[:-1], number.shape)
-    one, two = (np.broadcast_to(x, (*shape, 3)).reshape(-1, 3) for x in (one, two))
-    return one, two, np.broadcast_to(number, shape).reshape(-1), shape
+    one, two = (x if x.shape[:-1] == shape else np.broadcast_to(x, (*shape, 3)) for x in (one, two))
+    return one.reshape(-1, 3), two.reshape(-1, 3), np.broadcast_to(number, shape).reshape(-1), shape
 
 
 def _in_blocks(position: Floats, velocity: Floats, duration: Floats, mu: float) -> tuple[Floats, NDArray[np.int8]]:

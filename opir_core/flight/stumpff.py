@@ -41,7 +41,7 @@ def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Rea
     functions = _by_doubling(alpha, s, _HALVINGS)
     z = np.abs(alpha * s)
     z *= s
-    at = np.flatnonzero(z > _REACH)
+    (at,) = (z > _REACH).nonzero()
     for halvings in _MORE_HALVINGS:
         if not at.size:
             break
