@@ -13,7 +13,7 @@ from opir_core.geometry.vectors import (
     components,
     exact_sum,
     floats,
-    length_and_remainder,
+    lengths_and_remainders,
     select,
     vector,
 )
@@ -66,8 +66,7 @@ def ecef_to_geodetic(position_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84) -> 
     """
     x, y, z = components(position_m)
     a, b = ellipsoid.equatorial_radius_m, ellipsoid.polar_radius_m
-    rho, rho_remainder = length_and_remainder(x, y, np.zeros(()))
-    distance, distance_remainder = length_and_remainder(x, y, z)
+    rho, rho_remainder, distance, distance_remainder = lengths_and_remainders(x, y, z)
     sine, cosine = normal_at_foot(rho, z, a, b)
     # Distance minus support, less the little by which the normal leans from the radius: at the Moon's distance
     # rho cos + z sin alone would round to more than the whole error allowed.

@@ -58,17 +58,27 @@ def dot(one: ArrayLike, other: ArrayLike) -> Floats:
     return product
 
 
-def length_and_remainder(x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats]:
-    """Return the length of vectors and what it is short of the true one, which their sum carries to 1e-30 relative."""
-    rounded = length(x, y, z)
+def lengths_and_remainders(x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the lengths of (x, y) and (x, y, z), each with what it is short of the true one after it.
+
+    The sum of the two carries to 1e-30 relative.
+    """
     xx, x_error = _exact_square(x)
     yy, y_error = _exact_square(y)
     zz, z_error = _exact_square(z)
-    squared, squared_error = _exact_square(rounded)
     xy, xy_error = exact_sum(xx, yy)
     xyz, xyz_error = exact_sum(xy, zz)
-    residual = (xyz - squared) + (xyz_error + xy_error + (x_error + y_error + z_error - squared_error))
-    return rounded, residual / (2.0 * rounded + NEVER_ZERO)
+    both_errors = x_error + y_error
+    flat = _root_and_remainder(xy, xy_error, both_errors)
+    return *flat, *_root_and_remainder(xyz, xyz_error + xy_error, both_errors + z_error)
+
+
+def _root_and_remainder(squared: Floats, sum_error: Floats, square_errors: Floats) -> tuple[Floats, Floats]:
+    """Return the root of a sum of squares, and what it is short of that of the sum and the errors of both."""
+    root: Floats = np.sqrt(squared)
+    again, again_error = _exact_square(root)
+    residual = (squared - again) + (sum_error + (square_errors - again_error))
+    return root, residual / (2.0 * root + NEVER_ZERO)
 
 
 def _exact_square(x: Floats) -> tuple[Floats, Floats]:
