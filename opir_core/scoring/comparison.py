@@ -15,6 +15,7 @@ from opir_core.protocols import Tracker
 from opir_core.reading import load_scene
 from opir_core.records import Detections, IntArray, Tracks
 from opir_core.run import run_of_plan
+from opir_core.scene import Scene
 from opir_core.scoring.evidence import Evidence, evidence_of_run
 from opir_core.scoring.scorecard import USUAL_SETTINGS, Scorecard, ScoreSettings, scorecard
 
@@ -64,29 +65,29 @@ def compared(
     no tracker given, is a `SceneError`. `on_run` is told of each run that is done: whose, and how many now.
     """
     host = Host.discover()
-    named = list(trackers) if trackers else [None]
+    named = list(dict.fromkeys(trackers)) if trackers else [None]
+    # All are read before any is run: what is wrong with the last is told at once.
+    scenes = [_scene(path, name, overrides, host) for name in named]
     cards = {}
-    for name in named:
-        label = _label(path, name, overrides, host)
-        evidences = _evidences(path, name, runs, overrides, host, partial(on_run, label))
-        cards[label] = scorecard(evidences, settings)
+    for name, scene in zip(named, scenes, strict=True):
+        label = name or scene.tracker.name
+        cards[label] = scorecard(_evidences(scene, runs, host, partial(on_run, label)), settings)
     return cards
 
 
-def _label(path: str, name: str | None, overrides: Sequence[str], host: Host) -> str:
-    return name or load_scene(path, overrides=overrides, host=host).tracker.name
-
-
-def _evidences(
-    path: str, name: str | None, runs: int, overrides: Sequence[str], host: Host, on_run: Callable[[int], None]
-) -> Iterator[Evidence]:
+def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) -> Scene:
+    """Return the scene with the tracker of a name, or its own; `SceneError` where that makes no tracks."""
     chosen = [] if name is None else [f"tracker={name}"]
-    scene = load_scene(path, overrides=[*overrides, *chosen], host=host)
+    scene = evolve(load_scene(path, overrides=[*overrides, *chosen], host=host), outputs=())
+    if compile_plan(scene, host).tracker.cadence_s is None:
+        words = f"{scene.tracker.name} makes no tracks to judge; name those that do with --tracker"
+        raise SceneError([Problem("tracker", words)], source=path)
+    return scene
+
+
+def _evidences(scene: Scene, runs: int, host: Host, on_run: Callable[[int], None]) -> Iterator[Evidence]:
     for number in range(runs):
-        plan = compile_plan(evolve(scene, seed=scene.seed + number, outputs=()), host)
-        if plan.tracker.cadence_s is None:
-            raise SceneError([Problem("tracker", f"{scene.tracker.name} makes no tracks to judge")], source=path)
-        yield _evidence(plan)
+        yield _evidence(compile_plan(evolve(scene, seed=scene.seed + number), host))
         on_run(number + 1)
 
 

@@ -7,10 +7,12 @@ import pytest
 from scored_scene import SCENE
 
 from opir_core.cli import main
+from opir_core.errors import OpirError, SceneError
 from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.run import run_of_plan
 from opir_core.scoring import evidence_of_run, scorecard
+from opir_core.scoring.comparison import compared
 from opir_core.scoring.evidence import Evidence
 from opir_core.scoring.files import evidence_of_files
 from opir_core.scoring.ownership import ownership
@@ -97,6 +99,23 @@ def test_compare_tells_every_tracker(tmp_path, capsys):
     assert told["stereo-filter"]["tracking_us_a_track_update"]["value"] > 0.0
 
 
+def test_what_is_wrong_with_the_last_tracker_is_told_before_the_first_runs(tmp_path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
+    done = []
+    for wrong, error in (
+        ("none", SceneError),
+        ("stereo-filtr", OpirError),
+        ("{model: stereo-filter, x: 1}", SceneError),
+    ):
+        with pytest.raises(error):
+            compared(str(scene), trackers=["stereo-filter", wrong], runs=1, on_run=lambda *run: done.append(run))
+    assert not done
+    twice = compared(str(scene), trackers=["stereo-filter"] * 2, runs=1, on_run=lambda *run: done.append(run))
+    assert list(twice) == ["stereo-filter"]
+    assert len(done) == 1
+
+
 def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
@@ -123,7 +142,10 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
     ("words", "message"),
     [
         (["compare", "SCENE", "--runs", "0"], "--runs: 0 is not a number of runs"),
-        (["compare", "SCENE", "--tracker", "none", "--runs", "1"], "none makes no tracks to judge"),
+        (
+            ["compare", "SCENE", "--tracker", "none", "--runs", "1"],
+            "none makes no tracks to judge; name those that do with --tracker",
+        ),
         (["compare", "SCENE", "--alpha", "3"], "--alpha: must be in (0, 2]"),
         (["compare", "SCENE", "--order", "300"], "--order: too large"),
         (["compare", "SCENE", "--bin-s", "inf"], "--bin-s: must be at least 0.01 and finite"),
