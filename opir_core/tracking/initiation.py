@@ -97,21 +97,17 @@ def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> Int
     if size >= 2**18:
         raise ValueError("line-of-sight errors below 1 µrad leave no room for bins of directions")
     key, of_row = np.unique(((which * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2], return_inverse=True)
-    first, second = [], []
-    for dx, dy, dz in _FORWARD:
-        sought = key + (dx * size + dy) * size + dz
-        place = np.minimum(np.searchsorted(key, sought), len(key) - 1)
-        here = np.flatnonzero(key[place] == sought)
-        first.append(here)
-        second.append(place[here])
-    edges = np.concatenate(first), np.concatenate(second)
+    sought = key + (_FORWARD @ np.array([size * size, size, 1]))[:, None]
+    place = np.minimum(np.searchsorted(key, sought), len(key) - 1)
+    here = key[place] == sought
+    edges = here.nonzero()[1], place[here]
     graph = coo_array((np.ones(len(edges[0]), dtype=np.int8), edges), shape=(len(key), len(key)))
     label: IntArray = connected_components(graph, directed=False)[1].astype(np.int64)
     return label[of_row]
 
 
 #: Half of the 26 neighbours of a bin.
-_FORWARD = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)]
+_FORWARD = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)])
 
 
 def _means(rays: Rays, spot: IntArray) -> Spots:

@@ -131,7 +131,8 @@ def turned(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
 
 def both_turned(first: FloatArray, second: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return two vectors (n, 3) each in ECEF in the inertial frame at scene times (n,)."""
-    out = np.array([first, second])
+    out = np.empty((2, *first.shape))
+    out[0], out[1] = first, second
     plane = np.ascontiguousarray(out[:, :, :2])
     plane.view(np.complex128)[:, :, 0] *= _spun(time_s)
     out[:, :, :2] = plane
