@@ -77,7 +77,8 @@ class Motion:
         """Return states after one step of Nyström's method of order 4 (Hairer, Norsett and Wanner, II.14)."""
         if len(state) <= ALONE:
             pull, rows = self.field.alone_with_inverse_radius, zip(state.tolist(), step_s.tolist(), strict=True)
-            return np.array([single_states.stepped(row, step, pull) for row, step in rows]).reshape(state.shape)
+            alone = [single_states.stepped(row, step, pull, pull(*row[:3])) for row, step in rows]
+            return np.array(alone).reshape(state.shape)
         step, half = step_s[:, None], 0.5 * step_s[:, None]
         position, velocity = state[:, :3], state[:, 3:6]
         middle, end = position + half * velocity, position + step * velocity
@@ -128,7 +129,8 @@ class Motion:
         """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
         if len(state) <= ALONE:
             pull, mu = self.field.alone_with_inverse_radius, self.forces.gravity.mu_m3_s2
-            return np.array([single_states.taylor(row, pull, mu) for row in state.tolist()]).reshape(-1, 5, 3)
+            rows = [single_states.taylor(row, pull(*row[:3]), mu) for row in state.tolist()]
+            return np.array(rows).reshape(-1, 5, 3)
         position, velocity = state[:, :3], state[:, 3:6]
         square = dot(position, position)
         scale = (self.forces.gravity.mu_m3_s2 / (square * np.sqrt(square)))[:, None]

@@ -39,8 +39,11 @@ def transition(place: Sequence[float], step: float, mu_m3_s2: float) -> list[flo
     return above + below
 
 
-def stepped(state: Sequence[float], step: float, pull: Pull) -> list[float]:
-    """Return a state of 6, or of 12 with a specific force and its rate, after one step of Nyström's method."""
+def stepped(state: Sequence[float], step: float, pull: Pull, gravity: Sequence[float]) -> list[float]:
+    """Return a state of 6, or of 12 with a specific force and its rate, after one step of Nyström's method.
+
+    `gravity` is what `pull` is where the step starts.
+    """
     half = 0.5 * step
     x, y, z, u, v, w = state[:6]
     mx, my, mz, ex, ey, ez = x + half * u, y + half * v, z + half * w, x + step * u, y + step * v, z + step * w
@@ -61,7 +64,7 @@ def stepped(state: Sequence[float], step: float, pull: Pull) -> list[float]:
         )
         u, v, w = u + step * (fx + half * jx), v + step * (fy + half * jy), w + step * (fz + half * jz)
         rest[:3] = fx + step * jx, fy + step * jy, fz + step * jz
-    ax, ay, az, _ = pull(x, y, z)
+    ax, ay, az, _ = gravity
     bent = 0.5 * half * half
     bx, by, bz, _ = pull(mx + bent * ax, my + bent * ay, mz + bent * az)
     fall = half * step
@@ -72,12 +75,15 @@ def stepped(state: Sequence[float], step: float, pull: Pull) -> list[float]:
     return [*place, *speed, *rest]
 
 
-def taylor(state: Sequence[float], pull: Pull, mu_m3_s2: float) -> list[float]:
-    """Return the derivatives of the position, from the zeroth to the fourth, of a state of 6 or of 12: 15 numbers."""
+def taylor(state: Sequence[float], gravity: Sequence[float], mu_m3_s2: float) -> list[float]:
+    """Return the derivatives of the position, from the zeroth to the fourth, of a state of 6 or of 12: 15 numbers.
+
+    `gravity` is that at the state's position, as `Pull` says it.
+    """
     x, y, z, u, v, w = state[:6]
     square = x * x + y * y + z * z
     scale = mu_m3_s2 / (square * sqrt(square))
-    a, b, c, _ = pull(x, y, z)
+    a, b, c, _ = gravity
     climb = x * u + y * v + z * w
     share = climb / square
     third = 3.0 * share

@@ -38,8 +38,9 @@ def jerk(numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any]) -> t
 
 def stepped(state: Sequence[float], step: float, tilt_s: float, pull: Pull) -> list[float]:
     """Return a state of 10 after one step, the same bits as `Thrust`'s."""
-    early = jerk((*state, *pull(*state[:3])[:3]), tilt_s, sqrt)
-    after = single_states.stepped([*state[:9], *early], step, pull)[:9]
+    gravity = pull(*state[:3])
+    early = jerk((*state, *gravity[:3]), tilt_s, sqrt)
+    after = single_states.stepped([*state[:9], *early], step, pull, gravity)[:9]
     late = jerk((*after, state[9], *pull(*after[:3])[:3]), tilt_s, sqrt)
     x, y, z, vx, vy, vz, fx, fy, fz = after
     bx, by, bz = late[0] - early[0], late[1] - early[1], late[2] - early[2]
@@ -50,8 +51,9 @@ def stepped(state: Sequence[float], step: float, tilt_s: float, pull: Pull) -> l
 
 def taylor(state: Sequence[float], tilt_s: float, pull: Pull, mu_m3_s2: float) -> list[float]:
     """Return the derivatives of the position, from the zeroth to the fourth, of a state of 10; the same bits."""
-    rate = jerk((*state, *pull(*state[:3])[:3]), tilt_s, sqrt)
-    return single_states.taylor([*state[:9], *rate], pull, mu_m3_s2)
+    gravity = pull(*state[:3])
+    rate = jerk((*state, *gravity[:3]), tilt_s, sqrt)
+    return single_states.taylor([*state[:9], *rate], gravity, mu_m3_s2)
 
 
 def slopes(state: Sequence[float], tilt_s: float, gravity: Sequence[float]) -> list[float]:
