@@ -128,7 +128,11 @@ class StereoFilterConfig:
         default=1800.0, unit="s", above=0.0, maximum=1e6, help="a track unseen for longer is dropped"
     )
     lost_sigma_m: float = number(
-        default=300e3, unit="m", above=0.0, maximum=1e9, help="a track less certain than this is dropped"
+        default=300e3,
+        unit="m",
+        above=0.0,
+        maximum=1e9,
+        help="a track less certain than this is dropped once recent_scans scans have not seen it",
     )
 
     @property

@@ -125,6 +125,18 @@ def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_told_apa
         assert np.mean(truth[label == number] == np.bincount(truth[label == number]).argmax()) > 0.99
 
 
+def test_a_track_that_is_seen_is_kept_however_little_it_knows_and_a_silent_one_is_not() -> None:
+    detections, _ = launches([(30.0, 10.0, 0.0)], 40.0)
+    west = detections.take(np.flatnonzero(detections.sensor == 0))
+    plain, strict = tracker(), tracker(lost_sigma_m=1e4)
+    told, kept = (stepped(one, by_second(west, 40)) for one in (plain, strict))
+    assert np.sqrt(np.trace(kept.state_covariance[0, :3, :3])) > 1e4
+    assert np.array_equal(kept.state, told.state)
+    nothing = west.take(slice(0, 0))
+    assert [len(strict.step(time_s, nothing)) for time_s in (40.3, 45.0)] == [1, 0]
+    assert len(plain.step(45.0, nothing)) == 1
+
+
 def test_biased_sensors_stay_honest() -> None:
     """Six times three sensors with a bias of three times their noise each: one track, and the truth within it."""
     bias_rad, told_square = 6e-5, []

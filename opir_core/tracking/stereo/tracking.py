@@ -238,10 +238,10 @@ class StereoTracking:
             return now
         state, covariance = self.following.moments(now.bank)
         config, roster, place = self.config, now.roster, state[:, :3]
-        drop = upkeep.lost(roster, place, covariance, now.time_s, config.silence_s, config.lost_sigma_m)
-        if roster.hits.min() < 3 * config.needed_scans:
-            patience = config.recent_scans * self._slowest(roster)
-            drop |= upkeep.came_to_nothing(roster, now.time_s, 3 * config.needed_scans, patience)
+        drop = upkeep.lost(roster, place, now.time_s, config.silence_s)
+        vague, needed = upkeep.are_vague(covariance, config.lost_sigma_m), 3 * config.needed_scans
+        if roster.hits.min() < needed or np.count_nonzero(vague):
+            drop |= upkeep.idle(roster, vague, now.time_s, needed, config.recent_scans * self._slowest(roster))
         if len(state) > 1:
             scan = scan_numbers(rays.sensor, rays.scan)
             drop |= upkeep.doubles(place, state, covariance, owner, scan, roster.hits)

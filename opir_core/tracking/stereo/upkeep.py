@@ -130,18 +130,26 @@ def _are_one(one: set[int], other: set[int]) -> bool:
     return len(one & other) < _BOTH_SEEN and len(one | other) >= _ENOUGH_SCANS
 
 
-def came_to_nothing(roster: Roster, now_s: float, needed: int, patience_s: FloatArray) -> BoolArray:
-    """Return which tracks (n,) had too few rays and none for longer than `patience_s` (n,)."""
-    idle: BoolArray = (roster.hits < needed) & (now_s - roster.seen_s > patience_s)
-    return idle
+def idle(roster: Roster, vague: BoolArray, now_s: float, needed: int, patience_s: FloatArray) -> BoolArray:
+    """Return which tracks (n,) had no ray for longer than `patience_s` (n,), and too few before or are vague (n,)."""
+    gone: BoolArray = (vague | (roster.hits < needed)) & (now_s - roster.seen_s > patience_s)
+    return gone
 
 
-def lost(
-    roster: Roster, position: FloatArray, covariance: FloatArray, now_s: float, silence_s: float, sigma_m: float
-) -> BoolArray:
-    """Return which tracks (n,) are silent for too long, came down, or are no longer anywhere in particular."""
+def are_vague(covariance: FloatArray, sigma_m: float) -> BoolArray:
+    """Return which covariances (n, 6, 6) leave their tracks nowhere in particular.
+
+    That ends no track that goes on being seen. One sensor alone leaves a target open along its lines of sight, by
+    hundreds of kilometres in the end; a track begun in its place would take it to be near the ground.
+    """
     variance = covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2]
-    gone: BoolArray = (now_s - roster.seen_s > silence_s) | (variance > sigma_m * sigma_m)
+    vague: BoolArray = variance > sigma_m * sigma_m
+    return vague
+
+
+def lost(roster: Roster, position: FloatArray, now_s: float, silence_s: float) -> BoolArray:
+    """Return which tracks (n,) are silent for too long, or came down."""
+    gone: BoolArray = now_s - roster.seen_s > silence_s
     low = dot(position, position) < (WGS84.equatorial_radius_m + _LOWEST_M) ** 2
     if np.count_nonzero(low):
         gone |= ecef_to_geodetic(position).height_m < _LOWEST_M
