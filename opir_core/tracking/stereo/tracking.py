@@ -238,10 +238,13 @@ class StereoTracking:
             return now
         state, covariance = self.following.moments(now.bank)
         config, roster, place = self.config, now.roster, state[:, :3]
-        drop = upkeep.lost(roster, place, now.time_s, config.silence_s)
-        vague, needed = upkeep.are_vague(covariance, config.lost_sigma_m), 3 * config.needed_scans
-        if roster.hits.min() < needed or np.count_nonzero(vague):
-            drop |= upkeep.idle(roster, vague, now.time_s, needed, config.recent_scans * self._slowest(roster))
+        silent_s, needed = now.time_s - roster.seen_s, 3 * config.needed_scans
+        drop = silent_s > config.silence_s
+        vague, low = upkeep.are_vague(covariance, config.lost_sigma_m), upkeep.are_low(place)
+        if roster.hits.min() < needed or np.count_nonzero(vague | low):
+            unseen = silent_s > config.recent_scans * self._slowest(roster)
+            drop |= upkeep.idle(roster, vague, needed, unseen)
+            drop |= low & upkeep.came_down(place, covariance, unseen)
         if len(state) > 1:
             scan = scan_numbers(rays.sensor, rays.scan)
             drop |= upkeep.doubles(place, state, covariance, owner, scan, roster.hits)

@@ -23,8 +23,8 @@ _BOTH_SEEN = 1
 _ENOUGH_SCANS = 4
 
 
-#: A track lower than this has come down, m.
-_LOWEST_M = -20e3
+#: A track lower than this has come down, m; a track that is seen, if it is lower by so many standard deviations.
+_LOWEST_M, _SURE_SIGMAS = -20e3, 3.0
 
 
 @frozen(eq=False)
@@ -130,9 +130,9 @@ def _are_one(one: set[int], other: set[int]) -> bool:
     return len(one & other) < _BOTH_SEEN and len(one | other) >= _ENOUGH_SCANS
 
 
-def idle(roster: Roster, vague: BoolArray, now_s: float, needed: int, patience_s: FloatArray) -> BoolArray:
-    """Return which tracks (n,) had no ray for longer than `patience_s` (n,), and too few before or are vague (n,)."""
-    gone: BoolArray = (vague | (roster.hits < needed)) & (now_s - roster.seen_s > patience_s)
+def idle(roster: Roster, vague: BoolArray, needed: int, unseen: BoolArray) -> BoolArray:
+    """Return which tracks (n,), of those `unseen` lately (n,), had too few rays before, or are vague (n,)."""
+    gone: BoolArray = (vague | (roster.hits < needed)) & unseen
     return gone
 
 
@@ -147,10 +147,18 @@ def are_vague(covariance: FloatArray, sigma_m: float) -> BoolArray:
     return vague
 
 
-def lost(roster: Roster, position: FloatArray, now_s: float, silence_s: float) -> BoolArray:
-    """Return which tracks (n,) are silent for too long, or came down."""
-    gone: BoolArray = now_s - roster.seen_s > silence_s
-    low = dot(position, position) < (WGS84.equatorial_radius_m + _LOWEST_M) ** 2
-    if np.count_nonzero(low):
-        gone |= ecef_to_geodetic(position).height_m < _LOWEST_M
-    return gone
+def are_low(position: FloatArray) -> BoolArray:
+    """Return which positions (n, 3) may be that of a track that came down."""
+    low: BoolArray = dot(position, position) < (WGS84.equatorial_radius_m + _LOWEST_M) ** 2
+    return low
+
+
+def came_down(position: FloatArray, covariance: FloatArray, unseen: BoolArray) -> BoolArray:
+    """Return which tracks (n,) came down; of those that were not `unseen` lately (n,), only those that are sure of it.
+
+    Along the line of sight of one sensor a target's estimate may lie below the ground, while it is seen to fly.
+    """
+    sigma = np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2])
+    lowest = _LOWEST_M - np.where(unseen, 0.0, _SURE_SIGMAS * sigma)
+    down: BoolArray = ecef_to_geodetic(position).height_m < lowest
+    return down
