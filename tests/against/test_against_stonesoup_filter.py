@@ -106,7 +106,7 @@ def test_forty_looks() -> None:
     switching = SwitchingFilter(motion, motion, np.inf, np.inf, rounds=1)
     state, root = prior[:1].copy(), np.diag(1.0 / prior[1])[None]
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
-        state, root = switching._carried(motion, state, root, STEP_S)
+        state, root = switching._carried(motion, state, root, np.array([STEP_S]))
         time_s = number * STEP_S
         sight = Sights(
             np.zeros(1, dtype=np.int64),
