@@ -27,6 +27,9 @@ _BURNING = 0.98
 #: or of the last moments of its burn.
 _STRAY = 0.01
 
+#: A burning target goes unseen for up to so many scans of the slowest sensor, and that says how often it is seen.
+_PAUSE_SCANS = 4.0
+
 
 def filter_of(config: StereoFilterConfig, context: TrackerContext) -> SwitchingFilter:
     """Return the filter for the scene's forces and the modes its settings name."""
@@ -38,6 +41,7 @@ def filter_of(config: StereoFilterConfig, context: TrackerContext) -> SwitchingF
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
         cold_chance=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _STRAY,
+        pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
     )
 
 

@@ -16,7 +16,7 @@ FORCES, COUNT, END_S = Forces(), 30, 40.0
 FALL = Motion(COAST, 0.01, FORCES)
 THRUSTING = Thrust(0.1, 30.0, 3.0, 0.002, FORCES)
 FILTERS = {
-    "thrust": SwitchingFilter(THRUSTING, FALL, 150.0, 1000.0, cold_chance=0.01),
+    "thrust": SwitchingFilter(THRUSTING, FALL, 150.0, 1000.0, cold_chance=0.01, pause_s=2.0),
     "jerk": SwitchingFilter(Motion(BOOST, 0.3, FORCES), FALL, 150.0, 1000.0),
 }
 SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

@@ -143,37 +143,52 @@ def _extended_root(bank: Bank) -> FloatArray:
 
 
 def weighed_alone(
-    bank: Bank, hits: int, silent_s: float, change: tuple[float, float], step_s: float, memory_s: float
+    bank: Bank,
+    hits: int,
+    silent_s: float,
+    change: tuple[float, float],
+    step_s: float,
+    memory_s: float,
+    pause_s: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return what `weighed` does, of one track."""
-    log, after = single_modes.paced(bank.pace[0].tolist(), hits, silent_s, step_s, memory_s)
+    log, after = single_modes.paced(bank.pace[0].tolist(), hits, silent_s, step_s, memory_s, pause_s)
     told = single_modes.reweighed(bank.weight[0].tolist(), (change[0] + log, change[1]), _LEAST_WEIGHT)
     return np.array([told]), np.array([after])
 
 
 def weighed(
-    bank: Bank, hits: FloatArray, silent_s: FloatArray, change: FloatArray, step_s: float, memory_s: float
+    bank: Bank,
+    hits: FloatArray,
+    silent_s: FloatArray,
+    change: FloatArray,
+    step_s: float,
+    memory_s: float,
+    pause_s: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
     """Return weights (n, 2) and pace (n, 3) after a slice with `hits` (n,) looks of each track.
 
-    `silent_s` (n,) is the time since the last of them, `change` (n, 2) what they say of the log weights.
+    `silent_s` (n,) is the time since the last of them, `change` (n, 2) what they say of the log weights. The pace
+    fades over slices with looks that last `memory_s` together; pauses of up to `pause_s` between looks are part of it.
     """
-    missed, paced = _missed(bank.pace, hits, silent_s, step_s, memory_s)
+    missed, paced = _missed(bank.pace, hits, silent_s, step_s, memory_s, pause_s)
     change[:, 0] += missed
     return _reweighed(bank.weight, change), paced
 
 
 def _missed(
-    pace: FloatArray, hits: FloatArray, silent_s: FloatArray, step_s: float, memory_s: float
+    pace: FloatArray, hits: FloatArray, silent_s: FloatArray, step_s: float, memory_s: float, pause_s: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return what a silent slice takes from the boost's log weight (n,), and the pace (n, 3) after it.
 
     A burning target that was seen r times a second stays unseen for t with the chance exp(-r t); one whose burn is
-    over is not seen at all. Of rows with `hits` (n,) in the slice `silent_s` (n,) is the time since the last.
+    over is not seen at all. Of rows with `hits` (n,) in the slice `silent_s` (n,) is the time since the last. Where
+    slices are shorter than scans, those between two looks have none: they count as time in which it was seen.
     """
     silent = hits == 0.0
     after = np.empty_like(pace)
-    after[:, 0], after[:, 1], after[:, 2] = hits, step_s, silent_s
+    pause = np.minimum(pace[:, 2], pause_s)
+    after[:, 0], after[:, 1], after[:, 2] = hits, np.where(pause > step_s, step_s + pause - silent_s, step_s), silent_s
     after[:, :2] += np.exp(-step_s / memory_s) * pace[:, :2]
     log = np.zeros(len(pace))
     if np.count_nonzero(silent):

@@ -22,12 +22,13 @@ def shared(weight: Pair, leave: Pair) -> tuple[Pair, Pair, Pair]:
 
 
 def paced(
-    pace: Sequence[float], hits: float, silent_s: float, step_s: float, memory_s: float
+    pace: Sequence[float], hits: float, silent_s: float, step_s: float, memory_s: float, pause_s: float
 ) -> tuple[float, tuple[float, float, float]]:
     """Return what a slice takes from the boost's log weight, and the pace after it, as `mode_mixing._missed`."""
     if hits:
-        fade = exp(-step_s / memory_s)
-        return 0.0, (hits + fade * pace[0], step_s + fade * pace[1], silent_s)
+        fade, pause = exp(-step_s / memory_s), min(pace[2], pause_s)
+        spell = step_s if pause <= step_s else step_s + pause - silent_s
+        return 0.0, (hits + fade * pace[0], spell + fade * pace[1], silent_s)
     return -pace[0] / max(pace[1], step_s) * step_s, (pace[0], pace[1], pace[2] + step_s)
 
 

@@ -25,7 +25,8 @@ class SwitchingFilter:
     """A filter of two modes; `boost_s` and `coast_s` are the mean times spent in each, inf for one that never ends.
 
     `rounds` bounds the relinearisations of an update. `cold_chance` is how likely a coasting target is seen in a slice
-    in which a burning one is: 1 where a sensor follows bodies that do not burn.
+    in which a burning one is: 1 where a sensor follows bodies that do not burn. `memory_s` and `pause_s` say how often
+    a target is taken to be seen (`mode_mixing.weighed`).
     """
 
     boost: Dynamics
@@ -35,6 +36,7 @@ class SwitchingFilter:
     rounds: int = 4
     memory_s: float = 20.0
     cold_chance: float = 1.0
+    pause_s: float = 0.0
 
     @property
     def switches(self) -> bool:
@@ -75,7 +77,7 @@ class SwitchingFilter:
         last_s = np.full(len(bank), time_s - step_s)
         np.maximum.at(last_s, sights.track, sights.time_s)
         change[seen, 1] += log(self.cold_chance)
-        weighed = mode_mixing.weighed(bank, hits, time_s - last_s, change, step_s, self.memory_s)
+        weighed = mode_mixing.weighed(bank, hits, time_s - last_s, change, step_s, self.memory_s, self.pause_s)
         return Bank(weighed[0], *boost, *coast, weighed[1])
 
     def _updated_alone(self, bank: Bank, time_s: float, sights: Sights, step_s: float) -> Bank:
@@ -94,7 +96,7 @@ class SwitchingFilter:
         if not self.switches and len(used) < 2:
             return Bank(bank.weight, *every[0], *every[1], bank.pace)
         both = change[0], change[1]
-        weighed = mode_mixing.weighed_alone(bank, looks, silent_s, both, step_s, self.memory_s)
+        weighed = mode_mixing.weighed_alone(bank, looks, silent_s, both, step_s, self.memory_s, self.pause_s)
         return Bank(weighed[0], *every[0], *every[1], weighed[1])
 
     def _taken_in(

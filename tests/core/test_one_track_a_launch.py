@@ -1,0 +1,42 @@
+"""A launch has one track, however seldom the sensors look and however often the tracker tells."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from opir_core.plan import compile_plan
+from opir_core.reading import load_scene
+from opir_core.run import run_of_plan
+from opir_core.scoring import evidence_of_run
+from opir_core.scoring.ownership import ownership
+
+SCENE = Path(__file__).parents[2] / "examples" / "pacific_test_range.yaml"
+
+
+def sensors(*slots_deg: float, period_ms: float, model: str = "SBIRS-GEO", more: str = "") -> str:
+    """Return an override that puts sensors of one model at these slots."""
+    each = (
+        f"{{model: {model}, id: S{number}, orbital_slot_deg: {slot}, scan_period_ms: {period_ms}{more}}}"
+        for number, slot in enumerate(slots_deg)
+    )
+    return f"sensors=[{', '.join(each)}]"
+
+
+def tracks_a_launch(*overrides: str) -> tuple[list[int], int]:
+    """Return how many tracks each launch of a scene has, and how many tracks have none."""
+    plan = compile_plan(load_scene(SCENE, overrides=list(overrides)))
+    target = ownership(evidence_of_run(run_of_plan(plan), plan)).target
+    return [int(np.count_nonzero(target == number)) for number in range(3)], int(np.count_nonzero(target < 0))
+
+
+@pytest.mark.parametrize("phase", ["aligned", "random"])
+def test_scans_ten_seconds_apart(phase: str) -> None:
+    looks = sensors(-165.0, -105.0, period_ms=10000, model="DSP", more=f", scan_phase: {phase}")
+    assert tracks_a_launch(looks, "detection=always", "tracker=stereo-filter") == ([1, 1, 1], 0)
+
+
+def test_ticks_between_scans() -> None:
+    """Nine ticks in ten have no look."""
+    looks = sensors(-165.0, -105.0, period_ms=500)
+    assert tracks_a_launch(looks, "duration_s=120", "tracker={model: stereo-filter, cadence_s: 0.05}") == ([1, 1, 1], 0)
