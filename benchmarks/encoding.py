@@ -6,6 +6,7 @@ Prints the median processor time, in ns an event, and its ratio to the first, of
 
 - `forge`: the encoder, block by block, for events without tracks, with tracks, and from moving sensors with tracks;
 - `forge, three bands` and `forge-bands`: events of sensors with three bands without and with what these measured;
+- `forge-tracks, tracked`: events with the states and covariances of their tracks, a hundred events a track and tick;
 - `forge to file`: the same through the `jsonl` sink, the writing included;
 - `msgspec structs`: one struct an event, constant parts as ready-made JSON (`msgspec.Raw`), `encode_lines`;
 - `dictionaries`: one dictionary an event, the standard library's `json`, `isoformat` and `uuid`.
@@ -49,7 +50,8 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7)
     options = parser.parse_args()
     sensors = tuple(stub_sensor(f"SBIRS-GEO-{n}", -170.5 + 35 * n, type="SBIRS-GEO") for n in range(SENSORS))
-    encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=EPOCH_US))
+    context = EncoderContext(sensors=sensors, epoch_us=EPOCH_US)
+    encoder, with_tracks = ForgeEncoder(context), ForgeEncoder(context, has_tracks=True)
     plain = sample_window(options.events, is_tracked=False, is_moving=False)
     tracked = sample_window(options.events, is_tracked=True, is_moving=False)
     moving = sample_window(options.events, is_tracked=True, is_moving=True)
@@ -61,6 +63,7 @@ def main() -> None:
         "forge, tracked, moving sensors": lambda: encoded(encoder, moving),
         "forge, three bands": lambda: encoded(without, lit),
         "forge-bands, three bands": lambda: encoded(with_bands, lit),
+        "forge-tracks, tracked": lambda: encoded(with_tracks, tracked),
         "forge to file": lambda: filed(encoder, plain),
         "forge to file, tracked": lambda: filed(encoder, tracked),
         "msgspec structs": lambda: [struct_lines(block, sensors) for block in window_blocks(plain)],

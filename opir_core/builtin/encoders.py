@@ -20,6 +20,12 @@ def _forge_bands(_config: Any, context: "EncoderContext") -> "Encoder":
     return ForgeEncoder(context, has_irradiances=True)
 
 
+def _forge_tracks(_config: Any, context: "EncoderContext") -> "Encoder":
+    from opir_core.events.forge import ForgeEncoder
+
+    return ForgeEncoder(context, has_tracks=True)
+
+
 def _forge_c2(_config: Any, context: "EncoderContext") -> "Encoder":
     from opir_core.events.forge_c2 import ForgeC2Encoder
 
@@ -43,6 +49,11 @@ ENCODERS = (
         name="forge-c2",
         summary="a flat record with a place, or none, for command-and-control consumers",
         build=_forge_c2,
+    ),
+    EventEncoder(
+        name="forge-tracks",
+        summary="the event of forge, with the state, burnout, covariances and type of its track",
+        build=_forge_tracks,
     ),
     EventEncoder(name="udl", summary="a MissileTrack of the Unified Data Library, simulated", build=_udl),
 )

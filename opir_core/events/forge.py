@@ -1,4 +1,4 @@
-"""The encoders `forge` and `forge-bands`: one flat JSON object a line, in the order of fields that the schema names.
+"""The encoders `forge`, `forge-bands` and `forge-tracks`: one flat JSON object a line, fields in the schema's order.
 
 A line is put together from pieces: text that is the same for many events (a sensor's name, a track's launch point) is
 made once and looked up, and what differs from event to event is made a column at a time. `benchmarks/encoding.py` holds
@@ -51,16 +51,17 @@ _json = msgspec.json.Encoder().encode
 class ForgeEncoder:
     """Detections to lines of JSON, one flat object each; the same bytes however detections are cut into windows.
 
-    With `has_irradiances` an event has the irradiance that each band measured, where the detection model measures it.
+    With `has_irradiances` an event has the irradiance that each band measured, where the detection model measures it;
+    with `has_tracks` the state of its track, of the end of its burn, their covariances and the odds of its type.
     """
 
     content_type = "application/json"
     schema_version = SCHEMA_VERSION
 
-    def __init__(self, context: EncoderContext, *, has_irradiances: bool = False) -> None:
+    def __init__(self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False) -> None:
         self._sensors = context.sensors
         self._irradiances = _irradiances(context) if has_irradiances else None
-        self._epoch_us = context.epoch_us
+        self._epoch_us, self._has_tracks = context.epoch_us, has_tracks
         self._sensor_pieces = piece_table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
         self._band_pieces = piece_table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
         self._look_pieces = piece_table(piece for sensor in context.sensors for piece in _look_pieces(sensor))
@@ -93,6 +94,7 @@ class ForgeEncoder:
                 *(self._irradiances.pieces(detections, sensor) if self._irradiances else ()),
                 _sensor_positions(viewpoints),
                 *_type_probabilities(detections),
+                *(_knowledge(window, self._epoch_us) if self._has_tracks else ()),
                 *_whereabouts(window),
             ],
         )
@@ -111,6 +113,12 @@ def _irradiances(context: EncoderContext) -> "IrradianceTexts":
     from opir_core.events.irradiances import IrradianceTexts
 
     return IrradianceTexts(context.sensors)
+
+
+def _knowledge(window: Window, epoch_us: int) -> list[Piece]:
+    from opir_core.events.track_texts import knowledge
+
+    return [knowledge(window, epoch_us)]
 
 
 def _sensor_pieces(sensor: Sensor) -> list[bytes]:

@@ -10,6 +10,7 @@ from opir_core.events import SCHEMA_VERSION, detection_schema, schema_text
 from opir_core.events.ellipse import CONTAINMENT, OTHER_CONTAINMENTS
 from opir_core.events.forge import ForgeEncoder
 from opir_core.events.points import EstimatedPoint, UncertaintyEllipse
+from opir_core.events.track_texts import TrackState
 from opir_core.protocols import EncoderContext
 from opir_core.scene import REPORTED_TYPES
 from opir_core.testing import stub_sensor
@@ -40,13 +41,16 @@ def test_the_schema_is_a_schema() -> None:
 def test_schema_and_encoder_name_the_same_fields_in_the_same_order() -> None:
     fields = list(SCHEMA["properties"])
     # Where the classifier gives probabilities they are one field more (tests/core/test_spectral_classifier.py), and
-    # where the encoder says what bands measured that is another (tests/core/test_events_irradiances.py).
-    fields.remove("type_probability")
-    fields.remove("band_irradiance_w_m2")
+    # where the encoder says what bands measured or tracks know these are others (tests/core/test_events_irradiances.py,
+    # tests/core/test_events_tracks.py).
+    for name in ("type_probability", "band_irradiance_w_m2", "track_state", "burnout", "track_type_probability"):
+        fields.remove(name)
     assert list(sample_event()) == SCHEMA["required"] == fields
 
 
-@pytest.mark.parametrize(("name", "struct"), [("point", EstimatedPoint), ("ellipse", UncertaintyEllipse)])
+@pytest.mark.parametrize(
+    ("name", "struct"), [("point", EstimatedPoint), ("ellipse", UncertaintyEllipse), ("state", TrackState)]
+)
 def test_schema_and_encoder_name_the_same_fields_of_parts(name: str, struct: Any) -> None:
     part = SCHEMA["$defs"][name]
     assert list(struct.__struct_fields__) == part["required"] == list(part["properties"])

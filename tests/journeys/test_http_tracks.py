@@ -11,6 +11,7 @@ import http_stand
 import jsonschema
 import msgspec
 import numpy as np
+import pytest
 from http_stand import serving
 from opir_http.openapi import document
 from opir_http.tracks import TrackBook
@@ -36,6 +37,12 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
             ellipse = point["ellipse"]
             assert 0.0 < ellipse["semi_minor_m"] <= ellipse["semi_major_m"] < 5e6
             assert 0.0 < ellipse["containment"] < 1.0
+        assert max(track["type_probability"], key=track["type_probability"].get) == "SRBM"
+        assert track["burnout"]["timestamp"] > "2026-04-01T12:00:30"
+        assert len(track["burnout"]["covariance_ecef"]) == 28
+        assert track["state"]["timestamp"] == track["timestamp"]
+        assert np.linalg.norm(track["state"]["position_ecef_m"]) == pytest.approx(6.4e6, rel=0.05)
+        assert positive(track["state"]["covariance_ecef"])
 
 
 def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> None:
@@ -53,6 +60,13 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
     axes = [track["impact_point"][name]["semi_major_m"] for name in ("ellipse_50", "ellipse_90", "ellipse")]
     assert axes == [1500.0, 3000.0, 5500.0]
     assert track["launch_point"]["ellipse_50"]["semi_major_m"] == 2354.82
+
+
+def positive(terms: list[float]) -> bool:
+    """Return whether the lower triangle, row by row, is that of a positive definite matrix."""
+    lower = np.zeros((6, 6))
+    lower[np.tril_indices(6)] = terms
+    return bool(np.linalg.eigvalsh(lower, UPLO="L").min() > 0.0)
 
 
 def streamed_track(port: int) -> Any:

@@ -133,6 +133,8 @@ def track() -> Schema:
     ellipses = dict.fromkeys(("ellipse", "ellipse_50", "ellipse_90"), or_null(ellipse))
     place = {"lat_deg": NUMBER, "lon_deg": NUMBER, "time": or_null(TIME)}
     point = or_null(closed(place | ellipses | {"time_sigma_s": or_null(NUMBER)}))
+    vectors = dict.fromkeys(("position_ecef_m", "velocity_ecef_m_s"), listed(NUMBER))
+    state = or_null(closed({"timestamp": or_null(TIME), **vectors, "covariance_ecef": or_null(listed(NUMBER))}))
     return closed(
         {
             "track_id": COUNT,
@@ -143,6 +145,8 @@ def track() -> Schema:
             "launch_point": point,
             "impact_point": point,
             "type_probability": closed(dict.fromkeys(REPORTED_TYPES, or_null(NUMBER))),
+            "state": state,
+            "burnout": state,
         }
     )
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from opir_core.events.points import point_texts
 from opir_core.events.timestamps import timestamp_text, writable_unix_microseconds
+from opir_core.events.track_texts import burnout_texts, state_texts
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.records import FloatArray, Tracks
 from opir_core.scene import REPORTED_TYPES
@@ -59,6 +60,8 @@ class TrackBook:
                 point_texts(tracks.impact, tracks.impact_covariance, self._epoch_us, tracks.impact_sigmas),
             ),
             [dict(zip(REPORTED_TYPES, _rounded(row, 4), strict=True)) for row in tracks.type_probability],
+            map(msgspec.Raw, state_texts(tracks, self._epoch_us)),
+            map(msgspec.Raw, burnout_texts(tracks, self._epoch_us)),
         )
         return [dict(zip(_NAMES, values, strict=True)) for values in zip(*columns, strict=True)]
 
@@ -72,6 +75,8 @@ _NAMES = (
     "launch_point",
     "impact_point",
     "type_probability",
+    "state",
+    "burnout",
 )
 
 

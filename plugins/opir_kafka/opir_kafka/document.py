@@ -30,7 +30,7 @@ def asyncapi_document() -> dict[str, Any]:
                 "address": bare.topic,
                 "servers": [{"$ref": "#/servers/kafka"}],
                 "description": f"One of these, as the output's encoder says; by default {bare.encoder}. Those of the"
-                " encoder forge-bands are forge's, with band_irradiance_w_m2.",
+                " encoders forge-bands and forge-tracks are forge's, with what bands measured or tracks know.",
                 "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in names},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }

@@ -1,0 +1,81 @@
+"""What a tracker knows of a track, as events carry it: states with covariances, and the probabilities of its types."""
+
+import msgspec
+import numpy as np
+
+from opir_core.events.lines import Piece, piece_table, taken
+from opir_core.events.number_text import METRE_DECIMALS, RATIO_DECIMALS, rounded
+from opir_core.events.timestamps import timestamp_text, writable_unix_microseconds
+from opir_core.records import BoolArray, FloatArray, Tracks, Window
+from opir_core.scene import REPORTED_TYPES
+
+
+class TrackState(msgspec.Struct):
+    """Earth-fixed position, m, and velocity, m/s, at a time, and their covariance; what is not known is None.
+
+    The covariance is over x, y, z and their rates, and at the end of a burn over its time, s, too: the lower triangle,
+    row by row.
+    """
+
+    timestamp: str | None
+    position_ecef_m: list[float]
+    velocity_ecef_m_s: list[float]
+    covariance_ecef: list[float] | None
+
+
+_KNOWLEDGE = b'"track_state":%b,"burnout":%b,"track_type_probability":%b,'
+_encode = msgspec.json.Encoder().encode
+
+
+def knowledge(window: Window, epoch_us: int) -> Piece:
+    """Return what is known of the tracks of detections, at the tick that each detection's estimate is of."""
+    rows, of_detection = np.unique(window.detections.estimate, return_inverse=True)
+    used = window.estimates.take(rows[rows >= 0])
+    unknown = [_KNOWLEDGE % (b"null", b"null", b"null")] * (len(rows) - len(used))
+    told = zip(state_texts(used, epoch_us), burnout_texts(used, epoch_us), type_texts(used), strict=True)
+    return taken(piece_table([*unknown, *(_KNOWLEDGE % texts for texts in told)]), of_detection)
+
+
+def state_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
+    """Return the states of estimates at their ticks as JSON, or `null` where they are not known."""
+    return _texts(tracks.state, tracks.tick_s, tracks.state_covariance, epoch_us)
+
+
+def burnout_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
+    """Return the states at the ends of burns as JSON, or `null` where they are not known."""
+    return _texts(tracks.burnout[:, :6], tracks.burnout[:, 6], tracks.burnout_covariance, epoch_us)
+
+
+def type_texts(tracks: Tracks) -> list[bytes]:
+    """Return the probabilities of estimates' types as JSON, or `null` where they are not known."""
+    known = _whole(tracks.type_probability)
+    shares = rounded(tracks.type_probability, RATIO_DECIMALS).tolist()
+    return [
+        _encode(dict(zip(REPORTED_TYPES, share, strict=True)) if here else None)
+        for here, share in zip(known.tolist(), shares, strict=True)
+    ]
+
+
+def _texts(state: FloatArray, time_s: FloatArray, covariance: FloatArray, epoch_us: int) -> list[bytes]:
+    """Return states (n, 6) at scene times (n,) with covariances (n, d, d).
+
+    Covariances are written in full, for one that is nearly singular is none once it is rounded.
+    """
+    known = _whole(state)
+    unix_us, writable = writable_unix_microseconds(time_s, epoch_us)
+    times = timestamp_text(np.where(writable, unix_us, 0))
+    places = rounded(np.where(known[:, np.newaxis], state, 0.0), METRE_DECIMALS).tolist()
+    rows, columns = np.tril_indices(covariance.shape[1])
+    lower = covariance[:, rows, columns]
+    lawful = _whole(lower)
+    told = zip(known.tolist(), writable.tolist(), times, places, lawful.tolist(), lower.tolist(), strict=True)
+    return [
+        _encode(TrackState(time if timed else None, place[:3], place[3:], terms if sure else None) if here else None)
+        for here, timed, time, place, sure, terms in told
+    ]
+
+
+def _whole(rows: FloatArray) -> BoolArray:
+    """Return which rows (n, d) are finite numbers throughout."""
+    whole: BoolArray = np.logical_and.reduce(np.isfinite(rows), axis=1)
+    return whole

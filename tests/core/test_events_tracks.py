@@ -1,0 +1,123 @@
+"""The encoder `forge-tracks`: the event of `forge`, and in it what its track's tracker knew."""
+
+import json
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import opir_core as opir
+from opir_core.events import detection_schema
+from opir_core.events.blocks import window_blocks
+from opir_core.events.forge import ForgeEncoder
+from opir_core.protocols import EncoderContext
+from opir_core.records import FloatArray, Window
+from opir_core.run import plan_windows
+from opir_core.scene import REPORTED_TYPES
+from opir_core.testing import stub_sensor
+from opir_core.testing.bench import encoder_of
+from opir_core.testing.windows import stub_estimates, stub_window
+
+CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=1_775_044_800_000_000)
+PLAIN, WITH_TRACKS = ForgeEncoder(CONTEXT), ForgeEncoder(CONTEXT, has_tracks=True)
+VALIDATOR = jsonschema.Draft202012Validator(detection_schema())
+ADDED = ("track_state", "burnout", "track_type_probability")
+ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
+
+
+def symmetric(terms: FloatArray) -> FloatArray:
+    return np.tril(terms) + np.swapaxes(np.tril(terms, -1), -1, -2)
+
+
+@st.composite
+def windows(draw: st.DrawFn) -> Window:
+    """Detections that point to any estimates, unknown and unlawful numbers included."""
+    count, rows = draw(st.integers(1, 6)), draw(st.integers(1, 4))
+    columns = {
+        "state": draw(arrays(np.float64, (rows, 6), elements=ANY)),
+        "state_covariance": symmetric(draw(arrays(np.float64, (rows, 6, 6), elements=ANY))),
+        "burnout": draw(arrays(np.float64, (rows, 7), elements=ANY)),
+        "burnout_covariance": symmetric(draw(arrays(np.float64, (rows, 7, 7), elements=ANY))),
+        "type_probability": draw(arrays(np.float64, (rows, 4), elements=st.floats(0.0, 1.0) | st.just(np.nan))),
+    }
+    # Where a track is comes out as nan unless it can be written: see the tests of the event's place.
+    columns["state"][~np.isfinite(columns["state"]).all(axis=1) | (np.abs(columns["state"]) > 1e9).any(axis=1)] = np.nan
+    estimate = draw(arrays(np.int64, count, elements=st.integers(-1, rows - 1)))
+    return stub_window(count, estimates=stub_estimates(rows, **columns), estimate=estimate, track=estimate)
+
+
+def told(state: FloatArray, time_s: float, covariance: FloatArray, document: Any) -> None:
+    """Check a state against the columns it is told from."""
+    if not np.isfinite(state).all():
+        assert document is None
+        return
+    assert document["position_ecef_m"] + document["velocity_ecef_m_s"] == pytest.approx(state, rel=1e-15, abs=5.001e-4)
+    if abs(time_s) < 5e10:  # Some 1580 years: those between 1 and 9999 can be written.
+        assert document["timestamp"].endswith("Z")
+    elif not abs(time_s) < 3e11:
+        assert document["timestamp"] is None
+    lower = covariance[np.tril_indices(len(covariance))]
+    assert document["covariance_ecef"] == (lower.tolist() if np.isfinite(lower).all() else None)
+
+
+@given(windows())
+def test_an_event_says_what_its_track_knew(window: Window) -> None:
+    lines, plain = WITH_TRACKS.encode(window).splitlines(), PLAIN.encode(window).splitlines()
+    estimates = window.estimates
+    for line, without, row in zip(lines, plain, window.detections.estimate.tolist(), strict=True):
+        event = json.loads(line)
+        VALIDATOR.validate(event)
+        state, burnout, types = (event.pop(name) for name in ADDED)
+        assert event == json.loads(without)
+        if row < 0:
+            assert (state, burnout, types) == (None, None, None)
+            continue
+        told(estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state)
+        told(estimates.burnout[row, :6], estimates.burnout[row, 6], estimates.burnout_covariance[row], burnout)
+        shares = estimates.type_probability[row]
+        if np.isfinite(shares).all():
+            assert list(types) == list(REPORTED_TYPES)
+            assert list(types.values()) == pytest.approx(shares.tolist(), abs=5.001e-7)
+        else:
+            assert types is None
+
+
+@given(windows(), st.integers(1, 4))
+def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int) -> None:
+    parts = [WITH_TRACKS.encode(part) for part in window_blocks(window, rows)]
+    assert b"".join(parts) == WITH_TRACKS.encode(window)
+
+
+@pytest.mark.parametrize("tracker", ["stereo-filter", "boost-profile", "kepler-arc", "none"])
+def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> None:
+    changes = ["duration_s=90", "outputs=[]", f"tracker={tracker}"]
+    plan = opir.compile_plan(opir.load_scene("examples/first_light.yaml", overrides=changes))
+    lines = b"".join(encoder_of(plan, "forge-tracks").encode(window) for window in plan_windows(plan))
+    events, run = [json.loads(line) for line in lines.splitlines()], opir.simulate(plan.scene)
+    assert len(events) == len(run.detections) > 100
+    tracked = 0
+    for event, row in zip(events, run.detections.estimate.tolist(), strict=True):
+        VALIDATOR.validate(event)
+        assert set(ADDED) <= set(event)
+        if row < 0:
+            assert [event[name] for name in ADDED] == [None, None, None]
+            continue
+        tracked += 1
+        told(run.estimates.state[row], 0.0, run.estimates.state_covariance[row], event["track_state"])
+        burnout, covariance = run.estimates.burnout[row], run.estimates.burnout_covariance[row]
+        told(burnout[:6], burnout[6], covariance, event["burnout"])
+    assert (tracked > 100) == (tracker != "none")
+
+
+def test_covariances_read_back_are_those_of_the_run_and_stay_positive() -> None:
+    """Also one that rounding would spoil: condition 1e15."""
+    axes = np.linalg.qr(np.random.default_rng(3).normal(size=(6, 6)))[0]
+    covariance = symmetric(axes @ np.diag(10.0 ** np.linspace(-3.0, 12.0, 6)) @ axes.T)
+    window = stub_window(1, estimates=stub_estimates(1, state=7e6, state_covariance=covariance), estimate=0, track=0)
+    lower = np.zeros((6, 6))
+    lower[np.tril_indices(6)] = json.loads(WITH_TRACKS.encode(window))["track_state"]["covariance_ecef"]
+    assert np.array_equal(symmetric(lower), covariance)
