@@ -7,6 +7,8 @@ import pytest
 from attrs import evolve
 
 from opir_core.flight.forces import Forces
+from opir_core.reading import scene_from_mapping
+from opir_core.run import simulate
 from opir_core.tracking.filter.motion import BOOST, COAST, Motion
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.rays import Sights, axes_across
@@ -182,3 +184,27 @@ def test_a_boost_is_followed_for_as_long_as_its_jerk_leaves_it_smooth() -> None:
     wander_m = 0.3 * np.sqrt(3.0) * long_s**3.5 / np.sqrt(252.0)
     assert wander_m == pytest.approx(720.0 * np.sqrt(0.1 / long_s))
     assert lasting_s(0.0, 720.0, 0.1) == np.inf
+
+
+def test_tracks_that_no_history_fits_are_told_with_numbers() -> None:
+    """Nine launches from a patch of 8 km: of a ring of tracks none of which its histories fit, one is left with none."""
+    sensors = [
+        {"model": "generic-scanner", "id": "A", "orbital_slot_deg": -135.0},
+        {"model": "generic-scanner", "id": "B", "orbital_slot_deg": -90.0},
+        {"model": "generic-scanner", "id": "C", "orbital_slot_deg": -150.0, "scan_phase": "aligned"},
+    ]
+    launches = [(34.7 + 0.03 * (k % 3), -120.6 + 0.05 * (k // 3), 5.0 + 0.7 * k) for k in range(9)]
+    targets = [
+        {
+            "id": f"T{number}",
+            "type": "ICBM",
+            "launch": {"lat_deg": lat_deg, "lon_deg": lon_deg, "time_s": time_s},
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+        }
+        for number, (lat_deg, lon_deg, time_s) in enumerate(launches)
+    ]
+    scene = {"scene": "patch", "epoch": "2026-04-01T12:00:00Z", "duration_s": 17, "seed": 3, "tracker": "stereo-filter"}
+    tracks = simulate(scene_from_mapping({**scene, "sensors": sensors, "targets": targets})).tracks
+    assert len(tracks) > 20
+    assert np.isfinite(tracks.state).all()
+    assert np.isfinite(tracks.state_covariance).all()

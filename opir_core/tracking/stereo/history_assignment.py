@@ -95,13 +95,24 @@ def decided(
         open_[trials.track[chosen]] = 1.0 - beta[chosen]
         worse = np.flatnonzero(open_ > np.maximum(doubt, _LEAST_DOUBT))
         if len(worse):
-            told = told.put(worse, _mixed(worse, trials, chosen, beta, bank))
+            told = told.put(worse, _mixed(worse, trials, chosen, _of_some(trials.track, beta), bank))
         doubt = np.maximum(doubt, open_)
     return Decision(evolve(known, doubt=doubt), bank, told)
 
 
 #: Every track has some history: e to this times as likely as none, when that is its likeliest.
 _SURELY = 60.0
+
+
+def _of_some(track: IntArray, beta: FloatArray) -> FloatArray:
+    """Return the probabilities (m,) of trials, given that their track has some history.
+
+    Where every explanation that gives all tracks one is less probable yet than one without, some are left with next to
+    nothing: of that too they have their shares, and equal ones of nothing.
+    """
+    total, count = np.bincount(track, beta)[track], np.bincount(track)[track]
+    share: FloatArray = np.where(total > 0.0, beta, 1.0) / np.where(total > 0.0, total, count)
+    return share
 
 
 def _costs(gain: FloatArray) -> FloatArray:
