@@ -206,6 +206,8 @@ association; ratios are of RMSE over the runs in which both tell something, with
 "Tracked, told" are the shares of flights that have a track, and of which an impact is told. ANEES is of the state, over
 its six degrees of freedom, and behind it the median over that of χ², which single wild runs do not move. Containment
 is of the ellipses that are told, that of 95 % with its 95 % interval (Wilson). A dash stands for fewer than 20 runs.
+The type is not told, and each counts as likely as the others: what a tracker states can be right of all of them
+together ("all"), not of each alone.
 
 {tables}
 """
@@ -226,12 +228,15 @@ def main() -> None:
     for name, case in CASES.items():
         if chosen.case not in (None, name):
             continue
-        table, runs = [], []
+        table, runs, every = [], [], []
         for kind in TARGET_TYPES[::-1]:
             if chosen.only in (None, kind):
                 rows = rows_measured(kind, name, chosen)
                 table += list(lines(kind, rows))
                 runs.append(f"{kind} {len({row['flight'] for row in rows})}")
+                every += [{**row, "flight": f"{kind} {row['flight']}"} for row in rows]
+        if chosen.only is None:
+            table += list(lines("all", every))
         if table:
             head = [f"## {case.words[0].upper()}{case.words[1:]}", "", f"Runs: {', '.join(runs)}.", ""]
             tables.append("\n".join([*head, *HEAD, *table]))
