@@ -3,7 +3,10 @@
 `state_bound` takes the motion as known up to the state: two-body gravity and the true thrust. A filter that does not
 know the thrust cannot reach it. `free_bound` takes the thrust as unknown: specific force and jerk are part of the
 state, and the jerk wanders. A tracker below it had more to go by than directions: a pad to start from, a profile.
+Constant biases of sensors are part of the state of both.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,71 +33,127 @@ _SLICE_S = 0.5
 _STEP_S = 1.0
 
 
-def state_bound(
-    tick_s: FloatArray,
-    look_s: FloatArray,
-    target_ecef_m: FloatArray,
-    sensor_ecef_m: FloatArray,
-    sigma_rad: FloatArray,
-) -> FloatArray:
+class Seen(NamedTuple):
+    """Looks (n,) that detected a target, in order of time.
+
+    `target_ecef_m` and `sensor_ecef_m` (n, 3) are where target and sensor then stood, `sigma_rad` (n,) the standard
+    deviation of each direction, per axis. `turn_ecef_rad` (n, p, 3) are the turns of each look's sensor by one standard
+    deviation of each of p biases, all of them nought but those of the sensor itself.
+    """
+
+    look_s: FloatArray
+    target_ecef_m: FloatArray
+    sensor_ecef_m: FloatArray
+    sigma_rad: FloatArray
+    turn_ecef_rad: FloatArray
+
+    @classmethod
+    def unbiased(
+        cls, look_s: FloatArray, target_ecef_m: FloatArray, sensor_ecef_m: FloatArray, sigma_rad: FloatArray
+    ) -> "Seen":
+        """Return looks of sensors without biases."""
+        return cls(look_s, target_ecef_m, sensor_ecef_m, sigma_rad, np.zeros((len(look_s), 0, 3)))
+
+
+def state_bound(tick_s: FloatArray, seen: Seen) -> FloatArray:
     """Return the bound's covariances (ticks, 6, 6) of inertial position and velocity at ticks.
 
-    `look_s` (n,), in order, are the times of the looks that detected, `target_ecef_m` and `sensor_ecef_m` (n, 3) where
-    target and sensor then stood, `sigma_rad` (n,) the standard deviation of each direction, per axis. Source:
-    Tichavský, Muravchik and Nehorai, IEEE Trans. Signal Processing 46 (1998), 1386, without process noise.
+    Source: Tichavský, Muravchik and Nehorai, IEEE Trans. Signal Processing 46 (1998), 1386, without process noise;
+    biases are constant parts of the state, of unit variance.
     """
     bounds = np.full((len(tick_s), 6, 6), np.nan)
-    if not len(look_s):
+    if not len(seen.look_s):
         return bounds
-    information = np.diag(1.0 / np.square(PRIOR_SIGMA))
-    target, sensor = (ecef_to_eci(position, look_s) for position in (target_ecef_m, sensor_ecef_m))
-    slopes = _slopes(target - sensor, sigma_rad)
-    now, row = float(look_s[0]), 0
+    looks = _Looks.of(seen)
+    information = np.diag(1.0 / np.square([*PRIOR_SIGMA, *[1.0] * looks.biases]))
+    now, row = float(looks.time_s[0]), 0
     for number, tick in enumerate(tick_s.tolist()):
-        if tick < look_s[0]:
+        if tick < looks.time_s[0]:
             continue
-        for end in np.linspace(now, tick, 1 + max(1, int(np.ceil((tick - now) / _STEP_S))))[1:].tolist():
-            near = target[min(row, len(target) - 1)]
-            back = _transitions(near, np.array([now - end]))[0]
-            last = int(np.searchsorted(look_s, end, side="right"))
-            gained = (slopes[row:last] @ _transitions(near, look_s[row:last] - end)[:, :3]).reshape(-1, 6)
+        for end in _steps(now, tick, _STEP_S):
+            near, last = looks.near(row), int(np.searchsorted(looks.time_s, end, side="right"))
+            back = _widened(_transitions(near, np.array([now - end]))[0], looks.biases)
+            gained = looks.slope[row:last] @ _transitions(near, looks.time_s[row:last] - end)[:, :3]
+            gained = np.concatenate([gained, looks.bias_slope[row:last]], axis=2).reshape(-1, len(information))
             information = back.T @ information @ back + gained.T @ gained
             now, row = end, last
-        bounds[number] = np.linalg.inv(0.5 * (information + information.T))
+        bounds[number] = np.linalg.inv(0.5 * (information + information.T))[:6, :6]
     return bounds
 
 
-def free_bound(
-    tick_s: FloatArray,
-    look_s: FloatArray,
-    target_ecef_m: FloatArray,
-    sensor_ecef_m: FloatArray,
-    sigma_rad: FloatArray,
-) -> FloatArray:
-    """Return the bound's covariances (ticks, 6, 6) at ticks where the thrust is not known; arguments as above.
+def free_bound(tick_s: FloatArray, seen: Seen) -> FloatArray:
+    """Return the bound's covariances (ticks, 6, 6) at ticks where the thrust is not known.
 
-    The posterior bound of Tichavský, Muravchik and Nehorai for a specific force whose rate is a random walk.
+    The posterior bound of Tichavský, Muravchik and Nehorai for a specific force whose rate is a random walk; biases are
+    constant parts of the state, of unit variance.
     """
     bounds = np.full((len(tick_s), 6, 6), np.nan)
-    if not len(look_s):
+    if not len(seen.look_s):
         return bounds
-    motion = Motion(BOOST, JERK_NOISE_M_S3, Forces(zonal=()))
-    target, sensor = (ecef_to_eci(position, look_s) for position in (target_ecef_m, sensor_ecef_m))
-    slopes = _slopes(target - sensor, sigma_rad)
-    root = np.diag(1.0 / np.array(FREE_PRIOR_SIGMA))[None]
-    now, row = float(look_s[0]), 0
+    looks, motion = _Looks.of(seen), Motion(BOOST, JERK_NOISE_M_S3, Forces(zonal=()))
+    root: FloatArray = np.diag(1.0 / np.array([*FREE_PRIOR_SIGMA, *[1.0] * looks.biases]))[None]
+    now, row = float(looks.time_s[0]), 0
     for number, tick in enumerate(tick_s.tolist()):
-        if tick < look_s[0]:
+        if tick < looks.time_s[0]:
             continue
-        for end in np.linspace(now, tick, 1 + max(1, int(np.ceil((tick - now) / _SLICE_S))))[1:].tolist():
-            step = np.array([end - now])
-            root = moved(root, motion.transition(target[[min(row, len(target) - 1)]], -step), motion.noise_root(step))
-            last = int(np.searchsorted(look_s, end, side="right"))
-            gained = slopes[row:last, :, None, :] * weights_at(look_s[row:last] - end)[:, None, :4, None]
-            root = triangular(np.concatenate([root[0], gained.reshape(-1, BOOST)])[None])
+        for end in _steps(now, tick, _SLICE_S):
+            step, last = np.array([end - now]), int(np.searchsorted(looks.time_s, end, side="right"))
+            back = _widened(motion.transition(looks.near(row)[None], -step)[0], looks.biases)
+            noise = motion.noise_root(step)
+            wide = None if noise is None else np.pad(noise, ((0, 0), (0, looks.biases), (0, 0)))
+            weight = weights_at(looks.time_s[row:last] - end)[:, None, :4, None]
+            gained = (looks.slope[row:last, :, None, :] * weight).reshape(last - row, 2, BOOST)
+            rows = np.concatenate([gained, looks.bias_slope[row:last]], axis=2).reshape(-1, root.shape[1])
+            root = triangular(np.concatenate([moved(root, back[None], wide)[0], rows])[None])
             now, row = end, last
         bounds[number] = covariance(root)[0, :6, :6]
     return bounds
+
+
+class _Looks(NamedTuple):
+    """Looks in the inertial frame: where the target stood (n, 3), and how directions change, in standard deviations.
+
+    With the position `slope` (n, 2, 3), a metre, and with biases `bias_slope` (n, 2, p).
+    """
+
+    time_s: FloatArray
+    target_m: FloatArray
+    slope: FloatArray
+    bias_slope: FloatArray
+
+    @classmethod
+    def of(cls, seen: Seen) -> "_Looks":
+        target, sensor = (ecef_to_eci(place, seen.look_s) for place in (seen.target_ecef_m, seen.sensor_ecef_m))
+        slope = _slopes(target - sensor, seen.sigma_rad)
+        # A turn moves the direction, and so what is a metre off at the target's distance, across the line.
+        count, biases, _ = seen.turn_ecef_rad.shape
+        turn = ecef_to_eci(seen.turn_ecef_rad.reshape(-1, 3), np.repeat(seen.look_s, biases)).reshape(count, biases, 3)
+        shift = np.cross(turn, (target - sensor)[:, None])
+        return cls(seen.look_s, target, slope, slope @ shift.transpose(0, 2, 1))
+
+    @property
+    def biases(self) -> int:
+        return int(self.bias_slope.shape[2])
+
+    def near(self, row: int) -> FloatArray:
+        """Return a place (3,) where the target is about the time of a look."""
+        place: FloatArray = self.target_m[min(row, len(self.target_m) - 1)]
+        return place
+
+
+def _steps(start_s: float, end_s: float, longest_s: float) -> list[float]:
+    """Return the ends of equal steps from one time to another."""
+    count = max(1, int(np.ceil((end_s - start_s) / longest_s)))
+    ends: list[float] = np.linspace(start_s, end_s, count + 1)[1:].tolist()
+    return ends
+
+
+def _widened(transition: FloatArray, biases: int) -> FloatArray:
+    """Return a transition (d, d) with biases beside it, which stay as they are."""
+    size = len(transition)
+    wide = np.eye(size + biases)
+    wide[:size, :size] = transition
+    return wide
 
 
 def _slopes(line_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:

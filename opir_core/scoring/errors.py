@@ -1,15 +1,16 @@
 """Errors of tracks, row by row: what was estimated against what was true, at every tick and for every target."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.columns import Columns
-from opir_core.geometry import east_north_up_axes, geodesic_inverse, geodetic_to_ecef
-from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
-from opir_core.scoring.bound import free_bound, position_and_velocity, state_bound
+from opir_core.geometry import east_north_up_axes, geodesic_inverse, geodetic_to_ecef, local_axes
+from opir_core.protocols import Sensor
+from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray, Tracks
+from opir_core.scoring.bound import Seen, free_bound, position_and_velocity, state_bound
 from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.scoring.evidence import Evidence, true_states
 from opir_core.scoring.ownership import Ownership, rows_in_force
@@ -123,8 +124,23 @@ def _bounds(
         sensor[rows] = plan.sensors[number].orbit.position_ecef_m(time_s[rows])
     held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
     position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
-    seen = (tick_s, time_s, position, sensor, evidence.sigma_rad[looks])
-    return position_and_velocity(state_bound(*seen)), position_and_velocity(free_bound(*seen))
+    turns = bias_turns(plan.sensors, evidence.sensor[looks], sensor)
+    seen = Seen(time_s, position, sensor, evidence.sigma_rad[looks], turns)
+    return position_and_velocity(state_bound(tick_s, seen)), position_and_velocity(free_bound(tick_s, seen))
+
+
+def bias_turns(sensors: Sequence[Sensor], sensor: IndexArray, sensor_ecef_m: FloatArray) -> FloatArray:
+    """Return the turns (n, p, 3), rad, of looks' sensors (n,) by a standard deviation of each bias of those that saw.
+
+    As `opir_core.bias` has them: about east and north of the place (n, 3) at which the sensor is.
+    """
+    biased = [each for each in np.unique(sensor).tolist() if sensors[each].line_of_sight_bias_sigma_rad > 0.0]
+    turns = np.zeros((len(sensor), 2 * len(biased), 3))
+    for number, each in enumerate(biased):
+        rows = np.flatnonzero(sensor == each)
+        axes = local_axes(sensor_ecef_m[rows])[:, :2]
+        turns[rows, 2 * number : 2 * number + 2] = sensors[each].line_of_sight_bias_sigma_rad * axes
+    return turns
 
 
 def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:
