@@ -7,7 +7,7 @@ docs/explanation/association.md: where one sensor alone sees a spot, the prior s
 """
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import Factory, evolve, field, frozen
 
 from opir_core.columns import Columns
 from opir_core.geometry import ecef_to_geodetic, local_axes
@@ -28,8 +28,13 @@ _MEET = 15.1
 #: Heights at which rays may meet, m.
 _LOWEST_M, _HIGHEST_M = -20e3, 500e3
 
-#: Spots of two sensors are held against each other if their rays meet the ground this near to each other, m.
+#: Spots of two sensors are held against each other if their rays meet the ground this near to each other, m: farther
+#: apart where they graze it, as far as so much of height, m, and standard deviations of a mean ray shift the points.
 _NEAR_M = 60e3
+_HIGHER_M, _SHIFT_SIGMAS = 5e3, 3.0
+
+#: No ray counts as lower than at this sine of an angle: along the horizon a line rises by 5 km in 250 km.
+_GRAZING = 0.02
 
 #: The mean height of a target when one sensor alone first sees it, m.
 FIRST_HEIGHT_M = 3e3
@@ -49,11 +54,15 @@ class Spots(Columns):
 
 @frozen(eq=False)
 class Beginnings(Columns):
-    """Places where tracks begin: position (n, 3) in ECEF, m, when, and how many sensors see it."""
+    """Places where tracks begin: position (n, 3) in ECEF, m, when, and how many sensors see it.
+
+    `sine` (n,) is that of the angle at which the ray of a sensor alone meets the ground.
+    """
 
     position_ecef_m: FloatArray
     time_s: FloatArray
     sensors: IntArray
+    sine: FloatArray = field(default=Factory(lambda self: np.ones(len(self.sensors)), takes_self=True))
 
 
 def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Beginnings:
@@ -70,7 +79,9 @@ def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Beg
     time_s = np.bincount(group, likely.time_s * likely.scans, count) / np.maximum(scans, 1)
     position = _positions(likely, group, count, sensors)
     ready = np.flatnonzero((scans >= scans_needed) & np.isfinite(position).all(axis=1))
-    return Beginnings(position, time_s, sensors).take(ready)
+    sine = np.ones(count)
+    sine[group] = _sines(likely.direction_ecef, position[group])
+    return Beginnings(position, time_s, sensors, sine).take(ready)
 
 
 def spots_of(rays: Rays) -> Spots:
@@ -152,13 +163,20 @@ def _meetings(spots: Spots) -> list[tuple[int, int]]:
     """Return pairs of spots of different sensors whose mean rays meet at a height a target can have, the best first."""
     from scipy.spatial import cKDTree
 
-    ground = intersection_with_ellipsoid(spots.origin_ecef_m, spots.direction_ecef, FIRST_HEIGHT_M)
+    ground = _near_ground(spots.origin_ecef_m, spots.direction_ecef)
     known = np.flatnonzero(np.isfinite(ground[:, 0]))
     if len(known) < 2:
         return []
-    near = cKDTree(ground[known]).query_pairs(_NEAR_M, output_type="ndarray")
+    reach = _ground_reach_m(spots, ground)
+    farthest = max(_NEAR_M, 2.0 * reach[known].max())
+    near = cKDTree(ground[known]).query_pairs(farthest, output_type="ndarray")
     pairs = known[near[np.lexsort((near[:, 1], near[:, 0]))]]
-    pairs = pairs[spots.sensor[pairs[:, 0]] != spots.sensor[pairs[:, 1]]]
+    first, second = pairs.T
+    apart = np.sqrt(np.sum((ground[first] - ground[second]) ** 2, axis=1))
+    likely = (apart <= np.maximum(_NEAR_M, reach[first] + reach[second])) & (
+        spots.sensor[first] != spots.sensor[second]
+    )
+    pairs = pairs[likely]
     if not len(pairs):
         return []
     group, spot = np.repeat(np.arange(len(pairs)), 2), pairs.ravel()
@@ -171,6 +189,35 @@ def _meetings(spots: Spots) -> list[tuple[int, int]]:
     return [(int(first), int(second)) for first, second in pairs[order]]
 
 
+def _ground_reach_m(spots: Spots, ground: FloatArray) -> FloatArray:
+    """Return how far (n,) from where mean rays meet the ground at points (n, 3) those of other sensors may, m."""
+    apart = ground - spots.origin_ecef_m
+    shift: FloatArray = _HIGHER_M + _SHIFT_SIGMAS * spots.sigma_rad * np.sqrt(np.sum(apart * apart, axis=1))
+    return shift / np.maximum(_sines(spots.direction_ecef, ground), _GRAZING)
+
+
+def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
+    """Return the sines (n,) of the angles at which rays meet the ground below positions (n, 3)."""
+    sine: FloatArray = -np.sum(local_axes(position_m)[:, 2] * direction, axis=1)
+    return sine
+
+
+def _near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return where (n, 3) rays are at the first height of a target, or, where they pass above it, at their lowest.
+
+    A biased ray of a target near the horizon may miss the Earth, and one of a target that rises from behind it does.
+    Rays that pass higher than any target meet nothing: nan.
+    """
+    point = intersection_with_ellipsoid(origin_m, direction, FIRST_HEIGHT_M)
+    missed = np.flatnonzero(np.isnan(point[:, 0]))
+    if len(missed):
+        ahead = np.maximum(-np.sum(origin_m[missed] * direction[missed], axis=1), 0.0)
+        lowest = origin_m[missed] + ahead[:, None] * direction[missed]
+        lawful = ecef_to_geodetic(lowest).height_m < _HIGHEST_M
+        point[missed[lawful]] = lowest[lawful]
+    return point
+
+
 def _blurred(spots: Spots) -> FloatArray:
     """Return the errors of mean rays with what motion during a spot may add."""
     return np.hypot(spots.sigma_rad, 0.1 * _SPEED_M_S / 3.6e7)
@@ -180,9 +227,7 @@ def _positions(spots: Spots, group: IntArray, count: int, sensors: IntArray) -> 
     """Return where places are: where the rays of several sensors meet, or near the ground on a single ray."""
     position = np.full((count, 3), np.nan)
     single = sensors[group] == 1
-    position[group[single]] = intersection_with_ellipsoid(
-        spots.origin_ecef_m[single], spots.direction_ecef[single], FIRST_HEIGHT_M
-    )
+    position[group[single]] = _near_ground(spots.origin_ecef_m[single], spots.direction_ecef[single])
     several = np.flatnonzero(~single)
     if len(several):
         used, place = np.unique(group[several], return_inverse=True)
@@ -195,13 +240,16 @@ def _positions(spots: Spots, group: IntArray, count: int, sensors: IntArray) -> 
 def prior_sides(begun: Beginnings) -> tuple[FloatArray, FloatArray]:
     """Return standard deviations (n, 3) of position and (n,) of speed before the first update, in local east-north-up.
 
-    A place seen by one sensor is within 30 km along the ground and 5 km in height, and slow: 400 m/s. A place seen by
-    several may be at any height, and is the faster the higher it is: 300 m/s and half as much again as a steady 20 m/s²
-    straight up would have gathered.
+    A place seen by one sensor is within 30 km along the ground and 5 km in height, and slow: 400 m/s. Where its ray
+    grazes the ground that height shifts it by more: up to 250 km along the horizon, at which the Earth's curve, too, is
+    5 km. A place seen by several may be at any height, and is the faster the higher it is: 300 m/s and half as much
+    again as a steady 20 m/s² straight up would have gathered.
     """
     height = np.maximum(ecef_to_geodetic(begun.position_ecef_m).height_m, 0.0)
     alone = begun.sensors == 1
-    place = np.where(alone[:, None], [30e3, 30e3, 5e3], [20e3, 20e3, 20e3])
+    place = np.where(alone[:, None], [30e3, 30e3, _HIGHER_M], [20e3, 20e3, 20e3])
+    shift = _HIGHER_M / np.maximum(begun.sine, _GRAZING)
+    place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
     return place, np.where(alone, 400.0, 300.0 + 1.5 * np.sqrt(40.0 * height))
 
 

@@ -42,3 +42,21 @@ def test_an_estimate_below_the_ground_ends_a_track_that_is_silent_or_sure() -> N
     assert are_low(position).all()
     assert came_down(position, covariance, np.array([False, False, True])).tolist() == [True, False, True]
     assert not came_down(position + np.array([50e3, 0.0, 0.0]), covariance, np.ones(3, dtype=bool)).any()
+
+
+def test_a_sensor_that_sees_a_launch_near_its_horizon_says_how_little_it_knows() -> None:
+    """The ray meets a height that is off by kilometres hundreds of kilometres from the target."""
+    squares = []
+    for seed in range(4):
+        looks = "sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: 160}]"
+        plan = compile_plan(
+            load_scene(SCENE, overrides=[looks, "duration_s=70", "tracker=stereo-filter", f"seed={seed}"])
+        )
+        evidence = evidence_of_run(run_of_plan(plan), plan)
+        owners = ownership(evidence)
+        target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
+        told = evidence.tracks.take(np.flatnonzero((target == 0) & (evidence.tracks.tick_s == 40.0)))
+        away = told.state - true_states(plan, np.zeros(len(told), dtype=np.int64), told.tick_s)
+        squares += nees(away, told.state_covariance).tolist()
+    assert len(squares) == 4
+    assert max(squares) < RARE

@@ -39,4 +39,24 @@ def test_scans_ten_seconds_apart(phase: str) -> None:
 def test_ticks_between_scans() -> None:
     """Nine ticks in ten have no look."""
     looks = sensors(-165.0, -105.0, period_ms=500)
-    assert tracks_a_launch(looks, "duration_s=120", "tracker={model: stereo-filter, cadence_s: 0.05}") == ([1, 1, 1], 0)
+    assert tracks_a_launch(looks, "duration_s=80", "tracker={model: stereo-filter, cadence_s: 0.05}") == ([1, 1, 1], 0)
+
+
+@pytest.mark.parametrize("biased", [(0, 30), (30, 0), (30, 30)])
+@pytest.mark.parametrize("seed", [7, 9])
+def test_a_sensor_whose_rays_graze_the_ground_sees_the_track_of_one_that_looks_from_above(
+    biased: tuple[int, int], seed: int
+) -> None:
+    """The second sees the first launch 2° above its horizon: 30 µrad shift a ray on the ground by 35 km."""
+    looks = ", ".join(
+        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias}}}"
+        for number, (slot, bias) in enumerate(zip((-150.0, 160.0), biased, strict=True))
+    )
+    told = tracks_a_launch(f"sensors=[{looks}]", "duration_s=70", f"seed={seed}", "tracker=stereo-filter")
+    assert told == ([1, 1, 1], 0)
+
+
+def test_a_target_whose_biased_rays_pass_above_the_ground_has_a_track() -> None:
+    bias = ", line_of_sight_bias_sigma_urad: 30"
+    looks = sensors(100.0, 160.0, period_ms=100, more=bias)
+    assert tracks_a_launch(looks, "duration_s=70", "seed=11", "tracker=stereo-filter") == ([1, 1, 1], 0)
