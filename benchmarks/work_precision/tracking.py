@@ -29,7 +29,8 @@ from opir_core.testing.doubles import stub_sensor
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.metrics import gospa
 from opir_core.tracking.stereo.histories import Histories
-from opir_core.tracking.stereo.tracking import Situation, StereoTracking
+from opir_core.tracking.stereo.situation import Situation
+from opir_core.tracking.stereo.tracking import StereoTracking
 from opir_core.tracking.stereo.upkeep import Roster
 
 CADENCES_S = (0.1, 1.0, 5.0, 10.0)

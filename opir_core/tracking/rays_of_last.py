@@ -1,12 +1,14 @@
 """Rays of detections, worked out once: a tracker's labels and its estimates ask for the same."""
 
 from collections.abc import Callable
+from operator import attrgetter
+from typing import Any
 
 from opir_core.records import Detections
 from opir_core.tracking.rays import Rays
 
 #: What makes detections rays.
-_SEEN = ("time_ns", "sensor", "scan", "line_of_sight_ecef", "sensor_ecef_m", "line_of_sight_sigma_rad")
+_seen = attrgetter("time_ns", "sensor", "scan", "line_of_sight_ecef", "sensor_ecef_m", "line_of_sight_sigma_rad")
 
 
 class RaysOfLast:
@@ -31,4 +33,8 @@ def _alike(one: Detections, other: Detections) -> bool:
         return True
     if len(one.time_ns) != len(other.time_ns):
         return False
-    return all(getattr(one, name).tobytes() == getattr(other, name).tobytes() for name in _SEEN)
+    return all(map(_same, _seen(one), _seen(other)))
+
+
+def _same(one: Any, other: Any) -> bool:
+    return one is other or one.tobytes() == other.tobytes()

@@ -21,19 +21,23 @@ _LEAST_WEIGHT = 1e-6
 #: A mode takes part in a mixture from this share on.
 _LEAST_SHARE = 1e-4
 
+#: Where looks can shut out coasts (`switching`), those less probable than this are not worked out, nor told of.
+SHUT_OUT = 1e-3
 
-def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float) -> Bank:
+
+def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float, least: float = 0.0) -> Bank:
     """Return a bank whose modes are mixed by the chance of having switched during a step.
 
-    `boost_s` and `coast_s` are the mean times spent in each mode, inf for one that never ends.
+    `boost_s` and `coast_s` are the mean times spent in each mode, inf for one that never ends. Coasts that are less
+    probable than `least` after the step stay as they were.
     """
     leave = _leaving(step_s, boost_s, coast_s)
     if len(bank.weight) == 1:
-        return _mixed_alone(bank, leave)
+        return _mixed_alone(bank, leave, least)
     weight, share = _shares(bank.weight, leave)
     boost, coast = (bank.boost_mean, bank.boost_root), (bank.coast_mean, bank.coast_root)
-    into_coast = (share[:, 0, 1] > _LEAST_SHARE).nonzero()[0]
-    into_boost = (share[:, 1, 0] > _LEAST_SHARE).nonzero()[0]
+    into_coast = ((share[:, 0, 1] > _LEAST_SHARE) & (weight[:, 1] >= least)).nonzero()[0]
+    into_boost = ((share[:, 1, 0] > _LEAST_SHARE) & (bank.weight[:, 1] >= SHUT_OUT)).nonzero()[0]
     if len(into_coast):
         coast = _put(coast, into_coast, _into_coast(bank.part(into_coast), share[into_coast, :, 1]))
     if len(into_boost):
@@ -41,14 +45,14 @@ def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float) -> Bank:
     return Bank(weight, *boost, *coast, bank.pace)
 
 
-def _mixed_alone(bank: Bank, leave: tuple[float, float]) -> Bank:
+def _mixed_alone(bank: Bank, leave: tuple[float, float], least: float) -> Bank:
     """Return what `mixed` does, of one track."""
     boost, coast = bank.weight[0].tolist()
     weight, into_boost, into_coast = single_modes.shared((boost, coast), leave)
     burning, coasting = (bank.boost_mean, bank.boost_root), (bank.coast_mean, bank.coast_root)
-    if into_coast[0] > _LEAST_SHARE:
+    if into_coast[0] > _LEAST_SHARE and weight[1] >= least:
         coasting = _into_coast(bank, np.array([into_coast]))
-    if into_boost[1] > _LEAST_SHARE:
+    if into_boost[1] > _LEAST_SHARE and coast >= SHUT_OUT:
         burning = _into_boost(bank, np.array([into_boost]))
     return Bank(np.array([weight]), *burning, *coasting, bank.pace)
 
@@ -83,7 +87,7 @@ def _put(
 
 def _into_coast(bank: Bank, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the coast's means and roots, of which shares (n, 2) come from boost and coast."""
-    burnt = _burnt_out(bank)
+    burnt = burnt_out(bank)
     if not np.count_nonzero(share[:, 1]):
         return burnt
     return square_root.mixed(share, (burnt[0], bank.coast_mean), (burnt[1], bank.coast_root))
@@ -95,7 +99,7 @@ def _into_boost(bank: Bank, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     return square_root.mixed(share, means, roots)
 
 
-def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
+def burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
     """Return position and velocity of boosts that ended soon after they were last seen.
 
     Of a target seen r times a second the burn ended 1/r ± 1/r after the last look. A time u after the end, velocity and
@@ -119,7 +123,7 @@ def _burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
 
 
 def _burnt_out_alone(bank: Bank) -> tuple[FloatArray, FloatArray]:
-    """Return what `_burnt_out` does, of one track."""
+    """Return what `burnt_out` does, of one track."""
     less, spread = single_modes.burnt_out(bank.pace[0].tolist(), bank.boost_mean[0, COAST : COAST + 3].tolist())
     root, size = bank.boost_root[0], bank.boost_root.shape[1]
     rows = np.zeros((1, size + 1, size + 1))

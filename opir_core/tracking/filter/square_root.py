@@ -60,7 +60,11 @@ def spread(root: FloatArray) -> FloatArray:
 
 def covariance(root: FloatArray) -> FloatArray:
     """Return the covariance (n, d, d), exactly symmetric."""
-    side = spread(root)
+    return squared(spread(root))
+
+
+def squared(side: FloatArray) -> FloatArray:
+    """Return the products A Aᵀ (n, d, d) of arrays A (n, d, m), exactly symmetric."""
     product = side @ side.transpose(0, 2, 1)
     return 0.5 * (product + product.transpose(0, 2, 1))
 

@@ -2,18 +2,24 @@
 
 Each mode is an iterated extended filter (`slice_update`); the modes interact by first and second moments
 (`mode_mixing`). The noise of a slice enters at its start, so that within the slice a target follows one smooth path.
+
+A boost that has just ended moves as a burning one but for what its last second brought: the looks of one slice are as
+likely from either, to within a seventh (measured on ICBMs from ignition to burnout). Where no sensor follows bodies,
+that a target is seen at all says far more. So a look shuts out the coast of a track that burnt before, and such a coast
+is not worked out: nothing depends on it, and the next step takes it from the boost anew.
 """
 
 from math import log
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.filter import mode_mixing, slice_update, square_root
 from opir_core.tracking.filter.bank import Bank
+from opir_core.tracking.filter.mode_mixing import SHUT_OUT
 from opir_core.tracking.filter.motion import BOOST, COAST, Dynamics
-from opir_core.tracking.filter.slice_update import Mode, Updated
+from opir_core.tracking.filter.slice_update import Mode
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Sights
 
@@ -43,17 +49,41 @@ class SwitchingFilter:
         """Return whether a target ever goes from one mode to the other."""
         return self.boost_s < np.inf or self.coast_s < np.inf
 
+    @property
+    def least_open(self) -> float:
+        """Return the weight from which on a coast stays open whatever is seen; 0 where looks shut out none."""
+        return SHUT_OUT / self.cold_chance if self.boost_s < np.inf and self.cold_chance < 1.0 else 0.0
+
     def moved(self, bank: Bank, step_s: float) -> Bank:
         """Return the bank a step later."""
-        if not len(bank.weight):
+        return self._moved(bank, step_s, 0.0) if len(bank.weight) else bank
+
+    def expected(self, bank: Bank, step_s: float) -> Bank:
+        """Return the bank a step later, but for coasts that a look would shut out: `completed` has those still open."""
+        return self._moved(bank, step_s, self.least_open) if len(bank.weight) else bank
+
+    def completed(self, bank: Bank, expected: Bank, before: Bank, step_s: float) -> Bank:
+        """Return a bank after a slice, `expected` from the one `before`, with all coasts that are still open."""
+        rows = ((bank.weight[:, 1] >= SHUT_OUT) & (expected.weight[:, 1] < self.least_open)).nonzero()[0]
+        if not len(rows):
             return bank
-        mixed = mode_mixing.mixed(bank, step_s, self.boost_s, self.coast_s) if self.switches else bank
+        burnt = mode_mixing.burnt_out(before.part(rows))
+        known = _spread(_modes_of(bank)[1], self._carried(self.coast, *burnt, np.full(len(rows), step_s)), rows)
+        return Bank(bank.weight, bank.boost_mean, bank.boost_root, *known, bank.pace)
+
+    def _moved(self, bank: Bank, step_s: float, least: float) -> Bank:
+        """Return the bank a step later; coasts that are then less probable than `least` stay as they were."""
+        mixed = mode_mixing.mixed(bank, step_s, self.boost_s, self.coast_s, least) if self.switches else bank
         boost, coast = _modes_of(mixed)
         used, steps = _in_use(bank), np.full(len(bank.weight), step_s)
         if used[0]:
             boost = self._carried(self.boost, *boost, steps)
-        if used[1]:
+        rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE
+        if len(rows) == len(steps):
             coast = self._carried(self.coast, *coast, steps)
+        elif len(rows):
+            part = coast[0][rows], coast[1][rows]
+            coast = _spread(coast, self._carried(self.coast, *part, steps[rows]), rows)
         return Bank(mixed.weight, *boost, *coast, mixed.pace)
 
     def _carried(
@@ -83,7 +113,8 @@ class SwitchingFilter:
     def _updated_alone(self, bank: Bank, time_s: float, sights: Sights, step_s: float) -> Bank:
         """Return what `updated` does, of one track."""
         every, change = list(_modes_of(bank)), [0.0, 0.0]
-        used = [number for number, weight in enumerate(bank.weight[0].tolist()) if weight > 0.0]
+        weight = bank.weight[0].tolist()
+        used = [number for number in (0, 1) if weight[number] > 0.0 and (not number or weight[1] >= self.least_open)]
         looks, silent_s = len(sights.time_s), step_s
         if looks:
             modes = [Mode((self.boost, self.coast)[number], *every[number]) for number in used]
@@ -93,7 +124,7 @@ class SwitchingFilter:
                 change[number] = float(slice_update.gained(mode, after)[0]) if len(used) == 2 else 0.0
             change[1] += log(self.cold_chance)
             silent_s = min(step_s, time_s - float(np.maximum.reduce(sights.time_s)))
-        if not self.switches and len(used) < 2:
+        if not self.switches and not all(weight):
             return Bank(bank.weight, *every[0], *every[1], bank.pace)
         both = change[0], change[1]
         weighed = mode_mixing.weighed_alone(bank, looks, silent_s, both, step_s, self.memory_s, self.pause_s)
@@ -106,16 +137,17 @@ class SwitchingFilter:
         every, change, used = list(_modes_of(bank)), np.zeros((len(bank), 2)), _in_use(bank)
         if not len(sights):
             return every[0], every[1], change
-        rows = None if np.count_nonzero(seen) == len(seen) else seen.nonzero()[0]
-        if rows is not None:
-            sights = evolve(sights, track=(np.cumsum(seen) - 1)[sights.track])
-        numbers = [number for number in (0, 1) if used[number]]
-        modes = [_mode((self.boost, self.coast)[number], *every[number], rows) for number in numbers]
-        found = slice_update.updated(modes, time_s, sights, self.rounds)
-        for number, mode, after in zip(numbers, modes, found, strict=True):
-            every[number] = _spread(every[number], after, rows)
-            if all(used):
-                change[slice(None) if rows is None else rows, number] = slice_update.gained(mode, after)
+        open_ = bank.weight[:, 1] >= self.least_open
+        for some, numbers in ((seen & open_, [number for number in (0, 1) if used[number]]), (seen & ~open_, [0])):
+            rows = _rows(some)
+            if rows is not None and not len(rows):
+                continue
+            modes = [_mode((self.boost, self.coast)[number], *every[number], rows) for number in numbers]
+            found = slice_update.updated(modes, time_s, _of_rows(sights, some, rows), self.rounds)
+            for number, mode, after in zip(numbers, modes, found, strict=True):
+                every[number] = _spread(every[number], (after.mean, after.root), rows)
+                if len(numbers) == 2:
+                    change[slice(None) if rows is None else rows, number] = slice_update.gained(mode, after)
         return every[0], every[1], change
 
     def taken_in(
@@ -142,16 +174,23 @@ class SwitchingFilter:
 
     def moments(self, bank: Bank) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity, over both modes."""
-        boost, coast = bank.weight[:, :1], bank.weight[:, 1:]
+        open_ = bank.weight[:, 1:] >= (SHUT_OUT if self.least_open else 0.0)
+        if not np.count_nonzero(open_):
+            side = square_root.spread(bank.boost_root)[:, :COAST]
+            return bank.boost_mean[:, :COAST], square_root.squared(side)
+        weight = np.where(open_, bank.weight, _BURNS)
+        boost, coast = weight[:, :1], weight[:, 1:]
         apart = bank.boost_mean[:, :COAST] - bank.coast_mean
         width = bank.boost_mean.shape[1]
         side = np.empty((len(apart), COAST, width + COAST + 1))
-        share = np.sqrt(bank.weight)[:, :, None, None]
+        share = np.sqrt(weight)[:, :, None, None]
         np.multiply(square_root.spread(bank.boost_root)[:, :COAST], share[:, 0], out=side[:, :, :width])
         np.multiply(square_root.spread(bank.coast_root), share[:, 1], out=side[:, :, width:-1])
         np.multiply(apart, np.sqrt(boost * coast), out=side[:, :, -1])
-        total = side @ side.transpose(0, 2, 1)
-        return boost * bank.boost_mean[:, :COAST] + coast * bank.coast_mean, 0.5 * (total + total.transpose(0, 2, 1))
+        return boost * bank.boost_mean[:, :COAST] + coast * bank.coast_mean, square_root.squared(side)
+
+
+_BURNS, _NONE = np.array([1.0, 0.0]), np.empty(0, dtype=np.int64)
 
 
 def _modes_of(bank: Bank) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
@@ -169,14 +208,27 @@ def _mode(motion: Dynamics, mean: FloatArray, root: FloatArray, rows: IntArray |
     return Mode(motion, mean, root) if rows is None else Mode(motion, mean[rows], root[rows])
 
 
-def _spread(
-    whole: tuple[FloatArray, FloatArray], after: Updated, rows: IntArray | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return means and roots with those of the rows that were seen replaced."""
+def _rows(some: BoolArray) -> IntArray | None:
+    """Return the rows of a mask, None for all."""
+    return None if np.count_nonzero(some) == len(some) else some.nonzero()[0]
+
+
+def _of_rows(sights: Sights, some: BoolArray, rows: IntArray | None) -> Sights:
+    """Return the sights of some rows of a bank (a mask, and its rows or None) as those of a bank of these rows."""
     if rows is None:
-        return after.mean, after.root
+        return sights
+    mine = sights.part(np.flatnonzero(some[sights.track]))
+    return mine.placed((np.cumsum(some) - 1)[mine.track])
+
+
+def _spread(
+    whole: tuple[FloatArray, FloatArray], part: tuple[FloatArray, FloatArray], rows: IntArray | None
+) -> tuple[FloatArray, FloatArray]:
+    """Return means and roots with those of some rows replaced."""
+    if rows is None:
+        return part
     mean, root = whole[0].copy(), whole[1].copy()
-    mean[rows], root[rows] = after.mean, after.root
+    mean[rows], root[rows] = part
     return mean, root
 
 

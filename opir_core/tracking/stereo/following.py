@@ -67,8 +67,8 @@ class Following:
     assigned: list[tuple[Pairs, IntArray | None, Associated]] = field(factory=list)
 
     def moved(self, bank: Bank, step_s: float) -> Bank:
-        """Return a bank a step later."""
-        return self.remembered("moved", self.filter.moved, bank, step_s)
+        """Return a bank a step later, as far as it is `expected`."""
+        return self.remembered("moved", self.filter.expected, bank, step_s)
 
     def outlook(self, bank: Bank, time_s: float) -> Outlook:
         """Return where the tracks of a bank are about its time."""

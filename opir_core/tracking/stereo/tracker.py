@@ -8,8 +8,9 @@ from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.rays_of_last import RaysOfLast
+from opir_core.tracking.stereo.situation import Situation
 from opir_core.tracking.stereo.stray_rays import SHARES, Strays
-from opir_core.tracking.stereo.tracking import Situation, StereoTracking
+from opir_core.tracking.stereo.tracking import StereoTracking
 
 
 class StereoTracker:

@@ -1,14 +1,13 @@
 """The tracker `stereo-filter`: association, track management and the switching filter, slice by slice.
 
-What is known is one frozen `Situation`; a step makes a new one. So late detections are taken in by going back to the
-situation before them and stepping forward again: the result is that of their having been in time.
+What is known is one frozen `Situation`; a step makes a new one.
 """
 
 from collections.abc import Iterator
 from math import ceil
 
 import numpy as np
-from attrs import evolve, field, frozen
+from attrs import evolve, frozen
 
 from opir_core.flight.forces import Forces, forces_of
 from opir_core.protocols import TrackerContext
@@ -20,7 +19,7 @@ from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.ground_points import GroundPoints, renewed
 from opir_core.tracking.launch_points import launches
-from opir_core.tracking.rays import Rays, no_rays, no_sights
+from opir_core.tracking.rays import Rays, no_sights
 from opir_core.tracking.stereo import upkeep
 from opir_core.tracking.stereo.contested_histories import LONGEST_S, asked, kept, slice_sights, turned
 from opir_core.tracking.stereo.following import Followed, Following
@@ -28,6 +27,7 @@ from opir_core.tracking.stereo.ghosts import RANGE_M
 from opir_core.tracking.stereo.histories import Histories, lasting_s, mean_sights
 from opir_core.tracking.stereo.history_assignment import decided
 from opir_core.tracking.stereo.report import estimates, evidence_of, free_flights, type_posterior
+from opir_core.tracking.stereo.situation import Situation
 from opir_core.tracking.stereo.stray_rays import Strays
 from opir_core.tracking.track_priors import filter_of, first_bank
 
@@ -35,27 +35,6 @@ from opir_core.tracking.track_priors import filter_of, first_bank
 _YOUNG_S = 10.0
 
 _NOBODY = np.array([-1])
-
-
-@frozen(eq=False)
-class Situation:
-    """All a tracker knows at a time: estimates, roster, recent rays that belong to no track, and the next number.
-
-    `doubtful` are the numbers of tracks that may have others' histories, and what is told of them.
-    """
-
-    time_s: float
-    bank: Bank
-    roster: upkeep.Roster
-    pool: Rays
-    reported: IntArray
-    histories: Histories = field(factory=Histories.none)
-    doubtful: tuple[IntArray, Bank] = field(factory=lambda: (np.empty(0, dtype=np.int64), Bank.empty()))
-    next_number: int = 0
-
-    def after(self, time_s: float, bank: Bank, roster: upkeep.Roster, histories: Histories) -> "Situation":
-        """Return the situation at a time with its tracks as they are then."""
-        return Situation(time_s, bank, roster, self.pool, self.reported, histories, self.doubtful, self.next_number)
 
 
 @frozen(eq=False)
@@ -92,8 +71,7 @@ class StereoTracking:
 
     def start(self) -> Situation:
         """Return the situation before the first detection."""
-        roster = upkeep.Roster.of(len(self.period_s))
-        return Situation(0.0, Bank.empty(), roster, no_rays(), np.empty(0, dtype=np.int64))
+        return Situation.first(len(self.period_s))
 
     def rays_of(self, detections: Detections) -> Rays:
         """Return the rays of detections, as uncertain as noise and biases make them."""
@@ -140,12 +118,14 @@ class StereoTracking:
         bank = self.following.moved(now.bank, span)
         histories = now.histories.moved(self.filter.moved, span)
         if not len(owner):
-            bank = self.filter.updated(bank, end_s, no_sights(), span)
-            return now.after(end_s, bank, now.roster, histories), owner
+            after = self.filter.updated(bank, end_s, no_sights(), span)
+            after = self.filter.completed(after, bank, now.bank, span)
+            return now.after(end_s, after, now.roster, histories), owner
         young = np.searchsorted(now.roster.number, histories.number)
         told = self.following.followed(bank, end_s, rays, span, young, Strays(now.roster.strays))
         roster = now.roster if told.strays is None else now.roster.with_strays(told.strays)
-        now = now.after(end_s, told.bank, roster, histories)
+        bank = self.filter.completed(told.bank, bank, now.bank, span)
+        now = now.after(end_s, bank, roster, histories)
         return self._decided(now, told, young, rays, span), told.owner
 
     def _decided(self, now: Situation, told: Followed, rows: IntArray, rays: Rays, span: float) -> Situation:

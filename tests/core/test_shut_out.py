@@ -1,0 +1,101 @@
+"""Coasts that a look shuts out are not worked out, and nobody misses them."""
+
+import numpy as np
+from attrs import evolve
+
+from opir_core.columns import names_of
+from opir_core.flight.forces import Forces
+from opir_core.tracking.filter import square_root
+from opir_core.tracking.filter.motion import COAST, Motion
+from opir_core.tracking.filter.switching import Bank, SwitchingFilter
+from opir_core.tracking.filter.thrust import THRUST, Thrust
+from opir_core.tracking.rays import Sights, axes_across, no_sights
+
+FORCES, COUNT, END_S = Forces(), 12, 40.0
+FILTER = SwitchingFilter(
+    Thrust(0.1, 30.0, 3.0, 0.002, FORCES), Motion(COAST, 0.01, FORCES), 150.0, 1000.0, cold_chance=0.01
+)
+SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def burning(coasts: float) -> Bank:
+    """Return boosts known as well as after a minute of looks, whose coasts are believed in this much."""
+    rng = np.random.default_rng(3)
+    sigma = np.repeat([150.0, 15.0, 1.0, 0.001], [3, 3, 3, 1])
+    up = np.array([0.6, 0.64, 0.48])
+    mean = np.concatenate([6.45e6 * up, 2000.0 * up, 30.0 * up, [0.01]]) + sigma * rng.normal(size=(COUNT, THRUST))
+    root = np.tile(np.diag(1.0 / sigma), (COUNT, 1, 1))
+    weight = np.tile([1.0 - coasts, coasts], (COUNT, 1))
+    pace = np.tile([200.0, 15.0, 0.05], (COUNT, 1))
+    nobody = np.full((COUNT, COAST), 1e7), np.tile(np.eye(COAST), (COUNT, 1, 1))
+    return Bank(weight, mean, root, *nobody, pace)
+
+
+def looks_at(bank: Bank, tracks: np.ndarray) -> Sights:
+    """Return a second's looks of two sensors at the boosts of tracks, one every tenth of a second."""
+    rng = np.random.default_rng(4)
+    track, time_s = np.repeat(tracks, 20), END_S - np.tile(np.repeat(np.linspace(0.9, 0.0, 10), 2), len(tracks))
+    origin = np.tile(SENSORS_M, (10 * len(tracks), 1))
+    place = FILTER.outlook(bank, END_S).positions(track, time_s)
+    apart = place - origin
+    axes = axes_across(apart / np.linalg.norm(apart, axis=1)[:, None])
+    return Sights(
+        track,
+        time_s,
+        origin,
+        axes,
+        2e-5 * rng.normal(size=(len(track), 2)),
+        np.tile(5e4 * np.eye(2), (len(track), 1, 1)),
+    )
+
+
+def rows_alike(one: Bank, other: Bank, rows: np.ndarray) -> None:
+    for name in names_of(Bank):
+        assert np.allclose(getattr(one, name)[rows], getattr(other, name)[rows], rtol=1e-12, atol=1e-300), name
+
+
+def test_silence_finds_the_coast_as_if_no_look_had_been_expected() -> None:
+    bank = burning(1e-4)
+    expected, whole = FILTER.expected(bank, 1.0), FILTER.moved(bank, 1.0)
+    for rows in (np.arange(COUNT), np.arange(1)):
+        part, moved = expected.take(rows), whole.take(rows)
+        dark = FILTER.updated(part, END_S, no_sights(), 1.0)
+        rows_alike(
+            FILTER.completed(dark, part, bank.take(rows), 1.0), FILTER.updated(moved, END_S, no_sights(), 1.0), rows
+        )
+        assert dark.weight[:, 1].min() > 0.5
+
+
+def test_of_many_tracks_those_unseen_alone_get_a_coast() -> None:
+    bank = burning(1e-4)
+    expected, whole = FILTER.expected(bank, 1.0), FILTER.moved(bank, 1.0)
+    seen = np.arange(0, COUNT, 2)
+    looks = looks_at(expected, seen)
+    after = FILTER.completed(FILTER.updated(expected, END_S, looks, 1.0), expected, bank, 1.0)
+    rows_alike(after, FILTER.updated(whole, END_S, looks, 1.0), np.arange(1, COUNT, 2))
+    assert np.all(after.coast_mean[seen] == bank.coast_mean[seen])
+    assert np.all(after.weight[seen, 1] < 1e-3)
+    mean, covariance = FILTER.moments(after)
+    assert np.array_equal(mean[seen], after.boost_mean[seen, :COAST])
+    told = square_root.covariance(after.boost_root)[seen, :COAST, :COAST]
+    assert np.allclose(covariance[seen], told, rtol=1e-9)
+
+
+def test_looks_of_a_second_do_not_tell_a_boost_from_one_just_ended() -> None:
+    """What the coast is shut out for: that a target is seen tells, and where it is seen does not."""
+    whole = FILTER.moved(burning(1e-4), 1.0)
+    looks = looks_at(whole, np.arange(COUNT))
+    log = [
+        FILTER.taken_in(motion, mean, root, END_S, looks)[2]
+        for motion, mean, root in (
+            (FILTER.boost, whole.boost_mean, whole.boost_root),
+            (FILTER.coast, whole.coast_mean, whole.coast_root),
+        )
+    ]
+    assert np.all(np.abs(log[0] - log[1]) < 0.5)
+
+
+def test_where_sensors_follow_bodies_no_coast_is_shut_out() -> None:
+    bank, follows = burning(1e-4), evolve(FILTER, cold_chance=1.0)
+    expected, whole = follows.expected(bank, 1.0), follows.moved(bank, 1.0)
+    rows_alike(expected, whole, np.arange(COUNT))
