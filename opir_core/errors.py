@@ -5,7 +5,9 @@ A message names the place (a scene path, a component and whose it is, a sink) an
 
 from collections.abc import Iterable, Sequence
 from errno import ENOSPC
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from attrs import frozen
 
@@ -39,6 +41,10 @@ class SceneError(OpirError):
         count = len(self.problems)
         head = f"{source}: {count} problem{'s' if count != 1 else ''}"
         super().__init__("\n".join([head, *(f"  {problem}" for problem in self.problems)]))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how the error is made anew in another process."""
+        return partial(SceneError, source=self.source), (self.problems,)
 
 
 class PluginError(OpirError):

@@ -21,6 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--runs", metavar="N", type=int, default=20, help="runs of each, with seeds from the scene's on"
     )
+    parser.add_argument(
+        "--workers", metavar="N", type=int, default=1, help="processes that run at once, beside which times are longer"
+    )
     add_overrides(parser)
     add_settings(parser)
 
@@ -35,6 +38,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.runs < 1:
         complaint = f"{arguments.runs} is not a number of runs; give 1 or more"
         raise SceneError([Problem("--runs", complaint)], source="command line")
+    if arguments.workers < 1:
+        complaint = f"{arguments.workers} is not a number of processes; give 1 or more"
+        raise SceneError([Problem("--workers", complaint)], source="command line")
     with run_progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
         cards = compared(
             arguments.scene,
@@ -42,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
             runs=arguments.runs,
             overrides=arguments.overrides,
             settings=settings_of(arguments),
+            workers=arguments.workers,
             on_run=on_run,
         )
     plain = {name: card.as_plain() for name, card in cards.items()}

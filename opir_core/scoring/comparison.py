@@ -4,20 +4,20 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
+from typing import NamedTuple
 
 from attrs import evolve
 
-from opir_core.errors import Problem, SceneError
-from opir_core.plan import Plan, compile_plan
+from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.plan import compile_plan
 from opir_core.plugin.host import Host
 from opir_core.protocols import Tracker
 from opir_core.reading import load_scene
 from opir_core.records import Detections, IntArray, Tracks
 from opir_core.run import run_of_plan
 from opir_core.scene import Scene
-from opir_core.scoring.evidence import Evidence, evidence_of_run
-from opir_core.scoring.scorecard import USUAL_SETTINGS, Scorecard, ScoreSettings, scorecard
+from opir_core.scoring.evidence import evidence_of_run
+from opir_core.scoring.scorecard import USUAL_SETTINGS, JudgedRun, Scorecard, ScoreSettings, judged_run, scorecard_of
 
 
 class TimedTracker:
@@ -57,21 +57,28 @@ def compared(
     runs: int,
     overrides: Sequence[str] = (),
     settings: ScoreSettings = USUAL_SETTINGS,
+    workers: int = 1,
     on_run: Callable[[str, int], None] = lambda _tracker, _number: None,
 ) -> Mapping[str, Scorecard]:
     """Return the scorecard of each tracker over `runs` runs of a scene file; run k has the scene's seed plus k.
 
     `trackers` are what a scene may write after `tracker:`; None takes the scene's own. A scene without a tracker, and
-    no tracker given, is a `SceneError`. `on_run` is told of each run that is done: whose, and how many now.
+    no tracker given, is a `SceneError`. With several `workers` so many processes run at once, started anew: a script
+    that asks for them does so under `if __name__ == "__main__":`. Figures do not depend on their number, but for times.
+    `on_run` is told of each run that is done: whose, and how many now.
     """
     host = Host.discover()
     named = list(dict.fromkeys(trackers)) if trackers else [None]
     # All are read before any is run: what is wrong with the last is told at once.
-    scenes = [_scene(path, name, overrides, host) for name in named]
-    cards = {}
-    for name, scene in zip(named, scenes, strict=True):
-        label = name or scene.tracker.name
-        cards[label] = scorecard(_evidences(scene, runs, host, partial(on_run, label)), settings)
+    scenes = {name or scene.tracker.name: scene for name in named for scene in [_scene(path, name, overrides, host)]}
+    tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
+    found, cards = _all_judged(tasks, workers, host), {}
+    for label in scenes:
+        judged = []
+        for number in range(runs):
+            judged.append(next(found))
+            on_run(label, number + 1)
+        cards[label] = scorecard_of(judged, settings)
     return cards
 
 
@@ -85,13 +92,33 @@ def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) ->
     return scene
 
 
-def _evidences(scene: Scene, runs: int, host: Host, on_run: Callable[[int], None]) -> Iterator[Evidence]:
-    for number in range(runs):
-        yield _evidence(compile_plan(evolve(scene, seed=scene.seed + number), host))
-        on_run(number + 1)
+class _Task(NamedTuple):
+    """A run to judge: the scene, the number of the run, and how."""
+
+    scene: Scene
+    number: int
+    settings: ScoreSettings
 
 
-def _evidence(plan: Plan) -> Evidence:
+def _all_judged(tasks: Sequence[_Task], workers: int, host: Host) -> Iterator[JudgedRun]:
+    """Yield what is found in runs, in their order, so many at once."""
+    if min(workers, len(tasks)) < 2:
+        yield from (_judged(task, host) for task in tasks)
+        return
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+    from multiprocessing import get_context
+
+    # Not forked: other threads, such as a progress bar's, may hold locks.
+    with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=get_context("spawn")) as pool:
+        try:
+            yield from pool.map(_judged, tasks)
+        except BrokenProcessPool as error:
+            raise OpirError("a worker's process ended before its run did; give fewer workers more memory") from error
+
+
+def _judged(task: _Task, host: Host | None = None) -> JudgedRun:
+    plan = compile_plan(evolve(task.scene, seed=task.scene.seed + task.number), host)
     timed = TimedTracker(plan.tracker)
     run = run_of_plan(evolve(plan, tracker=timed))
-    return evidence_of_run(run, plan, timed.seconds)
+    return judged_run(evidence_of_run(run, plan, timed.seconds), task.settings)

@@ -53,26 +53,10 @@ class Scorecard:
         return plain(self.figures)
 
 
-def scorecard(evidences: Iterable[Evidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
-    """Return the scorecard of runs of one scene and one tracker; runs are looked at one at a time."""
-    judged = [_judged(evidence, settings) for evidence in evidences]
-    geometry = {name: _geometry(judged, *seen, settings) for name, seen in GEOMETRIES.items()}
-    biased = any(each.is_biased for each in judged)
-    return Scorecard(
-        {
-            "runs": len(judged),
-            "seeds": [each.seed for each in judged],
-            "sensors_biased": biased,
-            **_counts(judged),
-            **geometry,
-            "gospa": _gospa(judged, settings),
-            **_types_told(judged),
-        }
-    )
-
-
 @frozen(eq=False)
-class _Judged:
+class JudgedRun:
+    """What was found in one run: errors row by row, and counts."""
+
     seed: int
     is_biased: bool
     states: StateErrors
@@ -88,9 +72,32 @@ class _Judged:
     tracking_s: float
 
 
-def _judged(evidence: Evidence, settings: ScoreSettings) -> _Judged:
+def scorecard(evidences: Iterable[Evidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
+    """Return the scorecard of runs of one scene and one tracker; runs are looked at one at a time."""
+    return scorecard_of([judged_run(evidence, settings) for evidence in evidences], settings)
+
+
+def scorecard_of(judged: Sequence[JudgedRun], settings: ScoreSettings) -> Scorecard:
+    """Return the scorecard of runs that were judged, each with the same settings."""
+    geometry = {name: _geometry(judged, *seen, settings) for name, seen in GEOMETRIES.items()}
+    biased = any(each.is_biased for each in judged)
+    return Scorecard(
+        {
+            "runs": len(judged),
+            "seeds": [each.seed for each in judged],
+            "sensors_biased": biased,
+            **_counts(judged),
+            **geometry,
+            "gospa": _gospa(judged, settings),
+            **_types_told(judged),
+        }
+    )
+
+
+def judged_run(evidence: Evidence, settings: ScoreSettings) -> JudgedRun:
+    """Return what is found in a run."""
     owners = ownership(evidence)
-    return _Judged(
+    return JudgedRun(
         seed=evidence.plan.scene.seed,
         is_biased=evidence.plan.bias is not None,
         states=state_errors(evidence, owners),
@@ -118,7 +125,7 @@ def _types(evidence: Evidence, owners: Ownership) -> FloatArray:
     return count
 
 
-def _counts(judged: Sequence[_Judged]) -> dict[str, Any]:
+def _counts(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     launches = sum(each.launches for each in judged)
     tracks, completeness, first_track_s = (
         np.concatenate([getattr(each.coverage, name) for each in judged])
@@ -137,13 +144,13 @@ def _counts(judged: Sequence[_Judged]) -> dict[str, Any]:
     }
 
 
-def _pace(judged: Sequence[_Judged], count: Sequence[int]) -> dict[str, Any]:
+def _pace(judged: Sequence[JudgedRun], count: Sequence[int]) -> dict[str, Any]:
     """Return the time of tracking a count, µs, over runs."""
     taken = np.array([each.tracking_s for each in judged])
     return mean(1e6 * taken / np.maximum(np.array(count), 1))
 
 
-def _geometry(judged: Sequence[_Judged], is_stereo: bool, is_biased: bool, settings: ScoreSettings) -> dict[str, Any]:
+def _geometry(judged: Sequence[JudgedRun], is_stereo: bool, is_biased: bool, settings: ScoreSettings) -> dict[str, Any]:
     """Return the figures of the targets that one sensor saw, or several, none of them with a bias, or some."""
     states = StateErrors.concatenate(each.states for each in judged)
     points = PointErrors.concatenate(each.points for each in judged)
@@ -220,7 +227,7 @@ def _last_of_each(states: StateErrors) -> BoolArray:
     return np.append(changes, True)
 
 
-def _gospa(judged: Sequence[_Judged], settings: ScoreSettings) -> dict[str, Any]:
+def _gospa(judged: Sequence[JudgedRun], settings: ScoreSettings) -> dict[str, Any]:
     """Return the distances, averaged over the ticks of a run, and their parts, which are p-th powers."""
     means = np.array([mean_gospa(each.gospa_parts, settings.order) for each in judged]).reshape(-1, 5)
     names = ("mean_m", "a_target_m", "localisation_a_target", "missed_a_target", "false_a_target")
@@ -232,7 +239,7 @@ def _gospa(judged: Sequence[_Judged], settings: ScoreSettings) -> dict[str, Any]
     }
 
 
-def _types_told(judged: Sequence[_Judged]) -> dict[str, Any]:
+def _types_told(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     """Return the share of types told right, and the confusion matrix."""
     count = sum((each.confusion for each in judged), np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES))))
     right = sum(int(count[row, REPORTED_TYPES.index(true)]) for row, true in enumerate(TARGET_TYPES))

@@ -187,7 +187,7 @@ def test_a_boost_is_followed_for_as_long_as_its_jerk_leaves_it_smooth() -> None:
 
 
 def test_tracks_that_no_history_fits_are_told_with_numbers() -> None:
-    """Nine launches from a patch of 8 km: of a ring of tracks none of which its histories fit, one is left with none."""
+    """Nine launches from a patch of 8 km: of a ring of tracks that no histories fit, one is left with none."""
     sensors = [
         {"model": "generic-scanner", "id": "A", "orbital_slot_deg": -135.0},
         {"model": "generic-scanner", "id": "B", "orbital_slot_deg": -90.0},

@@ -1,13 +1,16 @@
 """Runs are scored from memory and from files alike, compared, and refused where there is nothing to judge."""
 
 import json
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
 from scored_scene import SCENE
 
 from opir_core.cli import main
-from opir_core.errors import OpirError, SceneError
+from opir_core.errors import OpirError, Problem, SceneError
 from opir_core.plan import compile_plan
 from opir_core.reading import scene_from_mapping
 from opir_core.run import run_of_plan
@@ -138,6 +141,40 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
         assert figure in told
 
 
+def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys):
+    path, told = tmp_path / "scene.yaml", []
+    path.write_text(json.dumps({**SCENE, "duration_s": 40.0}))
+    for workers in ("1", "2"):
+        words = ["compare", str(path), "--tracker", "stereo-filter", "--tracker", "kepler-arc", "--runs", "2", "--json"]
+        assert main([*words, "--workers", workers]) == 0
+        cards = json.loads(capsys.readouterr().out)
+        for card in cards.values():
+            assert card.pop("tracking_us_a_detection")["value"] > 0.0
+            assert card.pop("tracking_us_a_track_update")["value"] > 0.0
+        told.append(cards)
+    assert told[0] == told[1]
+    assert list(told[0]) == ["stereo-filter", "kepler-arc"]
+    assert told[0]["kepler-arc"]["seeds"] == [SCENE["seed"], SCENE["seed"] + 1]
+
+
+def test_an_error_crosses_processes_whole():
+    error = SceneError([Problem("targets[0]", "wrong"), Problem("", "more")], source="here.yaml")
+    again = pickle.loads(pickle.dumps(error))
+    assert (str(again), again.problems, again.source) == (str(error), error.problems, error.source)
+
+
+def test_a_process_that_dies_is_told_in_a_line(tmp_path, capsys, monkeypatch):
+    def died(*_arguments):
+        raise BrokenProcessPool
+
+    monkeypatch.setattr(ProcessPoolExecutor, "map", died)
+    (tmp_path / "scene.yaml").write_text(json.dumps(SCENE))
+    assert main(["compare", str(tmp_path / "scene.yaml"), "--runs", "2", "--workers", "2"]) == 1
+    told = capsys.readouterr().err
+    assert "a worker's process ended before its run did; give fewer workers more memory" in told
+    assert "Traceback" not in told
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -146,6 +183,7 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
             ["compare", "SCENE", "--tracker", "none", "--runs", "1"],
             "none makes no tracks to judge; name those that do with --tracker",
         ),
+        (["compare", "SCENE", "--workers", "0"], "--workers: 0 is not a number of processes; give 1 or more"),
         (["compare", "SCENE", "--alpha", "3"], "--alpha: must be in (0, 2]"),
         (["compare", "SCENE", "--order", "300"], "--order: too large"),
         (["compare", "SCENE", "--bin-s", "inf"], "--bin-s: must be at least 0.01 and finite"),
