@@ -4,7 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.flight.forces import Forces
+from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.records import FloatArray
 from opir_core.tracking.rays import turned
@@ -25,24 +27,64 @@ class GroundPoints(NamedTuple):
 #: Impacts are worked out to within this, m: they are known to hundreds of metres at best.
 _CLOSE_M = 1.0
 
+#: What fell below the ground is followed back to this high above it, m.
+_CLEAR_M = 10.0
+
+#: No less than gravity's acceleration at the ground, and for some tens of kilometres below it, m/s².
+_GRAVITY_M_S2 = 10.0
+
 
 def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Forces) -> GroundPoints:
     """Return where free flights from inertial states (n, 6) come down.
 
     The point is that of the mean under `forces`. The covariance is spread through two-body arcs by central differences,
-    one standard deviation either way: their partials differ from those under `forces` by parts in a thousand.
+    one standard deviation either way: their partials differ from those under `forces` by parts in a thousand. What is
+    below the ground already came down before `time_s`. nan in all of a point where one of these arcs does not come
+    down: how sure it is then cannot be said.
     """
     points = GroundPoints.nowhere(len(state))
     if not len(state):
         return points
     side = np.linalg.cholesky(covariance).transpose(0, 2, 1)
-    flight, fell = _fallen(state[:, None] + np.concatenate([np.zeros_like(side[:, :1]), side, -side], axis=1), forces)
+    every, since_s = _above(state[:, None] + np.concatenate([np.zeros_like(side[:, :1]), side, -side], axis=1))
+    flight, fell = _fallen(every, forces)
+    flight, fell = _known(flight, fell)
+    flight = flight - since_s[:, None]
     when = time_s + flight
     ground, landed = turned(fell[:, 0], -when[:, 0]), turned(fell[:, 1:].reshape(-1, 3), -when[:, 1:].ravel())
     landed = landed.reshape(-1, 2, 6, 3)
     plane = 0.5 * (landed[:, 0] - landed[:, 1]) @ local_axes(ground)[:, :2].transpose(0, 2, 1)
     later = 0.5 * (flight[:, 1:7] - flight[:, 7:])
     return _told(ground, when[:, 0], np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
+
+
+def _above(state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return states (n, k, 6) of a time at which none that fell below the ground was there yet, and how long ago, (n,).
+
+    A fall through the ground is followed back to above it as if gravity, all of it downwards, were harder than it is:
+    so the way back is not taken for too short. The others of a row go with it.
+    """
+    place, speed = state[:, :, :3], state[:, :, 3:]
+    if np.min(np.sum(place * place, axis=2)) > EARTH_EQUATORIAL_RADIUS_M**2:
+        return state, np.zeros(len(state))
+    height_m = ecef_to_geodetic(place).height_m
+    low = height_m < 0.0
+    fall_m_s = -np.sum(local_axes(place)[:, :, 2] * speed, axis=2)
+    climb_m = _CLEAR_M - height_m
+    root = fall_m_s**2 - 2.0 * _GRAVITY_M_S2 * climb_m
+    fell = low & (fall_m_s > 0.0) & (root > 0.0)
+    back_s = np.where(fell, 2.0 * climb_m / (fall_m_s + np.sqrt(np.where(fell, root, 1.0))), 0.0)
+    since_s: FloatArray = back_s.max(axis=1)
+    rows = np.flatnonzero(since_s)
+    earlier = state.copy()
+    earlier[rows] = np.concatenate(propagate_kepler(place[rows], speed[rows], -since_s[rows, None]), axis=2)
+    return earlier, since_s
+
+
+def _known(flight_s: FloatArray, fell: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times (n, k) and points (n, k, 3), nan in all of a row of which any does not come down."""
+    known = np.asarray(np.isfinite(flight_s).all(axis=1))
+    return np.where(known[:, None], flight_s, np.nan), np.where(known[:, None, None], fell, np.nan)
 
 
 def _fallen(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:

@@ -5,6 +5,7 @@ import pytest
 
 from opir_core.flight.forces import J2, Forces
 from opir_core.flight.impact_event import impact
+from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 from opir_core.scene import REPORTED_TYPES
 from opir_core.testing.doubles import stub_sensor
@@ -35,6 +36,32 @@ def test_impacts_spread_as_a_cloud_of_states_does(forces: Forces) -> None:
     exact, there = impact(STATE[:3], STATE[3:], forces=forces)
     where = ecef_to_geodetic(turned(there[None], -(time_s + np.atleast_1d(exact))))
     assert points.place[0] == pytest.approx([where.latitude_rad[0], where.longitude_rad[0], time_s + float(exact)])
+
+
+@pytest.mark.parametrize("since_s", [-0.05, 0.05, 1.0, 5.0, 12.0])
+def test_the_impact_of_what_has_come_down_is_where_it_came_down(since_s: float) -> None:
+    """Below the ground the arc goes on through the Earth; the place it came down at stays, and how surely."""
+    covariance, kepler = np.diag(np.repeat([300.0, 2.0], 3) ** 2)[None], Forces(zonal=())
+    flight, fell = impact(STATE[:3], STATE[3:], forces=kepler)
+    after = np.concatenate(propagate_kepler(STATE[:3], STATE[3:], flight + since_s))
+    told = impacts(after[None], covariance, 50.0 + float(flight) + since_s, kepler)
+    where = ecef_to_geodetic(turned(fell[None], -(50.0 + np.atleast_1d(flight))))
+    assert told.place[0, :2] == pytest.approx([where.latitude_rad[0], where.longitude_rad[0]], abs=1e-12)
+    assert told.place[0, 2] == pytest.approx(50.0 + float(flight), abs=1e-6)
+    before = np.concatenate(propagate_kepler(STATE[:3], STATE[3:], flight - 1.0))
+    there = impacts(before[None], covariance, 49.0 + float(flight), kepler).covariance
+    assert told.covariance == pytest.approx(there, rel=0.02)
+
+
+def test_no_impact_is_told_without_how_sure_it_is() -> None:
+    """Where a standard deviation of speed makes an orbit of a fall, some of what the state may be never comes down."""
+    state = np.array([7.0e6, 0.0, 0.0, 0.0, 6800.0, 0.0])
+    covariance = np.diag(np.repeat([1e3, 1.5e3], 3) ** 2)
+    told = impacts(np.stack([state, STATE]), np.stack([covariance, np.diag(np.repeat([300.0, 2.0], 3) ** 2)]), 0.0, J2)
+    assert np.isnan(told.place[0]).all()
+    assert np.isnan(told.covariance[0]).all()
+    assert np.isfinite(told.place[1]).all()
+    assert np.isfinite(told.covariance[1]).all()
 
 
 SITE = geodetic_to_ecef(np.radians(5.0), np.radians(20.0), 0.0)
