@@ -46,6 +46,15 @@ def height_and_climb(position: Rows, velocity: Rows, inverse_radius: Column) -> 
     return height, climb
 
 
+def height_and_up(position: Rows, inverse_radius: Column) -> tuple[Column, Rows]:
+    """Return heights (n,), m, and the directions (3, n) in which they grow, to 1e-7 rad."""
+    height, stretched_z, inverse_norm = _height_and_normal(position, inverse_radius)
+    up = position.copy()
+    up[2] = stretched_z
+    up *= inverse_norm
+    return height, up
+
+
 def _height_and_normal(position: Rows, inverse_radius: Column) -> tuple[Column, Column, Column]:
     x, y, z = position
     stretched_z = z / _flattening_factor(z, inverse_radius)

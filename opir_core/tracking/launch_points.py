@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry import Geodetic, east_north_up_axes, ecef_to_geodetic
-from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.filter.motion import BOOST, followed, weights_at
+from opir_core.flight.ellipsoidal_height import height_and_up
+from opir_core.geometry.ellipsoid import WGS84
+from opir_core.records import FloatArray
+from opir_core.tracking.filter.motion import weights_at
 from opir_core.tracking.ground_points import GroundPoints
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import turned
 
 #: A launch is sought so long before the first look that saw it, s, at so many times, denser towards that look. The
 #: class profiles reach 10 km after 34 to 51 s, and 20 km, the highest top of a cloud, after 49 to 73 s.
@@ -30,9 +30,6 @@ _SITE_M, _REST_M_S = 100.0, 1.0
 #: A start from rest that no time explains better than this squared distance (4 degrees of freedom) did not happen.
 _LAUNCHED = 25.0
 
-#: Times less probable than this are left at the Earth's centre: its distance squared times this is below 1e-10 m².
-_LEAST_CHANCE = 1e-24
-
 #: The times before the first look stand for the stretches between these edges, s.
 _EDGES_S = _BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
 _MIDDLES_S, _WIDTHS_S = 0.5 * (_EDGES_S[1:] + _EDGES_S[:-1]), np.diff(_EDGES_S)
@@ -40,10 +37,8 @@ _MIDDLES_S, _WIDTHS_S = 0.5 * (_EDGES_S[1:] + _EDGES_S[:-1]), np.diff(_EDGES_S)
 #: The chance beforehand that a launch was seen late, and lies in each of them.
 _LATER = (1.0 - _AT_ONCE) * _WIDTHS_S / _BEFORE_S
 
-#: The covariance of the height of a site, m², and of the velocity of what stands there, m²/s².
-_AT_REST = np.diag(np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S]))
-
-_SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+#: The variances of the height of a site, m², and of the velocity of what stands there, m²/s².
+_AT_REST = np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S])
 
 
 def launches(
@@ -56,51 +51,29 @@ def launches(
     and covariance are those of the mixture over times. `biased` (n, 3, 3) is what sensors' biases add to the covariance
     of the position, all along the path.
     """
-    points, count = GroundPoints.nowhere(len(outlook.side)), len(outlook.side)
+    count = len(outlook.side)
     if not count:
-        return points
-    track = np.repeat(np.arange(count), _TIMES)
+        return GroundPoints.nowhere(0)
     when = (first_s[:, None] - _MIDDLES_S).ravel()
-    starts = _from_rest(outlook, track, when, noise, biased)
-    misfit, log = starts.misfit, starts.log
+    starts = _from_rest(outlook, when, noise, biased)
     soon = -np.diff(np.exp(-_EDGES_S / pause_s[:, None]), axis=1)
-    log = (log - 0.5 * misfit).reshape(count, _TIMES)
+    log = (starts.log - 0.5 * starts.misfit).reshape(count, _TIMES)
     log += np.log(_AT_ONCE * soon + _LATER)
     chance = np.exp(log - log.max(axis=1, keepdims=True))
     chance /= chance.sum(axis=1, keepdims=True)
-    known = np.flatnonzero(misfit.reshape(count, _TIMES).min(axis=1) < _LAUNCHED)
-    told = _blended(*_places(starts, when, np.flatnonzero(chance > _LEAST_CHANCE)), when, chance)
-    told[1][:, 2, 2] += np.sum(chance * _WIDTHS_S**2, axis=1) / 12.0
-    points.place[known], points.covariance[known] = told[0][known], told[1][known]
-    return points
-
-
-def _from_rest(
-    outlook: Outlook, track: IntArray, when: FloatArray, noise: float, biased: FloatArray | None
-) -> "_Starts":
-    """Return what starts from rest at times (m,) say."""
-    weight = weights_at(when - outlook.time_s)
-    path = outlook.derivative.take(track, axis=0)
-    position, velocity = followed(path, weight), _speeds(path, weight)
-    ground = ecef_to_geodetic(turned(position, -when))
-    up = _up(ground, when)
-    covariance = _covariances(outlook, weight, noise * noise, outlook.time_s - when)
-    if biased is not None:
-        covariance[:, :3, :3] += biased[track]
-    off = np.concatenate([ground.height_m[:, None], velocity - position @ _SPIN.T], axis=1)
-    crossed = _gained(covariance, up)
-    spread = _gained(crossed.transpose(0, 2, 1), up) + _AT_REST
-    side = np.linalg.cholesky(spread)
-    white = _forward(side, np.concatenate([crossed[:, :, :3], off[:, :, None]], axis=2))
-    log = -np.log(np.diagonal(side, axis1=1, axis2=2)).sum(axis=1)
-    return _Starts(position, covariance[:, :3, :3], white, np.sum(white[:, :, 3] ** 2, axis=1), log)
+    place, covariance = _blended(*_places(starts, when), when, chance)
+    covariance[:, 2, 2] += chance @ (_WIDTHS_S**2 / 12.0)
+    nowhere = starts.misfit.reshape(count, _TIMES).min(axis=1) >= _LAUNCHED
+    if np.count_nonzero(nowhere):
+        place[nowhere], covariance[nowhere] = np.nan, np.nan
+    return GroundPoints(place, covariance)
 
 
 class _Starts(NamedTuple):
-    """Paths at times (m,): place and its covariance, inertial, what a start from rest says of it, whitened (m, 4, 4).
+    """Paths at times (m,): place (3, m) and its covariance (3, 3, m), inertial, and what a start from rest says of it.
 
-    The first three columns of `white` are of the place, the last is what is off; `misfit` (m,) is the squared distance
-    of a start from rest, `log` (m,) that of its density.
+    That is whitened, `white` (4, 4, m): the first three columns are of the place, the last is what is off; `misfit`
+    (m,) is the squared distance of a start from rest, `log` (m,) that of its density.
     """
 
     place: FloatArray
@@ -110,83 +83,103 @@ class _Starts(NamedTuple):
     log: FloatArray
 
 
-def _places(starts: _Starts, when: FloatArray, some: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return ECEF places (m, 3) and covariances (m, 3, 3) of some starts; the others are left at the Earth's centre."""
-    places, covariances = np.zeros((len(when), 3)), np.zeros((len(when), 3, 3))
-    white, turn = starts.white[some], _turns(-when[some])
-    place = starts.place[some] - np.sum(white[:, :, :3] * white[:, :, 3:], axis=1)
-    left = starts.covariance[some] - white[:, :, :3].transpose(0, 2, 1) @ white[:, :, :3]
-    places[some] = turned(place, -when[some])
-    covariances[some] = turn @ left @ turn.transpose(0, 2, 1)
-    return places, covariances
+def _from_rest(outlook: Outlook, when: FloatArray, noise: float, biased: FloatArray | None) -> _Starts:
+    """Return what starts from rest at times (m,), as many of each track in turn, say."""
+    count = len(outlook.side)
+    weight = weights_at(when - outlook.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
+    path = outlook.derivative.transpose(0, 2, 1)
+    place, velocity = _rows(path @ weight), _rows(path[:, :, 1:] @ weight[:, :4])
+    covariance = _covariances(outlook, weight)
+    _add_noise(covariance, noise * noise, outlook.time_s - when)
+    if biased is not None:
+        covariance[:3, :3] += np.repeat(biased.transpose(1, 2, 0), _TIMES, axis=2)
+    height, up = height_and_up(place, 1.0 / np.sqrt(np.add.reduce(place * place)))
+    state = np.concatenate([place, velocity])[:, None]
+    crossed = _gained(covariance, up)
+    told = np.concatenate([_gained(crossed.transpose(1, 0, 2), up), crossed[:, :3], _gained(state, up)], axis=1)
+    told[0, -1] = height
+    log = _whitened(told)
+    white = told[:, 4:]
+    return _Starts(place, covariance[:3, :3], white, np.add.reduce(white[:, 3] * white[:, 3]), log)
+
+
+def _whitened(rows: FloatArray) -> FloatArray:
+    """Make of rows [S | B] (4, 4 + c, m) L⁻¹ B, with L Lᵀ = S + the covariance at rest, and return -log det L (m,).
+
+    In place; what is left of S is of no use. No pivot is less than one of those at rest alone.
+    """
+    log = np.zeros(rows.shape[2])
+    for k, at_rest in enumerate(_AT_REST.tolist()):
+        pivot = np.sqrt(np.maximum(rows[k, k] + at_rest, _LEAST_PIVOT))
+        log -= np.log(pivot)
+        rows[k, k + 1 :] /= pivot
+        rows[k + 1 :, k + 1 :] -= rows[k, k + 1 : 4, None] * rows[k, None, k + 1 :]
+    return log
+
+
+_LEAST_PIVOT = _REST_M_S**2
+
+
+def _places(starts: _Starts, when: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ECEF places (3, m) and covariances (3, 3, m) of starts from rest."""
+    white, off = starts.white[:, :3], starts.white[:, 3]
+    place = starts.place - np.add.reduce(white * off[:, None])
+    left = starts.covariance - np.add.reduce(white[:, :, None] * white[:, None])
+    angle = EARTH_ROTATION_RAD_S * when
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return _turned(place, sine, cosine), _turned(_turned(left, sine, cosine).swapaxes(0, 1), sine, cosine)
+
+
+def _turned(rows: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArray:
+    """Return rows x, y, z (3, ..., m) turned backwards about z."""
+    turned = rows.copy()
+    turned[0] = cosine * rows[0] + sine * rows[1]
+    turned[1] = cosine * rows[1] - sine * rows[0]
+    return turned
 
 
 def _gained(rows: FloatArray, up: FloatArray) -> FloatArray:
-    """Return what heights (m, 1) and velocities over the ground (m, 3) gain, (m, 4, c), by rows (m, 6, c) of states."""
-    gained = np.empty((len(rows), 4, rows.shape[2]))
-    gained[:, 0] = (up[:, None] @ rows[:, :3])[:, 0]
-    gained[:, 1:] = rows[:, 3:]
-    gained[:, 1] += EARTH_ROTATION_RAD_S * rows[:, 1]
-    gained[:, 2] -= EARTH_ROTATION_RAD_S * rows[:, 0]
+    """Return what heights and velocities over the ground gain, (4, c, m), by rows (6, c, m) of states; `up` (3, m)."""
+    gained = np.empty((4, *rows.shape[1:]))
+    gained[0] = up[0] * rows[0] + up[1] * rows[1] + up[2] * rows[2]
+    gained[1:] = rows[3:]
+    gained[1] += EARTH_ROTATION_RAD_S * rows[1]
+    gained[2] -= EARTH_ROTATION_RAD_S * rows[0]
     return gained
 
 
-def _forward(side: FloatArray, right: FloatArray) -> FloatArray:
-    """Return the solutions (m, k, c) of lower triangular systems (m, k, k), row by row."""
-    found = right.copy()
-    for row in range(side.shape[1]):
-        for known in range(row):
-            found[:, row] -= side[:, row, known, None] * found[:, known]
-        found[:, row] /= side[:, row, row, None]
-    return found
+def _rows(each: FloatArray) -> FloatArray:
+    """Return rows (c, m) of what is known of each track in turn (n, c, t)."""
+    return np.ascontiguousarray(each.transpose(1, 0, 2)).reshape(each.shape[1], -1)
 
 
-def _speeds(path: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return velocities (m, 3) from derivatives (m, 5, 3) of positions and weights of times (m, 5)."""
-    velocity = path[:, 1].copy()
-    for order in range(2, 5):
-        velocity += path[:, order] * weight[:, order - 1, None]
-    return velocity
+def _covariances(outlook: Outlook, weight: FloatArray) -> FloatArray:
+    """Return the covariances (6, 6, m) of position and velocity at times of weights (n, 5, t).
 
-
-def _up(ground: Geodetic, when: FloatArray) -> FloatArray:
-    """Return the inertial directions (m, 3) in which height grows."""
-    east = ground.longitude_rad + EARTH_ROTATION_RAD_S * when
-    level = np.cos(ground.latitude_rad)
-    return np.stack([level * np.cos(east), level * np.sin(east), np.sin(ground.latitude_rad)], axis=1)
-
-
-def _turns(time_s: FloatArray) -> FloatArray:
-    """Return the matrices (m, 3, 3) that turn ECEF vectors into the inertial frame at scene times (m,)."""
-    angle = EARTH_ROTATION_RAD_S * time_s
-    turn = np.zeros((len(angle), 3, 3))
-    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
-    turn[:, 1, 0], turn[:, 2, 2] = np.sin(angle), 1.0
-    turn[:, 0, 1] = -turn[:, 1, 0]
-    return turn
-
-
-def _covariances(outlook: Outlook, weight: FloatArray, intensity: float, span_s: FloatArray) -> FloatArray:
-    """Return the covariances (m, 6, 6) of position and velocity at earlier times, with the noise gathered since.
-
-    `weight` (m, 5) are those of the times, as many of each track in turn.
+    Each is a sum of products of two weights; rounding is of the largest one's size.
     """
-    blocks = outlook.side.reshape(-1, 1, 4, 3, BOOST)
-    share = weight.reshape(len(blocks), -1, 5, 1, 1)
-    side = np.empty((len(blocks), share.shape[1], 6, BOOST))
-    side[:, :, :3], side[:, :, 3:] = blocks[:, :, 0], blocks[:, :, 1]
-    for order in range(1, 4):
-        side[:, :, :3] += blocks[:, :, order] * share[:, :, order]
-    for order in (2, 3):
-        side[:, :, 3:] += blocks[:, :, order] * share[:, :, order - 1]
-    spread = side.reshape(-1, 6, BOOST)
-    covariance: FloatArray = spread @ spread.transpose(0, 2, 1)
-    far, both, fast = span_s**7 / 252.0, -(span_s**6) / 72.0, span_s**5 / 20.0
-    flat = covariance.reshape(len(covariance), 36)
-    # A step of 7 goes down a diagonal of blocks of 3 by 3.
-    for first, term in ((0, far), (3, both), (18, both), (21, fast)):
-        flat[:, first : first + 15 : 7] += (intensity * term)[:, None]
-    return covariance
+    count, _, times = weight.shape
+    share = np.zeros((count, 4, 2, times))
+    share[:, :, 0], share[:, 1:, 1] = weight[:, :4], weight[:, :3]
+    both = share[:, :, None, :, None] * share[:, None, :, None]
+    known = (outlook.side @ outlook.side.transpose(0, 2, 1)).reshape(count, 4, 3, 4, 3).transpose(0, 2, 4, 1, 3)
+    sums = known.reshape(count, 9, 16) @ both.reshape(count, 16, 4 * times)
+    # Tracks, two axes of space, position or velocity twice, times.
+    parts = sums.reshape(count, 3, 3, 2, 2, times).transpose(3, 1, 4, 2, 0, 5)
+    return np.ascontiguousarray(parts).reshape(6, 6, count * times)
+
+
+def _add_noise(covariance: FloatArray, intensity: float, span_s: FloatArray) -> None:
+    """Add to covariances (6, 6, m) what noise of the rate of the specific force gathers in spans (m,)."""
+    square = span_s * span_s
+    fast = (intensity / 20.0) * square * square * span_s
+    both = span_s * fast * (-20.0 / 72.0)
+    far = square * fast * (20.0 / 252.0)
+    for axis in range(3):
+        covariance[axis, axis] += far
+        covariance[axis, axis + 3] += both
+        covariance[axis + 3, axis] += both
+        covariance[axis + 3, axis + 3] += fast
 
 
 def _blended(
@@ -194,13 +187,35 @@ def _blended(
 ) -> tuple[FloatArray, FloatArray]:
     """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of mixtures over times."""
     count, times = chance.shape
-    each = np.concatenate([place, when[:, None]], axis=1).reshape(count, times, 4)
-    mean = (chance[:, None] @ each)[:, 0]
-    apart = each - mean[:, None]
-    total = (chance[:, :, None] * apart).transpose(0, 2, 1) @ apart
-    total[:, :3, :3] += (chance[:, None] @ covariance.reshape(count, times, 9)).reshape(count, 3, 3)
-    where = ecef_to_geodetic(mean[:, :3])
+    each = np.concatenate([place, when[None]]).reshape(4, count, times).transpose(1, 0, 2)
+    weighed = chance[:, :, None]
+    mean = each @ weighed
+    apart = each - mean
+    total = (chance[:, None] * apart) @ apart.transpose(0, 2, 1)
+    spreads = covariance.reshape(9, count, times).transpose(1, 0, 2)
+    total[:, :3, :3] += (spreads @ weighed).reshape(count, 3, 3)
+    told, level = _on_ground(mean[:, :3, 0])
+    told[:, 2] = mean[:, 3, 0]
     flat = np.zeros((count, 3, 4))
-    flat[:, :2, :3], flat[:, 2, 3] = east_north_up_axes(where.latitude_rad, where.longitude_rad)[:, :2], 1.0
-    told = np.stack([where.latitude_rad, where.longitude_rad, mean[:, 3]], axis=1)
+    flat[:, :2, :3], flat[:, 2, 3] = level, 1.0
     return told, flat @ total @ flat.transpose(0, 2, 1)
+
+
+def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return latitudes and longitudes, rad, beside a third column, and axes east and north (n, 2, 3) at places (n, 3).
+
+    One step of Bowring's formula (Survey Review 23, 1976): to 2e-13 rad within 10 km of the ellipsoid.
+    """
+    x, y, z = place.T
+    a, b, e2 = WGS84.equatorial_radius_m, WGS84.polar_radius_m, WGS84.eccentricity_squared
+    out = np.maximum(np.hypot(x, y), 1e-3)
+    length = np.hypot(a * z, b * out)
+    sine, cosine = a * z / length, b * out / length
+    rise, run = z + e2 / (1.0 - e2) * b * sine**3, out - e2 * a * cosine**3
+    length = np.hypot(rise, run)
+    sine, cosine, ahead, aside = rise / length, run / length, x / out, y / out
+    told, level = np.empty((len(place), 3)), np.empty((len(place), 2, 3))
+    told[:, 0], told[:, 1] = np.arctan2(rise, run), np.arctan2(y, x)
+    level[:, 0, 0], level[:, 0, 1], level[:, 0, 2] = -aside, ahead, 0.0
+    level[:, 1, 0], level[:, 1, 1], level[:, 1, 2] = -sine * ahead, -sine * aside, cosine
+    return told, level
