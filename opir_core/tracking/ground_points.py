@@ -33,6 +33,8 @@ _CLEAR_M = 10.0
 #: No less than gravity's acceleration at the ground, and for some tens of kilometres below it, m/s².
 _GRAVITY_M_S2 = 10.0
 
+_NOW = np.zeros((1, 1))
+
 
 def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Forces) -> GroundPoints:
     """Return where free flights from inertial states (n, 6) come down.
@@ -46,10 +48,11 @@ def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Fo
     if not len(state):
         return points
     side = np.linalg.cholesky(covariance).transpose(0, 2, 1)
-    every, since_s = _above(state[:, None] + np.concatenate([np.zeros_like(side[:, :1]), side, -side], axis=1))
+    mean = state[:, None]
+    every, since_s = _above(np.concatenate([mean, mean + side, mean - side], axis=1))
     flight, fell = _fallen(every, forces)
-    flight, fell = _known(flight, fell)
-    flight = flight - since_s[:, None]
+    # One that does not come down, nan, makes all of its row nan.
+    flight += 0.0 * np.add.reduce(flight, axis=1, keepdims=True) - since_s
     when = time_s + flight
     ground, landed = turned(fell[:, 0], -when[:, 0]), turned(fell[:, 1:].reshape(-1, 3), -when[:, 1:].ravel())
     landed = landed.reshape(-1, 2, 6, 3)
@@ -59,14 +62,14 @@ def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Fo
 
 
 def _above(state: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return states (n, k, 6) of a time at which none that fell below the ground was there yet, and how long ago, (n,).
+    """Return states (n, k, 6) before any fell below the ground, and how long ago that is, (n, 1) s, or (1, 1) for all.
 
     A fall through the ground is followed back to above it as if gravity, all of it downwards, were harder than it is:
     so the way back is not taken for too short. The others of a row go with it.
     """
     place, speed = state[:, :, :3], state[:, :, 3:]
-    if np.min(np.sum(place * place, axis=2)) > EARTH_EQUATORIAL_RADIUS_M**2:
-        return state, np.zeros(len(state))
+    if np.minimum.reduce(np.add.reduce(place * place, axis=2), axis=None) > EARTH_EQUATORIAL_RADIUS_M**2:
+        return state, _NOW
     height_m = ecef_to_geodetic(place).height_m
     low = height_m < 0.0
     fall_m_s = -np.sum(local_axes(place)[:, :, 2] * speed, axis=2)
@@ -74,17 +77,11 @@ def _above(state: FloatArray) -> tuple[FloatArray, FloatArray]:
     root = fall_m_s**2 - 2.0 * _GRAVITY_M_S2 * climb_m
     fell = low & (fall_m_s > 0.0) & (root > 0.0)
     back_s = np.where(fell, 2.0 * climb_m / (fall_m_s + np.sqrt(np.where(fell, root, 1.0))), 0.0)
-    since_s: FloatArray = back_s.max(axis=1)
+    since_s: FloatArray = back_s.max(axis=1, keepdims=True)
     rows = np.flatnonzero(since_s)
     earlier = state.copy()
-    earlier[rows] = np.concatenate(propagate_kepler(place[rows], speed[rows], -since_s[rows, None]), axis=2)
+    earlier[rows] = np.concatenate(propagate_kepler(place[rows], speed[rows], -since_s[rows]), axis=2)
     return earlier, since_s
-
-
-def _known(flight_s: FloatArray, fell: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return times (n, k) and points (n, k, 3), nan in all of a row of which any does not come down."""
-    known = np.asarray(np.isfinite(flight_s).all(axis=1))
-    return np.where(known[:, None], flight_s, np.nan), np.where(known[:, None, None], fell, np.nan)
 
 
 def _fallen(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ import pytest
 import opir_core as opir
 from opir_core.plan import compile_plan
 from opir_core.records import Tracks
-from opir_core.run import plan_windows
+from opir_core.run import plan_windows, run_of_plan
 
 SCENE: Mapping[str, Any] = {
     "scene": "two-launches",
@@ -97,3 +97,27 @@ def test_bad_settings_are_told_with_their_place() -> None:
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", "needed_scans": 9}})
     with pytest.raises(opir.SceneError, match=r"tracker\.association"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", "association": "joined"}})
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("boost_model", ["thrust", "jerk"])
+def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_model: str) -> None:
+    """Nothing is seen after the burn, and little acts on a free flight: where it comes down is as sure as it was."""
+    scanner = {"model": "generic-scanner"}
+    slots = {"A": -135.0, "B": -90.0}
+    launch = {"lat_deg": 11.0, "lon_deg": -120.0, "time_s": 10.0}
+    target = {"id": "T", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 9.0, "lon_deg": -123.3}}
+    changes = {
+        "duration_s": 400,
+        "sensors": [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()],
+        "targets": [target],
+        "tracker": {"model": "stereo-filter", "boost_model": boost_model},
+    }
+    plan = compile_plan(opir.scene_from_mapping({**SCENE, **changes}))
+    tracks = run_of_plan(plan).tracks
+    dark = tracks.tick_s > plan.targets.burnout_s[0] + 30.0
+    assert tracks.tick_s[-1] > tracks.impact[-1, 2]
+    ellipse = tracks.impact_covariance[dark]
+    assert np.allclose(ellipse, ellipse[0], rtol=0.01)
+    speed_sigma = np.sqrt(np.trace(tracks.state_covariance[dark][:, 3:, 3:], axis1=1, axis2=2))
+    assert speed_sigma.max() < 1.1 * speed_sigma[0]

@@ -21,6 +21,9 @@ _LEAST_WEIGHT = 1e-6
 #: A mode takes part in a mixture from this share on.
 _LEAST_SHARE = 1e-4
 
+#: A target that coasts with this probability, unseen for so long, s, does not burn: longer than stages are dark.
+_RESTS_S, _COASTS = 30.0, 0.9
+
 #: Where looks can shut out coasts (`switching`), those less probable than this are not worked out, nor told of.
 SHUT_OUT = 1e-3
 
@@ -131,6 +134,22 @@ def _burnt_out_alone(bank: Bank) -> tuple[FloatArray, FloatArray]:
     rows[0, 1:, 0] = root[:, :COAST] @ np.array(spread)
     rows[0, 1:, 1:-COAST], rows[0, 1:, -COAST:] = root[:, COAST:], root[:, :COAST]
     return bank.boost_mean[:, :COAST] - np.array(less), square_root.triangular(rows)[:, -COAST:, -COAST:]
+
+
+def resting(bank: Bank) -> IntArray:
+    """Return the rows of tracks that have been dark for so long that a burn would be a new one."""
+    rows: IntArray = ((bank.pace[:, 2] > _RESTS_S) & (bank.weight[:, 1] > _COASTS)).nonzero()[0]
+    return rows
+
+
+def begun_anew(bank: Bank, mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the boost of targets that would begin to burn where they coast, with means (n, 6) and roots (n, 6, 6).
+
+    Of its force a bank of a while ago tells. Moved on as if they had burnt since, unseen boosts know less and less,
+    without bound: how a force turns with a slow velocity is far from linear.
+    """
+    after = Bank(bank.weight, bank.boost_mean, bank.boost_root, mean, root, bank.pace)
+    return _extended_mean(after), _extended_root(after)
 
 
 def _extended_mean(bank: Bank) -> FloatArray:

@@ -76,14 +76,17 @@ class SwitchingFilter:
         mixed = mode_mixing.mixed(bank, step_s, self.boost_s, self.coast_s, least) if self.switches else bank
         boost, coast = _modes_of(mixed)
         used, steps = _in_use(bank), np.full(len(bank.weight), step_s)
-        if used[0]:
-            boost = self._carried(self.boost, *boost, steps)
         rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE
+        rests = mode_mixing.resting(mixed) if len(rows) else _NONE
+        if used[0] and rests.size < steps.size:
+            boost = self._carried(self.boost, *boost, steps)
         if len(rows) == len(steps):
             coast = self._carried(self.coast, *coast, steps)
         elif len(rows):
             part = coast[0][rows], coast[1][rows]
             coast = _spread(coast, self._carried(self.coast, *part, steps[rows]), rows)
+        if rests.size:
+            boost = _spread(boost, mode_mixing.begun_anew(bank.part(rests), coast[0][rests], coast[1][rests]), rests)
         return Bank(mixed.weight, *boost, *coast, mixed.pace)
 
     def _carried(
