@@ -106,6 +106,41 @@ def test_detections_that_come_late_are_as_if_they_had_come_in_time() -> None:
     assert np.allclose(too_late.state[:, :3], in_time.state[:, :3], atol=500.0)
 
 
+def told_at_random(parts: list[Detections], settings: dict[str, Any], seed: int) -> Tracks:
+    """Return what is told at the end where detections come up to 4 s late, a tenth of them a second early, shuffled.
+
+    A third come twice. Those of the last ticks come in time.
+    """
+    rng, every = np.random.default_rng(seed), Detections.concatenate(parts)
+    twice = np.concatenate([np.arange(len(every)), np.flatnonzero(rng.random(len(every)) < 0.3)])
+    delay = np.where(rng.random(len(twice)) < 0.1, -1.0, rng.uniform(0.0, 4.0, len(twice)))
+    when = every.time_s[twice]
+    step_s = settings["cadence_s"]
+    arrives = np.where(when < len(parts) - 5.0 - step_s, np.maximum(when + delay, 0.0), when)
+    one, told = tracker(**settings), Tracks.empty()
+    for end_s in np.arange(step_s, len(parts) + 0.5 * step_s, step_s):
+        now = rng.permutation(np.flatnonzero((arrives >= end_s - step_s) & (arrives < end_s)))
+        told = one.step(float(end_s), every.take(twice[now]))
+    return told
+
+
+@pytest.mark.parametrize("step_s", [1.0, 5.0])
+def test_detections_in_any_order_and_more_than_once_are_as_if_they_had_come_once_and_in_time(step_s: float) -> None:
+    """Two launches that some scans see at one instant: then what was measured orders them."""
+    parts = by_second(launches([(5.0, 5.0, 2.0), (5.1, 5.0, 4.0)], 30.0)[0], 30)
+    settings = {"late_s": 10.0, "cadence_s": step_s}
+    every, in_time = Detections.concatenate(parts), tracker(**settings)
+    told = Tracks.empty()
+    for end_s in np.arange(step_s, 30.0 + 0.5 * step_s, step_s):
+        due = (every.time_s >= end_s - step_s) & (every.time_s < end_s)
+        told = in_time.step(float(end_s), every.take(np.flatnonzero(due)))
+    assert len(told) == 2
+    for seed in (1, 2):
+        mixed_up = told_at_random(parts, settings, seed)
+        assert np.array_equal(mixed_up.state, told.state)
+        assert np.array_equal(mixed_up.state_covariance, told.state_covariance)
+
+
 @pytest.mark.parametrize(("boost_model", "from_s"), [("jerk", 45), ("thrust", 50)])
 def test_launches_seconds_apart_from_within_the_line_of_sight_error_are_told_apart(
     boost_model: str, from_s: int

@@ -21,6 +21,7 @@ class StereoTracker:
         self._tracking = tracking
         self._now = tracking.start()
         self._past: deque[tuple[Situation, float, Detections]] = deque()
+        self._early = Detections.empty()
         self._rays = RaysOfLast(tracking.rays_of)
 
     def associate(self, detections: Detections) -> IntArray:
@@ -28,7 +29,12 @@ class StereoTracker:
         return self._tracking.nearest(self._now, self._rays.of(detections))
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Take in the detections since the last tick, and late ones, and return the estimates at this tick."""
+        """Take in the detections since the last tick, and late ones, and return the estimates at this tick.
+
+        With `late_s` above 0 they may come in any order, more than once, and before the tick that they are for.
+        """
+        if self._tracking.config.late_s:
+            detections = self._due(tick_s, detections)
         late = self._rays.of(detections).time_s < self._now.time_s
         if np.count_nonzero(late):
             self._go_back(detections.take(np.flatnonzero(late)))
@@ -44,6 +50,13 @@ class StereoTracker:
         here = np.append(roster.number, -1)[row] == track
         return known[np.where(here, row, len(roster))]
 
+    def _due(self, tick_s: float, detections: Detections) -> Detections:
+        """Return, once each and in order, what is from before a tick, of these and of what waits; the rest waits."""
+        every = _once_in_order(Detections.concatenate([self._early, detections]))
+        due = int(np.searchsorted(every.time_s, tick_s))
+        self._early = every.take(slice(due, None))
+        return every.take(slice(due))
+
     def _advance(self, tick_s: float, detections: Detections) -> None:
         late_s = self._tracking.config.late_s
         if late_s:
@@ -54,25 +67,40 @@ class StereoTracker:
 
     def _go_back(self, late: Detections) -> None:
         """Step again from before the late detections; those from before the remembered past are left out."""
-        steps = list(self._past)
-        if not steps:
+        steps = [
+            (before, tick_s, _with_late(known, late, before.time_s, tick_s)) for before, tick_s, known in self._past
+        ]
+        changed = (
+            len(whole.time_ns) > len(known.time_ns)
+            for (_, _, whole), (_, _, known) in zip(steps, self._past, strict=True)
+        )
+        first = next((number for number, more in enumerate(changed) if more), None)
+        if first is None:
             return
-        self._past.clear()
-        earliest = late.time_s.min()
-        again = next((k for k, (_, tick_s, _) in enumerate(steps) if earliest < tick_s), len(steps))
-        self._past.extend(steps[:again])
-        if again == len(steps):
-            return
-        self._now = steps[again][0]
-        for _, tick_s, known in steps[again:]:
-            mine = (late.time_s >= self._now.time_s) & (late.time_s < tick_s)
-            self._advance(tick_s, _merged(known, late.take(np.flatnonzero(mine))))
+        while len(self._past) > first:
+            self._past.pop()
+        self._now = steps[first][0]
+        for _, tick_s, whole in steps[first:]:
+            self._advance(tick_s, whole)
 
 
-def _merged(known: Detections, late: Detections) -> Detections:
-    """Return all detections in the order in which they would have come."""
-    every = Detections.concatenate([known, late])
-    return every.take(np.lexsort((every.scan, every.sensor, every.time_ns)))
+def _with_late(known: Detections, late: Detections, start_s: float, end_s: float) -> Detections:
+    """Return a tick's detections with the late ones that are from its time."""
+    mine = np.flatnonzero((late.time_s >= start_s) & (late.time_s < end_s))
+    return _once_in_order(Detections.concatenate([known, late.take(mine)])) if len(mine) else known
+
+
+def _once_in_order(detections: Detections) -> Detections:
+    """Return detections once each, by time, then sensor, then what was measured: whatever the order they came in.
+
+    Two of one sensor and instant in the same direction, to the last bit, are one that came twice.
+    """
+    line = detections.line_of_sight_ecef
+    keys = (*line.T, detections.scan, detections.sensor, detections.time_ns)
+    order = np.lexsort(keys)
+    once = np.ones(len(order), dtype=np.bool_)
+    once[1:] = np.any([key[order[1:]] != key[order[:-1]] for key in keys], axis=0)
+    return detections.take(order[once])
 
 
 def stereo_filter(config: StereoFilterConfig, context: TrackerContext) -> StereoTracker:
