@@ -13,7 +13,17 @@ from opir_core.columns import Columns
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Rays, Sights, along, axes_across, both_turned, dot, emission_s, turned
+from opir_core.tracking.rays import (
+    Rays,
+    Sights,
+    along,
+    axes_across,
+    both_turned,
+    dot,
+    emission_s,
+    turn_slightly,
+    turned,
+)
 
 #: Bits of each of three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
 _BITS = 18
@@ -211,12 +221,14 @@ class _Paired(NamedTuple):
 
 
 def _paired(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, light_time: bool) -> _Paired:
-    time_s, place = rays.time_s.take(ray), rays.origin_ecef_m.take(ray, axis=0)
+    guess = emission_s(rays.time_s, _FIRST_RANGE_M, light_time)
+    both, time_s = both_turned(rays.origin_ecef_m, rays.direction_ecef, guess).take(ray, axis=1), guess.take(ray)
     if light_time:
-        guess = time_s - _FIRST_RANGE_M / SPEED_OF_LIGHT_M_S
-        there = outlook.positions(track, guess) - turned(place, guess)
-        time_s = emission_s(time_s, np.sqrt(dot(there, there)), light_time)
-    origin, direction = both_turned(place, rays.direction_ecef.take(ray, axis=0), time_s)
+        there = outlook.positions(track, time_s) - both[0]
+        later = (_FIRST_RANGE_M - np.sqrt(dot(there, there))) / SPEED_OF_LIGHT_M_S
+        turn_slightly(both, later)
+        time_s += later
+    origin, direction = both
     weight = outlook.weights(time_s)
     apart = outlook.followed(track, weight) - origin
     range_m = np.sqrt(dot(apart, apart))

@@ -46,7 +46,7 @@ class Outlook(NamedTuple):
         by its sides.
         """
         if len(self.side) == 1:
-            side = (weight[:, :4] @ self.side.reshape(4, 3 * BOOST)).reshape(-1, 3, BOOST)
+            side = weight[:, :4].dot(self.side.reshape(4, 3 * BOOST)).reshape(-1, 3, BOOST)
             seen = rows @ side
             spread: FloatArray = seen @ seen.transpose(0, 2, 1)
         else:

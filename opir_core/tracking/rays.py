@@ -115,7 +115,7 @@ def no_sights() -> Sights:
     return Sights(np.empty(0, dtype=np.int64), np.empty(0), none, np.empty((0, 3, 3)), np.empty((0, 2)), square)
 
 
-def emission_s(time_s: FloatArray, range_m: FloatArray, light_time: bool) -> FloatArray:
+def emission_s(time_s: FloatArray, range_m: FloatArray | float, light_time: bool) -> FloatArray:
     """Return when light seen at scene times (n,) left a distance (n,) away."""
     return time_s - range_m / SPEED_OF_LIGHT_M_S if light_time else time_s
 
@@ -129,14 +129,26 @@ def turned(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
     return out
 
 
-def both_turned(first: FloatArray, second: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two vectors (n, 3) each in ECEF in the inertial frame at scene times (n,)."""
+def both_turned(first: FloatArray, second: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return two vectors (n, 3) each in ECEF in the inertial frame at scene times (n,), as (2, n, 3)."""
     out = np.empty((2, *first.shape))
     out[0], out[1] = first, second
     plane = np.ascontiguousarray(out[:, :, :2])
     plane.view(np.complex128)[:, :, 0] *= _spun(time_s)
     out[:, :, :2] = plane
-    return out[0], out[1]
+    return out
+
+
+def turn_slightly(vectors: FloatArray, later_s: FloatArray) -> None:
+    """Turn inertial vectors (k, n, 3) of places on Earth to what they are times (n,) later, in place.
+
+    To first order: of a vector 4e-11 of its length is left in 0.1 s.
+    """
+    angle = EARTH_ROTATION_RAD_S * later_s
+    x, y = vectors[:, :, 0], vectors[:, :, 1]
+    aside = angle * x
+    x -= angle * y
+    y += aside
 
 
 def _spun(time_s: FloatArray) -> NDArray[np.complex128]:

@@ -10,7 +10,7 @@ from opir_core.tracking.filter.motion import BOOST, COAST, Motion
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.filter.thrust import THRUST, Thrust
 from opir_core.tracking.gating import candidates, gated
-from opir_core.tracking.rays import Rays, Sights, axes_across
+from opir_core.tracking.rays import Rays, Sights, axes_across, both_turned, turn_slightly, turned
 
 FORCES, COUNT, END_S = Forces(), 30, 40.0
 FALL = Motion(COAST, 0.01, FORCES)
@@ -125,3 +125,13 @@ def test_rays_are_gated_for_one_track_as_among_others() -> None:
         assert np.array_equal(pairs.ray, mine.ray)
         assert np.allclose(pairs.distance, mine.distance, rtol=1e-6, atol=1e-9)
         assert np.allclose(pairs.log_volume, mine.log_volume, rtol=1e-9)
+
+
+def test_a_slight_turn_is_that_of_a_later_time() -> None:
+    rng = np.random.default_rng(11)
+    place, time_s, later_s = 42164e3 * rng.normal(size=(20, 3)), rng.uniform(0.0, 2e4, 20), rng.uniform(-0.1, 0.1, 20)
+    both = both_turned(place, place[::-1], time_s)
+    turn_slightly(both, later_s)
+    exact = both_turned(place, place[::-1], time_s + later_s)
+    assert np.linalg.norm(both - exact, axis=2).max() < 4e-11 * np.linalg.norm(place, axis=1).max()
+    assert np.array_equal(exact[0], turned(place, time_s + later_s))

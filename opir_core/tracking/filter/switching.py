@@ -75,7 +75,7 @@ class SwitchingFilter:
         """Return the bank a step later; coasts that are then less probable than `least` stay as they were."""
         mixed = mode_mixing.mixed(bank, step_s, self.boost_s, self.coast_s, least) if self.switches else bank
         boost, coast = _modes_of(mixed)
-        used, steps = _in_use(bank), np.full(len(bank.weight), step_s)
+        used, steps = _in_use(bank), np.array([step_s] * len(bank.weight))
         rows = (mixed.weight[:, 1] >= least).nonzero()[0] if used[1] else _NONE
         rests = mode_mixing.resting(mixed) if len(rows) else _NONE
         if used[0] and rests.size < steps.size:
@@ -203,7 +203,7 @@ def _modes_of(bank: Bank) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArr
 
 def _in_use(bank: Bank) -> tuple[bool, bool]:
     """Return whether any track may be in boost, and in coast."""
-    boost, coast = np.maximum.reduce(bank.weight, axis=0).tolist()
+    boost, coast = (bank.weight[0] if len(bank.weight) == 1 else np.maximum.reduce(bank.weight, axis=0)).tolist()
     return boost > 0.0, coast > 0.0
 
 

@@ -16,7 +16,7 @@ from attrs import Factory, field, frozen
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
 from opir_core.records import FloatArray
-from opir_core.tracking.filter import single_thrust
+from opir_core.tracking.filter import single_states, single_thrust
 from opir_core.tracking.filter.motion import ALONE, BOOST, COAST, Motion, integrator_noise, pieces_of
 from opir_core.tracking.filter.single_states import Pull
 from opir_core.tracking.filter.single_thrust import SLOW_M_S
@@ -88,7 +88,8 @@ class Thrust:
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with constant slopes."""
-        scaled = self.slopes(state) * step_s[:, None, None]
+        scaled = self.slopes(state)
+        scaled *= step_s[:, None, None]
         square = scaled @ scaled
         later = square / 24.0
         later += scaled / 6.0
@@ -100,10 +101,20 @@ class Thrust:
 
     def slopes(self, state: FloatArray) -> FloatArray:
         """Return how the rate of the state changes with it, (n, 10, 10), 1/s."""
+        if len(state) == 1:
+            return self._slopes_of_one(state[0].tolist())
         rate = np.zeros((len(state), THRUST, THRUST))
         rate[:, :3, 3:6] = rate[:, 3:6, 6:9] = _UNIT
         rate[:, 3:6, :3] = self.fall.gradient(state[:, :3])
         rate[:, 6:9, 3:] = self.force_slopes(state)
+        return rate
+
+    def _slopes_of_one(self, numbers: list[float]) -> FloatArray:
+        place = numbers[:3]
+        alone = single_thrust.slopes(numbers, self.tilt_s, self._pull(*place))
+        alone += single_states.gradient(place, self.forces.gravity.mu_m3_s2)
+        told, rate = np.array(alone), _KINEMATICS.copy()
+        rate[0, 6:9, 3:], rate[0, 3:6, :3] = told[:21].reshape(3, 7), told[21:].reshape(3, 3)
         return rate
 
     def force_slopes(self, state: FloatArray) -> FloatArray:
@@ -193,6 +204,15 @@ class Thrust:
         out[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]
         return out
 
+
+def _kinematics() -> FloatArray:
+    """Return the slopes (1, 10, 10) of what is the rate of something else."""
+    rate = np.zeros((1, THRUST, THRUST))
+    rate[0, :3, 3:6] = rate[0, 3:6, 6:9] = _UNIT
+    return rate
+
+
+_KINEMATICS = _kinematics()
 
 _SPIN = EARTH_ROTATION_RAD_S
 

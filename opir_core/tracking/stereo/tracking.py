@@ -121,7 +121,7 @@ class StereoTracking:
             after = self.filter.updated(bank, end_s, no_sights(), span)
             after = self.filter.completed(after, bank, now.bank, span)
             return now.after(end_s, after, now.roster, histories), owner
-        young = np.searchsorted(now.roster.number, histories.number)
+        young = now.roster.number.searchsorted(histories.number)
         told = self.following.followed(bank, end_s, rays, span, young, Strays(now.roster.strays))
         roster = now.roster if told.strays is None else now.roster.with_strays(told.strays)
         bank = self.filter.completed(told.bank, bank, now.bank, span)
