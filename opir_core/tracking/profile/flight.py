@@ -79,6 +79,13 @@ def sloped_states(family: Family, tick_s: float, ends: Moments, slope: FloatArra
     return mean, by_parameters
 
 
+def burning_states(family: Family, tick_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return states (n, 6) at a tick of burns that go on, slopes (n, 6, 10) by the parameters, accelerations (n, 3)."""
+    at = np.full(len(family.start_s), tick_s)
+    mean, slope, before = _state(family, at, also_s=at - 2.0 * _TIME_STEP_S)
+    return mean, slope, (mean[:, 3:] - before) / (2.0 * _TIME_STEP_S)
+
+
 def sloped_impacts(ends: Moments, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return impacts (n, 3), as `impacts` does, in free flight, and slopes (n, 3, 10) of east, north and time."""
     every = _landed(np.concatenate([ends.mean[None], _stepped(ends.mean)]).reshape(-1, 7)).reshape(8, -1, 3)

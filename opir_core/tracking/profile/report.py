@@ -15,6 +15,7 @@ from opir_core.tracking.profile.containing import Arcs, containing_sigmas
 from opir_core.tracking.profile.family import BURN, EAST, LIFT, NORTH, RADIUS_M, SIZE, START, Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, family_of
 from opir_core.tracking.profile.flight import Moments, off_ground, on_ground
+from opir_core.tracking.profile.thrust_end import with_ends
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
@@ -42,6 +43,7 @@ def report(
     family = family_of(hypotheses, priors)
     ends, slope = flight.burnouts(family, hypotheses.spread)
     state = flight.states(family, hypotheses.spread, tick_s, ends, slope, forces)
+    state = _ended(state, hypotheses, family, tick_s, priors)
     state.covariance[...] += _doubts(hypotheses, family, tick_s, state.mean, priors)
     impacts, arcs = _impacts(hypotheses, family, ends, slope, priors, forces)
     launch, impact = (_blended(each, mixture, True) for each in (_launches(hypotheses, family), impacts))
@@ -62,6 +64,18 @@ def report(
         burnout_covariance=ends.covariance,
         impact_sigmas=impact_sigmas,
     )
+
+
+def _ended(state: Moments, hypotheses: Hypotheses, family: Family, tick_s: float, priors: Priors) -> Moments:
+    """Return states (n, 6), of tracks that one sensor alone sees with what is open of ends of burns before the tick."""
+    alone = np.flatnonzero(np.count_nonzero(hypotheses.weight > 0.0, axis=1) < 2)
+    if not len(alone):
+        return state
+    mean, covariance = state.mean.copy(), state.covariance.copy()
+    start_s, burn_s = family.start_s[alone], family.courses.burn_s[alone]
+    found = with_ends(state.take(alone), hypotheses.take(alone), start_s, burn_s, tick_s, priors)
+    mean[alone], covariance[alone] = found.mean, found.covariance
+    return Moments(mean, covariance)
 
 
 class _Mixture(NamedTuple):
