@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from opir_core.records import FloatArray
-from opir_core.tracking.profile.coordinates import BURN, LIFT, PITCH, TURN_EAST, TURN_NORTH, natural
+from opir_core.records import BoolArray, FloatArray
+from opir_core.tracking.profile.coordinates import BURN, LIFT, PITCH, TURN_EAST, TURN_NORTH, Natural, natural
 from opir_core.tracking.profile.family import STRAIGHT_RAD, Priors
 
 if TYPE_CHECKING:
@@ -33,13 +33,32 @@ def with_priors(
     normal = normal + np.sum(weighed[:, :, :, None] * slope[:, :, None], axis=1)
     right = right + np.sum(weighed * wanted[:, :, None], axis=1)
     constant = np.sum(information * wanted * wanted, axis=1)
+    sums = normal, right, constant
+    height, ring = _with_turn(sums, found, slope, here, prior, bent)
+    linear = np.delete(np.log(information), [TURN_EAST, TURN_NORTH], axis=1).sum(axis=1)
+    free = np.log(information[:, [TURN_EAST, TURN_NORTH]]).sum(axis=1)
+    log = height + 0.5 * linear + np.where(bent, ring, 0.5 * free)
+    return normal, right, constant, log + _windowed(hypotheses.window, normal, right, constant)
+
+
+def _with_turn(
+    sums: tuple[FloatArray, FloatArray, FloatArray],
+    found: Natural,
+    slope: FloatArray,
+    here: FloatArray,
+    prior: Priors,
+    bent: BoolArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Add the prior of the turn to normal equations, right sides and constants, and what makes headings alike.
+
+    Return the logarithms of the density's height (n,): of the lean and the crowding of headings, and of the ring.
+    """
     turn = found.parameters[:, [TURN_EAST, TURN_NORTH]]
     length = np.maximum(np.hypot(turn[:, 0], turn[:, 1]), STRAIGHT_RAD)
     along = turn / length[:, None]
     share = np.where(bent, 1.0 / np.square(prior.turn_sigma_rad), 0.0)
     by_length = np.sum(along[:, :, None] * slope[:, [TURN_EAST, TURN_NORTH]], axis=1)
     missing = prior.turn_rad - length + np.sum(by_length * here, axis=1)
-    sums = normal, right, constant
     _add_rows(sums, share, by_length, missing)
     # Farther out than the class's length, as windows beyond it are, headings are told apart: the ring bends away.
     bend = share * np.maximum(1.0 - prior.turn_rad / length, 0.0)
@@ -49,13 +68,11 @@ def with_priors(
     # Every heading alike: the density in the plane is that of the length over the length; the lean's over its share.
     crowding = np.where(bent, 1.0 / length, 0.0)[:, None] * by_length
     crowding[:, [BURN, PITCH, LIFT]] += 2.0 * found.lean_slope
+    right = sums[1]
     right -= crowding
     height = -2.0 * np.log(found.lean) + np.sum(crowding * here, axis=1)
     ring = -np.log(length) - np.log(prior.turn_sigma_rad) - 0.5 * np.log(2.0 * np.pi)
-    linear = np.delete(np.log(information), [TURN_EAST, TURN_NORTH], axis=1).sum(axis=1)
-    free = np.log(information[:, [TURN_EAST, TURN_NORTH]]).sum(axis=1)
-    log = height + 0.5 * linear + np.where(bent, ring, 0.5 * free)
-    return normal, right, constant, log + _windowed(hypotheses.window, normal, right, constant)
+    return height, ring
 
 
 def _add_rows(
