@@ -132,7 +132,7 @@ class StereoFilterConfig:
         unit="m",
         above=0.0,
         maximum=1e9,
-        help="a track less certain than this is dropped once recent_scans scans have not seen it",
+        help="a track less certain than this is dropped once it is unseen for longer than chance explains",
     )
 
     @property

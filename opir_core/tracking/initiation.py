@@ -11,6 +11,7 @@ from attrs import Factory, evolve, field, frozen
 
 from opir_core.columns import Columns
 from opir_core.geometry import ecef_to_geodetic, local_axes
+from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.intersection import intersection_with_ellipsoid
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.rays import Rays
@@ -32,6 +33,9 @@ _LOWEST_M, _HIGHEST_M = -20e3, 500e3
 #: apart where they graze it, as far as so much of height, m, and standard deviations of a mean ray shift the points.
 _NEAR_M = 60e3
 _HIGHER_M, _SHIFT_SIGMAS = 5e3, 3.0
+
+#: The squares of the Earth's semi-axes, m².
+_AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
 
 #: No ray counts as lower than at this sine of an angle: along the horizon a line rises by 5 km in 250 km.
 _GRAZING = 0.02
@@ -80,7 +84,8 @@ def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Beg
     position = _positions(likely, group, count, sensors)
     ready = np.flatnonzero((scans >= scans_needed) & np.isfinite(position).all(axis=1))
     sine = np.ones(count)
-    sine[group] = _sines(likely.direction_ecef, position[group])
+    if np.count_nonzero(sensors[ready] == 1):
+        sine[group] = _sines(likely.direction_ecef, position[group])
     return Beginnings(position, time_s, sensors, sine).take(ready)
 
 
@@ -198,7 +203,8 @@ def _ground_reach_m(spots: Spots, ground: FloatArray) -> FloatArray:
 
 def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
     """Return the sines (n,) of the angles at which rays meet the ground below positions (n, 3)."""
-    sine: FloatArray = -np.sum(local_axes(position_m)[:, 2] * direction, axis=1)
+    up = position_m / _AXES_M2
+    sine: FloatArray = -np.sum(up * direction, axis=1) / np.sqrt(np.sum(up * up, axis=1))
     return sine
 
 

@@ -38,8 +38,8 @@ def test_scans_ten_seconds_apart(phase: str) -> None:
 
 def test_ticks_between_scans() -> None:
     """Nine ticks in ten have no look."""
-    looks = sensors(-165.0, -105.0, period_ms=500)
-    assert tracks_a_launch(looks, "duration_s=80", "tracker={model: stereo-filter, cadence_s: 0.05}") == ([1, 1, 1], 0)
+    looks = sensors(-165.0, -105.0, period_ms=1000)
+    assert tracks_a_launch(looks, "duration_s=90", "tracker={model: stereo-filter, cadence_s: 0.1}") == ([1, 1, 1], 0)
 
 
 @pytest.mark.parametrize("biased", [(0, 30), (30, 0), (30, 30)])
@@ -60,3 +60,23 @@ def test_a_target_whose_biased_rays_pass_above_the_ground_has_a_track() -> None:
     bias = ", line_of_sight_bias_sigma_urad: 30"
     looks = sensors(100.0, 160.0, period_ms=100, more=bias)
     assert tracks_a_launch(looks, "duration_s=70", "seed=11", "tracker=stereo-filter") == ([1, 1, 1], 0)
+
+
+def test_tracks_of_biased_sensors_apart_are_one_where_their_biases_say_so() -> None:
+    """Two sensors with biases of five times their noise see the first launch graze the ground, a third sees it late."""
+    slots = ((157, 0, 500), (160, 100, 500), (175, 100, 2000), (120, 0, 100))
+    looks = ", ".join(
+        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias},"
+        f" scan_period_ms: {period_ms}}}"
+        for number, (slot, bias, period_ms) in enumerate(slots)
+    )
+    told = tracks_a_launch(
+        f"sensors=[{looks}]", "detection=always", "duration_s=80", "seed=453", "tracker=stereo-filter"
+    )
+    assert told == ([1, 1, 1], 0)
+
+
+def test_eight_missed_scans_end_no_young_track_of_a_sensor_that_often_misses() -> None:
+    looks = sensors(-90.0, 175.0, period_ms=100)
+    tracker = "tracker={model: stereo-filter, cadence_s: 0.5}"
+    assert tracks_a_launch(looks, "duration_s=75", "seed=984", tracker) == ([1, 1, 1], 0)

@@ -10,6 +10,7 @@ from attrs import field, frozen
 from opir_core.records import IntArray
 from opir_core.tracking.filter.bank import Bank
 from opir_core.tracking.rays import Rays, no_rays
+from opir_core.tracking.stereo.doubles import Sightings
 from opir_core.tracking.stereo.histories import Histories
 from opir_core.tracking.stereo.upkeep import Roster
 
@@ -18,7 +19,8 @@ from opir_core.tracking.stereo.upkeep import Roster
 class Situation:
     """All a tracker knows at a time: estimates, roster, recent rays that belong to no track, and the next number.
 
-    `doubtful` are the numbers of tracks that may have others' histories, and what is told of them.
+    `doubtful` are the numbers of tracks that may have others' histories, and what is told of them; `recent` says in
+    which scans tracks were seen lately.
     """
 
     time_s: float
@@ -29,10 +31,12 @@ class Situation:
     histories: Histories = field(factory=Histories.none)
     doubtful: tuple[IntArray, Bank] = field(factory=lambda: (np.empty(0, dtype=np.int64), Bank.empty()))
     next_number: int = 0
+    recent: Sightings = field(factory=Sightings.empty)
 
     def after(self, time_s: float, bank: Bank, roster: Roster, histories: Histories) -> "Situation":
         """Return the situation at a time with its tracks as they are then."""
-        return Situation(time_s, bank, roster, self.pool, self.reported, histories, self.doubtful, self.next_number)
+        known = self.doubtful, self.next_number, self.recent
+        return Situation(time_s, bank, roster, self.pool, self.reported, histories, *known)
 
     @classmethod
     def first(cls, sensors: int) -> "Situation":

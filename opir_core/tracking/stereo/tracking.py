@@ -13,7 +13,7 @@ from opir_core.flight.forces import Forces, forces_of
 from opir_core.protocols import TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking import initiation
-from opir_core.tracking.association import Chances, associate_nearest, nobody, plain, scan_numbers
+from opir_core.tracking.association import Chances, associate_nearest, nobody, plain
 from opir_core.tracking.biases import Biases
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
@@ -22,6 +22,7 @@ from opir_core.tracking.launch_points import launches
 from opir_core.tracking.rays import Rays, no_sights
 from opir_core.tracking.stereo import upkeep
 from opir_core.tracking.stereo.contested_histories import LONGEST_S, asked, kept, slice_sights, turned
+from opir_core.tracking.stereo.doubles import doubles, remembered_s
 from opir_core.tracking.stereo.following import Followed, Following
 from opir_core.tracking.stereo.ghosts import RANGE_M
 from opir_core.tracking.stereo.histories import Histories, lasting_s, mean_sights
@@ -49,6 +50,8 @@ class StereoTracking:
     forces: Forces
     evidence: FloatArray
     boost_lasts_s: float
+    memory_s: FloatArray
+    patience_s: FloatArray
 
     @classmethod
     def of(cls, config: StereoFilterConfig, context: TrackerContext) -> "StereoTracking":
@@ -67,6 +70,8 @@ class StereoTracking:
             forces=forces_of(context.forces),
             evidence=evidence_of(context.sensors),
             boost_lasts_s=min(lasting_s(config.jerk_noise_m_s3, look_m, float(period_s.min(initial=1.0))), LONGEST_S),
+            memory_s=remembered_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
+            patience_s=upkeep.patience_s(context.sensors, config.recent_scans),
         )
 
     def start(self) -> Situation:
@@ -169,7 +174,7 @@ class StereoTracking:
         outlook, noise = self.following.outlook(bank, now.time_s), self.config.jerk_noise_back_m_s3
         sure = not self.biases.any
         biased = None if sure else self.biases.covariance(bank.likelier_position_m, now.time_s, told.reports >= 0)
-        found = launches(outlook, told.first_s, self._slowest(told), noise, biased)
+        found = launches(outlook, told.first_s, self._longest(self.period_s, told), noise, biased)
         launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
         launch[young], covariance[young] = renewed(GroundPoints(told.launch, told.launch_covariance), found)
         return now.after(now.time_s, now.bank, now.roster.with_launches(launch, covariance), now.histories)
@@ -222,22 +227,28 @@ class StereoTracking:
         drop = silent_s > config.silence_s
         vague, low = upkeep.are_vague(covariance, config.lost_sigma_m), upkeep.are_low(place)
         if roster.hits.min() < needed or np.count_nonzero(vague | low):
-            unseen = silent_s > config.recent_scans * self._slowest(roster)
+            unseen = silent_s > self._longest(self.patience_s, roster)
             drop |= upkeep.idle(roster, vague, needed, unseen)
             drop |= low & upkeep.came_down(place, covariance, unseen)
         if len(state) > 1:
-            scan = scan_numbers(rays.sensor, rays.scan)
-            drop |= upkeep.doubles(place, state, covariance, owner, scan, roster.hits)
+            now = evolve(now, recent=now.recent.after(roster.number, owner, rays, now.time_s, self.memory_s))
+            drop |= doubles(
+                roster.number,
+                state,
+                self._with_biases(now.bank, now.time_s, roster, covariance),
+                now.recent,
+                roster.hits,
+            )
         if not np.count_nonzero(drop):
             return now
         keep = np.flatnonzero(~drop)
         histories = now.histories.of(np.isin(now.histories.number, roster.number[keep]))
         return evolve(now, bank=now.bank.take(keep), roster=roster.take(keep), histories=histories)
 
-    def _slowest(self, roster: upkeep.Roster) -> FloatArray:
-        """Return the longest scan period of the sensors that saw each track, s."""
-        slowest: FloatArray = np.max(np.where(roster.reports >= 0, self.period_s, 0.0), axis=1, initial=0.0)
-        return slowest
+    def _longest(self, time_s: FloatArray, roster: upkeep.Roster) -> FloatArray:
+        """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
+        longest: FloatArray = np.max(np.where(roster.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
+        return longest
 
     def told(self, now: Situation) -> Tracks:
         """Return what is told of the tracks seen often enough."""
@@ -247,10 +258,15 @@ class StereoTracking:
             bank, roster = bank.take(sure), roster.take(sure)
         state, covariance = self.following.moments(bank)
         if self.biases.any:
-            covariance = covariance.copy()
-            covariance[:, :3, :3] += self.biases.covariance(bank.likelier_position_m, now.time_s, roster.reports >= 0)
+            covariance = self._with_biases(bank, now.time_s, roster, covariance)
         is_free = free_flights(self.filter, bank)
         return estimates(state, covariance, is_free, roster, now.time_s, self.forces, self._types(roster))
+
+    def _with_biases(self, bank: Bank, time_s: float, roster: upkeep.Roster, covariance: FloatArray) -> FloatArray:
+        """Return covariances (n, 6, 6) with what the sensors' biases add to the positions."""
+        wider = covariance.copy()
+        wider[:, :3, :3] += self.biases.covariance(bank.likelier_position_m, time_s, roster.reports >= 0)
+        return wider
 
     def _types(self, roster: upkeep.Roster) -> FloatArray:
         """Return the probabilities (n, types) of tracks' types, worked out anew where a report is new."""

@@ -1,4 +1,6 @@
-"""Which tracks live on: the roster of tracks, and which of them are doubles, lost or came to nothing."""
+"""Which tracks live on: the roster of tracks, and which of them are lost or came to nothing."""
+
+from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
@@ -6,22 +8,15 @@ from attrs import frozen
 from opir_core.columns import Columns
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.ellipsoid import WGS84
+from opir_core.protocols import Sensor
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.rays import dot
 from opir_core.tracking.stereo.stray_rays import SHARES
 
-#: Tracks nearer to each other than this are looked at as possible doubles, m.
-_NEAR_M = 20e3
-
-#: Doubles differ in position and velocity by less than this squared Mahalanobis distance (6 degrees, 99.99 %).
-_ALIKE = 27.9
-
-#: A pair of tracks that were both seen in this many scans of a slice are two targets.
-_BOTH_SEEN = 1
-
-#: How many scans have to speak before two tracks are judged to be one.
-_ENOUGH_SCANS = 4
-
+#: A track is lost once the chance that a sensor misses it in so many scans on end is less than this, by the type that
+#: the sensor sees most seldom. What is believed of such chances lies within limits; some state none.
+_LOST_CHANCE = 1e-4
+_LEAST_STATED, _MOST_STATED, _UNSTATED = 0.05, 0.98, 0.8
 
 #: A track lower than this has come down, m; a track that is seen, if it is lower by so many standard deviations.
 _LOWEST_M, _SURE_SIGMAS = -20e3, 3.0
@@ -100,34 +95,12 @@ class Roster(Columns):
         return Roster(self.number, self.begun_s, first_s, seen_s, hits, self.strays, reports, *launches)
 
 
-def doubles(
-    position: FloatArray, state: FloatArray, covariance: FloatArray, owner: IntArray, scan: IntArray, hits: IntArray
-) -> BoolArray:
-    """Return which tracks (n,) are the lesser of two that follow one target.
-
-    Two tracks are one if their states agree within their covariances and if over a slice in which at least one of them
-    was seen often, no scan saw both: two targets are seen in one scan sooner or later, one target never twice. `owner`
-    and `scan` (m,) are the row and the scan of the slice's rays.
-    """
-    lesser = np.zeros(len(position), dtype=bool)
-    if len(position) < 2:
-        return lesser
-    from scipy.spatial import cKDTree
-
-    near = cKDTree(position).query_pairs(_NEAR_M, output_type="ndarray")
-    near = near[np.lexsort((near[:, 1], near[:, 0]))]
-    apart = state[near[:, 0]] - state[near[:, 1]]
-    both = covariance[near[:, 0]] + covariance[near[:, 1]]
-    distance = np.sum(apart * np.linalg.solve(both, apart[:, :, None])[:, :, 0], axis=1)
-    for first, second in near[distance < _ALIKE].tolist():
-        one, other = set(scan[owner == first].tolist()), set(scan[owner == second].tolist())
-        if not lesser[first] and not lesser[second] and _are_one(one, other):
-            lesser[second if (hits[first], second) >= (hits[second], first) else first] = True
-    return lesser
-
-
-def _are_one(one: set[int], other: set[int]) -> bool:
-    return len(one & other) < _BOTH_SEEN and len(one | other) >= _ENOUGH_SCANS
+def patience_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
+    """Return how long (sensors,) a track that a sensor sees may go unseen by chance: so many scans at least."""
+    seldom = [min(sensor.detection_probability.values(), default=_UNSTATED) for sensor in sensors]
+    chance = np.clip(np.array(seldom, dtype=np.float64), _LEAST_STATED, _MOST_STATED)
+    period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors])
+    return np.asarray(np.maximum(scans, np.log(_LOST_CHANCE) / np.log1p(-chance)) * period_s)
 
 
 def idle(roster: Roster, vague: BoolArray, needed: int, unseen: BoolArray) -> BoolArray:

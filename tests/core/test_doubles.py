@@ -1,0 +1,50 @@
+"""Which of two tracks that follow one target is let go, and which two follow two."""
+
+import numpy as np
+
+from opir_core.tracking.rays import no_rays
+from opir_core.tracking.stereo.doubles import Sightings, doubles, remembered_s
+
+NUMBER = np.array([3, 7])
+HITS = np.array([40, 12])
+
+
+def states(apart_m: float, sigma_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return two states that are so far apart along the third axis, each off by `sigma_m` there, and covariances."""
+    state = np.tile([6.4e6, 0.0, 0.0, 0.0, 100.0, 0.0], (2, 1))
+    state[1, 2] += apart_m
+    covariance = np.tile(np.diag([1e3, 1e3, sigma_m, 50.0, 50.0, 50.0]) ** 2, (2, 1, 1))
+    return state, covariance
+
+
+def sightings(first: list[int], second: list[int]) -> Sightings:
+    """Return that the first track was seen in some scans of a sensor, the second in others."""
+    scan = np.array(first + second)
+    number = np.repeat(NUMBER, [len(first), len(second)])
+    return Sightings(number, np.zeros(len(scan), dtype=np.int32), scan, 10.0 * scan)
+
+
+def test_two_that_are_alike_and_never_seen_in_one_scan_are_one() -> None:
+    assert doubles(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3, 4]), HITS).tolist() == [False, True]
+    assert doubles(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3, 4]), HITS[::-1]).tolist() == [True, False]
+
+
+def test_one_scan_that_sees_both_or_too_few_scans_leave_two() -> None:
+    assert not doubles(NUMBER, *states(3e3, 2e3), sightings([1, 2, 3], [3, 4]), HITS).any()
+    assert not doubles(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3]), HITS).any()
+    assert not doubles(NUMBER, *states(3e4, 2e3), sightings([1, 2], [3, 4]), HITS).any()
+
+
+def test_one_sensors_tracks_are_one_as_far_apart_as_their_covariances_reach() -> None:
+    told = doubles(NUMBER, *states(250e3, 100e3), sightings([1, 2], [3, 4]), HITS)
+    assert told.tolist() == [False, True]
+
+
+def test_scans_are_remembered_as_long_as_slices_are_too_short_for_four_of_them() -> None:
+    """Of a sensor with 2 s between scans the last four, of one with 0.2 s those of a slice of 1 s."""
+    memory_s = remembered_s(np.array([2.0, 0.2]), 1.0, 4)
+    assert memory_s.tolist() == [8.0, 0.0]
+    before = Sightings(NUMBER, np.array([0, 1], dtype=np.int32), np.array([5, 50]), np.array([10.0, 10.0]))
+    nothing = np.empty(0, dtype=np.int64)
+    later = [before.after(NUMBER, nothing, no_rays(), time_s, memory_s).number.tolist() for time_s in (11.0, 18.5)]
+    assert later == [[3], []]
