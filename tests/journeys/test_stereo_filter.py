@@ -121,3 +121,22 @@ def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_mo
     assert np.allclose(ellipse, ellipse[0], rtol=0.01)
     speed_sigma = np.sqrt(np.trace(tracks.state_covariance[dark][:, 3:, 3:], axis1=1, axis2=2))
     assert speed_sigma.max() < 1.1 * speed_sigma[0]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc", "boost-profile"])
+@pytest.mark.parametrize("sigma_urad", [0.0, 0.001])
+def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: float) -> None:
+    slots = {"A": -135.0, "B": -90.0}
+    scanner = {"model": "generic-scanner", "line_of_sight_sigma_urad": sigma_urad}
+    launch = {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 5.0}
+    changes = {
+        "sensors": [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()],
+        "targets": [{"id": "T", "type": "ICBM", "launch": launch, "aim": {"lat_deg": 9.0, "lon_deg": 167.7}}],
+        "tracker": tracker,
+    }
+    tracks = opir.simulate(opir.scene_from_mapping({**SCENE, **changes})).tracks
+    assert len(tracks) > 25
+    assert len(np.unique(tracks.track)) == 1
+    assert np.isfinite(tracks.state_covariance).all()
+    assert np.linalg.eigvalsh(tracks.state_covariance[:, :3, :3]).min() > 0.0
