@@ -20,8 +20,8 @@ from opir_core.tracking.triangulation import meeting_points
 #: Half the speed across the line of sight that a spot allows for over the scans it spans, m/s.
 _SPEED_M_S = 1000.0
 
-#: A spot's bins are this many standard deviations wide.
-_WIDTH_SIGMAS = 6.0
+#: A spot's bins are this many standard deviations wide, and no narrower than three numbers of them fit in 64 bits.
+_WIDTH_SIGMAS, _NARROWEST_RAD = 6.0, 2.0**-17 + 2.0**-30
 
 #: Two mean rays meet if the sum of their squared residuals, on one degree of freedom, is below this (99.99 %).
 _MEET = 15.1
@@ -108,10 +108,8 @@ def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> Int
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    bins = np.floor((direction + 1.0) / width[which][:, None]).astype(np.int64) + 1
+    bins = np.floor((direction + 1.0) / np.maximum(width, _NARROWEST_RAD)[which][:, None]).astype(np.int64) + 1
     size = int(bins.max(initial=0)) + 2
-    if size >= 2**18:
-        raise ValueError("line-of-sight errors below 1 µrad leave no room for bins of directions")
     key, of_row = np.unique(((which * size + bins[:, 0]) * size + bins[:, 1]) * size + bins[:, 2], return_inverse=True)
     sought = key + (_FORWARD @ np.array([size * size, size, 1]))[:, None]
     place = np.minimum(np.searchsorted(key, sought), len(key) - 1)

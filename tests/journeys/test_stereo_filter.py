@@ -140,3 +140,19 @@ def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: flo
     assert len(np.unique(tracks.track)) == 1
     assert np.isfinite(tracks.state_covariance).all()
     assert np.linalg.eigvalsh(tracks.state_covariance[:, :3, :3]).min() > 0.0
+
+
+def test_sharp_sensors_that_look_at_one_instant_begin_tracks() -> None:
+    """Five sensors of 1 urad that first see two launches in one scan: all unclaimed rays are of one instant."""
+    scanner = {"model": "generic-scanner", "line_of_sight_sigma_urad": 1.0, "scan_phase": "aligned"}
+    sites = {"A": (34.73, -120.57), "B": (20.0, -110.0)}
+    aim = {"lat_deg": 9.0, "lon_deg": 167.7}
+    changes = {
+        "sensors": [{**scanner, "id": f"S{number}", "orbital_slot_deg": -150.0 + 15.0 * number} for number in range(5)],
+        "targets": [
+            {"id": name, "type": "ICBM", "launch": {"lat_deg": lat_deg, "lon_deg": lon_deg, "time_s": 5.0}, "aim": aim}
+            for name, (lat_deg, lon_deg) in sites.items()
+        ],
+    }
+    tracks = opir.simulate(opir.scene_from_mapping({**SCENE, **changes})).tracks
+    assert np.unique(tracks.track).tolist() == [0, 1]
