@@ -38,6 +38,9 @@ _PART_S = 0.5
 #: What is allowed for in time of emission over that middle, s.
 _LEEWAY_S = 0.01
 
+#: How fast the air turns with the Earth, at the heights of targets, m/s; an upper bound.
+_GROUND_M_S = 600.0
+
 #: Up to so many pairs of a track and a ray are looked at one and all.
 _FEW_PAIRS = 128
 
@@ -123,7 +126,8 @@ def _reach(
     outlook: Outlook, track: IntArray, range_m: FloatArray, span_s: float, part_s: float, gate: float
 ) -> FloatArray:
     """Return how far from its middle direction a track may be seen within a part of the span, rad."""
-    speed = np.sqrt(np.sum(outlook.derivative[:, 1] ** 2, axis=1))
+    # Over the ground, which itself turns by so much at most.
+    speed = np.sqrt(np.sum(outlook.derivative[:, 1] ** 2, axis=1)) + _GROUND_M_S
     wide: FloatArray = (gate * outlook.reach_m(span_s + _LATE_S) + speed * (0.5 * part_s + _LEEWAY_S))[track] / range_m
     return wide
 
@@ -131,15 +135,20 @@ def _reach(
 def _touching(
     track: IntArray, place: IntArray, middle: FloatArray, reach: FloatArray, which: IntArray, direction: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    octave = np.ceil(np.log2(np.clip(reach, _FINEST, 1.0))).astype(np.int64)
+    octave, square = np.ceil(np.log2(np.clip(reach, _FINEST, 1.0))).astype(np.int64), reach * reach
     tracks, found = [], []
     for level in np.unique(octave):
         mine = np.flatnonzero(octave == level)
         keys = _keys(which, _bins(direction, level))
         order = np.argsort(keys, kind="stable")
         entry, spot = _met(keys[order], place[mine], _bins(middle[mine], level))
-        tracks.append(track[mine[entry]])
-        found.append(order[spot])
+        entry, ray = mine[entry], order[spot]
+        # Bins are up to twice as wide as the reach, and nine of them touch: most that meet there are too far apart.
+        apart = direction.take(ray, axis=0)
+        apart -= middle.take(entry, axis=0)
+        near = (dot(apart, apart) <= square.take(entry)).nonzero()[0]
+        tracks.append(track.take(entry.take(near)))
+        found.append(ray.take(near))
     pair_track, pair_ray = np.concatenate([*tracks, _NONE]), np.concatenate([*found, _NONE])
     order = np.lexsort((pair_ray, pair_track))
     return pair_track[order], pair_ray[order]
