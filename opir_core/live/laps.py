@@ -44,12 +44,14 @@ class Shift:
             track=tracks.track + self.tracks,
             launch=_later(tracks.launch, moved_s),
             impact=_later(tracks.impact, moved_s),
+            burnout=_later(tracks.burnout, moved_s),
         )
 
 
-def _later(place: FloatArray, moved_s: float) -> FloatArray:
-    moved = place.copy()
-    moved[:, 2] += moved_s
+def _later(event: FloatArray, moved_s: float) -> FloatArray:
+    """Return events, whose last column is their time, moved on."""
+    moved = event.copy()
+    moved[:, -1] += moved_s
     return moved
 
 

@@ -20,7 +20,7 @@ from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.protocols import EncoderContext
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.records import Window
+from opir_core.records import Tracks, Window
 from opir_core.scene import Scene
 
 NS = 1_000_000_000
@@ -207,6 +207,25 @@ def test_each_lap_is_the_scene_with_its_epoch_moved_on_and_its_seed_one_more(hos
         again = evolve(short, epoch_us=short.epoch_us + lap * 30_000_000, seed=short.seed + lap)
         live = b"".join(lines(compile_plan(short, host), told.window) for told in kept.windows if told.lap == lap)
         assert live == batch(again, host, 30 * NS), lap
+
+
+def test_all_times_of_a_laps_tracks_are_moved_on(host: Host) -> None:
+    short = scene_from_mapping(mapping(duration_s=20, tracker="kepler-arc"), host=host)
+    kept = Kept()
+    run = LiveRun(short, host, LiveSettings(speed=None, loop=True), kept)
+    run.start()
+    until(lambda: run.status().lap >= 2)
+    run.stop()
+    told = Tracks.concatenate([live.window.tracks for live in kept.windows if live.lap == 1])
+    again = evolve(short, epoch_us=short.epoch_us + 20_000_000, seed=short.seed + 1)
+    alone = Engine(compile_plan(again, host)).advance(20 * NS).tracks
+    assert len(alone) > 10
+    assert np.isfinite(alone.burnout[-1]).all()
+    times = [(told.tick_s, alone.tick_s)] + [
+        (getattr(told, name)[:, -1], getattr(alone, name)[:, -1]) for name in ("launch", "impact", "burnout")
+    ]
+    for ours, theirs in times:
+        assert np.allclose(ours, theirs + 20.0, rtol=0.0, atol=1e-9, equal_nan=True)
 
 
 def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Host) -> None:
