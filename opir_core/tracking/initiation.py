@@ -12,8 +12,17 @@ from attrs import Factory, evolve, field, frozen
 from opir_core.columns import Columns
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.geometry.ellipsoid import WGS84
-from opir_core.geometry.intersection import intersection_with_ellipsoid
 from opir_core.records import FloatArray, IntArray
+from opir_core.tracking.near_sensors import (
+    FAR_M,
+    GRAZING,
+    HIGHEST_M,
+    are_low,
+    from_afar,
+    mean_directions,
+    near_ground,
+    ranges_m,
+)
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.triangulation import meeting_points
 
@@ -26,8 +35,8 @@ _WIDTH_SIGMAS, _NARROWEST_RAD = 6.0, 2.0**-17 + 2.0**-30
 #: Two mean rays meet if the sum of their squared residuals, on one degree of freedom, is below this (99.99 %).
 _MEET = 15.1
 
-#: Heights at which rays may meet, m.
-_LOWEST_M, _HIGHEST_M = -20e3, 500e3
+#: The lowest height at which rays may meet, m.
+_LOWEST_M = -20e3
 
 #: Spots of two sensors are held against each other if their rays meet the ground this near to each other, m: farther
 #: apart where they graze it, as far as so much of height, m, and standard deviations of a mean ray shift the points.
@@ -36,12 +45,6 @@ _HIGHER_M, _SHIFT_SIGMAS = 5e3, 3.0
 
 #: The squares of the Earth's semi-axes, m².
 _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
-
-#: No ray counts as lower than at this sine of an angle: along the horizon a line rises by 5 km in 250 km.
-_GRAZING = 0.02
-
-#: The mean height of a target when one sensor alone first sees it, m.
-FIRST_HEIGHT_M = 3e3
 
 
 @frozen(eq=False)
@@ -96,10 +99,11 @@ def spots_of(rays: Rays) -> Spots:
     newest = np.full(len(sensor), -np.inf)
     np.maximum.at(newest, which, rays.time_s)
     np.maximum.at(span, which, newest[which] - rays.time_s)
+    direction, sigma_rad = from_afar(rays, which)
     widest = np.zeros(len(sensor))
-    np.maximum.at(widest, which, rays.sigma_rad)
-    width = _WIDTH_SIGMAS * widest + _SPEED_M_S * span / 3.6e7
-    spot = _connected(which, rays.direction_ecef, width)
+    np.maximum.at(widest, which, sigma_rad)
+    width = _WIDTH_SIGMAS * widest + _SPEED_M_S * span / FAR_M
+    spot = _connected(which, direction, width)
     return _means(rays, spot)
 
 
@@ -130,12 +134,17 @@ def _means(rays: Rays, spot: IntArray) -> Spots:
     scan_of = np.unique(np.stack([spot, rays.scan], axis=1), axis=0)[:, 0]
     sensor = np.zeros(count, dtype=np.int64)
     sensor[spot] = rays.sensor
+    origin = _mean_vectors(spot, rays.origin_ecef_m, total)
     direction = _mean_vectors(spot, rays.direction_ecef, total)
-    direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
+    if np.count_nonzero(are_low(origin)):
+        aim = _mean_vectors(spot, near_ground(rays.origin_ecef_m, rays.direction_ecef), total)
+        direction = mean_directions(origin, direction, aim)
+    else:
+        direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
     return Spots(
         sensor=sensor,
         time_s=np.bincount(spot, rays.time_s, count) / total,
-        origin_ecef_m=_mean_vectors(spot, rays.origin_ecef_m, total),
+        origin_ecef_m=origin,
         direction_ecef=direction,
         sigma_rad=np.sqrt(np.bincount(spot, rays.sigma_rad**2, count)) / total,
         scans=np.bincount(scan_of, minlength=count),
@@ -166,7 +175,7 @@ def _meetings(spots: Spots) -> list[tuple[int, int]]:
     """Return pairs of spots of different sensors whose mean rays meet at a height a target can have, the best first."""
     from scipy.spatial import cKDTree
 
-    ground = _near_ground(spots.origin_ecef_m, spots.direction_ecef)
+    ground = near_ground(spots.origin_ecef_m, spots.direction_ecef)
     known = np.flatnonzero(np.isfinite(ground[:, 0]))
     if len(known) < 2:
         return []
@@ -187,7 +196,7 @@ def _meetings(spots: Spots) -> list[tuple[int, int]]:
         group, len(pairs), spots.origin_ecef_m[spot], spots.direction_ecef[spot], _blurred(spots)[spot]
     )
     height = ecef_to_geodetic(fix.position_m).height_m
-    lawful = np.flatnonzero((fix.misfit < _MEET) & (height > _LOWEST_M) & (height < _HIGHEST_M))
+    lawful = np.flatnonzero((fix.misfit < _MEET) & (height > _LOWEST_M) & (height < HIGHEST_M))
     order = lawful[np.argsort(fix.misfit[lawful], kind="stable")]
     return [(int(first), int(second)) for first, second in pairs[order]]
 
@@ -196,7 +205,7 @@ def _ground_reach_m(spots: Spots, ground: FloatArray) -> FloatArray:
     """Return how far (n,) from where mean rays meet the ground at points (n, 3) those of other sensors may, m."""
     apart = ground - spots.origin_ecef_m
     shift: FloatArray = _HIGHER_M + _SHIFT_SIGMAS * spots.sigma_rad * np.sqrt(np.sum(apart * apart, axis=1))
-    return shift / np.maximum(_sines(spots.direction_ecef, ground), _GRAZING)
+    return shift / np.maximum(_sines(spots.direction_ecef, ground), GRAZING)
 
 
 def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
@@ -206,32 +215,16 @@ def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
     return sine
 
 
-def _near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return where (n, 3) rays are at the first height of a target, or, where they pass above it, at their lowest.
-
-    A biased ray of a target near the horizon may miss the Earth, and one of a target that rises from behind it does.
-    Rays that pass higher than any target meet nothing: nan.
-    """
-    point = intersection_with_ellipsoid(origin_m, direction, FIRST_HEIGHT_M)
-    missed = np.flatnonzero(np.isnan(point[:, 0]))
-    if len(missed):
-        ahead = np.maximum(-np.sum(origin_m[missed] * direction[missed], axis=1), 0.0)
-        lowest = origin_m[missed] + ahead[:, None] * direction[missed]
-        lawful = ecef_to_geodetic(lowest).height_m < _HIGHEST_M
-        point[missed[lawful]] = lowest[lawful]
-    return point
-
-
 def _blurred(spots: Spots) -> FloatArray:
     """Return the errors of mean rays with what motion during a spot may add."""
-    return np.hypot(spots.sigma_rad, 0.1 * _SPEED_M_S / 3.6e7)
+    return np.hypot(spots.sigma_rad, 0.1 * _SPEED_M_S / ranges_m(spots.origin_ecef_m, spots.direction_ecef))
 
 
 def _positions(spots: Spots, group: IntArray, count: int, sensors: IntArray) -> FloatArray:
     """Return where places are: where the rays of several sensors meet, or near the ground on a single ray."""
     position = np.full((count, 3), np.nan)
     single = sensors[group] == 1
-    position[group[single]] = _near_ground(spots.origin_ecef_m[single], spots.direction_ecef[single])
+    position[group[single]] = near_ground(spots.origin_ecef_m[single], spots.direction_ecef[single])
     several = np.flatnonzero(~single)
     if len(several):
         used, place = np.unique(group[several], return_inverse=True)
@@ -252,7 +245,7 @@ def prior_sides(begun: Beginnings) -> tuple[FloatArray, FloatArray]:
     height = np.maximum(ecef_to_geodetic(begun.position_ecef_m).height_m, 0.0)
     alone = begun.sensors == 1
     place = np.where(alone[:, None], [30e3, 30e3, _HIGHER_M], [20e3, 20e3, 20e3])
-    shift = _HIGHER_M / np.maximum(begun.sine, _GRAZING)
+    shift = _HIGHER_M / np.maximum(begun.sine, GRAZING)
     place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
     return place, np.where(alone, 400.0, 300.0 + 1.5 * np.sqrt(40.0 * height))
 

@@ -26,7 +26,7 @@ from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state, intersectio
 from opir_core.plan import compile_plan
 from opir_core.run import plan_windows, run_of_plan
 from opir_core.scoring.comparison import compared
-from opir_core.tracking.initiation import FIRST_HEIGHT_M
+from opir_core.tracking.near_sensors import FIRST_HEIGHT_M
 
 SCENE = "examples/first_light.yaml"
 SENSORS = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0, scan_period_ms: 1000}, {model: SBIRS-GEO, id: B, orbital_slot_deg: -100.0, scan_period_ms: 500}]"  # noqa: E501
