@@ -135,3 +135,15 @@ def test_a_slight_turn_is_that_of_a_later_time() -> None:
     exact = both_turned(place, place[::-1], time_s + later_s)
     assert np.linalg.norm(both - exact, axis=2).max() < 4e-11 * np.linalg.norm(place, axis=1).max()
     assert np.array_equal(exact[0], turned(place, time_s + later_s))
+
+
+def test_what_is_kept_of_a_step_cannot_be_written_to() -> None:
+    step, state = np.ones(1), bank_of(THRUST).boost_mean[:1]
+    root = FALL.noise_root(step)
+    assert root is not None
+    with pytest.raises(ValueError, match="read-only"):
+        root[0, 0, 0] = 0.0
+    # What is made of a state is the caller's own.
+    own = THRUSTING.noise_root(step, state)
+    own[:] = 0.0
+    assert np.any(THRUSTING.noise_root(step, state))

@@ -224,7 +224,7 @@ def _tables(step_s: FloatArray, blocks: int) -> tuple[FloatArray, FloatArray, Fl
 @lru_cache(maxsize=64)
 def _tables_of_one(step_s: float, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     both = _tables(np.array([step_s, np.nan]), blocks)
-    return both[0][:1], both[1][:1], both[2][:1]
+    return _kept(both[0][:1]), _kept(both[1][:1]), _kept(both[2][:1])
 
 
 def noises(step_s: FloatArray, blocks: int) -> FloatArray:
@@ -238,12 +238,18 @@ def noises(step_s: FloatArray, blocks: int) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _noise_of_one(step_s: float, blocks: int) -> FloatArray:
-    return noises(np.array([step_s, np.nan]), blocks)[:1]
+    return _kept(noises(np.array([step_s, np.nan]), blocks)[:1])
 
 
 @lru_cache(maxsize=64)
 def _noise_alone(step_s: float, blocks: int, noise: float) -> FloatArray:
-    return np.asarray(noise * _noise_of_one(step_s, blocks))
+    return _kept(np.asarray(noise * _noise_of_one(step_s, blocks)))
+
+
+def _kept(array: FloatArray) -> FloatArray:
+    """Return an array that callers share, which none can write to."""
+    array.flags.writeable = False
+    return array
 
 
 def integrator_noise(blocks: int) -> FloatArray:

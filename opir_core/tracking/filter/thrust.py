@@ -226,4 +226,6 @@ _CHAIN = integrator_noise(3)
 @lru_cache(maxsize=64)
 def _chain(step_s: float) -> FloatArray:
     """Return what unit noise of each axis gathers in a step, (3, 1, 3, 1)."""
-    return np.asarray((step_s**_POWERS)[:, None] * _CHAIN)[:, None, :, None]
+    chain: FloatArray = ((step_s**_POWERS)[:, None] * _CHAIN)[:, None, :, None]
+    chain.flags.writeable = False
+    return chain
