@@ -45,12 +45,24 @@ class Biases:
         """
         if not self.any or not len(position_m):
             return np.zeros((len(position_m), 3, 3))
+        return position_covariance(position_m, *self._geometry(time_s, seen), self.sigma_rad)
+
+    def of_others(self, position_m: FloatArray, time_s: float, seen: BoolArray) -> FloatArray:
+        """Return what `covariance` does, (n, sensors, 3, 3), of the biases of all sensors but each in turn."""
+        geometry, added = self._geometry(time_s, seen), np.zeros((len(position_m), len(self.sensors), 3, 3))
+        for number in range(len(self.sensors)):
+            others = np.where(np.arange(len(self.sensors)) == number, 0.0, self.sigma_rad)
+            if others.any() and len(position_m):
+                added[:, number] = position_covariance(position_m, *geometry, others)
+        return added
+
+    def _geometry(self, time_s: float, seen: BoolArray) -> tuple[FloatArray, BoolArray, FloatArray]:
+        """Return the sensors' places, who sees which target, and how much their angles count."""
         when = np.full(1, time_s)
         origin = np.concatenate([turned(sensor.orbit.position_ecef_m(when), when) for sensor in self.sensors])
         noise = np.array([sensor.line_of_sight_sigma_rad for sensor in self.sensors])
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in self.sensors])
-        weight = 1.0 / (period_s * (noise**2 + self.sigma_rad**2))
-        return position_covariance(position_m, origin, seen, weight, self.sigma_rad)
+        return origin, seen, 1.0 / (period_s * (noise**2 + self.sigma_rad**2))
 
 
 def position_covariance(

@@ -200,6 +200,8 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
         range_m, seen, sigma = whole.range_m, seen[likely], sigma[likely]
     rows = whole.axes[:, :2] / range_m[:, None, None]
     spread = outlook.seen_covariances(track, whole.time_s, whole.weight, rows)
+    if outlook.blur is not None:
+        spread += (rows @ outlook.blur[track, rays.sensor[ray]]) @ rows.transpose(0, 2, 1)
     noise = sigma * sigma
     spread[:, 0, 0] += noise
     spread[:, 1, 1] += noise

@@ -9,11 +9,16 @@ from opir_core.tracking.filter.motion import BOOST, followed, weights_at
 
 
 class Outlook(NamedTuple):
-    """Tracks about a time: derivatives (n, 5, 3) of the position and the spread S (n, 12, 12) of the state."""
+    """Tracks about a time: derivatives (n, 5, 3) of the position and the spread S (n, 12, 12) of the state.
+
+    `blur` (n, sensors, 3, 3), m², is what the biases of the sensors that see a track, but for each one's own, add to
+    the covariance of its position: rays of a sensor are held against a place that the others' biases have moved.
+    """
 
     time_s: float
     derivative: FloatArray
     side: FloatArray
+    blur: FloatArray | None = None
 
     def weights(self, time_s: FloatArray) -> FloatArray:
         """Return the weights (m, 5) of the derivatives at times (m,)."""
@@ -84,7 +89,7 @@ class Outlook(NamedTuple):
         """
         spread = np.sqrt(np.sum(self.side.reshape(len(self.side), 4, -1) ** 2, axis=2))
         bound: FloatArray = np.sum(spread * weights_at(np.array([span_s]))[:, :4], axis=1)
-        return bound
+        return bound if self.blur is None else bound + np.sqrt(np.trace(self.blur, axis1=2, axis2=3).max(axis=1))
 
 
 #: What each row of a spread counts for in the position, times a power of time.

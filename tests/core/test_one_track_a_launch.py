@@ -80,3 +80,59 @@ def test_eight_missed_scans_end_no_young_track_of_a_sensor_that_often_misses() -
     looks = sensors(-90.0, 175.0, period_ms=100)
     tracker = "tracker={model: stereo-filter, cadence_s: 0.5}"
     assert tracks_a_launch(looks, "duration_s=75", "seed=984", tracker) == ([1, 1, 1], 0)
+
+
+def test_rays_of_one_sensor_pass_the_gate_of_a_track_that_the_bias_of_another_has_moved() -> None:
+    """The third looks most often, with a bias of five times the noise; the others see the launch graze the ground."""
+    slots = ((157, 0, 2000), (160, 0, 500), (-70, 100, 100))
+    looks = ", ".join(
+        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias},"
+        f" scan_period_ms: {period_ms}}}"
+        for number, (slot, bias, period_ms) in enumerate(slots)
+    )
+    told = tracks_a_launch(
+        f"sensors=[{looks}]", "detection=always", "duration_s=75", "seed=791", "tracker=stereo-filter"
+    )
+    assert told == ([1, 1, 1], 0)
+
+
+def test_one_sensors_rays_are_associated_jointly_where_that_is_asked_for() -> None:
+    looks = ["sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: -150}]", "duration_s=70", "seed=8"]
+    told = []
+    for association in ("nearest", "joint"):
+        asked = f"tracker={{model: stereo-filter, association: {association}}}"
+        plan = compile_plan(load_scene(SCENE, overrides=[*looks, asked]))
+        told.append(run_of_plan(plan).tracks)
+    assert told[0].track.tolist() == told[1].track.tolist()
+    assert len(np.unique(told[0].track)) == 3
+    assert not np.array_equal(told[0].state, told[1].state)
+    assert np.abs(told[0].state[:, :3] - told[1].state[:, :3]).max() < 5e3
+
+
+GRID = [
+    # cadence_s, period_ms, sensors, bias_urad, chance of detection
+    (0.2, 1000, 1, 0, 0.8),
+    (0.5, 200, 3, 30, 0.8),
+    (1.0, 100, 1, 30, 0.3),
+    (1.0, 100, 2, 30, 0.3),
+    (1.0, 1000, 1, 0, 1.0),
+    (1.0, 1000, 2, 30, 0.8),
+    (1.0, 1000, 3, 0, 0.3),
+    (5.0, 200, 2, 30, 0.8),
+    (5.0, 1000, 3, 0, 1.0),
+    (10.0, 500, 1, 30, 0.8),
+    (10.0, 10000, 3, 30, 1.0),
+]
+
+
+@pytest.mark.parametrize(("cadence_s", "period_ms", "count", "bias_urad", "chance"), GRID)
+def test_any_cadence_scans_sensors_biases_and_chances(
+    cadence_s: float, period_ms: float, count: int, bias_urad: float, chance: float
+) -> None:
+    more = (
+        f", scan_phase: random, line_of_sight_bias_sigma_urad: {bias_urad},"
+        f" detection_probability: {{ICBM: {chance}, IRBM: {chance}, SRBM: {chance}}}"
+    )
+    looks = sensors(*(-150.0, -165.0, 175.0)[:count], period_ms=period_ms, more=more)
+    tracker = f"tracker={{model: stereo-filter, cadence_s: {cadence_s}}}"
+    assert tracks_a_launch(looks, "duration_s=130", "seed=3", tracker) == ([1, 1, 1], 0)

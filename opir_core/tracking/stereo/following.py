@@ -18,6 +18,7 @@ from opir_core.tracking.association import (
     scan_numbers,
     uncontested,
 )
+from opir_core.tracking.biases import Biases
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.gating import Pairs, candidates, gated
@@ -25,6 +26,7 @@ from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.stereo.ghosts import RANGE_M, Slice, without_ghosts
 from opir_core.tracking.stereo.stray_rays import FEW, Span, Strays, doubtful, unsuspected, weighed
+from opir_core.tracking.stereo.upkeep import Roster
 
 #: A settled assignment may reach this much farther than the first gate, in standard deviations.
 _SETTLING_GATE = 6.0
@@ -61,6 +63,7 @@ class Following:
     filter: SwitchingFilter
     chances: Chances
     light_time: bool
+    biases: Biases
     #: The last bank moved, and the last one looked out from and held against rays: labels and estimates ask the same.
     last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
     met: list[tuple[Outlook, float, Rays, Pairs]] = field(factory=list)
@@ -74,6 +77,16 @@ class Following:
         """Return where the tracks of a bank are about its time."""
         return self.remembered("outlook", self.filter.outlook, bank, time_s)
 
+    def blurred(self, bank: Bank, time_s: float, reports: IntArray) -> Outlook:
+        """Return where the tracks of a bank are, with what the biases of those that see them, by `reports`, add."""
+        outlook = self.outlook(bank, time_s)
+        if not self.biases.any:
+            return outlook
+        seen, place = reports >= 0, bank.likelier_position_m
+        return self.remembered(
+            "blurred", lambda one, when: one._replace(blur=self.biases.of_others(place, when, seen)), outlook, time_s
+        )
+
     def moments(self, bank: Bank) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity of a bank's tracks."""
         return self.remembered("moments", lambda one, _: self.filter.moments(one), bank, 0.0)
@@ -86,19 +99,20 @@ class Following:
         answer: _Answer = known[2]
         return answer
 
-    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float, young: IntArray, stray: Strays) -> Followed:
-        """Return the bank with a slice's rays taken in, and what each ray told; some of tracks' rays are `stray`.
+    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float, young: IntArray, known: Roster) -> Followed:
+        """Return the bank with a slice's rays taken in, and what each ray told, given what is `known` of the tracks.
 
         The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
         near targets a whole slice tells more than one scan does. Rows `young` need it not: they are settled by all that
         was seen of them.
         """
-        pairs = self.paired(self.outlook(bank, end_s), rays, span)
+        ahead = self.blurred(bank, end_s, known.reports)
+        pairs, stray = self.paired(ahead, rays, span), Strays(known.strays)
         found = self._associated(pairs, rays)
         after = self.filter.updated(bank, end_s, found.sights, span)
         busy = self._restless(bank, after, pairs, rays, young) if self.config.settling and found.contested else _NONE
         first = Followed(after, found.owner, found.own, pairs)
-        told = self._settled(first, bank, end_s, rays, span, pairs, busy) if len(busy) else first
+        told = self._settled(first, bank, ahead, rays, span, pairs, busy) if len(busy) else first
         share = self.remembered("shares", lambda log, _: Strays(log).share, stray.log, 0.0)
         doubted = doubtful(told.own, share) if self.config.association == "nearest" else _NONE
         if len(doubted) and found.contested:
@@ -130,16 +144,18 @@ class Following:
         return rivals[related(pairs, restless)[rivals]]
 
     def _settled(
-        self, first: Followed, bank: Bank, end_s: float, rays: Rays, span: float, pairs: Pairs, busy: IntArray
+        self, first: Followed, bank: Bank, ahead: Outlook, rays: Rays, span: float, pairs: Pairs, busy: IntArray
     ) -> Followed:
         """Return what was followed with the rays of the tracks `busy`, which have rivals, assigned anew."""
         place = np.full(len(bank) + 1, -1, dtype=np.int64)
         place[busy] = np.arange(len(busy))
         rows = np.flatnonzero(place[pairs.track] >= 0)
         track, ray, before, then = place[pairs.track[rows]], pairs.ray[rows], bank.take(busy), first.bank.take(busy)
-        found, mine = None, place[first.owner]
+        found, mine, end_s = None, place[first.owner], ahead.time_s
+        blur = None if ahead.blur is None else ahead.blur[busy]
         for turn in range(self.config.settling):
-            closer = gated(self.filter.outlook(then, end_s), rays, track, ray, _SETTLING_GATE, self.light_time)
+            path = self.filter.outlook(then, end_s)._replace(blur=blur)
+            closer = gated(path, rays, track, ray, _SETTLING_GATE, self.light_time)
             anew = self._associated(closer, rays)
             if turn == 0:
                 anew = self._unghosted(before, end_s, closer, rays, anew)

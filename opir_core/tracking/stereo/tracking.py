@@ -29,7 +29,6 @@ from opir_core.tracking.stereo.histories import Histories, lasting_s, mean_sight
 from opir_core.tracking.stereo.history_assignment import decided
 from opir_core.tracking.stereo.report import estimates, evidence_of, free_flights, type_posterior
 from opir_core.tracking.stereo.situation import Situation
-from opir_core.tracking.stereo.stray_rays import Strays
 from opir_core.tracking.track_priors import filter_of, first_bank
 
 #: A track's launch is worked out as long as it is no older than this, s.
@@ -60,13 +59,13 @@ class StereoTracking:
         chances = Chances(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr)
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
         look_m = RANGE_M * max((sensor.line_of_sight_sigma_rad for sensor in context.sensors), default=0.0)
-        filter_ = filter_of(config, context)
+        filter_, biases = filter_of(config, context), Biases.of(context.sensors)
         return cls(
             config=config,
             filter=filter_,
-            following=Following(config, filter_, chances, context.light_time),
+            following=Following(config, filter_, chances, context.light_time, biases),
             period_s=period_s,
-            biases=Biases.of(context.sensors),
+            biases=biases,
             forces=forces_of(context.forces),
             evidence=evidence_of(context.sensors),
             boost_lasts_s=min(lasting_s(config.jerk_noise_m_s3, look_m, float(period_s.min(initial=1.0))), LONGEST_S),
@@ -127,7 +126,7 @@ class StereoTracking:
             after = self.filter.completed(after, bank, now.bank, span)
             return now.after(end_s, after, now.roster, histories), owner
         young = now.roster.number.searchsorted(histories.number)
-        told = self.following.followed(bank, end_s, rays, span, young, Strays(now.roster.strays))
+        told = self.following.followed(bank, end_s, rays, span, young, now.roster)
         roster = now.roster if told.strays is None else now.roster.with_strays(told.strays)
         bank = self.filter.completed(told.bank, bank, now.bank, span)
         now = now.after(end_s, bank, roster, histories)
@@ -282,7 +281,8 @@ class StereoTracking:
         if not len(now.bank.weight) or not len(rays.time_s):
             return nobody(len(rays.time_s))
         ahead = now.time_s + self.config.cadence_s
-        outlook = self.following.outlook(self.following.moved(now.bank, self.config.cadence_s), ahead)
+        moved = self.following.moved(now.bank, self.config.cadence_s)
+        outlook = self.following.blurred(moved, ahead, now.roster.reports)
         pairs = self.following.paired(outlook, rays, self.config.cadence_s)
         sure = now.roster.hits >= 2 * self.config.needed_scans
         if np.count_nonzero(sure) < len(sure):
