@@ -71,7 +71,7 @@ def test_moments_are_those_of_flights_that_burn_on_and_of_some_that_do_not(kind,
     hypotheses, tick_s, burns = of_open_ends(kind, dark_s)
     family = fit.family_of(hypotheses, PRIORS)
     plain = flight.states(family, hypotheses.spread, tick_s, *flight.burnouts(family, hypotheses.spread))
-    told = with_ends(plain, hypotheses, family.start_s, family.courses.burn_s, tick_s, PRIORS)
+    told = with_ends(plain, hypotheses, family, np.arange(COUNT), tick_s)
     for row, states in enumerate(flown(hypotheses, tick_s, burns)):
         assert len(states) > 1000
         sigma = states.std(axis=0)
@@ -83,14 +83,14 @@ def test_a_burn_that_has_just_been_seen_is_told_as_one_that_goes_on():
     hypotheses, tick_s, _ = of_open_ends("IRBM", 0.0)
     family = fit.family_of(hypotheses, PRIORS)
     plain = flight.states(family, hypotheses.spread, tick_s, *flight.burnouts(family, hypotheses.spread))
-    assert with_ends(plain, hypotheses, family.start_s, family.courses.burn_s, tick_s, PRIORS) is plain
+    assert with_ends(plain, hypotheses, family, np.arange(COUNT), tick_s) is plain
 
 
 def test_what_one_sensor_tells_has_the_end_in_it():
     hypotheses, tick_s, _ = of_open_ends("IRBM", 0.35)
     family = fit.family_of(hypotheses, PRIORS)
     plain = flight.states(family, hypotheses.spread, tick_s, *flight.burnouts(family, hypotheses.spread))
-    exact = with_ends(plain, hypotheses, family.start_s, family.courses.burn_s, tick_s, PRIORS)
+    exact = with_ends(plain, hypotheses, family, np.arange(COUNT), tick_s)
     hypotheses = evolve(hypotheses, track=np.arange(COUNT))
     told = report(hypotheses, np.ones(COUNT), tick_s, PRIORS, "kepler", np.inf)
     assert told.state == pytest.approx(exact.mean)

@@ -9,7 +9,7 @@ from opir_core.columns import Columns
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
-from opir_core.records import FloatArray
+from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile.family import BURN, RADIUS_M, SIZE, START, Family
 
 if TYPE_CHECKING:
@@ -79,10 +79,10 @@ def sloped_states(family: Family, tick_s: float, ends: Moments, slope: FloatArra
     return mean, by_parameters
 
 
-def burning_states(family: Family, tick_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return states (n, 6) at a tick of burns that go on, slopes (n, 6, 10) by the parameters, accelerations (n, 3)."""
-    at = np.full(len(family.start_s), tick_s)
-    mean, slope, before = _state(family, at, also_s=at - 2.0 * _TIME_STEP_S)
+def burning_states(family: Family, row: IntArray, tick_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return states (m, 6) at a tick of rows (m,) whose burns go on, slopes (m, 6, 10), accelerations (m, 3)."""
+    at = np.full(len(row), tick_s)
+    mean, slope, before = _state(family, at, also_s=at - 2.0 * _TIME_STEP_S, row=row)
     return mean, slope, (mean[:, 3:] - before) / (2.0 * _TIME_STEP_S)
 
 
@@ -164,12 +164,16 @@ def _cloud(ends: Moments, slope: FloatArray, spread: FloatArray, linear: FloatAr
 
 
 def _state(
-    family: Family, time_s: FloatArray, also_s: FloatArray | None = None
+    family: Family, time_s: FloatArray, also_s: FloatArray | None = None, row: IntArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return states (n, 6) at times on the burn (n,), their slopes (n, 6, 10), and velocities (n, 3) at other times."""
+    """Return states (n, 6) at times on the burn (n,), their slopes (n, 6, 10), and velocities (n, 3) at other times.
+
+    Times are those of rows (n,), of all if none are told.
+    """
     count = len(time_s)
+    row = np.arange(count) if row is None else row
     times = [time_s, time_s - _TIME_STEP_S, time_s + _TIME_STEP_S, *([] if also_s is None else [also_s])]
-    places = family.places(np.tile(np.arange(count), len(times)), np.concatenate(times))
+    places = family.places(np.tile(row, len(times)), np.concatenate(times))
     here, before, after = (places.slope[part * count : (part + 1) * count] for part in range(3))
     slope = np.concatenate([here, (after - before) / (2.0 * _TIME_STEP_S)], axis=2).transpose(0, 2, 1)
     state = np.concatenate([places.position_m[:count], places.velocity_m_s[:count]], axis=1)

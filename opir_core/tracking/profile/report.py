@@ -42,9 +42,7 @@ def report(
     hypotheses, number, mixture = _mixtures(hypotheses, probability)
     family = family_of(hypotheses, priors)
     ends, slope = flight.burnouts(family, hypotheses.spread)
-    state = flight.states(family, hypotheses.spread, tick_s, ends, slope, forces)
-    state = _ended(state, hypotheses, family, tick_s, priors)
-    state.covariance[...] += _doubts(hypotheses, family, tick_s, state.mean, priors)
+    state = _states(hypotheses, family, tick_s, ends, slope, priors, forces)
     impacts, arcs = _impacts(hypotheses, family, ends, slope, priors, forces)
     launch, impact = (_blended(each, mixture, True) for each in (_launches(hypotheses, family), impacts))
     state, ends = (_blended(each, mixture, False) for each in (state, ends))
@@ -64,18 +62,6 @@ def report(
         burnout_covariance=ends.covariance,
         impact_sigmas=impact_sigmas,
     )
-
-
-def _ended(state: Moments, hypotheses: Hypotheses, family: Family, tick_s: float, priors: Priors) -> Moments:
-    """Return states (n, 6), of tracks that one sensor alone sees with what is open of ends of burns before the tick."""
-    alone = np.flatnonzero(np.count_nonzero(hypotheses.weight > 0.0, axis=1) < 2)
-    if not len(alone):
-        return state
-    mean, covariance = state.mean.copy(), state.covariance.copy()
-    start_s, burn_s = family.start_s[alone], family.courses.burn_s[alone]
-    found = with_ends(state.take(alone), hypotheses.take(alone), start_s, burn_s, tick_s, priors)
-    mean[alone], covariance[alone] = found.mean, found.covariance
-    return Moments(mean, covariance)
 
 
 class _Mixture(NamedTuple):
@@ -158,6 +144,23 @@ def _semi_axis_95(covariance: FloatArray, sigmas: FloatArray) -> FloatArray:
     largest = 0.5 * (east + north) + np.hypot(0.5 * (east - north), both)
     semi_axis: FloatArray = np.where(np.isnan(sigmas), _SEMI_AXES_95, sigmas) * np.sqrt(np.maximum(largest, 0.0))
     return semi_axis
+
+
+def _states(
+    hypotheses: Hypotheses,
+    family: Family,
+    tick_s: float,
+    ends: Moments,
+    slope: FloatArray,
+    priors: Priors,
+    forces: "ForceModel",
+) -> Moments:
+    """Return states (n, 6) at a tick; of what one sensor alone has seen, with what is open of the ends of burns."""
+    state = flight.states(family, hypotheses.spread, tick_s, ends, slope, forces)
+    alone = np.flatnonzero(np.count_nonzero(hypotheses.weight > 0.0, axis=1) < 2)
+    state = with_ends(state, hypotheses, family, alone, tick_s)
+    state.covariance[...] += _doubts(hypotheses, family, tick_s, state.mean, priors)
+    return state
 
 
 def _doubts(hypotheses: Hypotheses, family: Family, tick_s: float, state: FloatArray, priors: Priors) -> FloatArray:

@@ -14,60 +14,52 @@ from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.end import DEVIATES
-from opir_core.tracking.profile.family import BURN, SIZE, START, Priors
-from opir_core.tracking.profile.fit import Hypotheses, family_of
+from opir_core.tracking.profile.family import BURN, SIZE, START, Family
+from opir_core.tracking.profile.fit import Hypotheses
 from opir_core.tracking.profile.flight import Moments
 
 #: Ends of the burn that stand for its distribution, of like shares.
 _ENDS = 128
 
 
-def with_ends(
-    state: Moments,
-    hypotheses: Hypotheses,
-    start_s: FloatArray,
-    burn_s: FloatArray,
-    tick_s: float,
-    priors: Priors,
-) -> Moments:
-    """Return states (n, 6) at a tick; of burns that may have ended before it, or not, the moments over both.
+def with_ends(state: Moments, hypotheses: Hypotheses, family: Family, chosen: IntArray, tick_s: float) -> Moments:
+    """Return states (n, 6) at a tick; of chosen burns that may have ended before it, or not, the moments over both.
 
-    `start_s` and `burn_s` (n,) are the hypotheses' own.
+    `family` are the paths of the hypotheses (n,), `chosen` (m,) which of them.
     """
-    by_end = np.zeros((len(hypotheses), SIZE))
+    burn_s, start_s = family.courses.burn_s[chosen], family.start_s[chosen]
+    spread = hypotheses.spread[chosen]
+    by_end = np.zeros((len(chosen), SIZE))
     by_end[:, START], by_end[:, BURN] = 1.0 / burn_s, 1.0
-    gain = np.sum(hypotheses.spread * by_end[:, None], axis=2)
+    gain = np.sum(spread * by_end[:, None], axis=2)
     sigma = np.sqrt(np.maximum(np.sum(gain * by_end, axis=1), 1e-30))
-    deviate = _ends_of(hypotheses.end_quantiles)
+    deviate = _ends_of(hypotheses.end_quantiles[chosen])
     since_s = tick_s - start_s[:, None] - burn_s[:, None] * np.exp(sigma[:, None] * deviate)
     rows = np.flatnonzero((since_s > 0.0).any(axis=1) & (since_s < 0.0).any(axis=1) & (start_s < tick_s))
     if not len(rows):
         return state
     mean, covariance = state.mean.copy(), state.covariance.copy()
-    parts = gain[rows] / sigma[rows, None], deviate[rows], np.maximum(since_s[rows], 0.0)
-    mean[rows], covariance[rows] = _both(hypotheses.take(rows), *parts, tick_s, priors)
+    burning, slope, acceleration = flight.burning_states(family, chosen[rows], tick_s)
+    thrust = (acceleration - _free_fall(burning))[:, None]
+    lost_s = np.maximum(since_s[rows], 0.0)[:, :, None]
+    less = np.concatenate([0.5 * np.square(lost_s) * thrust, lost_s * thrust], axis=2)
+    with_end = np.sum(slope * (gain / sigma[:, None])[rows, None], axis=2)
+    mean[chosen[rows]] = burning - less.mean(axis=1)
+    more = _more(less - less.mean(axis=1)[:, None], with_end, deviate[rows])
+    total = slope @ spread[rows] @ slope.transpose(0, 2, 1) + more
+    covariance[chosen[rows]] = 0.5 * (total + total.transpose(0, 2, 1))
     return Moments(mean, covariance)
 
 
-def _both(
-    hypotheses: Hypotheses, gain: FloatArray, deviate: FloatArray, since_s: FloatArray, tick_s: float, priors: Priors
-) -> tuple[FloatArray, FloatArray]:
-    """Return means (n, 6) and covariances (n, 6, 6) of states over ends that were `since_s` (n, ends) ago, or come yet.
+def _more(less: FloatArray, with_end: FloatArray, deviate: FloatArray) -> FloatArray:
+    """Return what covariances (n, 6, 6) are more by for what states lack (n, ends, 6), of mean 0, at ends' deviates.
 
-    `gain` (n, 10) is by what the parameters go along with ends, which are at `deviate` (n, ends) standard deviations.
+    What else is known of the path goes along with its end, by `with_end` (n, 6) a standard deviation: it has a part in
+    both.
     """
-    burning, slope, acceleration = flight.burning_states(family_of(hypotheses, priors), tick_s)
-    thrust = (acceleration - _free_fall(burning))[:, None]
-    lost_s = since_s[:, :, None]
-    less = np.concatenate([0.5 * np.square(lost_s) * thrust, lost_s * thrust], axis=2)
-    middle = less.mean(axis=1)
-    apart = less - middle[:, None]
-    total = slope @ hypotheses.spread @ slope.transpose(0, 2, 1) + apart.transpose(0, 2, 1) @ apart / _ENDS
-    # What else is known of the path goes along with its end, and so has a part in both.
-    with_end = np.sum(slope * gain[:, None], axis=2)
-    mixed = with_end[:, :, None] * np.mean(deviate[:, :, None] * apart, axis=1)[:, None]
-    total = total - mixed - mixed.transpose(0, 2, 1)
-    return burning - middle, 0.5 * (total + total.transpose(0, 2, 1))
+    mixed = with_end[:, :, None] * np.mean(deviate[:, :, None] * less, axis=1)[:, None]
+    more: FloatArray = less.transpose(0, 2, 1) @ less / _ENDS - mixed - mixed.transpose(0, 2, 1)
+    return more
 
 
 def _free_fall(state: FloatArray) -> FloatArray:
