@@ -51,6 +51,8 @@ class Engine:
     def take_over(self, former: "Engine") -> None:
         """Go on where another engine stopped, whose plan has the same sensors: its moment, its tracker, its counts."""
         self.time_ns, self._tracker = former.time_ns, former._tracker
+        if self.plan.sensors is not former.plan.sensors:
+            self._tracker.sees_with(self.plan.sensors)
         counts = dict(zip(former._names, former._counts.tolist(), strict=True))
         self._counts = np.array([counts.get(name, 0) for name in self._names], dtype=np.int32)
 

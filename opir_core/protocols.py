@@ -192,7 +192,10 @@ class Confidence(Protocol):
 
 @runtime_checkable
 class Tracker(Protocol):
-    """Detections to tracks; stepped on ticks of scene time, never on window edges."""
+    """Detections to tracks; stepped on ticks of scene time, never on window edges.
+
+    One that cares what its sensors promise has `sees_with(sensors)` too: a running scene had their settings changed.
+    """
 
     @property
     def cadence_s(self) -> float | None:

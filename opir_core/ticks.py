@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.protocols import Tracker
+from opir_core.protocols import Sensor, Tracker
 from opir_core.records import Detections, IntArray, Tracks
 
 _NS = 1_000_000_000
@@ -29,6 +29,12 @@ class TickedTracker:
         self._cadence_ns = None if tracker.cadence_s is None else max(1, round(tracker.cadence_s * _NS))
         self._pending: list[Detections] = []
         self._in_force = Tracks.empty()
+
+    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+        """Tell the tracker, where it cares, that the sensors are these from here on: as many, with other settings."""
+        told = getattr(self._tracker, "sees_with", None)
+        if told is not None:
+            told(sensors)
 
     def absorb(self, detections: Detections, start_ns: int, end_ns: int) -> Tracked:
         """Take in the detections of [start, end), sorted by time."""

@@ -36,3 +36,9 @@ class Watch:
             bias_sigma_rad=np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]),
             follows=np.array([sensor.follows_bodies for sensor in sensors], dtype=np.bool_),
         )
+
+
+def looks_a_second(sensors: Sequence[Sensor]) -> float:
+    """Return how many detections a second sensors promise of a target that all of them see, over all types alike."""
+    watch = Watch.of(sensors, least=0.01, most=1.0)
+    return float(np.sum(watch.chance.mean(axis=1) / watch.period_s))

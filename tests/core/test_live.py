@@ -147,6 +147,33 @@ def test_another_scan_rate_disturbs_nobody_and_repeats_no_id(scene: Scene, host:
     assert own[0] < own[1] < own[2]
 
 
+@pytest.mark.parametrize("tracker", ["stereo-filter", "boost-profile", "kepler-arc"])
+def test_a_tracker_hears_of_sensors_that_look_more_seldom(host: Host, tracker: str) -> None:
+    """Half a second between looks, then ten: what is not seen meanwhile burns on, and is tracked as surely as told."""
+    scanner = {"model": "generic-scanner", "scan_period_ms": 500.0}
+    slots = {"A": -135.0, "B": -90.0}
+    sensors = [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()]
+    target = mapping()["targets"][0]
+    scene = scene_from_mapping(mapping(duration_s=110, sensors=sensors, targets=[target], tracker=tracker), host=host)
+    plan = compile_plan(scene, host)
+    before = Engine(plan)
+    before.advance(60 * NS)
+    settings = without_targets(scene)
+    for sensor in settings["sensors"]:
+        sensor["scan_period_ms"] = 10_000.0
+    after = drafted_settings(plan, settings, 0, scene).engine
+    after.take_over(before)
+    tracks = after.advance(110 * NS).tracks
+    assert len(np.unique(tracks.track)) == 1
+    assert len(tracks) == 50
+    if tracker == "kepler-arc":
+        return
+    assert np.isnan(tracks.impact).all()
+    away = tracks.state[:, :3] - plan.targets.position_ecef_m(np.zeros(50, dtype=np.int32), tracks.tick_s)
+    nees = np.sum(away * np.linalg.solve(tracks.state_covariance[:, :3, :3], away[:, :, None])[:, :, 0], axis=1) / 3.0
+    assert np.median(nees) < 3.0
+
+
 def without_targets(scene: Scene) -> dict[str, Any]:
     return {key: value for key, value in scene_mapping(scene).items() if key not in ("targets", "sources")}
 

@@ -7,7 +7,7 @@ are measured against.
 import numpy as np
 from attrs import evolve
 
-from opir_core.protocols import TrackerContext
+from opir_core.protocols import Sensor, TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.arc import fit as arc_fit
 from opir_core.tracking.arc.ends import expected_looks, impacts, latency_s, launches, shots, states_at
@@ -38,6 +38,7 @@ class ArcTracker:
         self.cadence_s: float | None = config.cadence_s
         self._config = config
         self._tracking = tracking
+        self._context = context
         self._now = tracking.start()
         self._watch = Watch.of(context.sensors, least=_LEAST_CHANCE, most=1.0)
         self._light_time = context.light_time
@@ -48,6 +49,12 @@ class ArcTracker:
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
         return self._tracking.nearest(self._now, self._rays.of(detections))
+
+    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+        """Take the sensors to be these from the last tick on: as many, with other settings."""
+        self._context = evolve(self._context, sensors=sensors)
+        self._tracking = StereoTracking.of(self._tracking.config, self._context)
+        self._watch = Watch.of(sensors, least=_LEAST_CHANCE, most=1.0)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Take in the detections since the last tick and return the estimates at this one."""

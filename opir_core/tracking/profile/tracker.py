@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import evolve
 
-from opir_core.protocols import TrackerContext
+from opir_core.protocols import Sensor, TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
@@ -35,8 +35,7 @@ class ProfileTracker:
     def __init__(self, config: BoostProfileConfig, context: TrackerContext, inner: StereoTracker) -> None:
         self.cadence_s: float | None = config.cadence_s
         self._inner = inner
-        watch = Watch.of(context.sensors, least=_LEAST_STATED, most=_MOST_STATED)
-        self._fitting = Fitting(priors_of(config.priors), watch, context.light_time)
+        self._fitting = Fitting(priors_of(config.priors), _watch_of(context.sensors), context.light_time)
         self._forces = context.forces
         self._largest_impact_m = 1e3 * config.largest_impact_km
         self._bank = Bank.empty(len(context.sensors))
@@ -45,6 +44,15 @@ class ProfileTracker:
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
         return self._inner.associate(detections)
+
+    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+        """Take the sensors to be these from the last tick on: as many, with other settings."""
+        self._inner.sees_with(sensors)
+        before, watch = self._fitting.watch, _watch_of(sensors)
+        share = before.period_s / watch.period_s * (watch.chance / before.chance).mean(axis=1)
+        self._fitting = evolve(self._fitting, watch=watch)
+        seen = self._bank.seen
+        self._bank = evolve(self._bank, seen=evolve(seen, hits=seen.hits * share))
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Take in the detections since the last tick and return the estimates at this one."""
@@ -94,6 +102,10 @@ class ProfileTracker:
         mixed = blended(fitted, filtered, chance, dark_s)
         every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
         return every.take(np.argsort(every.track, kind="stable"))
+
+
+def _watch_of(sensors: tuple[Sensor, ...]) -> Watch:
+    return Watch.of(sensors, least=_LEAST_STATED, most=_MOST_STATED)
 
 
 def _reported(followed: Tracks, track: IntArray, kind: IntArray) -> FloatArray:

@@ -3,22 +3,25 @@
 from collections import deque
 
 import numpy as np
+from attrs import evolve
 
-from opir_core.protocols import TrackerContext
+from opir_core.protocols import Sensor, TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.rays_of_last import RaysOfLast
 from opir_core.tracking.stereo.situation import Situation
 from opir_core.tracking.stereo.stray_rays import SHARES, Strays
 from opir_core.tracking.stereo.tracking import StereoTracking
+from opir_core.tracking.watch import looks_a_second
 
 
 class StereoTracker:
     """The tracker `stereo-filter`."""
 
-    def __init__(self, tracking: StereoTracking) -> None:
+    def __init__(self, tracking: StereoTracking, context: TrackerContext) -> None:
         self.cadence_s: float | None = tracking.config.cadence_s
         self._tracking = tracking
+        self._context = context
         self._now = tracking.start()
         self._past: deque[tuple[Situation, float, Detections]] = deque()
         self._early = Detections.empty()
@@ -41,6 +44,18 @@ class StereoTracker:
             detections = detections.take(np.flatnonzero(~late))
         self._advance(tick_s, detections)
         return self._tracking.told(self._now)
+
+    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+        """Take the sensors to be these from the last tick on: as many, with other settings.
+
+        How often a target is seen while it burns changes as what its sensors promise does.
+        """
+        share = looks_a_second(sensors) / looks_a_second(self._context.sensors)
+        self._context = evolve(self._context, sensors=sensors)
+        self._tracking = StereoTracking.of(self._tracking.config, self._context)
+        self._rays = RaysOfLast(self._tracking.rays_of)
+        pace = self._now.bank.pace * [share, 1.0, 1.0]
+        self._now = evolve(self._now, bank=evolve(self._now.bank, pace=pace))
 
     def stray_shares(self, track: IntArray) -> FloatArray:
         """Return the shares (n,) of strays among the rays of tracks by number (n,), as known at the last tick."""
@@ -105,4 +120,4 @@ def _once_in_order(detections: Detections) -> Detections:
 
 def stereo_filter(config: StereoFilterConfig, context: TrackerContext) -> StereoTracker:
     """Return the tracker `stereo-filter`."""
-    return StereoTracker(StereoTracking.of(config, context))
+    return StereoTracker(StereoTracking.of(config, context), context)
