@@ -7,7 +7,8 @@ from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.protocols import TrackerContext
 from opir_core.records import FloatArray
 from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.filter.motion import BOOST, COAST, Dynamics, Motion
+from opir_core.tracking.filter.dynamics import Dynamics
+from opir_core.tracking.filter.motion import BOOST, COAST, Motion
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.filter.thrust import Thrust
 from opir_core.tracking.initiation import Beginnings, prior_axes, prior_sides

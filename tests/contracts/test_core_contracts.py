@@ -105,6 +105,10 @@ class TestForgeBandsEncoder(EncoderContract):
     name = "forge-bands"
 
 
+class TestForgeTracksEncoder(EncoderContract):
+    name = "forge-tracks"
+
+
 class TestForgeC2Encoder(EncoderContract):
     name = "forge-c2"
 

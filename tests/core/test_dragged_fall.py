@@ -84,3 +84,58 @@ def test_the_stereo_filter_of_a_scene_with_drag_lets_it_slow_what_coasts():
     apart = np.linalg.norm((expected - free)[:, :3], axis=1)
     assert apart.max() > 200.0
     assert (np.linalg.norm(bank.coast_mean[:, :3] - expected[:, :3], axis=1) < 0.02 * apart + 0.1).all()
+
+
+def light(height_m, speed_m_s, count=8):
+    """Return states (n, 6) of something light, low and fast, climbing, and its fall."""
+    rng = np.random.default_rng(3)
+    up = rng.normal(size=(count, 3))
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    state = np.concatenate([(6.378e6 + height_m) * up, speed_m_s * up + 50.0 * rng.normal(size=(count, 3))], axis=1)
+    return state, DraggedFall(Motion(COAST, 0.0, Forces(("j2",))), Drag(10.0))
+
+
+@pytest.mark.parametrize("speed_m_s", [300.0, 3000.0])
+def test_drag_stops_what_is_light_and_never_throws_it_back(speed_m_s):
+    state, falling = light(8e3, speed_m_s)
+    air = np.cross([0.0, 0.0, falling.drag.air_rotation_rad_s], state[:, :3])
+    told = falling.propagated(state, np.ones(8))
+    before, after = state[:, 3:] - air, told[:, 3:] - air
+    assert (np.sum(before * after, axis=1) > 0.0).all()
+    assert (np.linalg.norm(after, axis=1) < 0.5 * np.linalg.norm(before, axis=1)).all()
+    # w' = -k w² leaves 1 / k t of any speed that was many times as large.
+    expected = np.concatenate(propagate(state[:, :3], state[:, 3:], np.ones(8), Forces(("j2",), falling.drag)), axis=1)
+    assert np.linalg.norm(told[:, 3:] - expected[:, 3:], axis=1).max() < 0.1 * speed_m_s
+
+
+def test_air_is_that_of_all_heights_a_state_may_have():
+    """Mean, best straight line and what it leaves, against a million heights."""
+    state, falling = light(40e3, 1000.0, 1)
+    root = np.diag(1.0 / np.array([4e3] * 3 + [10.0] * 3))[None]
+    told = falling.about(state, root)
+    assert told.height_sigma_m == pytest.approx([4e3])
+    off = np.random.default_rng(5).normal(0.0, 4e3, 1_000_000)
+    moved = np.tile(state, (len(off), 1))
+    moved[:, :3] += off[:, None] * state[:, :3] / np.linalg.norm(state[:, :3])
+    rate = np.linalg.norm(falling.slowed(moved), axis=1) / np.linalg.norm(falling._wind(moved), axis=1) ** 2
+    slope = np.cov(rate, off)[0, 1] / 4e3**2
+    left = np.std(rate - slope * off)
+    found = told._air(state)
+    assert found.rate[0] == pytest.approx(rate.mean(), rel=0.01)
+    assert found.slope[0] == pytest.approx(slope, rel=0.1)
+    assert found.left[0] == pytest.approx(left, rel=0.2)
+
+
+@pytest.mark.parametrize("coefficient_kg_m2", [10.0, 500.0])
+def test_no_covariance_explodes_or_collapses_in_thick_air(coefficient_kg_m2):
+    forces = Forces(("j2",), Drag(coefficient_kg_m2))
+    context = TrackerContext(sensors=(), epoch_us=0, duration_s=1e3, forces=forces)
+    filter_, (start, _) = filter_of(StereoFilterConfig(motion="coast"), context), light(9e3, 600.0)
+    root = np.broadcast_to(np.diag(1.0 / np.repeat([1000.0, 100.0], 3)), (8, COAST, COAST))
+    boost = np.concatenate([start, np.zeros((8, 4))], axis=1), np.broadcast_to(np.eye(10), (8, 10, 10))
+    bank = Bank(np.tile([0.0, 1.0], (8, 1)), *boost, start, root, np.zeros((8, 3)))
+    for _ in range(30):
+        bank = filter_.moved(bank, 1.0)
+        variance = np.linalg.eigvalsh(filter_.moments(bank)[1])
+        assert variance.min() > 1e-2
+        assert np.sqrt(variance.max()) < 5e4

@@ -6,7 +6,8 @@ from profile_flights import GEO_M, PRIORS, SLOTS_RAD, flights
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
-from opir_core.tracking.filter.motion import BOOST, COAST, Dynamics, Motion
+from opir_core.tracking.filter.dynamics import Dynamics
+from opir_core.tracking.filter.motion import BOOST, COAST, Motion
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.filter.thrust import Thrust
 from opir_core.tracking.profile import fit

@@ -8,7 +8,6 @@ frozen at the scene's epoch.
 
 from functools import lru_cache
 from math import ceil, factorial
-from typing import Protocol
 
 import numpy as np
 from attrs import Factory, field, frozen
@@ -37,6 +36,9 @@ class Motion:
 
     `noise` has the unit of the state's last derivative per √s: m/s³ for boost, m/s for coast.
     """
+
+    #: States move alike however well they are known.
+    about = None
 
     size: int
     noise: float
@@ -165,39 +167,6 @@ class Motion:
         out = np.zeros((len(side), BOOST, BOOST))
         out[:, : self.size, : self.size] = side
         return out
-
-
-class Dynamics(Protocol):
-    """What the switching filter asks of a mode: how its states (n, d) move, and how looks see them."""
-
-    @property
-    def size(self) -> int:
-        """Return the size of the state."""
-        ...
-
-    def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return states after steps (n,), s."""
-        ...
-
-    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, d, d) of steps (n,) about states."""
-        ...
-
-    def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray | None:
-        """Return a root (n, d, k) of the covariance of the noise gathered in steps (n,), or None."""
-        ...
-
-    def taylor(self, state: FloatArray) -> FloatArray:
-        """Return the derivatives (n, 5, 3) of the position."""
-        ...
-
-    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
-        """Return what looks gain a unit of state (m, 2, d) from what they gain a metre (m, 2, 3)."""
-        ...
-
-    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return the spreads (n, 12, 12) of the first four derivatives of the position."""
-        ...
 
 
 def pieces_of(step_s: FloatArray, longest_s: float) -> int:

@@ -12,7 +12,8 @@ import numpy as np
 
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.filter import square_root
-from opir_core.tracking.filter.motion import Dynamics, followed, weights_at
+from opir_core.tracking.filter.dynamics import Dynamics
+from opir_core.tracking.filter.motion import followed, weights_at
 from opir_core.tracking.rays import Planes, Sights, along
 
 #: Rounds of relinearisation stop once no look would move by more than this many standard deviations in another.

@@ -17,8 +17,9 @@ from attrs import frozen
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.filter import mode_mixing, slice_update, square_root
 from opir_core.tracking.filter.bank import Bank
+from opir_core.tracking.filter.dynamics import Dynamics
 from opir_core.tracking.filter.mode_mixing import SHUT_OUT
-from opir_core.tracking.filter.motion import BOOST, COAST, Dynamics
+from opir_core.tracking.filter.motion import BOOST, COAST
 from opir_core.tracking.filter.slice_update import Mode
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Sights
@@ -92,6 +93,8 @@ class SwitchingFilter:
     def _carried(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
+        if motion.about is not None:
+            motion = motion.about(mean, root)
         after = motion.propagated(mean, step_s)
         back = motion.transition(0.5 * (mean + after), -step_s)
         return after, square_root.moved(root, back, motion.noise_root(step_s, after))

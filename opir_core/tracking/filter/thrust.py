@@ -40,6 +40,9 @@ class Thrust:
     does, 1/s/√s.
     """
 
+    #: States move alike however well they are known.
+    about = None
+
     tilt_rad: float
     tilt_s: float
     noise_m_s2: float
