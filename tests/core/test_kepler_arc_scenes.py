@@ -65,6 +65,21 @@ def test_a_thrusting_target_is_on_no_arc():
     assert found["paper"] < found["recent"] < true
 
 
+@pytest.mark.parametrize("apart_deg", [0.0, 1e-3, 0.1])
+def test_sensors_at_one_place_tell_no_distance(apart_deg):
+    """Their lines meet anywhere: without the heights of one sensor's arc the target was thousands of kilometres off."""
+    pair = [
+        {"model": "SBIRS-GEO", "id": name, "orbital_slot_deg": slot}
+        for name, slot in (("A", -135.0), ("B", apart_deg - 135.0))
+    ]
+    plan = compile_plan(scene(sensors=pair))
+    tracks = run_of_plan(plan).tracks
+    assert len(tracks) > 30
+    off = tracks.state[:, :3] - plan.targets.position_ecef_m(np.zeros(len(tracks), dtype=np.int32), tracks.tick_s)
+    assert np.linalg.norm(off, axis=1).max() < 20e3
+    assert np.isfinite(tracks.state_covariance).all()
+
+
 def test_events_carry_the_launch_and_the_impact():
     run = simulate(scene())
     known = run.detections.estimate >= 0

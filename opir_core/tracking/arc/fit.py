@@ -1,7 +1,7 @@
 """Keplerian arcs fitted to lines of sight: normal equations of the state at each track's first light.
 
 The paper fits "a Keplerian ballistic arc to the observed positions" (section 5.2). A line of sight holds a position in
-two directions; where a second sensor looks, the third follows from it. Where one sensor alone does, the height is
+two directions; where a second sensor looks from another direction, the third follows from it. Elsewhere the height is
 assumed: from the ground straight up at a steady acceleration. Each line of sight is linearised once, about the arc as
 it stands at that tick, so a tick costs its own detections.
 """
@@ -24,6 +24,10 @@ _KNOTS = 8
 
 #: Rounds of linearisation of the first fit, and of each later one.
 _FIRST_ROUNDS, _ROUNDS = 8, 2
+
+#: Several sensors count as one where their lines tell of the distance less than this share of what they tell across it:
+#: two that look equally often, and as well, from directions one degree apart.
+_PARALLAX = 1e-4
 
 #: No further round is needed once a state moves by less than this, m and m/s.
 _SETTLED = 1e-4
@@ -89,8 +93,10 @@ class Arcs(Columns):
         return np.asarray(np.isfinite(self.state).all(axis=1))
 
     def normal(self) -> FloatArray:
-        """Return the bordered normal equations (n, 7, 7): with the heights where one sensor alone has seen a track."""
-        alone = self.seen.sum(axis=1) < 2
+        """Return the bordered normal equations (n, 7, 7): with the heights where lines of sight tell no distance."""
+        place = self.across[:, :3, :3]
+        told = np.linalg.eigvalsh(np.where(np.isfinite(place), place, 0.0))
+        alone = (self.seen.sum(axis=1) < 2) | (told[:, 0] < _PARALLAX * told[:, 2])
         return self.across + np.where(alone[:, None, None], self.along, 0.0)
 
     def faded(self, share: float) -> "Arcs":
