@@ -23,6 +23,16 @@ def sensors(*slots_deg: float, period_ms: float, model: str = "SBIRS-GEO", more:
     return f"sensors=[{', '.join(each)}]"
 
 
+def unlike(*each: tuple[float, float, float]) -> str:
+    """Return an override that puts sensors at slots, deg, with biases, urad, and scan periods, ms, of their own."""
+    told = (
+        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias},"
+        f" scan_period_ms: {period_ms}}}"
+        for number, (slot, bias, period_ms) in enumerate(each)
+    )
+    return f"sensors=[{', '.join(told)}]"
+
+
 def tracks_a_launch(*overrides: str) -> tuple[list[int], int]:
     """Return how many tracks each launch of a scene has, and how many tracks have none."""
     plan = compile_plan(load_scene(SCENE, overrides=list(overrides)))
@@ -64,15 +74,8 @@ def test_a_target_whose_biased_rays_pass_above_the_ground_has_a_track() -> None:
 
 def test_tracks_of_biased_sensors_apart_are_one_where_their_biases_say_so() -> None:
     """Two sensors with biases of five times their noise see the first launch graze the ground, a third sees it late."""
-    slots = ((157, 0, 500), (160, 100, 500), (175, 100, 2000), (120, 0, 100))
-    looks = ", ".join(
-        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias},"
-        f" scan_period_ms: {period_ms}}}"
-        for number, (slot, bias, period_ms) in enumerate(slots)
-    )
-    told = tracks_a_launch(
-        f"sensors=[{looks}]", "detection=always", "duration_s=80", "seed=453", "tracker=stereo-filter"
-    )
+    looks = unlike((157, 0, 500), (160, 100, 500), (175, 100, 2000), (120, 0, 100))
+    told = tracks_a_launch(looks, "detection=always", "duration_s=80", "seed=453", "tracker=stereo-filter")
     assert told == ([1, 1, 1], 0)
 
 
@@ -84,15 +87,8 @@ def test_eight_missed_scans_end_no_young_track_of_a_sensor_that_often_misses() -
 
 def test_rays_of_one_sensor_pass_the_gate_of_a_track_that_the_bias_of_another_has_moved() -> None:
     """The third looks most often, with a bias of five times the noise; the others see the launch graze the ground."""
-    slots = ((157, 0, 2000), (160, 0, 500), (-70, 100, 100))
-    looks = ", ".join(
-        f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias},"
-        f" scan_period_ms: {period_ms}}}"
-        for number, (slot, bias, period_ms) in enumerate(slots)
-    )
-    told = tracks_a_launch(
-        f"sensors=[{looks}]", "detection=always", "duration_s=75", "seed=791", "tracker=stereo-filter"
-    )
+    looks = unlike((157, 0, 2000), (160, 0, 500), (-70, 100, 100))
+    told = tracks_a_launch(looks, "detection=always", "duration_s=75", "seed=791", "tracker=stereo-filter")
     assert told == ([1, 1, 1], 0)
 
 

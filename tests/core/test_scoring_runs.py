@@ -171,7 +171,7 @@ def test_a_process_that_dies_is_told_in_a_line(tmp_path, capsys, monkeypatch):
     (tmp_path / "scene.yaml").write_text(json.dumps(SCENE))
     assert main(["compare", str(tmp_path / "scene.yaml"), "--runs", "2", "--workers", "2"]) == 1
     told = capsys.readouterr().err
-    assert "a worker's process ended before its run did; give fewer workers more memory" in told
+    assert "a worker's process ended before its run did, perhaps for want of memory; give fewer --workers" in told
     assert "Traceback" not in told
 
 
