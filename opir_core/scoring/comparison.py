@@ -114,7 +114,8 @@ def _all_judged(tasks: Sequence[_Task], workers: int, host: Host) -> Iterator[Ju
         try:
             yield from pool.map(_judged, tasks)
         except BrokenProcessPool as error:
-            raise OpirError("a worker's process ended before its run did, perhaps for want of memory; give fewer --workers") from error
+            words = "a worker's process ended before its run did, perhaps for want of memory; give fewer --workers"
+            raise OpirError(words) from error
 
 
 def _judged(task: _Task, host: Host | None = None) -> JudgedRun:
