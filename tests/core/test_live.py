@@ -1,35 +1,19 @@
-"""The live form of the engine: the same events as in a batch, whatever comes while it runs."""
+"""Drafts of a running scene: launches and settings let in between two windows change nobody else's events."""
 
-import time
 from typing import Any
 
 import numpy as np
 import pytest
-from attrs import evolve
-from waiting import until
+from live_scene import LATER, NS, batch, lines, mapping
 
 from opir_core.engine import Engine
 from opir_core.errors import SceneError
-from opir_core.events.forge import ForgeEncoder
-from opir_core.live import running
-from opir_core.live.drafting import Draft, RestartError, drafted_launch, drafted_settings
+from opir_core.live.drafting import RestartError, drafted_launch, drafted_settings
 from opir_core.live.growth import without_those_over
-from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.live.turns import BusyError, PastError, RefusedError
-from opir_core.plan import Plan, compile_plan
+from opir_core.plan import compile_plan
 from opir_core.plugin.host import Host
-from opir_core.protocols import EncoderContext
 from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.records import Tracks, Window
 from opir_core.scene import Scene
-
-NS = 1_000_000_000
-LATER = {
-    "id": "LATER",
-    "type": "IRBM",
-    "launch": {"lat_deg": 22.0, "lon_deg": -160.0, "time_s": 31.7},
-    "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
-}
 
 
 @pytest.fixture(scope="module")
@@ -37,46 +21,9 @@ def host() -> Host:
     return Host.discover()
 
 
-def mapping(**changes: Any) -> dict[str, Any]:
-    scene: dict[str, Any] = {
-        "scene": "live",
-        "epoch": "2026-04-01T12:00:00Z",
-        "duration_s": 100,
-        "seed": 3,
-        "sensors": [{"constellation": "DSP"}, {"constellation": "SBIRS-GEO"}],
-        "targets": [
-            {
-                "id": "T1",
-                "type": "ICBM",
-                "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 3.0},
-                "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
-            },
-            {
-                "id": "T2",
-                "type": "SRBM",
-                "launch": {"lat_deg": 11.0, "lon_deg": 171.0, "time_s": 5.0},
-                "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
-                "burn_time_s": 20.0,
-            },
-        ],
-        "outputs": ["memory"],
-    }
-    return scene | changes
-
-
 @pytest.fixture(scope="module")
 def scene(host: Host) -> Scene:
     return scene_from_mapping(mapping(), host=host)
-
-
-def lines(plan: Plan, *windows: Window) -> bytes:
-    encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us))
-    return b"".join(map(encoder.encode, windows))
-
-
-def batch(scene: Scene, host: Host, end_ns: int = 100 * NS) -> bytes:
-    plan = compile_plan(scene, host)
-    return lines(plan, Engine(plan).advance(end_ns))
 
 
 @pytest.mark.parametrize("admitted_s", [0.05, 3.2, 29.999, 31.7])
@@ -199,125 +146,3 @@ def test_settings_are_read_as_a_scene_is(scene: Scene, host: Host) -> None:
         "sensors[0].members[0].detection_probability",
         "confidence",
     ]
-
-
-class Kept:
-    """What a run tells its listener, and a way to wait for it."""
-
-    def __init__(self) -> None:
-        self.windows: list[Any] = []
-
-    def __call__(self, window: Any) -> None:
-        self.windows.append(window)
-
-
-def test_a_live_run_ends_with_the_events_of_the_batch(scene: Scene, host: Host) -> None:
-    kept = Kept()
-    run = LiveRun(scene, host, LiveSettings(speed=None), kept)
-    run.start()
-    until(lambda: run.status().state == "ended")
-    status = run.stop()
-    assert b"".join(lines(run.plan, live.window) for live in kept.windows) == batch(scene, host)
-    assert [(sink.state, sink.delivered, sink.dropped) for sink in status.sinks] == [("closed", status.detections, 0)]
-    with pytest.raises(RefusedError, match="start it again"):
-        run.launch(LATER)
-
-
-def test_each_lap_is_the_scene_with_its_epoch_moved_on_and_its_seed_one_more(host: Host) -> None:
-    short = scene_from_mapping(mapping(duration_s=30), host=host)
-    kept = Kept()
-    run = LiveRun(short, host, LiveSettings(speed=None, loop=True), kept)
-    run.start()
-    until(lambda: run.status().lap >= 3)
-    run.stop()
-    for lap in range(3):
-        again = evolve(short, epoch_us=short.epoch_us + lap * 30_000_000, seed=short.seed + lap)
-        live = b"".join(lines(compile_plan(short, host), told.window) for told in kept.windows if told.lap == lap)
-        assert live == batch(again, host, 30 * NS), lap
-
-
-def test_all_times_of_a_laps_tracks_are_moved_on(host: Host) -> None:
-    short = scene_from_mapping(mapping(duration_s=20, tracker="kepler-arc"), host=host)
-    kept = Kept()
-    run = LiveRun(short, host, LiveSettings(speed=None, loop=True), kept)
-    run.start()
-    until(lambda: run.status().lap >= 2)
-    run.stop()
-    told = Tracks.concatenate([live.window.tracks for live in kept.windows if live.lap == 1])
-    again = evolve(short, epoch_us=short.epoch_us + 20_000_000, seed=short.seed + 1)
-    alone = Engine(compile_plan(again, host)).advance(20 * NS).tracks
-    assert len(alone) > 10
-    assert np.isfinite(alone.burnout[-1]).all()
-    times = [(told.tick_s, alone.tick_s)] + [
-        (getattr(told, name)[:, -1], getattr(alone, name)[:, -1]) for name in ("launch", "impact", "burnout")
-    ]
-    for ours, theirs in times:
-        assert np.allclose(ours, theirs + 20.0, rtol=0.0, atol=1e-9, equal_nan=True)
-
-
-def test_a_run_takes_launches_and_settings_while_it_runs(scene: Scene, host: Host) -> None:
-    kept = Kept()
-    run = LiveRun(scene, host, LiveSettings(speed=5.0, cycle_ns=10_000_000), kept)
-    run.start()
-    block = {key: value for key, value in LATER.items() if key != "id"}
-    launch = {key: value for key, value in LATER["launch"].items() if key != "time_s"}
-    launched = run.launch(block | {"launch": launch})
-    settings = run.settings_mapping() | {"confidence": "always"}
-    cycle = run.configure(settings)
-    until(lambda: run.time_ns > (launched.time_s + 2.0) * NS)
-    with pytest.raises(PastError, match="scene's clock is at"):
-        run.launch(LATER | {"launch": LATER["launch"] | {"time_s": 0.1}})
-    with pytest.raises(SceneError, match=r"targets\[0\].launch.lat_deg: 95"):
-        run.launch(LATER | {"launch": LATER["launch"] | {"lat_deg": 95.0}})
-    run.launch(LATER | {"launch": LATER["launch"] | {"time_s": 80.0}})
-    run.settings = evolve(run.settings, maximum_targets=1)
-    with pytest.raises(BusyError, match="1 targets"):
-        run.launch(LATER | {"id": "MORE", "launch": LATER["launch"] | {"time_s": 80.0}})
-    run.stop()
-    confident = [live.window.detections.confidence for live in kept.windows if live.cycle >= cycle]
-    assert all((part == 1.0).all() for part in confident)
-    assert launched.target_id in run.plan.targets.ids
-    assert run.settings_mapping()["confidence"] == {"model": "always"}
-
-
-UNTIMED = {"type": "SRBM", "launch": {"lat_deg": 22.0, "lon_deg": -160.0}, "aim": {"lat_deg": 24.0, "lon_deg": -158.0}}
-
-
-def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -> None:
-    scene = scene_from_mapping(mapping(duration_s=20, targets=[], outputs=["null"]), host=host)
-    run = LiveRun(scene, host, LiveSettings(speed=20.0, loop=True))
-    run.start()
-    launched = [run.launch(UNTIMED) for _ in range(20)]
-    times = [each.time_s for each in launched]
-    status = run.stop()
-    assert times == sorted(times)
-    assert status.lap >= 1
-    assert status.targets_launched == 20
-
-
-def test_a_launch_goes_up_as_soon_as_a_machine_that_is_slow_to_plan_it_can(
-    host: Host, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def slowly(plan: Plan, block: Any, time_ns: int, lap: int) -> Draft:
-        time.sleep(0.4)
-        return drafted_launch(plan, block, time_ns, lap)
-
-    monkeypatch.setattr(running, "drafted_launch", slowly)
-    scene = scene_from_mapping(mapping(duration_s=600, targets=[], outputs=["null"]), host=host)
-    run = LiveRun(scene, host, LiveSettings(speed=20.0, cycle_ns=1_000_000))
-    run.start()
-    before_s = run.time_ns / NS
-    launched = run.launch(UNTIMED)
-    run.stop()
-    # Planning takes 8 s of scene time at the least.
-    assert launched.time_s - before_s > 8.0
-    assert launched.target_id in run.plan.targets.ids
-
-
-def test_a_launch_that_the_scene_has_no_time_for_is_refused_with_the_way_out(host: Host) -> None:
-    scene = scene_from_mapping(mapping(duration_s=0.2, targets=[], outputs=["null"]), host=host)
-    run = LiveRun(scene, host, LiveSettings(speed=0.1, cycle_ns=1_000_000_000))
-    run.start()
-    with pytest.raises(RefusedError, match="--loop"):
-        run.launch(UNTIMED)
-    run.stop()

@@ -99,7 +99,8 @@ def drop(_draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values
 
 
 def replace(draw: st.DrawFn, _tree: Any, container: list[Any], index: int, values: list[Any]) -> None:
-    set_value(container, index, draw(st.sampled_from(values)))
+    # A copy: a later deed may spoil what stands here.
+    set_value(container, index, copy.deepcopy(draw(st.sampled_from(values))))
 
 
 def rename(draw: st.DrawFn, _tree: Any, container: list[Any], index: int, _values: list[Any]) -> None:

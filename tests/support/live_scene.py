@@ -1,0 +1,56 @@
+"""A short scene of two launches to be run live, and its events as bytes."""
+
+from typing import Any
+
+from opir_core.engine import Engine
+from opir_core.events.forge import ForgeEncoder
+from opir_core.plan import Plan, compile_plan
+from opir_core.plugin.host import Host
+from opir_core.protocols import EncoderContext
+from opir_core.records import Window
+from opir_core.scene import Scene
+
+NS = 1_000_000_000
+LATER = {
+    "id": "LATER",
+    "type": "IRBM",
+    "launch": {"lat_deg": 22.0, "lon_deg": -160.0, "time_s": 31.7},
+    "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+}
+
+
+def mapping(**changes: Any) -> dict[str, Any]:
+    scene: dict[str, Any] = {
+        "scene": "live",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 100,
+        "seed": 3,
+        "sensors": [{"constellation": "DSP"}, {"constellation": "SBIRS-GEO"}],
+        "targets": [
+            {
+                "id": "T1",
+                "type": "ICBM",
+                "launch": {"lat_deg": 34.73, "lon_deg": -120.57, "time_s": 3.0},
+                "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+            },
+            {
+                "id": "T2",
+                "type": "SRBM",
+                "launch": {"lat_deg": 11.0, "lon_deg": 171.0, "time_s": 5.0},
+                "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+                "burn_time_s": 20.0,
+            },
+        ],
+        "outputs": ["memory"],
+    }
+    return scene | changes
+
+
+def lines(plan: Plan, *windows: Window) -> bytes:
+    encoder = ForgeEncoder(EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us))
+    return b"".join(map(encoder.encode, windows))
+
+
+def batch(scene: Scene, host: Host, end_ns: int = 100 * NS) -> bytes:
+    plan = compile_plan(scene, host)
+    return lines(plan, Engine(plan).advance(end_ns))
