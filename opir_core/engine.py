@@ -15,8 +15,8 @@ from opir_core.columns import Filling
 from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.errors import ModelError
 from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names, scan_names, seen
-from opir_core.plan import Plan
-from opir_core.protocols import Measured
+from opir_core.plan import Plan, tracker_of_run
+from opir_core.protocols import Measured, Tracker
 from opir_core.randomness import uniforms_of
 from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
 from opir_core.sightlines import Pairs
@@ -44,17 +44,25 @@ class Engine:
         self._assembly = Assembly(plan, self._sites, self._streams, by_scan)
         self._tick_ns = _tick_ns(plan.pairs)
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
-        self._tracker = TickedTracker(plan.tracker, plan.end_ns)
+        #: Made at the first window: an engine that takes over goes on with another's.
+        self._ticked: TickedTracker | None = None
         self._knots = _knots(plan, self._sites)
         self._noise = _noise(plan, self._sites)
 
     def take_over(self, former: "Engine") -> None:
         """Go on where another engine stopped, whose plan has the same sensors: its moment, its tracker, its counts."""
-        self.time_ns, self._tracker = former.time_ns, former._tracker
+        self.time_ns, self._ticked = former.time_ns, former._tracker
         if self.plan.sensors is not former.plan.sensors:
             self._tracker.sees_with(self.plan.sensors)
         counts = dict(zip(former._names, former._counts.tolist(), strict=True))
         self._counts = np.array([counts.get(name, 0) for name in self._names], dtype=np.int32)
+
+    @property
+    def _tracker(self) -> TickedTracker:
+        """The tracker of this run."""
+        if self._ticked is None:
+            self._ticked = TickedTracker(_checked_tracker(self.plan), self.plan.end_ns)
+        return self._ticked
 
     def advance(self, end_ns: int) -> Window:
         """Return the window from where the last one ended to `end_ns`."""
@@ -176,6 +184,18 @@ def _knots(plan: Plan, sites: Sites) -> "Knots | None":
     from opir_core.knots import Knots
 
     return Knots.of(plan, sites, tolerance)
+
+
+def _checked_tracker(plan: Plan) -> Tracker:
+    """Return the tracker of a run of a plan, its answers checked where it steps."""
+    tracker = tracker_of_run(plan)
+    if tracker.cadence_s is None:
+        return tracker
+    from opir_core.plugin.building import to_check, whose
+    from opir_core.plugin.tracker_answers import CheckedTracker
+
+    choice = plan.scene.tracker
+    return CheckedTracker(tracker, lambda: whose(plan.host, choice), to_check(choice.name))
 
 
 def _noise(plan: Plan, sites: Sites) -> "NoiseMaker | None":

@@ -7,9 +7,9 @@ sensor can see which target when. Whatever is not in the plan is not imported, c
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from attrs import evolve, frozen
+from attrs import evolve, field, frozen
 
-from opir_core.plugin.components import Component
+from opir_core.errors import OpirError
 from opir_core.plugin.host import Host
 from opir_core.protocols import (
     Classifier,
@@ -50,6 +50,7 @@ class Plan:
     detection: DetectionProbability
     classifier: Classifier
     confidence: Confidence
+    #: What the first run steps; it remembers that run (`tracker_of_run`).
     tracker: Tracker
     bias: "Bias | None"
     end_ns: int
@@ -57,6 +58,9 @@ class Plan:
     scan_generations: tuple[int, ...] = ()
     #: What the scene's blocks of sources came to; their emitters stand behind the launches among the targets.
     sources: "tuple[Sources, ...]" = ()
+    #: The tracker that the plan was made with, and those that have runs behind them; plans made from one another share.
+    own_tracker: Tracker | None = None
+    used_trackers: list[Tracker] = field(factory=list)
 
 
 def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
@@ -71,6 +75,7 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     end_ns = round(scene.duration_s * _NS)
     starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
+    tracker = _tracker(scene, host, sensors)
     return Plan(
         scene=scene,
         host=host,
@@ -79,7 +84,8 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         pairs=pairs,
         sightlines=sightlines,
         **_models(scene, host, _model_context(scene, host, sensors, targets, sources)),
-        tracker=_tracker(scene, host, sensors),
+        tracker=tracker,
+        own_tracker=tracker,
         bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
         sources=sources,
@@ -91,6 +97,24 @@ def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightli
     context = _model_context(plan.scene, plan.host, plan.sensors, targets, plan.sources)
     models = _models(plan.scene, plan.host, context)
     return evolve(plan, targets=targets, pairs=pairs, sightlines=sightlines, **models)
+
+
+def tracker_of_run(plan: Plan) -> Tracker:
+    """Return the tracker that a run of a plan steps: the plan's, or a new one like it where that has a run behind it.
+
+    Raises `OpirError` where another was put in the place of the plan's own and has a run behind it: how to make it anew
+    is not known.
+    """
+    tracker = plan.tracker
+    if tracker.cadence_s is None:
+        return tracker
+    if not any(each is tracker for each in plan.used_trackers):
+        plan.used_trackers.append(tracker)
+        return tracker
+    if tracker is not plan.own_tracker:
+        words = "has a run behind it, which it remembers; give a new one: attrs.evolve(plan, tracker=…)"
+        raise OpirError(f"the tracker {type(tracker).__name__} that was put into this plan {words}")
+    return _tracker(plan.scene, plan.host, plan.sensors)
 
 
 def _model_context(
@@ -124,6 +148,10 @@ def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
         light_time=scene.light_time,
     )
     tracker: Tracker = built(host, scene.tracker, context)
+    if getattr(tracker, "cadence_s", 0.0) is not None:
+        from opir_core.plugin.building import require_tracker
+
+        require_tracker(host, scene.tracker, tracker)
     return tracker
 
 
@@ -138,13 +166,20 @@ def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> "Bias | None":
 
 def built(host: Host, choice: Choice, context: Any) -> Any:
     """Return the working part of a component that a scene chose."""
-    return _component(host, choice).build(choice.config, context)
+    return _part(host, choice, choice.config, context)
 
 
-def _component(host: Host, choice: Choice) -> Component:
-    found = host.component(choice.hook, choice.name, choice.path)
-    assert isinstance(found, Component)
-    return found
+def _part(host: Host, choice: Choice, config: Any, context: Any) -> Any:
+    """Return what a component builds; raises `ModelError` that says whose it is where it cannot."""
+    component = host.component(choice.hook, choice.name, choice.path)
+    try:
+        return component.build(config, context)
+    except OpirError:
+        raise
+    except Exception as error:
+        from opir_core.plugin.building import unbuilt
+
+        raise unbuilt(host, choice, error) from error
 
 
 def _sensor(scene: Scene, host: Host, number: int) -> Sensor:
@@ -186,8 +221,8 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         epoch_us=scene.epoch_us,
         free_flight=free_flight,
     )
-    component = _component(host, chosen[0].model)
-    trajectories: Trajectories = component.build([target.model.config for target in chosen], context)
+    configs = [target.model.config for target in chosen]
+    trajectories: Trajectories = _part(host, chosen[0].model, configs, context)
     return trajectories
 
 

@@ -24,7 +24,10 @@ def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None =
 
 
 def run_of_plan(plan: Plan, window_s: float | None = None) -> Run:
-    """Return the run of a plan, which may be run once: its tracker remembers."""
+    """Return the run of a plan; run again, it gives the same run again.
+
+    A tracker that was put in the place of the plan's own runs once: raises `OpirError` the second time.
+    """
     tally = Tally(plan)
     return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s))))
 

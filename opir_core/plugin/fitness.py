@@ -12,6 +12,7 @@ from opir_core.plugin.components import Component, Constellation
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
 _NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
 _LONGEST_WORDS = 300
+_CORE = PurePath(__file__).parent.parent
 _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 
 
@@ -90,14 +91,19 @@ def _words(text: str) -> str:
 
 
 def _place(error: BaseException) -> str:
-    """Return where the plugin's own code was: the outermost line that is neither the host's nor the import system's."""
-    trace = error.__traceback__
+    """Return where the plugin's own code was: the outermost line outside the core, or else of one of its parts.
+
+    Lines of the host and of the import system do not count.
+    """
+    trace, of_core = error.__traceback__, ""
     while trace is not None:
         path = PurePath(trace.tb_frame.f_code.co_filename)
-        if not _is_machinery(path):
-            return f"{'/'.join(path.parts[-2:])}, line {trace.tb_lineno}"
+        line = f"{'/'.join(path.parts[-2:])}, line {trace.tb_lineno}"
+        if not path.is_relative_to(_CORE) and not _is_machinery(path):
+            return line
+        of_core = of_core or ("" if _is_machinery(path) else line)
         trace = trace.tb_next
-    return ""
+    return of_core
 
 
 def _is_machinery(path: PurePath) -> bool:

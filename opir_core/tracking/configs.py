@@ -155,7 +155,8 @@ class KeplerArcConfig:
     association: str = text(
         default="nearest",
         choices=ASSOCIATIONS,
-        help="as that of stereo-filter, which says which detections are whose",
+        help="as that of stereo-filter, which follows the tracks; an arc takes each ray whole, as the likeliest"
+        " assignment has it",
     )
     memory_s: float | None = number(
         default=None,
@@ -246,7 +247,8 @@ class BoostProfileConfig:
     association: str = text(
         default="nearest",
         choices=ASSOCIATIONS,
-        help="as that of stereo-filter, which says which detections are whose",
+        help="as that of stereo-filter, which follows the tracks; a fit takes each ray whole, as the likeliest"
+        " assignment has it",
     )
     largest_impact_km: float = number(
         default=1000.0,

@@ -11,7 +11,7 @@ from opir_core.plugin.components import Component, TrackerModel
 from opir_core.protocols import Tracker, TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.scene import REPORTED_TYPES
-from opir_core.testing.bench import bench_scene
+from opir_core.testing.bench import bench_scene, planned
 from opir_core.testing.broken import Broken, insist
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows_stand_alone
 from opir_core.testing.contracts.scenes import SceneContract
@@ -49,10 +49,15 @@ class TrackerContract(SceneContract):
     @classmethod
     def tracker(cls) -> Tracker:
         """Return the tracker, newly built."""
-        plan = cls.plan()
-        context = TrackerContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, duration_s=plan.scene.duration_s)
-        made: Tracker = cls.component().build(cls.config(), context)
+        made: Tracker = cls.component().build(cls.config(), cls.context())
         return made
+
+    @classmethod
+    @cache
+    def context(cls) -> TrackerContext:
+        """Return what it is built with: the scene's sensors, though the scene with the tracker may not be had."""
+        plan = planned(cls.scene(tracker="none"), cls.host())
+        return TrackerContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, duration_s=plan.scene.duration_s)
 
     @classmethod
     @cache

@@ -1,0 +1,176 @@
+"""A tracker that breaks a promise is told in one message: whose it is, what it did where, and the way out."""
+
+import re
+
+import numpy as np
+import pytest
+from attrs import evolve, frozen
+
+import opir_core as opir
+from opir_core.errors import ModelError, OpirError
+from opir_core.plugin import TrackerModel, hookimpl, text
+from opir_core.records import Tracks
+from opir_core.run import run_of_plan
+
+SCENE = {
+    "scene": "answers",
+    "epoch": "2026-04-01T12:00:00Z",
+    "duration_s": 15.0,
+    "seed": 3,
+    "sensors": [
+        {"model": "generic-scanner", "id": "A", "orbital_slot_deg": -150.0},
+        {"model": "generic-scanner", "id": "B", "orbital_slot_deg": -90.0},
+    ],
+    "targets": [
+        {
+            "id": "T1",
+            "type": "ICBM",
+            "launch": {"lat_deg": 34.0, "lon_deg": -120.0, "time_s": 0.0},
+            "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
+        }
+    ],
+}
+
+
+def fail(*_):
+    raise KeyError("no such thing")
+
+
+def told(tick_s, **changes):
+    unknown = np.full((2, 7, 7), np.nan)
+    tracks = Tracks(
+        tick_s=np.full(2, tick_s),
+        track=np.arange(2),
+        state=unknown[:, 0, :6],
+        state_covariance=unknown[:, :6, :6],
+        launch=unknown[:, 0, :3],
+        launch_covariance=unknown[:, :3, :3],
+        impact=unknown[:, 0, :3],
+        impact_covariance=unknown[:, :3, :3],
+        type_probability=unknown[:, 0, :4],
+    )
+    return evolve(tracks, **changes)
+
+
+#: What a method answers instead, and the words that it is told in.
+FAULTS = {
+    "associate": [
+        (fail, "associate raised KeyError: 'no such thing' (core/test_tracker_answers.py, line"),
+        (lambda _: None, "associate returned None for 2 detections"),
+        (lambda found: np.zeros(len(found)), "associate returned float64 (2,) for 2 detections"),
+        (lambda found: np.zeros(len(found) + 1, dtype=np.int64), "associate returned int64 (3,) for 2 detections"),
+        (lambda found: np.full(len(found), -2), "associate returned the track -2"),
+    ],
+    "step": [
+        (fail, "step at 1 s raised KeyError: 'no such thing' (core/test_tracker_answers.py, line"),
+        (lambda *_: None, "step at 1 s returned None, no opir_core.records.Tracks"),
+        (lambda *_: [], "step at 1 s returned a list, no opir_core.records.Tracks"),
+        (lambda tick_s, _: told(tick_s, track=np.array([1, 0])), "step at 1 s told tracks numbered [1, 0]"),
+        (lambda tick_s, _: told(tick_s, track=np.array([1, 1])), "step at 1 s told tracks numbered [1, 1]"),
+        (lambda tick_s, _: told(tick_s, track=np.array([-1, 1])), "step at 1 s told tracks numbered [-1, 1]"),
+        (
+            lambda tick_s, _: told(tick_s, state=np.zeros((2, 3))),
+            "step at 1 s told state as float64 (2, 3), not 2 rows",
+        ),
+        (lambda tick_s, _: told(tick_s, impact=np.zeros((3, 3))), "step at 1 s told impact as float64 (3, 3), not 2"),
+        (lambda tick_s, _: told(tick_s, launch=None), "step at 1 s told launch as None, not 2 rows of shape (3,)"),
+        (lambda tick_s, _: told(tick_s + 5.0), "step at 1 s told tick_s 6, not that of the step"),
+    ],
+    "cadence_s": [
+        (0.0, "cadence_s is 0.0, neither"),
+        ("2", "cadence_s is '2', neither"),
+        (float("nan"), "cadence_s is nan, neither"),
+    ],
+}
+
+
+class Sound:
+    """A tracker that keeps its promises, of two tracks that it knows nothing of."""
+
+    cadence_s = 1.0
+
+    def associate(self, detections):
+        return np.full(len(detections), -1, dtype=np.int64)
+
+    def step(self, tick_s, detections):
+        return told(tick_s)
+
+
+def host_of(build):
+    @frozen(kw_only=True)
+    class Config:
+        name: str = text(default="x", help="a name")
+
+    class Plugin:
+        @hookimpl
+        def opir_trackers(self):
+            yield TrackerModel(name="frail", summary="a tracker", config=Config, build=build)
+
+    return opir.Host.of(Plugin())
+
+
+def complaint_of(build):
+    host = host_of(build)
+    with pytest.raises(ModelError) as raised:
+        opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "frail"}, host=host), host)
+    return str(raised.value)
+
+
+def broken(method, answer):
+    tracker = Sound()
+    setattr(tracker, method, answer)
+    return tracker
+
+
+@pytest.mark.parametrize(
+    ("method", "answer", "words"), [(method, *fault) for method, faults in FAULTS.items() for fault in faults]
+)
+def test_a_broken_promise_is_told_with_whose_it_is_and_the_way_out(method, answer, words):
+    complaint = complaint_of(lambda *_: broken(method, answer))
+    assert complaint.startswith(f"tracker: the tracker 'frail' of plugin Plugin (registered by this program): {words}")
+    assert complaint.endswith("; `opir check frail` says what it owes")
+    assert "\n" not in complaint
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (fail, r"build raised KeyError: 'no such thing' \(core/test_tracker_answers.py, line \d+\)"),
+        (lambda *_: None, r"build made None without associate\(detections\) and step\(tick_s, detections\);"),
+        (lambda *_: object(), r"build made an object without associate\(detections\) and step"),
+    ],
+)
+def test_what_cannot_be_built_is_told_with_whose_it_is(build, words):
+    assert re.search(words, complaint_of(build))
+
+
+def test_a_sound_tracker_runs():
+    host = host_of(lambda *_: Sound())
+    run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "frail"}, host=host), host)
+    assert len(run.tracks) == 2 * 15
+
+
+def test_opirs_own_errors_go_through():
+    def refuse(*_):
+        raise ModelError("in words of its own")
+
+    assert complaint_of(lambda *_: broken("step", refuse)) == "in words of its own"
+
+
+@pytest.mark.parametrize("tracker", ["stereo-filter", "boost-profile", "kepler-arc"])
+def test_a_plan_run_twice_gives_the_same_run_twice(tracker):
+    plan = opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": tracker}))
+    first, second, third = (run_of_plan(plan, window_s) for window_s in (None, 0.7, 4.0))
+    assert len(first.tracks) > 5
+    for other in (second, third):
+        assert np.array_equal(first.tracks.tick_s, other.tracks.tick_s)
+        assert np.array_equal(first.tracks.state, other.tracks.state, equal_nan=True)
+        assert np.array_equal(first.detections.track, other.detections.track)
+
+
+def test_a_tracker_put_into_a_plan_runs_once():
+    plan = evolve(opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": "none"})), tracker=Sound())
+    assert len(run_of_plan(plan).tracks)
+    with pytest.raises(OpirError, match=r"the tracker Sound that was put into this plan has a run behind it.*evolve"):
+        run_of_plan(plan)
+    assert len(run_of_plan(evolve(plan, tracker=Sound())).tracks)
