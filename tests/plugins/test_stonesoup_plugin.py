@@ -1,5 +1,6 @@
 """The plugin `opir-stonesoup`: its models against opir's own flight, its reader against runs, its tracker in scenes."""
 
+import json
 import subprocess
 import sys
 from datetime import datetime, timedelta
@@ -8,14 +9,17 @@ import numpy as np
 import pytest
 from opir_stonesoup.models import EarthFixedMotion, SightModel, sensor_axes
 from opir_stonesoup.reader import OpirDetectionReader
+from opir_stonesoup.tracker import StoneSoupTracker
 from opir_stonesoup.upkeep import SilenceDeleter, ground_prior
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor
-from stonesoup.types.array import StateVector
+from stonesoup.predictor.particle import ParticlePredictor
+from stonesoup.tracker.simple import MultiTargetTracker
+from stonesoup.types.array import StateVector, StateVectors
 from stonesoup.types.hypothesis import SingleHypothesis
 from stonesoup.types.prediction import GaussianStatePrediction
 from stonesoup.types.state import State
 from stonesoup.types.track import Track
-from stonesoup.types.update import GaussianStateUpdate
+from stonesoup.types.update import GaussianStateUpdate, ParticleStateUpdate
 from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
 import opir_core as opir
@@ -24,6 +28,8 @@ from opir_core.errors import SceneError
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state, intersection_with_ellipsoid
 from opir_core.plan import compile_plan
+from opir_core.protocols import TrackerContext
+from opir_core.records import Detections
 from opir_core.run import plan_windows, run_of_plan
 from opir_core.scoring.comparison import compared
 from opir_core.tracking.near_sensors import FIRST_HEIGHT_M
@@ -172,6 +178,44 @@ def test_what_is_no_event_is_told_with_its_line(tmp_path):
         OpirDetectionReader.of_events(path)
     with pytest.raises(SceneError, match="cannot be read: No such file"):
         OpirDetectionReader.of_events(tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("line_of_sight_sigma_urad", -5.0, "line_of_sight_sigma_urad is -5.0, not above 0"),
+        ("sensor_position_ecef_m", [0.0, 0.0, 0.0], "sensor_position_ecef_m is the centre of the Earth"),
+        ("timestamp", "2026-04-01T12:00:10+01:00", "timestamp '2026-04-01T12:00:10+01:00' is not UTC with a Z"),
+    ],
+)
+def test_an_event_that_gives_no_line_of_sight_is_told_with_its_line(tmp_path, key, value, words):
+    path = tmp_path / "events.jsonl"
+    assert main(["run", SCENE, "--quiet", "--out", str(path), "--set", "duration_s=30"]) == 0
+    first, second = path.read_text().splitlines()[:2]
+    path.write_text(f"{first}\n{json.dumps({**json.loads(second), key: value})}\n")
+    with pytest.raises(SceneError) as raised:
+        OpirDetectionReader.of_events(path)
+    assert f"line 2: is no event of the encoder forge: {words}" in str(raised.value)
+
+
+def test_of_a_particle_filter_the_mean_is_told():
+    """The state vector of particles has them all; the first one is kilometres from their mean."""
+    plan = plan_of()
+    rng = np.random.default_rng(0)
+    mean, sigma = state(9)
+    cloud = StateVectors((mean + 1e3 * sigma * rng.normal(size=(200, 9))).T)
+    begun = datetime(1970, 1, 1) + timedelta(microseconds=plan.scene.epoch_us)
+    weight = rng.uniform(size=200)
+    seen = ParticleStateUpdate(
+        cloud, hypothesis=SingleHypothesis(None, None), weight=weight / weight.sum(), timestamp=begun
+    )
+    inner = MultiTargetTracker(initiator=None, deleter=None, detector=None, data_associator=None, updater=None)
+    inner._tracks.add(Track([seen]))
+    context = TrackerContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, duration_s=60.0)
+    predictor = ParticlePredictor(EarthFixedMotion(noise=0.0))
+    told = StoneSoupTracker(inner, predictor, context).step(0.0, Detections.empty())
+    assert told.state[0] == pytest.approx(np.average(np.array(cloud, float), axis=1, weights=weight)[:6], rel=1e-9)
+    assert told.state_covariance[0] == pytest.approx(np.cov(np.array(cloud, float)[:6], aweights=weight, ddof=0))
 
 
 def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_filter():

@@ -158,12 +158,23 @@ def _events(path: Path) -> Iterator[Sight]:
     for number, line in enumerate(lines, start=1):
         try:
             event = decoder.decode(line)
+            _require_sense(event)
             time_us = _epoch_us(event.timestamp)
         except (msgspec.DecodeError, ValueError) as error:
             raise SceneError(
                 [Problem(f"line {number}", f"is no event of the encoder forge: {error}")], source=str(path)
             ) from error
         yield _sight(event, time_us)
+
+
+def _require_sense(event: _Event) -> None:
+    """Raise `ValueError` where an event's numbers give no line of sight."""
+    if not event.line_of_sight_sigma_urad > 0.0:
+        raise ValueError(f"line_of_sight_sigma_urad is {event.line_of_sight_sigma_urad}, not above 0")
+    if not any(event.sensor_position_ecef_m):
+        raise ValueError("sensor_position_ecef_m is the centre of the Earth")
+    if not event.timestamp.endswith("Z"):
+        raise ValueError(f"timestamp {event.timestamp!r} is not UTC with a Z")
 
 
 def _sight(event: _Event, time_us: int) -> Sight:

@@ -36,6 +36,9 @@ class StoneSoupTracker:
     ) -> None:
         self.cadence_s: float | None = cadence_s
         self._tracker, self._predictor = tracker, predictor
+        if isinstance(getattr(tracker, "_tracks", None), set):
+            # A plain set would go through the tracks in another order in each process.
+            tracker._tracks = OrderedSet(tracker._tracks)
         self._ids = [sensor.id for sensor in context.sensors]
         self._epoch_us, self._light_time = context.epoch_us, context.light_time
         self._needed_hits = needed_hits
@@ -77,7 +80,8 @@ class StoneSoupTracker:
         count = len(self._number)
         time = _UNIX + timedelta(microseconds=self._epoch_us + round(tick_s * 1e6))
         now = [self._predictor.predict(track[-1], timestamp=time) for track in self._number]
-        states = [np.asarray(state.state_vector, dtype=np.float64)[:6, 0] for state in now]
+        # Of particles the state vector has them all, and the mean is one.
+        states = [np.asarray(state.mean, dtype=np.float64).reshape(-1)[:6] for state in now]
         covariances = [np.asarray(state.covar, dtype=np.float64)[:6, :6] for state in now]
         return Tracks(
             tick_s=np.full(count, tick_s),
@@ -111,8 +115,6 @@ def stone_soup_tracker(config: StoneSoupConfig, context: TrackerContext) -> Trac
         data_associator=(JPDAwithEHM2 if joint else GNNWith2DAssignment)(hypothesiser),
         updater=updater,
     )
-    # A plain set would go through the tracks in another order in each process.
-    tracker._tracks = OrderedSet([])
     return StoneSoupTracker(tracker, predictor, context, cadence_s=config.cadence_s, needed_hits=config.needed_hits)
 
 
