@@ -186,9 +186,10 @@ def figures(
     truth: Hypotheses, bank: Bank, fitting: Fitting, tick_s: float
 ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Return squared errors and NEES of flights at a tick, and their information (n, 10, 10) and slopes (n, 8, 10)."""
-    mine = np.isin(bank.hypotheses.track, truth.track)
-    likely = bank.hypotheses.take(mine)
-    told = report(likely, probability(likely), tick_s, fitting.priors, "kepler", np.inf)
+    mine = evolve(bank, hypotheses=bank.hypotheses.take(np.isin(bank.hypotheses.track, truth.track)))
+    likely, finer = mine.hypotheses, fitting.parts(mine, tick_s)
+    parts = None if finer is None else (finer, probability(finer))
+    told = report(likely, probability(likely), tick_s, fitting.priors, "kepler", np.inf, parts)
     truth = truth.take(np.isin(truth.track, told.track))
     limit = bounds(truth, fitting.watch, bank.seen, tick_s)
     exact, slopes, turns = turned(truth, tick_s)

@@ -14,6 +14,7 @@ from opir_core.tracking.profile.hypotheses import joined
 from opir_core.tracking.profile.rows import SPAN_S, Rows, axes_about, compressed, means, normal_points
 from opir_core.tracking.profile.seen import Seen
 from opir_core.tracking.profile.start import started
+from opir_core.tracking.profile.start_parts import are_open, parted, parts_of
 from opir_core.tracking.profile.strain import Bank, strained
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.watch import Watch
@@ -71,6 +72,29 @@ class Fitting:
         bank = strained(bank, fresh, self.priors, self.watch.bias_sigma_rad)
         bank = bank.without_fits(bank.seen.strangers())
         return self._fitted(bank, fresh.take(np.isin(fresh.track, bank.hypotheses.track)), tick_s)
+
+    def parts(self, bank: Bank, tick_s: float) -> Hypotheses | None:
+        """Return the hypotheses of a bank, those of what one sensor alone sees in parts by when the boost started.
+
+        None where none has parts.
+        """
+        every = bank.hypotheses
+        apart = (every.window[:, 3] > 0.0) & _are_alone(every.track, bank.seen) & are_open(every, tick_s)
+        chosen = np.flatnonzero(apart & (hypotheses_of.probability(every) > _TELLING))
+        if not len(chosen):
+            return None
+        whole = every.take(chosen)
+        first_s = np.min(bank.seen.of(whole.track).first_s, axis=1) - whole.anchor_s
+        solution = fit.solved(whole, self.priors, self.watch.bias_sigma_rad)
+        parts = parts_of(whole, solution, first_s, self.priors.take(whole.kind))
+        if not len(parts.origin):
+            return None
+        family = fit.family_of(parts.hypotheses, self.priors)
+        row, owner = joined(parts.hypotheses.track, bank.rows.track)
+        trial = fit.with_rows(parts.hypotheses.cleared(), family, bank.rows.take(row), owner, np.ones(len(row)))
+        solution = parts.given(fit.solved(trial, self.priors, self.watch.bias_sigma_rad))
+        trial = self._finished(trial, solution, family, bank.seen, tick_s)
+        return parted(every, trial, chosen[parts.origin])
 
     def _points(self, bank: Bank, track: IntArray, rays: Rays, stray: FloatArray | None) -> tuple[Rows, Rows]:
         """Return the normal points of rays, and the rays as rows at the times at which light left."""
@@ -202,7 +226,12 @@ class Fitting:
     def _settled(self, hypotheses: Hypotheses, family: Family, seen: Seen, tick_s: float) -> Hypotheses:
         """Return the hypotheses at the solutions of their normal equations, given when their burns may end."""
         solution = fit.solved(hypotheses, self.priors, self.watch.bias_sigma_rad)
-        solution = started(hypotheses, solution, self.priors, seen)
+        return self._finished(hypotheses, started(hypotheses, solution, self.priors, seen), family, seen, tick_s)
+
+    def _finished(
+        self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: Seen, tick_s: float
+    ) -> Hypotheses:
+        """Return the hypotheses at solutions, given when their burns may end."""
         solution, ends = self._ended(hypotheses, solution, family, seen, tick_s)
         parameters = fit.moved(hypotheses, solution.parameters, self.priors)
         return evolve(

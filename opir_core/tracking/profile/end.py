@@ -132,7 +132,7 @@ def _moments(
     variance = (share * np.square(apart)).sum(axis=1)
     evidence = evidence - np.log(sigma * np.sqrt(2.0 * np.pi))
     scale = np.sqrt(np.maximum(variance, 1e-30))[:, None]
-    rule = _gauss_rule(apart / scale, share)
+    rule = gauss_rule(apart / scale, share, RULE)
     x = _quantiles(share) / _PLACES * top[:, None]
     quantiles = (np.log((last - start)[:, None] + _FINEST_S * np.expm1(x)) - middle[:, None]) / scale
     return Ends(middle, np.maximum(variance, np.square(_SHARPEST_S / (last - start))), evidence, *rule, quantiles)
@@ -154,17 +154,17 @@ def _quantiles(share: FloatArray) -> FloatArray:
     return found
 
 
-def _gauss_rule(value: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return Gauss's rule (n, nodes) of distributions over places (n, m), of mean 0 and variance 1.
+def gauss_rule(value: FloatArray, share: FloatArray, nodes: int) -> tuple[FloatArray, FloatArray]:
+    """Return Gauss's rule, nodes and weights (n, nodes), of distributions over places (n, m), of mean 0 and variance 1.
 
     The recurrence of the orthogonal polynomials is Stieltjes's; nodes are the eigenvalues of its Jacobi matrix (Golub
     and Welsch, Math. Comp. 23, 1969, 221).
     """
     count = len(value)
-    matrix = np.zeros((count, RULE, RULE))
+    matrix = np.zeros((count, nodes, nodes))
     before, here, size = np.zeros_like(value), np.ones_like(value), np.ones(count)
     squared = np.zeros(count)
-    for order in range(RULE):
+    for order in range(nodes):
         square = share * here * here
         norm = square.sum(axis=1)
         if order:
@@ -173,8 +173,8 @@ def _gauss_rule(value: FloatArray, share: FloatArray) -> tuple[FloatArray, Float
         shift = (square * value).sum(axis=1) / np.maximum(norm, 1e-300)
         matrix[:, order, order] = shift
         before, here, size = here, (value - shift[:, None]) * here - squared[:, None] * before, np.maximum(norm, 1e-300)
-    nodes, axes = np.linalg.eigh(matrix)
-    return nodes, np.square(axes[:, 0])
+    node, axes = np.linalg.eigh(matrix)
+    return node, np.square(axes[:, 0])
 
 
 def _seen(log: FloatArray, silence: Silence, end: FloatArray) -> tuple[FloatArray, FloatArray]:

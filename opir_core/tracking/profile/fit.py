@@ -245,11 +245,14 @@ _CUT, _ROUNDING = 1e-3, 1e-12
 
 def moved(hypotheses: Hypotheses, target: FloatArray, priors: Priors) -> FloatArray:
     """Return the parameters (n, 10) on the way to others, no farther off than a step may go, and near their priors."""
-    prior = priors.take(hypotheses.kind)
     step = np.clip(target - hypotheses.parameters, -LARGEST, LARGEST)
-    found = natural(hypotheses.parameters + step, prior).parameters
+    return within(hypotheses.parameters + step, priors.take(hypotheses.kind))
+
+
+def within(parameters: FloatArray, prior: Priors) -> FloatArray:
+    """Return parameters (n, 10) no farther from their priors, one row each, than an estimate may be."""
     limit = _WITHIN / np.sqrt(prior.information())
-    return fitted(np.clip(found, -limit, limit), prior)
+    return fitted(np.clip(natural(parameters, prior).parameters, -limit, limit), prior)
 
 
 def shortfall(solution: Solved, parameters: FloatArray) -> FloatArray:

@@ -34,18 +34,24 @@ def report(
     priors: Priors,
     forces: "ForceModel",
     largest_impact_m: float,
+    parts: tuple[Hypotheses, FloatArray] | None = None,
 ) -> Tracks:
     """Return the estimates at a tick of tracks whose hypotheses (n,) have these probabilities, by track.
 
-    An impact whose 95 % ellipse has a semi-axis longer than `largest_impact_m` is not told.
+    An impact whose 95 % ellipse has a semi-axis longer than `largest_impact_m` is not told. `parts` are hypotheses (m,)
+    that stand for those of the same tracks in state and launch, and their probabilities (m,).
     """
     hypotheses, number, mixture = _mixtures(hypotheses, probability)
     family = family_of(hypotheses, priors)
     ends, slope = flight.burnouts(family, hypotheses.spread)
-    state = _states(hypotheses, family, tick_s, ends, slope, priors, forces)
     impacts, arcs = _impacts(hypotheses, family, ends, slope, priors, forces)
-    launch, impact = (_blended(each, mixture, True) for each in (_launches(hypotheses, family), impacts))
-    state, ends = (_blended(each, mixture, False) for each in (state, ends))
+    impact, burnout = _blended(impacts, mixture, True), _blended(ends, mixture, False)
+    apart, finer = (hypotheses, mixture) if parts is None else _mixtures(*parts)[::2]
+    if parts is not None:
+        family = family_of(apart, priors)
+        ends, slope = flight.burnouts(family, apart.spread)
+    state = _blended(_states(apart, family, tick_s, ends, slope, priors, forces), finer, False)
+    launch = _blended(_launches(apart, family), finer, True)
     impact_sigmas = containing_sigmas(arcs, mixture.weight, mixture.row, impact)
     _withhold_vague(impact, impact_sigmas, largest_impact_m)
     return Tracks(
@@ -58,8 +64,8 @@ def report(
         impact=impact.mean,
         impact_covariance=impact.covariance,
         type_probability=mixture.sums(np.eye(4)[hypotheses.kind]),
-        burnout=ends.mean,
-        burnout_covariance=ends.covariance,
+        burnout=burnout.mean,
+        burnout_covariance=burnout.covariance,
         impact_sigmas=impact_sigmas,
     )
 

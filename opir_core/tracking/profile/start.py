@@ -37,11 +37,15 @@ def started(hypotheses: Hypotheses, solution: Solved, priors: Priors, seen: Seen
 
 
 class Starts(NamedTuple):
-    """Starts: means, s, and variances (n,), and the logarithms of the likelihoods (n,)."""
+    """Starts: means, s, and variances (n,), the logarithms of the likelihoods (n,), and chances (n,) of `stray`.
+
+    That is that what counts as the first light was another's, and tells nothing of the start.
+    """
 
     mean: FloatArray
     variance: FloatArray
     evidence: FloatArray
+    stray: FloatArray
 
 
 def starts_of(mean: FloatArray, variance: FloatArray, first_s: FloatArray, hidden_s: FloatArray) -> Starts:
@@ -61,7 +65,7 @@ def starts_of(mean: FloatArray, variance: FloatArray, first_s: FloatArray, hidde
     middles = np.stack([first_s - before.mean, mean])
     middle = np.sum(share * middles, axis=0)
     within = np.stack([before.variance, variance]) + np.square(middles - middle)
-    return Starts(middle, np.sum(share * within, axis=0), evidence)
+    return Starts(middle, np.sum(share * within, axis=0), evidence, share[1])
 
 
 class _HalfLine(NamedTuple):

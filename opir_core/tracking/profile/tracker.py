@@ -10,6 +10,7 @@ from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
 from opir_core.tracking.profile import hypotheses as hypotheses_of
 from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.claim import claimed
+from opir_core.tracking.profile.fit import Hypotheses
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.report import report
 from opir_core.tracking.profile.strain import Bank
@@ -77,12 +78,12 @@ class ProfileTracker:
 
     def _told(self, followed: Tracks, tick_s: float) -> Tracks:
         """Return the estimates of all tracks with a fit; of the others, what the stereo filter tells."""
-        ready = self._bank.hypotheses
-        if not len(ready):
+        if not len(self._bank.hypotheses):
             return typed(followed)
-        ready = evolve(ready, evidence=ready.evidence + _reported(followed, ready.track, ready.kind))
-        probability = hypotheses_of.probability(ready)
-        told = report(ready, probability, tick_s, self._fitting.priors, self._forces, self._largest_impact_m)
+        finer = self._fitting.parts(self._bank, tick_s)
+        parts = None if finer is None else _weighed(finer, followed)
+        mixed = _weighed(self._bank.hypotheses, followed)
+        told = report(*mixed, tick_s, self._fitting.priors, self._forces, self._largest_impact_m, parts)
         sound = np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2))
         followed = typed(followed)
         told = self._trusted(told.take(sound), followed)
@@ -106,6 +107,12 @@ class ProfileTracker:
 
 def _watch_of(sensors: tuple[Sensor, ...]) -> Watch:
     return Watch.of(sensors, least=_LEAST_STATED, most=_MOST_STATED)
+
+
+def _weighed(hypotheses: Hypotheses, followed: Tracks) -> tuple[Hypotheses, FloatArray]:
+    """Return hypotheses and their probabilities, with what sensors' reports of the type say of them."""
+    said = _reported(followed, hypotheses.track, hypotheses.kind)
+    return hypotheses, hypotheses_of.probability(evolve(hypotheses, evidence=hypotheses.evidence + said))
 
 
 def _reported(followed: Tracks, track: IntArray, kind: IntArray) -> FloatArray:
