@@ -36,6 +36,7 @@ class Heard:
     def __init__(self, inner):
         self._inner, self.told = inner, Tracks.empty()
         self.associate, self.cadence_s, self.stray_shares = inner.associate, inner.cadence_s, inner.stray_shares
+        self.owners = inner.owners
 
     def step(self, tick_s, detections):
         """Return what the filter tells, and keep it."""

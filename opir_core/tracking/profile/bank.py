@@ -11,7 +11,7 @@ from opir_core.tracking.profile.end import Ends, ends_of
 from opir_core.tracking.profile.family import BURN, SIZE, START, Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, Solved
 from opir_core.tracking.profile.hypotheses import joined
-from opir_core.tracking.profile.rows import SPAN_S, Rows, axes_about, compressed, means, normal_points
+from opir_core.tracking.profile.rows import SPAN_S, Rows, compressed, means, normal_points, single
 from opir_core.tracking.profile.seen import Seen
 from opir_core.tracking.profile.start import started
 from opir_core.tracking.profile.start_parts import are_open, parted, parts_of
@@ -98,7 +98,7 @@ class Fitting:
 
     def _points(self, bank: Bank, track: IntArray, rays: Rays, stray: FloatArray | None) -> tuple[Rows, Rows]:
         """Return the normal points of rays, and the rays as rows at the times at which light left."""
-        rows = Rows(track, rays.time_s, rays.sensor, rays.origin_ecef_m, axes_about(rays), rays.sigma_rad)
+        rows = single(track, rays)
         known = np.isin(track, bank.hypotheses.track)
         old, new = np.flatnonzero(known), np.flatnonzero(~known)
         parts, left = [], rows.time_s.copy()

@@ -56,6 +56,18 @@ class Bank:
         whole = np.empty(0, dtype=np.int64)
         return cls(fit.blank(0, sensors), Rows.empty(), Seen.nothing(whole, sensors), whole)
 
+    def joined(self, other: "Bank") -> "Bank":
+        """Return the bank with the tracks of another, none of which it has."""
+        hypotheses = Hypotheses.concatenate([self.hypotheses, other.hypotheses])
+        seen = Seen.concatenate([self.seen, other.seen])
+        order = np.argsort(seen.track, kind="stable")
+        return Bank(
+            hypotheses.take(np.argsort(hypotheses.track, kind="stable")),
+            Rows.concatenate([self.rows, other.rows]),
+            seen.take(order),
+            np.concatenate([self.ticks, other.ticks])[order],
+        )
+
     def without_fits(self, track: IntArray) -> "Bank":
         """Return the bank without the hypotheses and rows of tracks, of which it remains known what was seen."""
         if not len(track):

@@ -9,7 +9,7 @@ from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
 from opir_core.tracking.profile import hypotheses as hypotheses_of
 from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.claim import claimed
+from opir_core.tracking.profile.beginning import caught_up
 from opir_core.tracking.profile.fit import Hypotheses
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.report import report
@@ -19,9 +19,11 @@ from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo.tracker import StereoTracker
 from opir_core.tracking.watch import Watch
 
-#: The tick of a track at which earlier rays that belong to no track are claimed, and how long rays wait for it, s.
-_CLAIM_TICK = 3
-_POOL_S = 20.0
+#: Rays that belong to no track are kept for this long, s, or this many scans, for a track that begins later.
+_POOL_S, _POOL_SCANS = 20.0, 20
+
+#: The time before a track was known is gone through in such ticks where the tracker has none of its own, s.
+_TICK_S = 1.0
 
 #: Of what sensors state of their chances of detection no more is believed than lies in between.
 _LEAST_STATED, _MOST_STATED = 0.02, 0.999
@@ -64,17 +66,24 @@ class ProfileTracker:
         stray = self._inner.stray_shares(track)
         self._bank = self._fitting.stepped(self._bank, tick_s, track, rays.take(mine), stray)
         self._bank = self._bank.without(np.setdiff1d(self._bank.seen.track, followed.track))
-        self._claim(rays.take(~mine), tick_s)
+        self._wait(rays.take(~mine), tick_s)
+        self._begin(np.setdiff1d(followed.track, self._bank.seen.track), tick_s)
         return self._told(followed, tick_s)
 
-    def _claim(self, free: Rays, tick_s: float) -> None:
-        """Give rays that belong to no track to young tracks that explain them."""
-        pool = Rays.concatenate([self._pool.take(self._pool.time_s > tick_s - _POOL_S), free])
-        claiming = self._bank.seen.track[self._bank.ticks == _CLAIM_TICK]
-        if len(claiming) and len(pool):
-            self._bank, owner = claimed(self._fitting, self._bank, claiming, pool)
-            pool = pool.take(owner < 0)
-        self._pool = pool
+    def _wait(self, free: Rays, tick_s: float) -> None:
+        """Keep rays that belong to no track for tracks to come."""
+        keep_s = np.maximum(_POOL_S, _POOL_SCANS * self._fitting.watch.period_s)[self._pool.sensor]
+        self._pool = Rays.concatenate([self._pool.take(self._pool.time_s > tick_s - keep_s), free])
+
+    def _begin(self, track: IntArray, tick_s: float) -> None:
+        """Begin tracks by number with the rays that wait and are theirs."""
+        if not len(track) or not len(self._pool):
+            return
+        owner = self._inner.owners(track, self._pool)
+        mine, free = np.flatnonzero(owner >= 0), np.flatnonzero(owner < 0)
+        told = owner[mine], self._pool.take(mine), self._inner.stray_shares(owner[mine])
+        self._bank = caught_up(self._fitting, self._bank, *told, self.cadence_s or _TICK_S, tick_s)
+        self._pool = self._pool.take(free)
 
     def _told(self, followed: Tracks, tick_s: float) -> Tracks:
         """Return the estimates of all tracks with a fit; of the others, what the stereo filter tells."""

@@ -8,7 +8,9 @@ from attrs import evolve
 from opir_core.protocols import Sensor, TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.tracking.configs import StereoFilterConfig
+from opir_core.tracking.rays import Rays
 from opir_core.tracking.rays_of_last import RaysOfLast
+from opir_core.tracking.stereo.earlier_rays import earlier_owners
 from opir_core.tracking.stereo.situation import Situation
 from opir_core.tracking.stereo.stray_rays import SHARES, Strays
 from opir_core.tracking.stereo.tracking import StereoTracking
@@ -64,6 +66,10 @@ class StereoTracker:
         row = np.searchsorted(roster.number, track)
         here = np.append(roster.number, -1)[row] == track
         return known[np.where(here, row, len(roster))]
+
+    def owners(self, track: IntArray, rays: Rays) -> IntArray:
+        """Return which of tracks by number (k,) each earlier ray (n,) is of, -1 for none, as known at the last tick."""
+        return earlier_owners(self._tracking, self._now, track, rays)
 
     def _due(self, tick_s: float, detections: Detections) -> Detections:
         """Return, once each and in order, what is from before a tick, of these and of what waits; the rest waits."""
