@@ -22,9 +22,6 @@ from opir_core.tracking.watch import Watch
 #: Rays that belong to no track are kept for this long, s, or this many scans, for a track that begins later.
 _POOL_S, _POOL_SCANS = 20.0, 20
 
-#: The time before a track was known is gone through in such ticks where the tracker has none of its own, s.
-_TICK_S = 1.0
-
 #: Of what sensors state of their chances of detection no more is believed than lies in between.
 _LEAST_STATED, _MOST_STATED = 0.02, 0.999
 
@@ -36,6 +33,7 @@ class ProfileTracker:
     """The tracker `boost-profile`."""
 
     def __init__(self, config: BoostProfileConfig, context: TrackerContext, inner: StereoTracker) -> None:
+        self._tick_s = config.cadence_s
         self.cadence_s: float | None = config.cadence_s
         self._inner = inner
         self._fitting = Fitting(priors_of(config.priors), _watch_of(context.sensors), context.light_time)
@@ -82,7 +80,7 @@ class ProfileTracker:
         owner = self._inner.owners(track, self._pool)
         mine, free = np.flatnonzero(owner >= 0), np.flatnonzero(owner < 0)
         told = owner[mine], self._pool.take(mine), self._inner.stray_shares(owner[mine])
-        self._bank = caught_up(self._fitting, self._bank, *told, self.cadence_s or _TICK_S, tick_s)
+        self._bank = caught_up(self._fitting, self._bank, *told, self._tick_s, tick_s)
         self._pool = self._pool.take(free)
 
     def _told(self, followed: Tracks, tick_s: float) -> Tracks:
