@@ -37,7 +37,8 @@ def run(arguments: argparse.Namespace) -> int:
     given = {name: Path(path) for name, path in elsewhere.items() if path}
     evidence = evidence_of_files(Path(arguments.events), **given)
     card = scorecard([evidence], settings)
-    tracker = evidence.plan.scene.tracker.name
+    # Tracks from elsewhere are not those of the run's tracker.
+    tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
     told = json.dumps(card.as_plain(), indent=2) if arguments.json else as_text({tracker: card})
     sys.stdout.write(told + "\n")
     return 0

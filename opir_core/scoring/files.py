@@ -30,6 +30,8 @@ class _Told(msgspec.Struct):
     detection_id: str = ""
     target_id: str | None = None
     ignition_s: float | None = None
+    burnout_s: float | None = None
+    burnout: dict[str, Any] | None = None
     launch: dict[str, Any] | None = None
     impact: dict[str, Any] | None = None
 

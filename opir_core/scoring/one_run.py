@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from opir_core.errors import Problem, SceneError, reason_of
+from opir_core.manifest import MANIFEST_VERSION
 from opir_core.plan import Plan
 
 _REST = "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
@@ -35,6 +36,12 @@ def read_manifest(path: Path) -> Mapping[str, Any]:
         raise refused(path, "", f"not what opir writes: {error}") from error
     if not isinstance(manifest, dict) or "scene" not in manifest:
         raise refused(path, "", "not what opir writes: a manifest is a block with the scene")
+    version = manifest.get("manifest_version")
+    if version != MANIFEST_VERSION:
+        words = f"of manifest version {version}, where {MANIFEST_VERSION} is read"
+        raise refused(path, "manifest_version", f"{words}: run the scene anew, or score it with the opir that wrote it")
+    if not isinstance(manifest.get("counts", {}), dict):
+        raise refused(path, "counts", "not what opir writes: a block of counts is due")
     return manifest
 
 
@@ -77,12 +84,13 @@ def require_launches_of_run(truth: Path, told: Sequence[Mapping[str, Any]], plan
         if name not in due:
             raise refused(truth, "", f"the manifest's scene has no target {name}: {_REST}")
         if _differ(target, due[name]):
-            raise refused(truth, "", f"{name} is another target in the manifest's scene: {_REST}")
+            words = f"{name} flies otherwise in the manifest's scene, by the plugins installed"
+            raise refused(truth, "", f"{words}: {_REST}")
 
 
 def _differ(told: Mapping[str, Any], due: Mapping[str, Any]) -> bool:
-    pairs = [(told.get("ignition_s"), due.get("ignition_s"))]
-    for name in ("launch", "impact"):
+    pairs = [(told.get(name), due.get(name)) for name in ("ignition_s", "burnout_s")]
+    for name in ("launch", "burnout", "impact"):
         mine, theirs = told.get(name), due.get(name)
         if isinstance(mine, dict) and isinstance(theirs, Mapping):
             pairs += [(mine.get(angle), theirs.get(angle)) for angle in ("lat_deg", "lon_deg")]

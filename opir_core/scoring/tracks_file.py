@@ -59,7 +59,14 @@ def read_tracks(path: Path) -> Tracks:
         return Tracks.empty()
     empty = Tracks.empty()
     tracks = Tracks(*(_column(rows, name, getattr(empty, name), path) for name in _NAMES))
-    return tracks.take(np.lexsort((tracks.track, tracks.tick_s)))
+    order = np.lexsort((tracks.track, tracks.tick_s))
+    tracks = tracks.take(order)
+    again = np.flatnonzero((np.diff(tracks.tick_s) == 0.0) & (np.diff(tracks.track) == 0))
+    if len(again):
+        first = int(again[np.argmin(order[again + 1])])
+        words = f"track {tracks.track[first]} is told twice at {tracks.tick_s[first]:g} s"
+        raise refused(path, f"line {order[first + 1] + 1}", f"{words}; give one row a track and tick")
+    return tracks
 
 
 _BLANK = {name: np.full(getattr(Tracks.empty(), name).shape[1:], None).tolist() for name in _OPTIONAL}

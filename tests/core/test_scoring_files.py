@@ -73,7 +73,7 @@ def test_a_truth_of_another_launch_is_refused(runs, copied):
     told = lines_of(copied.with_suffix(".truth.jsonl"))
     told[0] = lines_of(runs / "away.truth.jsonl")[0]
     copied.with_suffix(".truth.jsonl").write_text("".join(told))
-    with pytest.raises(SceneError, match="T1 is another target in the manifest's scene"):
+    with pytest.raises(SceneError, match="T1 flies otherwise in the manifest's scene"):
         evidence_of_files(copied)
     told[0] = told[0].replace('"target_id":"T1"', '"target_id":"T9"')
     copied.with_suffix(".truth.jsonl").write_text("".join(told))
@@ -88,6 +88,22 @@ def test_tracks_from_elsewhere_are_judged_where_they_are_asked_for(runs, copied,
     assert np.array_equal(found.state, evidence_of_files(runs / "one.jsonl").tracks.state)
 
 
+def test_a_track_told_twice_at_a_tick_is_refused(runs, copied, tmp_path):
+    rows = lines_of(runs / "one.tracks.jsonl")
+    (tmp_path / "mine.jsonl").write_text("".join([*rows, rows[3]]))
+    tick_s = json.loads(rows[3])["tick_s"]
+    with pytest.raises(SceneError, match=rf"line {len(rows) + 1}: track 0 is told twice at {tick_s:g} s; give one row"):
+        evidence_of_files(copied, tracks=tmp_path / "mine.jsonl")
+
+
+def test_tracks_from_elsewhere_are_told_by_their_file(runs, copied, tmp_path, capsys):
+    (tmp_path / "mine.jsonl").write_text("".join(lines_of(runs / "one.tracks.jsonl")))
+    assert main(["score", str(copied), "--tracks", str(tmp_path / "mine.jsonl")]) == 0
+    text = capsys.readouterr().out
+    assert "mine.jsonl" in text
+    assert "stereo-filter" not in text
+
+
 def test_files_may_lie_anywhere(runs, tmp_path, capsys):
     places = {name: tmp_path / f"{name}.x" for name in ("truth", "tracks", "manifest")}
     shutil.copy(runs / "one.jsonl", tmp_path / "events.jsonl")
@@ -97,6 +113,33 @@ def test_files_may_lie_anywhere(runs, tmp_path, capsys):
         words += [f"--{name}", str(path)]
     assert main(["score", str(tmp_path / "events.jsonl"), *words]) == 0
     assert "launches tracked" in capsys.readouterr().out
+
+
+def test_a_truth_that_burns_otherwise_is_refused(copied):
+    """Launch and aim are the scene's; what lies between is the target model's, which may have changed since."""
+    path = copied.with_suffix(".truth.jsonl")
+    first, *rest = lines_of(path)
+    told = json.loads(first)
+    changed = ({"burnout_s": told["burnout_s"] + 1.0}, {"burnout": {**told["burnout"], "lat_deg": 35.0}})
+    for change in changed:
+        path.write_text("".join([json.dumps({**told, **change}) + "\n", *rest]))
+        with pytest.raises(SceneError, match="T1 flies otherwise in the manifest's scene, by the plugins installed"):
+            evidence_of_files(copied)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("manifest_version", "1", "manifest_version: of manifest version 1, where 2 is read: run the scene anew"),
+        ("manifest_version", None, "manifest_version: of manifest version None, where 2 is read"),
+        ("counts", 3, "counts: not what opir writes: a block of counts is due"),
+    ],
+)
+def test_a_manifest_of_another_shape_is_told(copied, key, value, message):
+    path = copied.with_suffix(".manifest.json")
+    path.write_text(json.dumps({**json.loads(path.read_text()), key: value}))
+    with pytest.raises(SceneError, match=message):
+        evidence_of_files(copied)
 
 
 @pytest.mark.parametrize(
