@@ -89,7 +89,7 @@ def decided(
             continue
         trials = _settled(filter_, known, trials, bank, time_s, sensor)
         chosen = nearest(trials.track, trials.source, _costs(trials.gain))
-        beta = marginals(trials.track, trials.source, np.exp(trials.gain + _SURELY))
+        beta = marginals(trials.track, trials.source, np.exp(_below_best(trials) + _SURELY))
         known, bank, told = _exchanged(known, bank, told, sensor, trials, chosen)
         open_ = np.zeros(len(known))
         open_[trials.track[chosen]] = 1.0 - beta[chosen]
@@ -102,6 +102,14 @@ def decided(
 
 #: Every track has some history: e to this times as likely as none, when that is its likeliest.
 _SURELY = 60.0
+
+
+def _below_best(trials: _Trials) -> FloatArray:
+    """Return how likely (log) trials are (m,), a track's likeliest at 0: what exchanges settle into may be far above."""
+    best = np.full(int(trials.track.max()) + 1, -np.inf)
+    np.maximum.at(best, trials.track, trials.gain)
+    below: FloatArray = trials.gain - best[trials.track]
+    return below
 
 
 def _of_some(track: IntArray, beta: FloatArray) -> FloatArray:
