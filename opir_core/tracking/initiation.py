@@ -12,7 +12,7 @@ from attrs import Factory, evolve, field, frozen
 from opir_core.columns import Columns
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.geometry.ellipsoid import WGS84
-from opir_core.records import FloatArray, IntArray
+from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.near_sensors import (
     FAR_M,
     GRAZING,
@@ -72,13 +72,35 @@ class Beginnings(Columns):
     sine: FloatArray = field(default=Factory(lambda self: np.ones(len(self.sensors)), takes_self=True))
 
 
-def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Beginnings:
+@frozen(eq=False)
+class Shown:
+    """What rays (m,) show: the spot that each is in, the place that its spot is of, -1 for none, and the places."""
+
+    spot: IntArray
+    place: IntArray
+    begun: Beginnings
+
+    def owned(self, place: IntArray, ray: IntArray, sensor: IndexArray) -> BoolArray:
+        """Return which pairs (n,) of a place and a ray in its gate, which `sensor` saw, may be a track's first.
+
+        So little is known of a place that its gate may hold neighbours: where a scan missed the target, one of their
+        rays would pull the track kilometres off. So where any sensor has several spots there, none has but its own.
+        """
+        spots = np.unique(np.stack([place, sensor, self.spot[ray]]), axis=1)[:2]
+        looks, several = np.unique(spots, axis=1, return_counts=True)
+        crowded = np.isin(place, looks[0, several > 1])
+        own: BoolArray = ~crowded | (self.place[ray] == place)
+        return own
+
+
+def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Shown:
     """Return the places that rays (all recent and unclaimed) show, with at least `scans_needed` scans each.
 
     `bias_sigma_rad` (sensors,) is the standard deviation of each sensor's bias, which no averaging over scans lessens.
     """
-    spots = spots_of(rays)
-    likely = spots.take(np.flatnonzero(spots.scans >= 2))
+    spots, spot = spots_of(rays)
+    used = np.flatnonzero(spots.scans >= 2)
+    likely = spots.take(used)
     likely = evolve(likely, sigma_rad=np.hypot(likely.sigma_rad, bias_sigma_rad[likely.sensor]))
     group, count = _places_of(likely)
     scans = np.bincount(group, likely.scans, count)
@@ -89,11 +111,17 @@ def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Beg
     sine = np.ones(count)
     if np.count_nonzero(sensors[ready] == 1):
         sine[group] = _sines(likely.direction_ecef, position[group])
-    return Beginnings(position, time_s, sensors, sine).take(ready)
+    place, number = np.full(len(spots), -1), np.full(count, -1)
+    number[ready] = np.arange(len(ready))
+    place[used] = number[group]
+    return Shown(spot, place[spot], Beginnings(position, time_s, sensors, sine).take(ready))
 
 
-def spots_of(rays: Rays) -> Spots:
-    """Return the spots of rays: connected groups of occupied bins of directions, sensor by sensor."""
+def spots_of(rays: Rays) -> tuple[Spots, IntArray]:
+    """Return the spots of rays, and which (m,) each is in.
+
+    They are connected groups of occupied bins of directions, sensor by sensor.
+    """
     sensor, which = np.unique(rays.sensor, return_inverse=True)
     span = np.zeros(len(sensor))
     newest = np.full(len(sensor), -np.inf)
@@ -104,7 +132,7 @@ def spots_of(rays: Rays) -> Spots:
     np.maximum.at(widest, which, sigma_rad)
     width = _WIDTH_SIGMAS * widest + _SPEED_M_S * span / FAR_M
     spot = _connected(which, direction, width)
-    return _means(rays, spot)
+    return _means(rays, spot), spot
 
 
 def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:

@@ -132,3 +132,26 @@ def test_any_cadence_scans_sensors_biases_and_chances(
     looks = sensors(*(-150.0, -165.0, 175.0)[:count], period_ms=period_ms, more=more)
     tracker = f"tracker={{model: stereo-filter, cadence_s: {cadence_s}}}"
     assert tracks_a_launch(looks, "duration_s=130", "seed=3", tracker) == ([1, 1, 1], 0)
+
+
+def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one() -> None:
+    """Thirty launches 33 km apart in three seconds: what begins a track is its own place's rays alone."""
+    launches = [
+        {
+            "id": f"L{number}",
+            "type": ("ICBM", "IRBM", "SRBM")[number % 3],
+            "launch": {"lat_deg": 34.0 + 0.3 * number, "lon_deg": -120.0, "time_s": 1.0 + 0.1 * number},
+            "aim": {"lat_deg": 34.0 + 0.3 * number, "lon_deg": (150.0, -155.0, -124.0)[number % 3]},
+        }
+        for number in range(30)
+    ]
+    looks = unlike((-150, 0, 100), (-90, 0, 100))
+    plan = compile_plan(
+        load_scene(SCENE, overrides=[looks, "duration_s=15", "seed=7", f"targets={launches}", "tracker=stereo-filter"])
+    )
+    tracks = run_of_plan(plan).tracks
+    assert len(np.unique(tracks.track)) == 30
+    last = tracks.take(tracks.tick_s == 15.0)
+    here = plan.targets.position_ecef_m(np.arange(30, dtype=np.int32), np.full(30, 15.0))
+    nearest_m = np.linalg.norm(last.state[:, None, :3] - here, axis=2).min(axis=0)
+    assert nearest_m.max() < 2e3

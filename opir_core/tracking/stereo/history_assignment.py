@@ -105,7 +105,7 @@ _SURELY = 60.0
 
 
 def _below_best(trials: _Trials) -> FloatArray:
-    """Return how likely (log) trials are (m,), a track's likeliest at 0: what exchanges settle into may be far above."""
+    """Return how likely (log) trials are (m,), each track's likeliest at 0: exchanges may settle far above that."""
     best = np.full(int(trials.track.max()) + 1, -np.inf)
     np.maximum.at(best, trials.track, trials.gain)
     below: FloatArray = trials.gain - best[trials.track]

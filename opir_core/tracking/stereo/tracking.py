@@ -182,12 +182,12 @@ class StereoTracking:
         """Return the situation with tracks begun where unclaimed rays show a target."""
         if len(now.pool.time_s) < self.config.needed_scans:
             return now
-        begun = initiation.beginnings(now.pool, self.config.needed_scans, self.biases.sigma_rad)
-        if not len(begun):
+        shown = initiation.beginnings(now.pool, self.config.needed_scans, self.biases.sigma_rad)
+        if not len(shown.begun):
             return now
-        first = first_bank(begun, now.time_s, self.config)
-        span = now.time_s - float(now.pool.time_s.min())
+        first, span = first_bank(shown.begun, now.time_s, self.config), now.time_s - float(now.pool.time_s.min())
         pairs = self.following.paired(self.filter.outlook(first, now.time_s), now.pool, span)
+        pairs = pairs.take(np.flatnonzero(shown.owned(pairs.track, pairs.ray, now.pool.sensor[pairs.ray])))
         found = associate_nearest(pairs, now.pool, self.following.chances)
         bank = self.filter.updated(first, now.time_s, found.sights, span)
         return self._joined(now, first, Followed(bank, found.owner, found.own, pairs))
