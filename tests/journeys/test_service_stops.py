@@ -68,11 +68,11 @@ class Running:
 
 
 @contextmanager
-def serving(folder: Path, *words: str) -> Iterator[Running]:
+def serving(folder: Path, *words: str, stderr: int = subprocess.DEVNULL) -> Iterator[Running]:
     scene = folder / "scene.yaml"
     scene.write_text(SCENE, encoding="utf-8")
     command = [sys.executable, "-m", "opir_core", "serve", str(scene), "--port", "0", *words]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True)
     try:
         assert process.stdout is not None
         yield Running(process, int(process.stdout.readline().rpartition(":")[2]))
@@ -104,6 +104,19 @@ def test_sigterm_ends_it_in_time_with_the_broker_away_and_viewers_there(tmp_path
     found = re.search(r"(\d+) detections.*\n.*kafka\): 0 delivered, (\d+) spooled, 0 dropped", told)
     assert found, told
     assert int(found[1]) == int(found[2]) == waiting(tmp_path / "spool")
+
+
+def test_a_viewer_that_does_not_read_is_cut_off_at_the_end_without_complaint(tmp_path: Path) -> None:
+    words = ("--set", 'outputs=["null"]', "--speed", "max", "--loop")
+    with serving(tmp_path, *words, stderr=subprocess.STDOUT) as running, socket.socket() as viewer:
+        viewer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 12)
+        viewer.connect(("127.0.0.1", running.port))
+        viewer.sendall(b"GET /stream HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        until(lambda: running.ask("GET", "/status")[1]["viewers"]["dropped_frames"] > 0)
+        told = running.terminated().splitlines()
+    assert len(told) == 2, told
+    assert told[0].startswith("opir: stopped at ")
+    assert told[1].startswith("opir: outputs[0] (null): ")
 
 
 def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_waits(tmp_path: Path) -> None:

@@ -16,6 +16,10 @@ _CHECK_S = 2.0
 _LONGEST_HEADERS = 16 * 1024
 _BACKLOG = 512
 
+#: How long clients have to take what they are sent at the end, s, and when the server cancels what still goes on, in
+#: complaints of many lines.
+_CUT_S, _CANCEL_S = 0.8, 2
+
 
 class Connection(H11Protocol):
     """A connection that is closed when no whole request has come for `HEADERS_S`."""
@@ -76,7 +80,7 @@ class Server(uvicorn.Server):
                 server_header=False,
                 h11_max_incomplete_event_size=_LONGEST_HEADERS,
                 timeout_keep_alive=15,
-                timeout_graceful_shutdown=1,
+                timeout_graceful_shutdown=_CANCEL_S,
                 backlog=_BACKLOG,
             )
         )
@@ -95,9 +99,16 @@ class Server(uvicorn.Server):
         self._on_start()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Tell who listens, then stop."""
+        """Tell who listens, then stop; those who have not heard it by `_CUT_S` are cut off."""
         self._on_stop()
+        cut = asyncio.get_running_loop().call_later(_CUT_S, self._cut_off)
         await super().shutdown(sockets)
+        cut.cancel()
+
+    def _cut_off(self) -> None:
+        for connection in tuple(self.server_state.connections):
+            if connection.transport is not None:
+                connection.transport.abort()
 
 
 def bound(host: str, port: int) -> socket.socket:
