@@ -41,14 +41,18 @@ class FieldRow:
         return " ".join(part for part in (self.unit, self.interval, ", ".join(self.choices)) if part)
 
 
-def field_rows(config: type, prefix: str = "") -> Iterator[FieldRow]:
-    """Yield a row for each field of a configuration class, nested ones below their parent."""
+def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[FieldRow]:
+    """Yield a row for each field of a configuration class, nested ones below their parent.
+
+    What a scene leaves out of a nested block is as in the block's own default, `base`.
+    """
     hints = get_type_hints(config)
     for attribute in [attribute for attribute in fields(config) if attribute.init]:
-        yield _row(attribute, hints[attribute.name], prefix)
-        inner = nested_config(hints[attribute.name])
+        kind, default = hints[attribute.name], _default(attribute, base)
+        yield _row(attribute, kind, prefix, default)
+        inner = nested_config(kind)
         if inner is not None:
-            yield from field_rows(inner, f"{prefix}{attribute.name}.")
+            yield from field_rows(inner, f"{prefix}{attribute.name}.", default if isinstance(default, inner) else None)
 
 
 def described(component: Component | Constellation, owner: Provenance) -> Mapping[str, Any]:
@@ -91,16 +95,22 @@ def shown(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _row(attribute: "Attribute[Any]", kind: Any, prefix: str) -> FieldRow:
-    info = info_of(attribute)
+def _default(attribute: "Attribute[Any]", base: Any) -> Any:
+    """Return what a field is where a scene leaves it out, `NOTHING` where it has to be given."""
+    if base is not None:
+        return getattr(base, attribute.name)
     default: Any = attribute.default
+    return default.factory() if hasattr(default, "takes_self") else default
+
+
+def _row(attribute: "Attribute[Any]", kind: Any, prefix: str, default: Any) -> FieldRow:
+    info = info_of(attribute)
     is_required = default is NOTHING
-    made = default.factory() if hasattr(default, "takes_self") else default
     return FieldRow(
         key=f"{prefix}{attribute.name}",
         kind=_kind_text(kind),
         is_required=is_required,
-        default=None if is_required else plain(made),
+        default=None if is_required else plain(default),
         unit=info.unit,
         interval=info.interval,
         choices=info.choices,

@@ -36,7 +36,11 @@ class FieldReader:
 
     def value(self, node: Node) -> Any:
         """Return the field's value, or raise what its type or its validator says of it."""
-        value = self.read(node, None)
+        default = self.attribute.default
+        if isinstance(self.read, ClassReader) and isinstance(default, self.read.config_class):
+            value = self.read.made(node, (), base=default)
+        else:
+            value = self.read(node, None)
         if METADATA_KEY in self.attribute.metadata and self.attribute.validator is not None:
             try:
                 self.attribute.validator(None, self.attribute, value)
@@ -56,10 +60,13 @@ class ClassReader:
         """Return the instance, or raise all that is wrong with the block and its fields."""
         return self.made(node, ())
 
-    def made(self, node: Node, other_keys: Sequence[str], home: Home | None = None) -> Any:
-        """Return the instance, or raise all that is wrong; `other_keys` may stand beside these."""
+    def made(self, node: Node, other_keys: Sequence[str], home: Home | None = None, base: Any = None) -> Any:
+        """Return the instance, or raise all that is wrong; `other_keys` may stand beside these.
+
+        What the block leaves out is as in `base`, where one is given.
+        """
         gathering = Gathering()
-        values = self.values(node, gathering, other_keys, home)
+        values = self.values(node, gathering, other_keys, home, base)
         gathering.require_whole()
         try:
             return self.config_class(**{str(self.fields[name].attribute.alias): values[name] for name in values})
@@ -67,11 +74,16 @@ class ClassReader:
             raise node.refused(_words_of(error)) from error
 
     def values(
-        self, node: Node, gathering: Gathering, other_keys: Sequence[str] = (), home: Home | None = None
+        self,
+        node: Node,
+        gathering: Gathering,
+        other_keys: Sequence[str] = (),
+        home: Home | None = None,
+        base: Any = None,
     ) -> dict[str, Any]:
         """Return the values that can be read, by name; what is wrong goes to `gathering`.
 
-        `home` says where a key belongs that means nothing here.
+        `home` says where a key belongs that means nothing here; what the block leaves out is as in `base`.
         """
         known = (*other_keys, *self.fields)
         block = block_of(node, known)
@@ -83,6 +95,8 @@ class ClassReader:
             with gathering.at(key_step(name)):
                 if name in block:
                     values[name] = field.value(block[name])
+                elif base is not None:
+                    values[name] = getattr(base, name)
                 elif field.attribute.default is NOTHING:
                     raise node.refused(_missing(field.attribute))
         return values
@@ -134,10 +148,11 @@ def required(block: dict[str, Node], key: str, node: Node) -> Node:
 
 
 def nearest(key: str, known: Iterable[str]) -> str | None:
-    """Return the known key that a key is most like, or None where it is like none of them."""
+    """Return the known key that a key is most like, letter case aside, or None where it is like none of them."""
     from difflib import get_close_matches
 
-    return next(iter(get_close_matches(key, list(known), 1)), None)
+    spelt = {each.casefold(): each for each in known}
+    return next((spelt[match] for match in get_close_matches(key.casefold(), list(spelt), 1)), None)
 
 
 @cache

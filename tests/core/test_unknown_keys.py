@@ -3,13 +3,15 @@
 from collections.abc import Iterable
 
 import pytest
-from attrs import field, frozen
+from attrs import evolve, field, frozen
 from fake_components import fake_host, good_mapping
 
 from opir_core.errors import SceneError
 from opir_core.plugin import AtmosphereModel, NoConfig, SensorModel, hookimpl, nested, number
+from opir_core.plugin.description import field_rows
 from opir_core.plugin.host import Host
 from opir_core.reading import scene_from_mapping
+from opir_core.tracking.configs import BoostProfileConfig
 
 
 @frozen(kw_only=True)
@@ -104,6 +106,31 @@ def test_a_likely_slip_is_told_first() -> None:
     assert complaints(fake_host(Eyes()), sensors=sensors) == ["sensors[0].row: unknown key; did you mean rows?"]
     tracker = {"model": "arc", "windows_s": 2}
     assert complaints(fake_host(), tracker=tracker) == ["tracker.windows_s: unknown key; did you mean window_s?"]
+
+
+def test_a_key_in_other_letters_is_told() -> None:
+    tracker = {"model": "arc", "WINDOW_S": 2}
+    assert complaints(fake_host(), tracker=tracker) == ["tracker.WINDOW_S: unknown key; did you mean window_s?"]
+
+
+def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
+    """Each type has priors of its own: to set one of them a scene need not write all."""
+    blocks = {
+        "scene": "priors",
+        "epoch": "2026-04-01T12:00:00Z",
+        "duration_s": 60,
+        "sensors": [{"model": "generic-scanner", "id": "S-1", "orbital_slot_deg": -100.0}],
+    }
+    tracker = {"model": "boost-profile", "priors": {"IRBM": {"burn_s": 100.0}}}
+    read, usual = (
+        scene_from_mapping({**blocks, "tracker": each}, host=Host.of()).tracker.config
+        for each in (tracker, "boost-profile")
+    )
+    assert isinstance(usual, BoostProfileConfig)
+    assert read == evolve(usual, priors=evolve(usual.priors, IRBM=evolve(usual.priors.IRBM, burn_s=100.0)))
+    rows = {row.key: row for row in field_rows(type(usual))}
+    assert rows["priors.IRBM.burn_s"].default_text == "118"
+    assert rows["priors.SRBM.burn_s"].default_text == "65"
 
 
 def test_an_exact_key_of_another_model_is_told_beside_the_slip() -> None:
