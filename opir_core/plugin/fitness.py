@@ -13,6 +13,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
 _NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
 _LONGEST_WORDS = 300
 _CORE = PurePath(__file__).parent.parent
+_LIBRARIES = frozenset({"numpy", "scipy"})
 _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 
 
@@ -91,21 +92,24 @@ def _words(text: str) -> str:
 
 
 def _place(error: BaseException) -> str:
-    """Return where the plugin's own code was: the outermost line outside the core, or else of one of its parts.
+    """Return where the plugin's own code was: the outermost line outside the core, or else the innermost of the core.
 
-    Lines of the host and of the import system do not count.
+    Lines of the host, of the import system and of numpy and scipy do not count.
     """
     trace, of_core = error.__traceback__, ""
     while trace is not None:
         path = PurePath(trace.tb_frame.f_code.co_filename)
         line = f"{'/'.join(path.parts[-2:])}, line {trace.tb_lineno}"
-        if not path.is_relative_to(_CORE) and not _is_machinery(path):
-            return line
-        of_core = of_core or ("" if _is_machinery(path) else line)
+        if not _is_machinery(path):
+            if not path.is_relative_to(_CORE):
+                return line
+            of_core = line
         trace = trace.tb_next
     return of_core
 
 
 def _is_machinery(path: PurePath) -> bool:
     folder = path.parent.parts
+    if not _LIBRARIES.isdisjoint(folder):
+        return True
     return str(path).startswith("<frozen ") or any(folder[-len(own) :] == own for own in _MACHINERY)

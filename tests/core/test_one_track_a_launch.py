@@ -155,3 +155,26 @@ def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one(
     here = plan.targets.position_ecef_m(np.arange(30, dtype=np.int32), np.full(30, 15.0))
     nearest_m = np.linalg.norm(last.state[:, None, :3] - here, axis=2).min(axis=0)
     assert nearest_m.max() < 2e3
+
+
+def test_a_track_that_rays_of_several_pulled_apart_is_dropped() -> None:
+    """Among thirty launches 4.6 km apart some tracks follow no target: one was told at 25 km/s, for many ticks."""
+    launches = [
+        {
+            "id": f"L{number}",
+            "type": ("ICBM", "IRBM", "SRBM")[number % 3],
+            "launch": {"lat_deg": 34.0, "lon_deg": -120.0 + 0.05 * number, "time_s": 1.0 + 0.1 * number},
+            "aim": {
+                "lat_deg": (9.0, 20.0, 34.0)[number % 3],
+                "lon_deg": (167.7, -150.0, -124.0 + 0.05 * number)[number % 3],
+            },
+        }
+        for number in range(30)
+    ]
+    looks = "sensors=[{model: SBIRS-GEO, id: SBIRS-GEO-150, orbital_slot_deg: -150}, {model: SBIRS-GEO, id: SBIRS-GEO-90, orbital_slot_deg: -90}]"  # noqa: E501
+    plan = compile_plan(
+        load_scene(SCENE, overrides=[looks, "duration_s=30", "seed=3", f"targets={launches}", "tracker=stereo-filter"])
+    )
+    state = run_of_plan(plan).tracks.state
+    assert len(state) > 500
+    assert np.linalg.norm(state[:, 3:], axis=1).max() < 20.5e3

@@ -144,6 +144,20 @@ def test_what_cannot_be_built_is_told_with_whose_it_is(build, words):
     assert re.search(words, complaint_of(build))
 
 
+def test_the_line_told_is_the_trackers_and_no_librarys():
+    def unsolvable(*_):
+        return np.linalg.solve(np.zeros((2, 2)), np.zeros(2))
+
+    complaint = complaint_of(lambda *_: broken("step", unsolvable))
+    assert "step at 1 s raised LinAlgError: Singular matrix (core/test_tracker_answers.py, line " in complaint
+
+
+def test_of_the_cores_own_parts_the_innermost_line_is_told(monkeypatch):
+    monkeypatch.setattr("opir_core.tracking.stereo.tracking.nobody", np.linalg.inv)
+    with pytest.raises(ModelError, match=r"of opir-core .*LinAlgError: .* \(stereo/tracking.py, line \d+\)"):
+        opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "stereo-filter"}))
+
+
 def test_a_sound_tracker_runs():
     host = host_of(lambda *_: Sound())
     run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "frail"}, host=host), host)

@@ -231,13 +231,11 @@ class StereoTracking:
             drop |= low & upkeep.came_down(place, covariance, unseen)
         if len(state) > 1:
             now = evolve(now, recent=now.recent.after(roster.number, owner, rays, now.time_s, self.memory_s))
-            drop |= doubles(
-                roster.number,
-                state,
-                self._with_biases(now.bank, now.time_s, roster, covariance),
-                now.recent,
-                roster.hits,
-            )
+            wider = self._with_biases(now.bank, now.time_s, roster, covariance)
+            fast = upkeep.are_too_fast(state[:, 3:])
+            # The covariance of a track that is nowhere may be nothing that can be solved with.
+            wider[fast] = np.eye(6)
+            drop |= fast | doubles(roster.number, state, wider, now.recent, roster.hits)
         if not np.count_nonzero(drop):
             return now
         keep = np.flatnonzero(~drop)

@@ -18,6 +18,9 @@ from opir_core.tracking.stereo.stray_rays import SHARES
 _LOST_CHANCE = 1e-4
 _LEAST_STATED, _MOST_STATED, _UNSTATED = 0.05, 0.98, 0.8
 
+#: No target comes near this speed, m/s, nearly twice that at which it would leave the Earth.
+_FASTEST_M_S = 20e3
+
 #: A track lower than this has come down, m; a track that is seen, if it is lower by so many standard deviations.
 _LOWEST_M, _SURE_SIGMAS = -20e3, 3.0
 
@@ -124,6 +127,12 @@ def are_low(position: FloatArray) -> BoolArray:
     """Return which positions (n, 3) may be that of a track that came down."""
     low: BoolArray = dot(position, position) < (WGS84.equatorial_radius_m + _LOWEST_M) ** 2
     return low
+
+
+def are_too_fast(velocity: FloatArray) -> BoolArray:
+    """Return which tracks, of inertial velocities (n, 3), m/s, follow no target: rays of several pulled them apart."""
+    fast: BoolArray = ~(dot(velocity, velocity) <= _FASTEST_M_S**2)
+    return fast
 
 
 def came_down(position: FloatArray, covariance: FloatArray, unseen: BoolArray) -> BoolArray:
