@@ -96,3 +96,18 @@ def test_what_one_sensor_tells_has_the_end_in_it():
     assert told.state == pytest.approx(exact.mean)
     slower = np.sum((plain.mean - told.state)[:, 3:] * plain.mean[:, 3:], axis=1)
     assert np.all(slower > 0.0)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("kind", ["SRBM", "IRBM", "ICBM"])
+def test_ends_that_are_more_open_than_the_class_has_them_lead_to_no_endless_burns(kind):
+    hypotheses, tick_s, _ = of_open_ends(kind, 0.35)
+    spread = hypotheses.spread.copy()
+    spread[:, BURN, BURN] = 4.0
+    told = report(
+        evolve(hypotheses, spread=spread, track=np.arange(COUNT)), np.ones(COUNT), tick_s, PRIORS, "kepler", np.inf
+    )
+    assert np.isfinite(told.state).all()
+    # The longest burn and the fastest, four standard deviations off, take no target twice about the Earth.
+    known = np.isfinite(told.impact[:, 2])
+    assert (told.impact[known, 2] < tick_s + 2e4).all()

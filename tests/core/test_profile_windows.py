@@ -8,7 +8,7 @@ from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.family import SIZE, TURN_EAST, TURN_NORTH
+from opir_core.tracking.profile.family import BURN, SIZE, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.hypotheses import GIVEN_UP, probability
 from opir_core.tracking.profile.prior_squares import SPACING
 from opir_core.tracking.profile.strain import Bank
@@ -55,7 +55,7 @@ def settled(hypotheses):
 @pytest.mark.parametrize("width", [0.5, 0.7, 0.9])
 def test_windows_that_hold_a_whole_ridge_stay_as_they_are(width):
     whole = ridge(width, 0.05)
-    again, fresh = laid(whole)
+    again, fresh = laid(whole, PRIORS)
     assert not fresh.any()
     assert np.array_equal(again.window, whole.window)
 
@@ -64,9 +64,9 @@ def test_windows_that_hold_a_whole_ridge_stay_as_they_are(width):
 @pytest.mark.parametrize("side", [1, -1])
 def test_windows_are_laid_anew_where_one_that_is_not_there_would_hold_much(width, side):
     half = ridge(width, 0.05, [side * step for step in range(-8, 1)])
-    again, fresh = laid(half)
+    again, fresh = laid(half, PRIORS)
     assert fresh.all()
-    again, _ = laid(settled(again))
+    again, _ = laid(settled(again), PRIORS)
     assert np.max(side * again.window[:, 2] * np.sign(again.window[:, 0])) > 2.0 * ALONG_RAD
 
 
@@ -81,9 +81,22 @@ def test_windows_laid_anew_leave_other_headings_where_they_are():
         evidence=other.evidence + np.log(0.003),
     )
     both = type(ridges).concatenate([ridges, west])
-    again, fresh = laid(both)
+    again, fresh = laid(both, PRIORS)
     assert fresh.sum() == 9
     assert again.take(np.flatnonzero(~fresh)).parameters.tolist() == west.parameters.tolist()
+
+
+def test_windows_laid_anew_hold_burns_that_the_class_has():
+    """Far from its rows a fit may take a burn to go with the lean by many times what the class allows."""
+    steep = ridge(1.5, 0.05)
+    spread = steep.spread.copy()
+    spread[:, BURN] += 400.0 * spread[:, TURN_EAST]
+    spread[:, :, BURN] += 400.0 * spread[:, :, TURN_EAST]
+    again, fresh = laid(evolve(steep, spread=spread), PRIORS)
+    assert fresh.any()
+    prior = PRIORS.take(again.kind)
+    assert np.all(np.abs(again.parameters[:, BURN]) <= 4.0 * prior.burn_sigma)
+    assert np.all(np.abs(again.parameters[:, BURN]).max() > 3.9 * prior.burn_sigma)
 
 
 def test_a_lean_in_every_heading_ends_where_its_circle_does():
@@ -91,7 +104,7 @@ def test_a_lean_in_every_heading_ends_where_its_circle_does():
     split = windowed(straight, PRIORS, np.zeros(1, dtype=np.bool_))
     # All that is likely lies at one end of the line.
     there = evolve(split, evidence=-np.abs(split.window[:, 2] - split.window[:, 2].max()) / 0.1)
-    assert not laid(there)[1].any()
+    assert not laid(there, PRIORS)[1].any()
 
 
 def test_a_ridge_is_not_taken_for_straight_where_it_is_narrow_for_its_arc():

@@ -190,7 +190,7 @@ class Fitting:
         """Return hypotheses with all their rows linearised anew, and windows no wider and no longer than they need."""
         if not len(trial):
             return trial
-        trial, fresh = windows.laid(trial)
+        trial, fresh = windows.laid(trial, self.priors)
         young, split = ~np.isin(trial.track, older) | fresh, trial.window[:, 3] > 0.0
         lone = split & _are_alone(trial.track, seen) & (hypotheses_of.probability(trial) > _TELLING)
         parts = (

@@ -15,7 +15,7 @@ from attrs import evolve, frozen
 
 from opir_core.columns import Columns
 from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.profile.coordinates import SIZE, fitted, natural
+from opir_core.tracking.profile.coordinates import BURN, SHAPE, SIZE, fitted, natural
 from opir_core.tracking.profile.end import normal_quantiles, normal_rule
 from opir_core.tracking.profile.family import Anchors, Family, Places, Priors
 from opir_core.tracking.profile.grouped_squares import squares
@@ -253,6 +253,18 @@ def within(parameters: FloatArray, prior: Priors) -> FloatArray:
     """Return parameters (n, 10) no farther from their priors, one row each, than an estimate may be."""
     limit = _WITHIN / np.sqrt(prior.information())
     return fitted(np.clip(natural(parameters, prior).parameters, -limit, limit), prior)
+
+
+def plausible(parameters: FloatArray, prior: Priors) -> FloatArray:
+    """Return parameters (n, 10), moved along their covariances, with burns that their classes have.
+
+    Of a fit that is far from its rows they may be off so far that no course can be worked out. What is within its prior
+    stays as it is.
+    """
+    found = parameters.copy()
+    for column, sigma in ((BURN, prior.burn_sigma), (SHAPE, prior.burn_sigma + prior.shape_sigma)):
+        found[:, column] = np.clip(found[:, column], -_WITHIN * sigma, _WITHIN * sigma)
+    return found
 
 
 def shortfall(solution: Solved, parameters: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from opir_core.records import FloatArray, IntArray, Tracks
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.containing import Arcs, containing_sigmas
 from opir_core.tracking.profile.family import BURN, EAST, LIFT, NORTH, RADIUS_M, SIZE, START, Family, Priors
-from opir_core.tracking.profile.fit import Hypotheses, family_of
+from opir_core.tracking.profile.fit import Hypotheses, family_of, plausible
 from opir_core.tracking.profile.flight import Moments, off_ground, on_ground
 from opir_core.tracking.profile.thrust_end import with_ends
 
@@ -123,12 +123,13 @@ def _open_impacts(
     forces: "ForceModel",
 ) -> tuple[Moments, Arcs]:
     """Return impacts of open ends, of variance (n,), the parameters' covariance with which is the gain (n, 10)."""
-    gain, sigma = gain / variance[:, None], np.sqrt(variance)
+    gain, width = gain / variance[:, None], np.sqrt(variance)
     left = hypotheses.spread - variance[:, None, None] * gain[:, :, None] * gain[:, None]
     nodes, weights = hypotheses.end[:, 0], hypotheses.end[:, 1]
-    again = np.tile(np.arange(len(sigma)), nodes.shape[1])
+    again = np.tile(np.arange(len(width)), nodes.shape[1])
     parts, left = hypotheses.take(again), left[again]
-    parameters = parts.parameters + gain[again] * (sigma[again] * nodes.T.ravel())[:, None]
+    parameters = parts.parameters + gain[again] * (width[again] * nodes.T.ravel())[:, None]
+    parameters = plausible(parameters, priors.take(parts.kind))
     there = flight.burnouts(family_of(evolve(parts, parameters=parameters), priors), left)
     found, parts_found = flight.open_impacts(ends, *there, left, weights, forces)
     return found, Arcs.of(parts_found, nodes, hypotheses.end_quantiles)

@@ -16,7 +16,7 @@ from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile.coordinates import LIFT, SIZE, START, TURN_EAST, TURN_NORTH, natural
 from opir_core.tracking.profile.family import Priors
-from opir_core.tracking.profile.fit import Hypotheses
+from opir_core.tracking.profile.fit import Hypotheses, plausible
 from opir_core.tracking.profile.hypotheses import joined, probability
 from opir_core.tracking.profile.prior_squares import SPACING
 
@@ -184,7 +184,7 @@ def _summed(hypotheses: Hypotheses, group: IntArray, count: int) -> FloatArray:
     return np.where(np.isfinite(most), most + total, -np.inf)
 
 
-def laid(hypotheses: Hypotheses) -> tuple[Hypotheses, BoolArray]:
+def laid(hypotheses: Hypotheses, priors: Priors) -> tuple[Hypotheses, BoolArray]:
     """Return hypotheses with narrower windows where those they have are too wide, and which (n,) those are."""
     narrow = hypotheses.window[:, 3] > 0.0
     if not narrow.any():
@@ -192,7 +192,7 @@ def laid(hypotheses: Hypotheses) -> tuple[Hypotheses, BoolArray]:
     seen, rest = hypotheses.take(narrow), hypotheses.take(~narrow)
     ridges = _Ridges.of(seen)
     wide = (ridges.width > _WIDE) | (_left_out(seen, ridges) > _MISSED)
-    again = _relaid(seen, ridges, np.flatnonzero(wide))
+    again = _relaid(seen, ridges, np.flatnonzero(wide), priors)
     kept = seen.take(~wide[ridges.group] | _lie_apart(seen, ridges))
     parts = [rest, kept, again]
     every = Hypotheses.concatenate(parts)
@@ -229,7 +229,7 @@ def _left_out(hypotheses: Hypotheses, ridges: _Ridges) -> FloatArray:
     return np.where(twice, 0.0, found)
 
 
-def _relaid(hypotheses: Hypotheses, ridges: _Ridges, wide: IntArray) -> Hypotheses:
+def _relaid(hypotheses: Hypotheses, ridges: _Ridges, wide: IntArray, priors: Priors) -> Hypotheses:
     """Return new hypotheses of groups, each from that one of the old that is nearest along the line."""
     if not len(wide):
         return hypotheses.take(wide)
@@ -242,7 +242,8 @@ def _relaid(hypotheses: Hypotheses, ridges: _Ridges, wide: IntArray) -> Hypothes
     trial = hypotheses.take(near)
     by_place = np.sum(trial.spread[:, :, _LEAN] * along[:, None], axis=2)
     rate = by_place / np.sum(by_place[:, _LEAN] * along, axis=1)[:, None]
-    parameters = trial.parameters + rate * (middle - place[near])[:, None]
+    moved = trial.parameters + rate * (middle - place[near])[:, None]
+    parameters = plausible(moved, priors.take(trial.kind))
     window = _windows(along, middle, (_LATER[1] - _LATER[0]) * ridges.sigma[group])
     return evolve(trial, parameters=parameters, window=window)
 
