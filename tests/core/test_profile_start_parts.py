@@ -13,7 +13,7 @@ from scipy.stats import halfnorm, norm
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.family import START
+from opir_core.tracking.profile.family import SHAPE, START
 from opir_core.tracking.profile.fit import Solved
 from opir_core.tracking.profile.hypotheses import probability
 from opir_core.tracking.profile.report import report
@@ -69,6 +69,14 @@ def test_parts_of_a_linear_problem_have_its_moments_before_the_first_light(mean,
 def test_where_the_first_light_may_be_anothers_the_whole_stays():
     hypotheses, solution, priors = linear(30.0, 4.0)
     assert not len(parts_of(hypotheses, solution, np.array([1.0]), priors).origin)
+
+
+def test_parts_far_from_the_whole_have_courses_all_the_same():
+    hypotheses, solution, priors = linear(-20.0, 4.0)
+    spread = hypotheses.spread.copy()
+    spread[:, SHAPE, START] = spread[:, START, SHAPE] = 200.0 * spread[:, START, START]
+    parts = parts_of(evolve(hypotheses, spread=spread), solution, np.array([1.0]), priors)
+    assert np.isfinite(fit.family_of(parts.hypotheses, PRIORS).burnout_s).all()
 
 
 def test_parts_that_went_astray_or_of_which_one_holds_nearly_all_leave_the_whole():

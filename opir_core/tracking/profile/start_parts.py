@@ -16,7 +16,7 @@ from attrs import evolve
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile.end import gauss_rule
 from opir_core.tracking.profile.family import START, Priors
-from opir_core.tracking.profile.fit import Hypotheses, Solved, within
+from opir_core.tracking.profile.fit import Hypotheses, Solved, plausible, within
 from opir_core.tracking.profile.start import starts_of
 
 #: Starts that stand for a distribution, and places over which that is summed up, to so many standard deviations off.
@@ -85,7 +85,8 @@ def parts_of(hypotheses: Hypotheses, solution: Solved, first_s: FloatArray, prio
     # A part sets out from where its whole stands, which knows of the end of the burn too.
     gain = trial.spread[:, START] / trial.spread[:, START, START, None]
     parameters = trial.parameters + gain * (start_s - trial.parameters[:, START])[:, None]
-    parameters = within(parameters, priors.take(origin))
+    mine = priors.take(origin)
+    parameters = within(plausible(parameters, mine), mine)
     return Parts(evolve(trial, parameters=parameters, misfit=linear.misfit), origin, start_s, evidence)
 
 
