@@ -9,6 +9,23 @@ MOTIONS = ("boost-coast", "boost", "coast")
 BOOST_MODELS = ("thrust", "jerk")
 
 
+def _needed_scans() -> int:
+    scans: int = number(
+        default=4, minimum=2, maximum=100, help="M: in so many different scans a new target has to be seen"
+    )
+    return scans
+
+
+def _recent_scans() -> int:
+    scans: int = number(default=8, minimum=2, maximum=1000, help="N: among so many of the last scans of a sensor")
+    return scans
+
+
+def _check_scans(needed: int, recent: int) -> None:
+    if recent < needed:
+        raise ValueError(f"recent_scans is {recent}, less than needed_scans, {needed}")
+
+
 @frozen(kw_only=True)
 class ThrustConfig:
     """What the boost model `thrust` takes for granted of a burning target."""
@@ -86,12 +103,8 @@ class StereoFilterConfig:
     false_alarms_per_sr: float = number(
         default=100.0, unit="1/sr", above=0.0, maximum=1e9, help="expected false alarms a scan, by solid angle"
     )
-    needed_scans: int = number(
-        default=4, minimum=2, maximum=100, help="M: in so many different scans a new target has to be seen"
-    )
-    recent_scans: int = number(
-        default=8, minimum=2, maximum=1000, help="N: among so many of the last scans of a sensor"
-    )
+    needed_scans: int = _needed_scans()
+    recent_scans: int = _recent_scans()
     motion: str = text(
         default="boost-coast",
         choices=MOTIONS,
@@ -141,8 +154,7 @@ class StereoFilterConfig:
         return self.jerk_noise_m_s3 if self.boost_model == "jerk" else self.thrust.jerk_noise_m_s3
 
     def __attrs_post_init__(self) -> None:
-        if self.recent_scans < self.needed_scans:
-            raise ValueError(f"recent_scans is {self.recent_scans}, less than needed_scans, {self.needed_scans}")
+        _check_scans(self.needed_scans, self.recent_scans)
 
 
 @frozen(kw_only=True)
@@ -158,6 +170,8 @@ class KeplerArcConfig:
         help="as that of stereo-filter, which follows the tracks; an arc takes each ray whole, as the likeliest"
         " assignment has it",
     )
+    needed_scans: int = _needed_scans()
+    recent_scans: int = _recent_scans()
     memory_s: float | None = number(
         default=None,
         unit="s",
@@ -190,6 +204,18 @@ class KeplerArcConfig:
         source='opir-simulator paper (2026), section 5.2: "by mid-boost, it converges to tens of kilometers": ln 100',
         help="k in σ = σ₀ exp(-k n/N), with n of N expected detections of the boost in",
     )
+
+    def __attrs_post_init__(self) -> None:
+        _check_scans(self.needed_scans, self.recent_scans)
+
+    def following(self) -> StereoFilterConfig:
+        """Return what is set of the filter that follows the tracks."""
+        return StereoFilterConfig(
+            cadence_s=self.cadence_s,
+            association=self.association,
+            needed_scans=self.needed_scans,
+            recent_scans=self.recent_scans,
+        )
 
 
 @frozen(kw_only=True)
@@ -250,6 +276,8 @@ class BoostProfileConfig:
         help="as that of stereo-filter, which follows the tracks; a fit takes each ray whole, as the likeliest"
         " assignment has it",
     )
+    needed_scans: int = _needed_scans()
+    recent_scans: int = _recent_scans()
     largest_impact_km: float = number(
         default=1000.0,
         unit="km",
@@ -258,3 +286,15 @@ class BoostProfileConfig:
         help="an impact whose 95 % ellipse has a longer semi-axis is not told",
     )
     priors: BoostPriorsConfig = nested(default=BoostPriorsConfig(), help="what is taken for granted of each class")
+
+    def __attrs_post_init__(self) -> None:
+        _check_scans(self.needed_scans, self.recent_scans)
+
+    def following(self) -> StereoFilterConfig:
+        """Return what is set of the filter that follows the tracks."""
+        return StereoFilterConfig(
+            cadence_s=self.cadence_s,
+            association=self.association,
+            needed_scans=self.needed_scans,
+            recent_scans=self.recent_scans,
+        )

@@ -92,9 +92,27 @@ def test_one_sensor_alone_is_honest_about_the_depth() -> None:
     assert np.sqrt(np.linalg.eigvalsh(covariance)[:, 2]).min() > 1000.0
 
 
-def test_bad_settings_are_told_with_their_place() -> None:
+TRACKERS = ("stereo-filter", "boost-profile", "kepler-arc")
+
+
+@pytest.mark.parametrize("model", TRACKERS)
+def test_of_how_many_scans_a_target_has_to_be_seen_in_the_user_decides(model: str) -> None:
+    first_s = []
+    for needed in (2, 10, 20):
+        tracker = {"model": model, "needed_scans": needed, "recent_scans": 40}
+        tracks, _ = tracks_of({**SCENE, "targets": [SCENE["targets"][0]], "duration_s": 15, "tracker": tracker})
+        first_s.append(float(tracks.tick_s[0]))
+    assert first_s == sorted(first_s)
+    assert first_s[0] < first_s[-1]
+
+
+@pytest.mark.parametrize("model", TRACKERS)
+def test_more_scans_than_are_kept_are_told_with_their_place(model: str) -> None:
     with pytest.raises(opir.SceneError, match=r"tracker.*needed_scans"):
-        opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", "needed_scans": 9}})
+        opir.scene_from_mapping({**SCENE, "tracker": {"model": model, "needed_scans": 9}})
+
+
+def test_bad_settings_are_told_with_their_place() -> None:
     with pytest.raises(opir.SceneError, match=r"tracker\.association"):
         opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", "association": "joined"}})
 

@@ -13,7 +13,7 @@ from opir_core.tracking.arc import fit as arc_fit
 from opir_core.tracking.arc.ends import expected_looks, impacts, latency_s, launches, shots, states_at
 from opir_core.tracking.arc.fit import Arcs
 from opir_core.tracking.association import associate_nearest
-from opir_core.tracking.configs import KeplerArcConfig, StereoFilterConfig
+from opir_core.tracking.configs import KeplerArcConfig
 from opir_core.tracking.gating import candidates, gated
 from opir_core.tracking.range_types import likeliest_types, ranges_m, type_probabilities
 from opir_core.tracking.rays import Rays, no_rays
@@ -185,5 +185,4 @@ class ArcTracker:
 def kepler_arc_tracker(config: KeplerArcConfig, context: TrackerContext) -> ArcTracker:
     """Return the tracker `kepler-arc`."""
 
-    following = StereoFilterConfig(cadence_s=config.cadence_s, association=config.association)
-    return ArcTracker(config, context, StereoTracking.of(following, context))
+    return ArcTracker(config, context, StereoTracking.of(config.following(), context))

@@ -6,7 +6,7 @@ from attrs import evolve
 from opir_core.protocols import Sensor, TrackerContext
 from opir_core.records import Detections, FloatArray, IntArray, Tracks
 from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
+from opir_core.tracking.configs import BoostProfileConfig
 from opir_core.tracking.profile import hypotheses as hypotheses_of
 from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.beginning import caught_up
@@ -135,5 +135,4 @@ def boost_profile_tracker(config: BoostProfileConfig, context: TrackerContext) -
     """Return the tracker `boost-profile`."""
     from opir_core.tracking.stereo.tracker import stereo_filter
 
-    following = StereoFilterConfig(cadence_s=config.cadence_s, association=config.association)
-    return ProfileTracker(config, context, stereo_filter(following, context))
+    return ProfileTracker(config, context, stereo_filter(config.following(), context))
