@@ -20,6 +20,7 @@ from opir_core.tracking.filter.bank import Bank
 from opir_core.tracking.filter.dynamics import Dynamics
 from opir_core.tracking.filter.mode_mixing import SHUT_OUT
 from opir_core.tracking.filter.motion import BOOST, COAST
+from opir_core.tracking.filter.restraint import restrained
 from opir_core.tracking.filter.slice_update import Mode
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Sights
@@ -155,6 +156,11 @@ class SwitchingFilter:
                 if len(numbers) == 2:
                     change[slice(None) if rows is None else rows, number] = slice_update.gained(mode, after)
         return every[0], every[1], change
+
+    def restrained(self, bank: Bank, rows: IntArray) -> Bank:
+        """Return the bank whose tracks `rows` have velocities no less certain than those of all targets."""
+        boost, coast = (_spread(mode, restrained(mode[0][rows], mode[1][rows]), rows) for mode in _modes_of(bank))
+        return Bank(bank.weight, *boost, *coast, bank.pace)
 
     def taken_in(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights

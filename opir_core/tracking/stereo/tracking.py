@@ -100,7 +100,7 @@ class StereoTracking:
             roster = then.roster.seen(owner, rays.time_s, rays.sensor, reported)
             then = then.after(end_s, then.bank, roster, then.histories)
         then = self._pooled(then, rays, owner, reported, span)
-        return self._kept(self._launched(self._begun(then)), rays, owner)
+        return self._kept(self._launched(self.following.restrained(self._begun(then))), rays, owner)
 
     def _pooled(self, now: Situation, rays: Rays, owner: IntArray, reported: IntArray, span: float) -> Situation:
         """Return the situation with the rays that belong to no track in the pool, and those too old for it out."""
