@@ -67,7 +67,8 @@ farther than the band of χ² allows, how far its own interval tells, and p, whi
 AGAIN = """
 ## Cells in doubt, of more flights
 
-Cells with a star or a dagger above are told again of {whole} runs, those above among them.
+Cells with a star or a dagger above, and those of half a burn or more with errors over 1.10 of what is expected, are
+told again of {whole} runs, those above among them.
 
 {table}
 """
@@ -84,7 +85,7 @@ def van_trees(sums: dict[str, Any]) -> dict[str, float]:
 
 
 class Line(NamedTuple):
-    """A line of the table, what is drawn of it, and whether its ANEES is outside a band."""
+    """A line of the table, what is drawn of it, and whether its ANEES is outside a band or its errors are too large."""
 
     text: str
     cell: Cell
@@ -134,8 +135,12 @@ def cells(kind: str, model: str, sensors: int, part: dict[str, Any]) -> Iterator
             f"| {miss / 1e3:.1f} | {told[2]} | {state} | {p_value} "
             f"| {' / '.join(f'{share:.0f}' for share in shares)} |"
         )
+        is_doubted |= mark > 0 and max(over) > _EFFICIENT
         yield Line(text, Cell(kind, model, sensors, mark, *over, over_six, shares[2]), is_doubted)
 
+
+#: What errors over the expected bound are to stay below from half a burn on.
+_EFFICIENT = 1.1
 
 _COLUMNS = (
     "class",

@@ -48,7 +48,8 @@ def test_what_goes_with_a_velocity_goes_with_it() -> None:
 
 def test_a_velocity_that_is_known_in_every_direction_is_not_loose() -> None:
     sigma = np.array([[1.0, 1.0, 1.0, 1900.0, 1900.0, 1900.0], [1.0, 1.0, 1.0, 2100.0, 1.0, 1.0]])
-    assert are_loose(np.eye(6) * sigma[:, None] ** 2).tolist() == [False, True]
+    covariance = np.eye(6) * sigma[:, None] ** 2
+    assert are_loose(covariance).tolist() == [False, True]
 
 
 @pytest.mark.parametrize(("altitude_km", "node_deg"), [(1000.0, -130.0), (600.0, -125.0), (1500.0, -95.0)])

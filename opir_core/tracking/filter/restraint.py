@@ -20,10 +20,7 @@ SPEED_SIGMA_M_S = 2000.0
 
 def are_loose(covariance: FloatArray) -> BoolArray:
     """Return which covariances (n, 6, 6) leave velocities less certain, in some direction, than all targets' are."""
-    limit = SPEED_SIGMA_M_S**2
-    loose: BoolArray = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > limit
-    if np.count_nonzero(loose):
-        loose[loose] = np.linalg.eigvalsh(covariance[loose, 3:, 3:])[:, -1] > limit
+    loose: BoolArray = np.linalg.eigvalsh(covariance[:, 3:, 3:])[:, -1] > SPEED_SIGMA_M_S**2
     return loose
 
 

@@ -26,7 +26,6 @@ from opir_core.tracking.gating import Pairs, candidates, gated
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.stereo.ghosts import RANGE_M, Slice, without_ghosts
-from opir_core.tracking.stereo.situation import Situation
 from opir_core.tracking.stereo.stray_rays import FEW, Span, Strays, doubtful, unsuspected, weighed
 from opir_core.tracking.stereo.upkeep import Roster
 
@@ -93,12 +92,10 @@ class Following:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity of a bank's tracks."""
         return self.remembered("moments", lambda one, _: self.filter.moments(one), bank, 0.0)
 
-    def restrained(self, now: Situation) -> Situation:
-        """Return a situation with no velocity less certain than those of all targets are."""
-        if not len(now.bank.weight):
-            return now
-        loose = np.flatnonzero(are_loose(self.moments(now.bank)[1]))
-        return evolve(now, bank=self.filter.restrained(now.bank, loose)) if len(loose) else now
+    def restrained(self, bank: Bank, rows: IntArray) -> Bank:
+        """Return the bank, of whose tracks `rows` no velocity is less certain than those of all targets are."""
+        rows = rows[are_loose(self.moments(bank)[1][rows])]
+        return self.filter.restrained(bank, rows) if len(rows) else bank
 
     def remembered(self, name: str, way: Callable[[_Asked, float], _Answer], asked: _Asked, value: float) -> _Answer:
         """Return what a way leads to from what it is asked; the last answer is kept by name."""

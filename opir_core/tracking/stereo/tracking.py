@@ -1,7 +1,4 @@
-"""The tracker `stereo-filter`: association, track management and the switching filter, slice by slice.
-
-What is known is one frozen `Situation`; a step makes a new one.
-"""
+"""The tracker `stereo-filter`: association, track management, the switching filter; a slice makes a new `Situation`."""
 
 from collections.abc import Iterator
 from math import ceil
@@ -16,6 +13,7 @@ from opir_core.tracking import initiation
 from opir_core.tracking.association import Chances, associate_nearest, nobody, plain
 from opir_core.tracking.biases import Biases
 from opir_core.tracking.configs import StereoFilterConfig
+from opir_core.tracking.filter.restraint import SPEED_SIGMA_M_S
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.ground_points import GroundPoints, renewed
 from opir_core.tracking.launch_points import launches
@@ -100,7 +98,7 @@ class StereoTracking:
             roster = then.roster.seen(owner, rays.time_s, rays.sensor, reported)
             then = then.after(end_s, then.bank, roster, then.histories)
         then = self._pooled(then, rays, owner, reported, span)
-        return self._kept(self._launched(self.following.restrained(self._begun(then))), rays, owner)
+        return self._kept(self._launched(self._begun(then)), rays, owner)
 
     def _pooled(self, now: Situation, rays: Rays, owner: IntArray, reported: IntArray, span: float) -> Situation:
         """Return the situation with the rays that belong to no track in the pool, and those too old for it out."""
@@ -220,12 +218,15 @@ class StereoTracking:
         """Return the situation without doubles and without tracks that are lost or came to nothing."""
         if not len(now.bank.weight):
             return now
-        state, covariance = self.following.moments(now.bank)
-        config, roster, place = self.config, now.roster, state[:, :3]
-        silent_s, needed = now.time_s - roster.seen_s, 3 * config.needed_scans
+        (state, covariance), roster = self.following.moments(now.bank), now.roster
+        config, place, needed = self.config, state[:, :3], 3 * self.config.needed_scans
+        silent_s = now.time_s - roster.seen_s
         drop = silent_s > config.silence_s
         vague, low = upkeep.are_vague(covariance, config.lost_sigma_m), upkeep.are_low(place)
-        if roster.hits.min() < needed or np.count_nonzero(vague | low):
+        loose = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
+        if roster.hits.min() < needed or np.count_nonzero(vague | low | loose):
+            if np.count_nonzero(loose):
+                now = evolve(now, bank=self.following.restrained(now.bank, loose.nonzero()[0]))
             unseen = silent_s > self._longest(self.patience_s, roster)
             drop |= upkeep.idle(roster, vague, needed, unseen)
             drop |= low & upkeep.came_down(place, covariance, unseen)
@@ -238,7 +239,7 @@ class StereoTracking:
             drop |= fast | doubles(roster.number, state, wider, now.recent, roster.hits)
         if not np.count_nonzero(drop):
             return now
-        keep = np.flatnonzero(~drop)
+        keep = (~drop).nonzero()[0]
         histories = now.histories.of(np.isin(now.histories.number, roster.number[keep]))
         return evolve(now, bank=now.bank.take(keep), roster=roster.take(keep), histories=histories)
 
