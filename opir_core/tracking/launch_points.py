@@ -41,6 +41,10 @@ _LATER = (1.0 - _AT_ONCE) * _WIDTHS_S / _BEFORE_S
 _AT_REST = np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S])
 
 
+#: The places below the diagonal.
+_BELOW = np.tril_indices(3, -1)
+
+
 def launches(
     outlook: Outlook, first_s: FloatArray, pause_s: FloatArray, noise: float, biased: FloatArray | None = None
 ) -> GroundPoints:
@@ -63,6 +67,8 @@ def launches(
     chance /= chance.sum(axis=1, keepdims=True)
     place, covariance = _blended(*_places(starts, when), when, chance)
     covariance[:, 2, 2] += chance @ (_WIDTHS_S**2 / 12.0)
+    row, column = _BELOW
+    covariance[:, row, column] = covariance[:, column, row]
     nowhere = starts.misfit.reshape(count, _TIMES).min(axis=1) >= _LAUNCHED
     if np.count_nonzero(nowhere):
         place[nowhere], covariance[nowhere] = np.nan, np.nan

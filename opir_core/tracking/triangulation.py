@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.records import BoolArray, FloatArray, IntArray
 
 
 @frozen(eq=False)
@@ -57,7 +57,9 @@ def meeting_points(
 
 def _solved(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Return the solutions (n, 3) of symmetric systems; nan where a matrix is singular to working precision."""
-    sound = np.linalg.cond(matrix) < 1e13
+    # What was singular in one round has no range for the next, and is not finite.
+    sound: BoolArray = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
+    sound[sound] = np.linalg.cond(matrix[sound]) < 1e13
     out = np.full_like(right, np.nan)
     out[sound] = np.linalg.solve(matrix[sound], right[sound][:, :, None])[:, :, 0]
     return out

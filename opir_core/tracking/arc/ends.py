@@ -89,6 +89,7 @@ def _pooled(
     if not len(known):
         return points
     spread = np.linalg.inv(information[known]).astype(np.float64, copy=False)
+    spread = 0.5 * (spread + spread.transpose(0, 2, 1))
     away = along(spread, pull[known])
     axes = local_axes(about[known])
     place = ecef_to_geodetic(about[known] + away[:, :1] * axes[:, 0] + away[:, 1:] * axes[:, 1])

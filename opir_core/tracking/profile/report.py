@@ -254,6 +254,7 @@ def _blended(parts: Moments, mixture: _Mixture, are_places: bool) -> Moments:
     first = values[heaviest]
     told = off_ground(mean, first) if are_places else first + mean
     enough = share > _KNOWN
+    total = 0.5 * (total + total.transpose(0, 2, 1))
     nothing.mean[enough], nothing.covariance[enough] = told[enough], total[enough]
     return nothing
 

@@ -115,7 +115,7 @@ def _mixed(
 ) -> tuple[FloatArray, FloatArray]:
     """Return means (n, d) and covariances (n, d, d) of mixtures of two normal distributions."""
     away, share = other - mean, chance[:, None, None]
-    apart = share * (1.0 - share) * away[:, :, None] * away[:, None, :]
+    apart = share * (1.0 - share) * (away[:, :, None] * away[:, None, :])
     return _between(mean, other, chance), (1.0 - share) * spread + share * other_spread + apart
 
 

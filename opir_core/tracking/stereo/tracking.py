@@ -225,8 +225,9 @@ class StereoTracking:
         vague, low = upkeep.are_vague(covariance, config.lost_sigma_m), upkeep.are_low(place)
         loose = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
         if roster.hits.min() < needed or np.count_nonzero(vague | low | loose):
-            if np.count_nonzero(loose):
-                now = evolve(now, bank=self.following.restrained(now.bank, loose.nonzero()[0]))
+            rows = loose.nonzero()[0]
+            if len(rows):
+                now = evolve(now, bank=self.following.restrained(now.bank, rows))
             unseen = silent_s > self._longest(self.patience_s, roster)
             drop |= upkeep.idle(roster, vague, needed, unseen)
             drop |= low & upkeep.came_down(place, covariance, unseen)
