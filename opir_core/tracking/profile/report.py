@@ -46,12 +46,8 @@ def report(
     ends, slope = flight.burnouts(family, hypotheses.spread)
     impacts, arcs = _impacts(hypotheses, family, ends, slope, priors, forces)
     impact, burnout = _blended(impacts, mixture, True), _blended(ends, mixture, False)
-    apart, finer = (hypotheses, mixture) if parts is None else _mixtures(*parts)[::2]
-    if parts is not None:
-        family = family_of(apart, priors)
-        ends, slope = flight.burnouts(family, apart.spread)
-    state = _blended(_states(apart, family, tick_s, ends, slope, priors, forces), finer, False)
-    launch = _blended(_launches(apart, family), finer, True)
+    finest = (hypotheses, mixture, family, (ends, slope)) if parts is None else _apart(*parts, priors)
+    state, launch = _stands(*finest, tick_s, priors, forces)
     impact_sigmas = containing_sigmas(arcs, mixture.weight, mixture.row, impact)
     _withhold_vague(impact, impact_sigmas, largest_impact_m)
     return Tracks(
@@ -68,6 +64,29 @@ def report(
         burnout_covariance=burnout.covariance,
         impact_sigmas=impact_sigmas,
     )
+
+
+def _apart(
+    parts: Hypotheses, probability: FloatArray, priors: Priors
+) -> tuple[Hypotheses, "_Mixture", Family, tuple[Moments, FloatArray]]:
+    """Return the parts that count, how they are mixed, their paths, and where their burns end, with slopes."""
+    parts, _, mixture = _mixtures(parts, probability)
+    family = family_of(parts, priors)
+    return parts, mixture, family, flight.burnouts(family, parts.spread)
+
+
+def _stands(
+    hypotheses: Hypotheses,
+    mixture: "_Mixture",
+    family: Family,
+    ends: tuple[Moments, FloatArray],
+    tick_s: float,
+    priors: Priors,
+    forces: "ForceModel",
+) -> tuple[Moments, Moments]:
+    """Return states at a tick and launches, by track."""
+    state = _blended(_states(hypotheses, family, tick_s, *ends, priors, forces), mixture, False)
+    return state, _blended(_launches(hypotheses, family), mixture, True)
 
 
 class _Mixture(NamedTuple):
