@@ -157,8 +157,31 @@ class StereoFilterConfig:
         _check_scans(self.needed_scans, self.recent_scans)
 
 
+class _Follows:
+    """What trackers have in common whose tracks are followed by the stereo filter."""
+
+    __slots__ = ()
+
+    cadence_s: float
+    association: str
+    needed_scans: int
+    recent_scans: int
+
+    def __attrs_post_init__(self) -> None:
+        _check_scans(self.needed_scans, self.recent_scans)
+
+    def following(self) -> StereoFilterConfig:
+        """Return what is set of the filter that follows the tracks."""
+        return StereoFilterConfig(
+            cadence_s=self.cadence_s,
+            association=self.association,
+            needed_scans=self.needed_scans,
+            recent_scans=self.recent_scans,
+        )
+
+
 @frozen(kw_only=True)
-class KeplerArcConfig:
+class KeplerArcConfig(_Follows):
     """What a scene may set of the tracker `kepler-arc`."""
 
     cadence_s: float = number(
@@ -204,18 +227,6 @@ class KeplerArcConfig:
         source='opir-simulator paper (2026), section 5.2: "by mid-boost, it converges to tens of kilometers": ln 100',
         help="k in σ = σ₀ exp(-k n/N), with n of N expected detections of the boost in",
     )
-
-    def __attrs_post_init__(self) -> None:
-        _check_scans(self.needed_scans, self.recent_scans)
-
-    def following(self) -> StereoFilterConfig:
-        """Return what is set of the filter that follows the tracks."""
-        return StereoFilterConfig(
-            cadence_s=self.cadence_s,
-            association=self.association,
-            needed_scans=self.needed_scans,
-            recent_scans=self.recent_scans,
-        )
 
 
 @frozen(kw_only=True)
@@ -264,7 +275,7 @@ class BoostPriorsConfig:
 
 
 @frozen(kw_only=True)
-class BoostProfileConfig:
+class BoostProfileConfig(_Follows):
     """What a scene may set of the tracker `boost-profile`."""
 
     cadence_s: float = number(
@@ -286,15 +297,3 @@ class BoostProfileConfig:
         help="an impact whose 95 % ellipse has a longer semi-axis is not told",
     )
     priors: BoostPriorsConfig = nested(default=BoostPriorsConfig(), help="what is taken for granted of each class")
-
-    def __attrs_post_init__(self) -> None:
-        _check_scans(self.needed_scans, self.recent_scans)
-
-    def following(self) -> StereoFilterConfig:
-        """Return what is set of the filter that follows the tracks."""
-        return StereoFilterConfig(
-            cadence_s=self.cadence_s,
-            association=self.association,
-            needed_scans=self.needed_scans,
-            recent_scans=self.recent_scans,
-        )
