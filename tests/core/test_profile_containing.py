@@ -12,7 +12,7 @@ from opir_core.protocols import EncoderContext
 from opir_core.records import IMPACT_CONTAINMENTS
 from opir_core.testing import stub_sensor
 from opir_core.testing.windows import stub_estimates, stub_window
-from opir_core.tracking.profile.containing import Arcs, containing_sigmas
+from opir_core.tracking.profile.containing import Arcs, containing_sigmas, factors
 from opir_core.tracking.profile.end import DEVIATES, normal_quantiles, normal_rule
 from opir_core.tracking.profile.flight import Moments, off_ground
 
@@ -65,9 +65,13 @@ def along_an_arc(law, east_m, moments_m, sigma_m):
     )
     mean, sigma = moments_m
     told = Moments(places(np.array([[mean, 0.0]])), covariances([[np.hypot(sigma, sigma_m), sigma_m]]))
-    parts = Moments(places(away)[None], covariances(np.full((1, 5, 2), sigma_m)))
-    arcs = Arcs.of(parts, nodes[None], law.ppf(norm.cdf(DEVIATES))[None])
+    arcs = Arcs.of(*straight(away, sigma_m), nodes[None], law.ppf(norm.cdf(DEVIATES))[None])
     return containing_sigmas(arcs, np.ones(1), np.zeros(1, dtype=np.int64), told)[0]
+
+
+def straight(away_m, sigma_m):
+    """Return five places (1, 5, 3) metres (5, 2) from the middle, known to sigma, with their sides and bends."""
+    return places(away_m)[None], factors(covariances(np.full((1, 5, 2), sigma_m))), np.zeros((1, 5, 2))
 
 
 def gauss(law):
@@ -175,10 +179,10 @@ def test_what_does_not_come_down_is_no_part_of_what_ellipses_hold():
 
     nodes, _ = normal_rule(1)
     away = np.column_stack([1e4 * nodes[0], np.zeros(5)])
-    parts = Moments(places(away)[None], covariances(np.full((1, 5, 2), 3e3)))
-    parts.mean[0, 3:], parts.covariance[0, 3:] = np.nan, np.nan
+    place, sides, bend = straight(away, 3e3)
+    place[0, 3:], sides[0, 3:] = np.nan, np.nan
     told = Moments(places(np.zeros((1, 2))), covariances([[1e4, 3e3]]))
-    arcs = Arcs.of(parts, nodes, normal_quantiles(1))
+    arcs = Arcs.of(place, sides, bend, nodes, normal_quantiles(1))
     (radii,) = containing_sigmas(arcs, np.ones(1), np.zeros(1, dtype=np.int64), told)
     # What is nearer to an end that does not come down is left out: beyond half way from 0 to 1.356.
     cut = 0.5 * nodes[0, 3]

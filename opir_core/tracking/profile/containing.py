@@ -29,28 +29,32 @@ class Arcs(Columns):
     """The impacts of n hypotheses as their burns may end; those with ends that are not open (`is_open`) are one place.
 
     `place` (n, k, 3) are impacts at k ends of the burn, `nodes` (n, k), latitude and longitude, rad, and time, nan of
-    those that do not come down; `factor` (n, k, 2, 2) are lower triangular factors of the covariances of what is left
-    then, over east and north, m; `quantiles` (n, deviates) are those of the end.
+    those that do not come down. What is left then is normally distributed in two deviates: `sides` (n, k, 2, 2) are
+    what these move the impact by, east and north in rows, m, and `bend` (n, k, 2) what the first one's square does.
+    `quantiles` (n, deviates) are those of the end.
     """
 
     place: FloatArray
-    factor: FloatArray
+    sides: FloatArray
+    bend: FloatArray
     nodes: FloatArray
     quantiles: FloatArray
     is_open: BoolArray
 
     @classmethod
-    def of(cls, parts: Moments, nodes: FloatArray, quantiles: FloatArray) -> "Arcs":
-        """Return the arcs through impacts (n, k, 3) of covariances (n, k, 3, 3)."""
-        count = len(nodes)
-        return cls(parts.mean, _factors(parts.covariance), nodes, quantiles, np.ones(count, dtype=np.bool_))
+    def of(
+        cls, place: FloatArray, sides: FloatArray, bend: FloatArray, nodes: FloatArray, quantiles: FloatArray
+    ) -> "Arcs":
+        """Return the arcs of hypotheses whose burns' ends are open."""
+        return cls(place, sides, bend, nodes, quantiles, np.ones(len(nodes), dtype=np.bool_))
 
     @classmethod
     def still(cls, impacts: Moments, nodes: FloatArray, quantiles: FloatArray) -> "Arcs":
         """Return the arcs of impacts (n, 3) of covariances (n, 3, 3) that do not depend on the end."""
         again, count = nodes.shape[1], len(nodes)
         place, spread = (np.repeat(each[:, None], again, axis=1) for each in (impacts.mean, impacts.covariance))
-        return cls(place, _factors(spread), nodes, quantiles, np.zeros(count, dtype=np.bool_))
+        straight = np.zeros((count, again, 2))
+        return cls(place, factors(spread), straight, nodes, quantiles, np.zeros(count, dtype=np.bool_))
 
 
 def containing_sigmas(arcs: Arcs, weight: FloatArray, row: IntArray, told: Moments) -> FloatArray:
@@ -88,24 +92,24 @@ def _squares(arcs: Arcs, told: Moments) -> tuple[FloatArray, FloatArray]:
     spot = arc[:, _BEFORE] + _PART[:, None, None] * (arc[:, _BEFORE + 1] - arc[:, _BEFORE])
     square = np.zeros((len(arc), _ENDS, _BESIDE))
     for axis in (0, 1):
-        middle, first, second = (spot[:, :, axis, part, None] for part in range(3))
-        square += np.square(middle + first * _LEFT[..., 0] + second * _LEFT[..., 1])
+        middle, first, second, bend = (spot[:, :, axis, part, None] for part in range(4))
+        square += np.square(middle + (first + bend * _LEFT[..., 0]) * _LEFT[..., 0] + second * _LEFT[..., 1])
     share = np.where(_PART < 0.5, known[:, _BEFORE], known[:, _BEFORE + 1]).astype(np.float64)
     return square.reshape(len(arc), -1), np.repeat(share, _BESIDE, axis=1)
 
 
 def _whitened(arcs: Arcs, told: Moments) -> tuple[BoolArray, FloatArray]:
-    """Return which ends at `DEVIATES` come down (n, d), and where (n, d, 2, 3), in the standard deviations told.
+    """Return which ends at `DEVIATES` come down (n, d), and where (n, d, 2, 4), in the standard deviations told.
 
-    The last axis is the place on the arc, and by what the two sides of the factor move it.
+    The last axis is the place on the arc, and by what the two sides and the bend move it.
     """
     about = told.mean[:, None]
     place = on_ground(arcs.place, about)[..., :2]
     known = np.asarray(np.isfinite(place).all(axis=2))
     # What is east at an impact lies in another direction seen from afar.
-    sides = [_seen(arcs.place, arcs.factor[..., side], about) - place for side in (0, 1)]
-    spots = np.where(known[..., None, None], np.stack([place, *sides], axis=3), 0.0)
-    white = _inverse(_factors(told.covariance[:, None]))
+    moved = [_seen(arcs.place, away, about) - place for away in (arcs.sides[..., 0], arcs.sides[..., 1], arcs.bend)]
+    spots = np.where(known[..., None, None], np.stack([place, *moved], axis=3), 0.0)
+    white = _inverse(factors(told.covariance[:, None]))
     spots = white[..., :1] * spots[..., :1, :] + white[..., 1:] * spots[..., 1:, :]
     weights = _lagrange(arcs.nodes, known, arcs.quantiles)
     arc = np.sum(weights[..., None, None] * spots[:, None], axis=2)
@@ -131,7 +135,7 @@ def _lagrange(nodes: FloatArray, known: BoolArray, wanted: FloatArray) -> FloatA
     return found
 
 
-def _factors(covariance: FloatArray) -> FloatArray:
+def factors(covariance: FloatArray) -> FloatArray:
     """Return the lower triangular factors (n, k, 2, 2) of the first two rows of covariances (n, k, 3, 3)."""
     found = np.zeros((*covariance.shape[:2], 2, 2))
     first = np.sqrt(np.maximum(covariance[..., 0, 0], _LEAST_M2))

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 _TIME_STEP_S = 0.02
 _STEPS = np.array([10.0, 10.0, 10.0, 0.05, 0.05, 0.05, 0.01])
 
-#: Points and weights of Gauss and Hermite's rule of the third order.
-_NODES = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0])
-_WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
+#: Points and weights of Gauss and Hermite's rule of three nodes.
+HERMITE_NODES = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0])
+HERMITE_WEIGHTS = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 @frozen(eq=False)
@@ -41,7 +41,7 @@ def burnouts(family: Family, spread: FloatArray) -> tuple[Moments, FloatArray]:
     rate = np.concatenate([mean[:, 3:], (mean[:, 3:] - before) / (2.0 * _TIME_STEP_S)], axis=1)
     slope = slope + rate[:, :, None] * by_end[:, None]
     slope = np.concatenate([slope, by_end[:, None]], axis=1)
-    return Moments(np.column_stack([mean, end_s]), _through(slope, spread)), slope
+    return Moments(np.column_stack([mean, end_s]), through(slope, spread)), slope
 
 
 def states(
@@ -63,7 +63,7 @@ def states(
         forced = _flown(ends.mean[late], tick_s, forces)
         known = np.asarray(np.isfinite(forced).all(axis=1))
         mean[late] = np.where(known[:, None], forced, mean[late])
-    return Moments(mean, _through(by_parameters, spread))
+    return Moments(mean, through(by_parameters, spread))
 
 
 def sloped_states(family: Family, tick_s: float, ends: Moments, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -88,7 +88,7 @@ def burning_states(family: Family, row: IntArray, tick_s: float) -> tuple[FloatA
 
 def sloped_impacts(ends: Moments, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return impacts (n, 3), as `impacts` does, in free flight, and slopes (n, 3, 10) of east, north and time."""
-    every = _landed(np.concatenate([ends.mean[None], _stepped(ends.mean)]).reshape(-1, 7)).reshape(8, -1, 3)
+    every = landed(np.concatenate([ends.mean[None], _stepped(ends.mean)]).reshape(-1, 7)).reshape(8, -1, 3)
     by_end = np.moveaxis(on_ground(every[1:], every[0]) / _STEPS[:, None, None], 0, 2)
     return every[0], by_end @ slope
 
@@ -103,62 +103,28 @@ def impacts(ends: Moments, slope: FloatArray, spread: FloatArray, forces: "Force
     count = len(ends.mean)
     middle, linear = sloped_impacts(ends, slope)
     cloud, weights = _cloud(ends, slope, spread, linear)
-    away = on_ground(_landed(cloud.reshape(-1, 7)).reshape(-1, count, 3), middle)
+    away = on_ground(landed(cloud.reshape(-1, 7)).reshape(-1, count, 3), middle)
     mean = np.sum(weights[:, None, None] * away, axis=0)
     apart = away - mean
     covariance = np.sum(weights[:, None, None, None] * apart[..., :, None] * apart[..., None, :], axis=0)
     # The ground's two directions hold all of the place; of the time, the linear part says what is left.
-    total = _through(linear, spread)
+    total = through(linear, spread)
     left = total[:, 2, 2] - np.einsum("ni,nij,nj->n", total[:, 2, :2], _inverse(total[:, :2, :2]), total[:, :2, 2])
     covariance[:, 2, 2] += np.maximum(left, 0.0)
-    centre = middle if forces == "kepler" else _forced(ends.mean, forces)
+    centre = middle if forces == "kepler" else forced_impacts(ends.mean, forces)
     return Moments(off_ground(mean, centre), covariance)
-
-
-def open_impacts(
-    ends: Moments, parts: Moments, slope: FloatArray, spread: FloatArray, weights: FloatArray, forces: "ForceModel"
-) -> tuple[Moments, Moments]:
-    """Return impacts, as `impacts` does, of burns whose ends are open: sums over k parts that end at other times.
-
-    `parts` are the ends (k n,) of all n hypotheses' first parts, then of their second ones, and so on, with their
-    slopes (k n, 7, 10) and the parameters' covariances (k n, 10, 10); `weights` (n, k) are theirs. What does not come
-    down is left out: targets do. Returned are the sums, and the parts' own impacts (n, k, 3) with their covariances,
-    nan of those left out.
-    """
-    count, number = weights.shape
-    middle = _landed(ends.mean)
-    point, linear = sloped_impacts(parts, slope)
-    away = on_ground(point.reshape(number, count, 3), middle).transpose(1, 0, 2)
-    within = _through(linear, spread).reshape(number, count, 3, 3).transpose(1, 0, 2, 3)
-    known = np.asarray(np.isfinite(away).all(axis=2) & np.isfinite(within).all(axis=(2, 3)))
-    share = np.where(known, weights, 0.0)
-    total = share.sum(axis=1)
-    share = share / np.where(total > _LEAST_KNOWN, total, np.nan)[:, None]
-    left_out = ~known
-    away[left_out], within[left_out] = 0.0, 0.0
-    mean = np.sum(share[:, :, None] * away, axis=1)
-    apart = away - mean[:, None]
-    covariance = np.sum(share[..., None, None] * (within + apart[..., :, None] * apart[..., None, :]), axis=1)
-    centre = middle if forces == "kepler" else _forced(ends.mean, forces)
-    each = off_ground(away, centre[:, None])
-    each[left_out], within[left_out] = np.nan, np.nan
-    return Moments(off_ground(mean, centre), covariance), Moments(each, within)
-
-
-#: An impact of which less than this share comes down is not known.
-_LEAST_KNOWN = 0.3
 
 
 def _cloud(ends: Moments, slope: FloatArray, spread: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ends of burns (9, n, 7) and weights (9,)."""
-    ground = _through(linear[:, :2], spread)
+    ground = through(linear[:, :2], spread)
     value, axis = np.linalg.eigh(np.where(np.isfinite(ground), ground, 0.0))
     scale = 1.0 / np.sqrt(np.maximum(value, 1e-6))
     # One standard deviation along each principal axis of the ellipse on the ground, in terms of the parameters.
     side = spread @ linear[:, :2].transpose(0, 2, 1) @ axis * scale[:, None]
     by_side = slope @ side
-    first, second = (grid.ravel() for grid in np.meshgrid(_NODES, _NODES, indexing="ij"))
-    weights = np.outer(_WEIGHTS, _WEIGHTS).ravel()
+    first, second = (grid.ravel() for grid in np.meshgrid(HERMITE_NODES, HERMITE_NODES, indexing="ij"))
+    weights = np.outer(HERMITE_WEIGHTS, HERMITE_WEIGHTS).ravel()
     cloud = ends.mean + first[:, None, None] * by_side[:, :, 0] + second[:, None, None] * by_side[:, :, 1]
     return cloud, weights
 
@@ -197,12 +163,14 @@ def _flown(ends: FloatArray, tick_s: float, forces: "ForceModel" = "kepler") -> 
     return np.concatenate(eci_to_ecef_state(*flown, np.full(len(ends), tick_s)), axis=1)
 
 
-def _landed(ends: FloatArray) -> FloatArray:
+def landed(ends: FloatArray) -> FloatArray:
+    """Return where and when (n, 3) free flights from ends of burns (n, 7) come down, in the two-body problem."""
     inertial = ecef_to_eci_state(ends[:, :3], ends[:, 3:6], ends[:, 6])
     return _place(*kepler_impact(*inertial), ends)
 
 
-def _forced(ends: FloatArray, forces: "ForceModel") -> FloatArray:
+def forced_impacts(ends: FloatArray, forces: "ForceModel") -> FloatArray:
+    """Return where and when (n, 3) free flights from ends of burns (n, 7) come down under forces."""
     from opir_core.flight.impact_event import impact
 
     inertial = ecef_to_eci_state(ends[:, :3], ends[:, 3:6], ends[:, 6])
@@ -215,7 +183,8 @@ def _place(duration_s: FloatArray, point_m: FloatArray, ends: FloatArray) -> Flo
     return np.stack([place.latitude_rad, place.longitude_rad, when], axis=1)
 
 
-def _through(slope: FloatArray, spread: FloatArray) -> FloatArray:
+def through(slope: FloatArray, spread: FloatArray) -> FloatArray:
+    """Return the covariances (n, r, r) that those of parameters (n, 10, 10) bring about, by slopes (n, r, 10)."""
     covariance = slope @ spread @ slope.transpose(0, 2, 1)
     even: FloatArray = 0.5 * (covariance + covariance.transpose(0, 2, 1))
     return even

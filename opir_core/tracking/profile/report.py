@@ -7,14 +7,14 @@ the impact's covariance is told how far its ellipses reach that hold what they s
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray, Tracks
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.containing import Arcs, containing_sigmas
 from opir_core.tracking.profile.family import BURN, EAST, LIFT, NORTH, RADIUS_M, SIZE, START, Family, Priors
-from opir_core.tracking.profile.fit import Hypotheses, family_of, plausible
+from opir_core.tracking.profile.fit import Hypotheses, family_of
 from opir_core.tracking.profile.flight import Moments, off_ground, on_ground
+from opir_core.tracking.profile.open_impacts import open_impacts
 from opir_core.tracking.profile.thrust_end import with_ends
 
 if TYPE_CHECKING:
@@ -127,31 +127,10 @@ def _impacts(
         parts.append((found, Arcs.still(found, hypotheses.end[closed, 0], hypotheses.end_quantiles[closed])))
     if len(rows):
         apart = hypotheses.take(rows), ends.take(rows), gain[rows], variance[rows]
-        parts.append(_open_impacts(*apart, priors, forces))
+        parts.append(open_impacts(*apart, priors, forces))
     order = np.argsort(np.concatenate([closed, rows]))
     impacts, arcs = zip(*parts, strict=True)
     return Moments.concatenate(impacts).take(order), Arcs.concatenate(arcs).take(order)
-
-
-def _open_impacts(
-    hypotheses: Hypotheses,
-    ends: Moments,
-    gain: FloatArray,
-    variance: FloatArray,
-    priors: Priors,
-    forces: "ForceModel",
-) -> tuple[Moments, Arcs]:
-    """Return impacts of open ends, of variance (n,), the parameters' covariance with which is the gain (n, 10)."""
-    gain, width = gain / variance[:, None], np.sqrt(variance)
-    left = hypotheses.spread - variance[:, None, None] * gain[:, :, None] * gain[:, None]
-    nodes, weights = hypotheses.end[:, 0], hypotheses.end[:, 1]
-    again = np.tile(np.arange(len(width)), nodes.shape[1])
-    parts, left = hypotheses.take(again), left[again]
-    parameters = parts.parameters + gain[again] * (width[again] * nodes.T.ravel())[:, None]
-    parameters = plausible(parameters, priors.take(parts.kind))
-    there = flight.burnouts(family_of(evolve(parts, parameters=parameters), priors), left)
-    found, parts_found = flight.open_impacts(ends, *there, left, weights, forces)
-    return found, Arcs.of(parts_found, nodes, hypotheses.end_quantiles)
 
 
 #: A burn whose length is less certain than this, of it, has an open end.

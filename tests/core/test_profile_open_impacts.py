@@ -1,0 +1,102 @@
+"""Impacts of burns whose ends are open, against flights drawn at random."""
+
+import numpy as np
+import pytest
+from attrs import evolve
+from profile_flights import PRIORS
+
+from opir_core.scene import TARGET_TYPES
+from opir_core.tracking.profile import fit, flight
+from opir_core.tracking.profile.family import (
+    BURN,
+    EAST,
+    LIFT,
+    NORTH,
+    PITCH,
+    SHAPE,
+    SPEED,
+    START,
+    TURN_EAST,
+    TURN_NORTH,
+)
+from opir_core.tracking.profile.report import report
+
+#: Standard deviations in mid-boost as two sensors of 50 µrad leave them: of an end that is open and a speed that is not
+#: known, beside what is.
+SIGMAS = {EAST: 500.0, NORTH: 500.0, START: 1.0, TURN_EAST: 0.02, TURN_NORTH: 0.02, PITCH: 0.05, LIFT: 0.05, SHAPE: 0.1}
+
+COUNT = 20_000
+
+
+def standing(kind, azimuth_deg, slower, speed_sigma, burn_sigma):
+    """Return a hypothesis in the middle of its class, on its way at an azimuth, and its parameters' covariance."""
+    number = TARGET_TYPES.index(kind)
+    parameters = np.zeros((1, 10))
+    turn = PRIORS.turn_rad[number] * np.array([np.sin(np.radians(azimuth_deg)), np.cos(np.radians(azimuth_deg))])
+    parameters[0, [TURN_EAST, TURN_NORTH]], parameters[0, SPEED] = turn, -slower
+    sigma = np.zeros(10)
+    for column, value in (SIGMAS | {SPEED: speed_sigma, BURN: burn_sigma}).items():
+        sigma[column] = value
+    spread = np.diag(np.square(sigma))[None]
+    # A later start leaves the longer burn to come.
+    spread[0, START, BURN] = spread[0, BURN, START] = -0.5 * sigma[START] * sigma[BURN]
+    return evolve(
+        fit.blank(1, 2),
+        kind=np.array([number]),
+        anchor_latitude_rad=np.array([0.6]),
+        anchor_longitude_rad=np.array([-2.0]),
+        parameters=parameters,
+        spread=spread,
+        is_bent=np.ones(1, dtype=np.int64),
+    )
+
+
+def impacts_of(hypothesis, parameters):
+    """Return where boosts of parameters (n, 10) come down."""
+    count = len(parameters)
+    again = evolve(hypothesis.take(np.zeros(count, dtype=np.int64)), parameters=parameters)
+    family = fit.family_of(again, PRIORS)
+    places = family.places(np.arange(count), family.burnout_s)
+    return flight.landed(np.column_stack([places.position_m, places.velocity_m_s, family.burnout_s]))
+
+
+def drawn(hypothesis):
+    """Return what is told of a hypothesis, and where flights drawn from it come down, m, east, north and later, s."""
+    told = report(hypothesis, np.ones(1), 30.0, PRIORS, "kepler", np.inf)
+    rng = np.random.default_rng(5)
+    parameters = rng.multivariate_normal(hypothesis.parameters[0], hypothesis.spread[0], COUNT)
+    landed = impacts_of(hypothesis, parameters)
+    landed = landed[np.isfinite(landed).all(axis=1)]
+    assert len(landed) > 0.999 * COUNT
+    return told, flight.on_ground(landed, told.impact)
+
+
+def of_size(away, covariance):
+    """Return the sizes (n,) of errors (n, 2) in standard deviations of a covariance."""
+    return np.sqrt(np.einsum("ni,ij,nj->n", away, np.linalg.inv(covariance), away))
+
+
+#: Classes, how much slower they are than their medians, and standard deviations of speed and of the burn's end: impacts
+#: known to a quarter of the way, or far better.
+CASES = [
+    ("SRBM", 0.0, 0.04, 0.08),
+    ("SRBM", 0.0, 0.02, 0.03),
+    ("IRBM", 0.0, 0.06, 0.05),
+    ("IRBM", 0.0, 0.02, 0.06),
+    ("ICBM", 0.15, 0.02, 0.03),
+]
+
+
+@pytest.mark.parametrize("azimuth_deg", [15.0, 110.0, 290.0])
+@pytest.mark.parametrize(("kind", "slower", "speed_sigma", "burn_sigma"), CASES)
+def test_impacts_of_open_ends_are_those_of_flights_drawn_at_random(kind, azimuth_deg, slower, speed_sigma, burn_sigma):
+    told, away = drawn(standing(kind, azimuth_deg, slower, speed_sigma, burn_sigma))
+    expected = told.impact_covariance[0]
+    size = of_size(away[:, :2], expected[:2, :2])
+    held = [np.mean(size <= radius) for radius in told.impact_sigmas[0]]
+    # To what points that stand for a distribution hold (`containing`), and chance.
+    assert held == pytest.approx([0.5, 0.9, 0.95], abs=0.019 + 3.3 * np.sqrt(0.09 / COUNT))
+    # Means are off by hundredths of a standard deviation, and few flights far off count much in what is drawn.
+    sigma = np.sqrt(np.diagonal(expected))
+    assert away.mean(axis=0) / sigma == pytest.approx(np.zeros(3), abs=0.05 + 3.3 / np.sqrt(COUNT))
+    assert np.all((away.std(axis=0) / sigma > 0.95) & (away.std(axis=0) / sigma < 1.6))
