@@ -142,7 +142,7 @@ def cells(kind: str, model: str, sensors: int, part: dict[str, Any]) -> Iterator
             f"| {miss / 1e3:.1f} | {told[2]} | {state} | {p_value} "
             f"| {' / '.join(f'{share:.0f}' for share in shares)} ({low:.0f}, {high:.0f}) |"
         )
-        is_doubted |= mark > 0 and max(over) > _EFFICIENT or not _HELD[0] <= shares[2] <= _HELD[1]
+        is_doubted |= (mark > 0 and max(over) > _EFFICIENT) or not _HELD[0] <= shares[2] <= _HELD[1]
         yield Line(text, Cell(kind, model, sensors, mark, *over, over_six, shares[2]), is_doubted)
 
 

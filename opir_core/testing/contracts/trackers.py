@@ -1,6 +1,6 @@
 """The contract of trackers: detections to tracks, on ticks of scene time."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache, partial
 from typing import Any, ClassVar
 
@@ -9,19 +9,16 @@ from attrs import evolve, fields, frozen
 
 from opir_core.plugin.components import Component, TrackerModel
 from opir_core.protocols import Tracker, TrackerContext
-from opir_core.records import Detections, FloatArray, IntArray, Tracks
-from opir_core.scene import REPORTED_TYPES
+from opir_core.records import Detections, IntArray, Tracks
 from opir_core.testing.bench import bench_scene, planned
-from opir_core.testing.broken import Broken, insist
+from opir_core.testing.broken import insist
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows_stand_alone
+from opir_core.testing.contracts.estimates import insist_covariance, lawful
 from opir_core.testing.contracts.scenes import SceneContract
 from opir_core.testing.steps import python_steps
 from opir_core.ticks import as_trackers_see
 
 _NS = 1_000_000_000
-#: Relative tolerance of symmetry, and how far below zero rounding may take the least eigenvalue of a correlation.
-_SYMMETRY = 1e-9
-_LEAST_EIGENVALUE = -1e-9
 #: How much faster than detections, or than ticks, the work may grow when both double; squares would be 2.
 _GROWTH_LIMIT = 1.5
 
@@ -171,10 +168,10 @@ class TrackerContract(SceneContract):
                 "Return one row a track, sorted by track, numbers from 0 on, tick_s the time that step was given.",
             )
 
-    def test_shapes_and_places_are_lawful(self) -> None:
+    def test_shapes_and_places_arelawful(self) -> None:
         """Estimates have their shapes; latitudes, longitudes and probabilities lie where they must, or are nan."""
         for tick in self.ticks(self.tracker()):
-            for promise, kept in _lawful(tick.tracks).items():
+            for promise, kept in lawful(tick.tracks).items():
                 insist(
                     kept,
                     f"at {tick.time_s} s {promise} is not so",
@@ -185,7 +182,7 @@ class TrackerContract(SceneContract):
         """Every covariance is symmetric and positive definite, or nan altogether."""
         for tick in self.ticks(self.tracker()):
             for name in ("state_covariance", "launch_covariance", "impact_covariance", "burnout_covariance"):
-                _insist_covariance(f"{name} at {tick.time_s} s", getattr(tick.tracks, name))
+                insist_covariance(f"{name} at {tick.time_s} s", getattr(tick.tracks, name))
 
     def test_ticks_without_detections_are_no_error(self) -> None:
         """Ticks with nothing to see, also before the first detection, are taken."""
@@ -245,58 +242,3 @@ def _partition(detections: Detections) -> set[frozenset[tuple[int, int]]]:
 def _equal(one: Tracks, other: Tracks) -> bool:
     names = (item.name for item in fields(Tracks))
     return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True) for name in names)
-
-
-def _lawful(tracks: Tracks) -> Mapping[str, bool]:
-    rows = len(tracks)
-    shapes = {name: getattr(Tracks.empty(), name).shape[1:] for name in (item.name for item in fields(Tracks))}
-    chances = tracks.type_probability
-    known = ~np.isnan(chances).any(axis=1) if chances.ndim == 2 else np.zeros(0, dtype=bool)
-    return {
-        **{
-            f"{name}: of shape {(rows, *shape)}": _shape(tracks, name) == (rows, *shape)
-            for name, shape in shapes.items()
-        },
-        **{f"{name}: latitude and longitude": _are_places(getattr(tracks, name)) for name in ("launch", "impact")},
-        f"type_probability: over {', '.join(REPORTED_TYPES)}, summing to 1": bool(
-            np.all(chances[known] >= 0.0) and np.all(np.abs(chances[known].sum(axis=1) - 1.0) < 1e-6)
-        ),
-        "impact_sigmas: positive and rising": _are_radii(tracks.impact_sigmas),
-    }
-
-
-def _are_radii(sigmas: FloatArray) -> bool:
-    steps = np.diff(sigmas, axis=1, prepend=0.0)
-    return not np.any(steps <= 0.0)
-
-
-def _shape(tracks: Tracks, name: str) -> tuple[int, ...]:
-    shape: tuple[int, ...] = getattr(tracks, name).shape
-    return shape
-
-
-def _are_places(places: FloatArray) -> bool:
-    latitude, longitude = np.nan_to_num(places[:, 0]), np.nan_to_num(places[:, 1])
-    return bool(np.all(np.abs(latitude) <= np.pi / 2) and np.all(np.abs(longitude) <= np.pi + 1e-12))
-
-
-def _insist_covariance(what: str, covariance: FloatArray) -> None:
-    unknown = np.isnan(covariance).any(axis=(1, 2))
-    partly = unknown & ~np.isnan(covariance).all(axis=(1, 2))
-    insist(not partly.any(), f"{what} is partly nan", "Give a whole covariance, or nan in all of it.")
-    for matrix in covariance[~unknown]:
-        deviation = np.sqrt(np.abs(np.diag(matrix)))
-        if not np.all(np.diag(matrix) > 0.0):
-            raise Broken(f"{what} has a variance that is not positive", "Use Joseph's or a square-root form.")
-        correlation = matrix / np.outer(deviation, deviation)
-        insist(
-            bool(np.all(np.abs(correlation - correlation.T) <= _SYMMETRY)),
-            f"{what} is not symmetric",
-            "Compute one triangle and mirror it, or use a square-root form.",
-        )
-        least = float(np.linalg.eigvalsh(correlation)[0])
-        insist(
-            least > _LEAST_EIGENVALUE,
-            f"{what} has a negative eigenvalue ({least:.1e} of its correlation)",
-            "Use Joseph's or a square-root form.",
-        )

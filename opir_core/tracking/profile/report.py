@@ -43,12 +43,10 @@ def report(
     """
     hypotheses, number, mixture = _mixtures(hypotheses, probability)
     family = family_of(hypotheses, priors)
-    ends, slope = flight.burnouts(family, hypotheses.spread)
-    impacts, arcs = _impacts(hypotheses, family, ends, slope, priors, forces)
-    impact, burnout = _blended(impacts, mixture, True), _blended(ends, mixture, False)
-    finest = (hypotheses, mixture, family, (ends, slope)) if parts is None else _apart(*parts, priors)
-    state, launch = _stands(*finest, tick_s, priors, forces)
-    impact_sigmas = containing_sigmas(arcs, mixture.weight, mixture.row, impact)
+    whole = hypotheses, mixture, family, flight.burnouts(family, hypotheses.spread)
+    state, launch = _stands(*(whole if parts is None else _apart(*parts, priors)), tick_s, priors, forces)
+    burnout = _blended(whole[-1][0], mixture, False)
+    impact, impact_sigmas = _fallen(*whole, priors, forces)
     _withhold_vague(impact, impact_sigmas, largest_impact_m)
     return Tracks(
         tick_s=np.full(len(number), tick_s),
@@ -87,6 +85,20 @@ def _stands(
     """Return states at a tick and launches, by track."""
     state = _blended(_states(hypotheses, family, tick_s, *ends, priors, forces), mixture, False)
     return state, _blended(_launches(hypotheses, family), mixture, True)
+
+
+def _fallen(
+    hypotheses: Hypotheses,
+    mixture: "_Mixture",
+    family: Family,
+    ends: tuple[Moments, FloatArray],
+    priors: Priors,
+    forces: "ForceModel",
+) -> tuple[Moments, FloatArray]:
+    """Return impacts by track, and the radii of their ellipses."""
+    impacts, arcs = _impacts(hypotheses, family, *ends, priors, forces)
+    impact = _blended(impacts, mixture, True)
+    return impact, containing_sigmas(arcs, mixture.weight, mixture.row, impact)
 
 
 class _Mixture(NamedTuple):
