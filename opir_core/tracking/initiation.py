@@ -25,6 +25,7 @@ from opir_core.tracking.near_sensors import (
 )
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.triangulation import meeting_points
+from opir_core.tracking.wide_spots import parted, unlikelihood
 
 #: Half the speed across the line of sight that a spot allows for over the scans it spans, m/s.
 _SPEED_M_S = 1000.0
@@ -49,7 +50,10 @@ _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84
 
 @frozen(eq=False)
 class Spots(Columns):
-    """Directions of one sensor from which unclaimed rays come: the mean ray, its error, and from how many scans."""
+    """Directions of one sensor from which unclaimed rays come: the mean ray, its error, and from how many scans.
+
+    `is_part` (n,) says which are parts of a wide spot.
+    """
 
     sensor: IntArray
     time_s: FloatArray
@@ -57,6 +61,7 @@ class Spots(Columns):
     direction_ecef: FloatArray
     sigma_rad: FloatArray
     scans: IntArray
+    is_part: BoolArray
 
 
 @frozen(eq=False)
@@ -120,7 +125,7 @@ def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Sho
 def spots_of(rays: Rays) -> tuple[Spots, IntArray]:
     """Return the spots of rays, and which (m,) each is in.
 
-    They are connected groups of occupied bins of directions, sensor by sensor.
+    They are connected groups of occupied bins of directions, sensor by sensor, or parts of such.
     """
     sensor, which = np.unique(rays.sensor, return_inverse=True)
     span = np.zeros(len(sensor))
@@ -132,7 +137,11 @@ def spots_of(rays: Rays) -> tuple[Spots, IntArray]:
     np.maximum.at(widest, which, sigma_rad)
     width = _WIDTH_SIGMAS * widest + _SPEED_M_S * span / FAR_M
     spot = _connected(which, direction, width)
-    return _means(rays, spot), spot
+    spots = _means(rays, spot)
+    if spots.scans.sum() == len(spot):
+        return spots, spot
+    spot, parts = parted(spot, rays, direction, sigma_rad)
+    return (evolve(_means(rays, spot), is_part=parts) if np.count_nonzero(parts) else spots), spot
 
 
 def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:
@@ -176,6 +185,7 @@ def _means(rays: Rays, spot: IntArray) -> Spots:
         direction_ecef=direction,
         sigma_rad=np.sqrt(np.bincount(spot, rays.sigma_rad**2, count)) / total,
         scans=np.bincount(scan_of, minlength=count),
+        is_part=np.zeros(count, dtype=bool),
     )
 
 
@@ -225,7 +235,11 @@ def _meetings(spots: Spots) -> list[tuple[int, int]]:
     )
     height = ecef_to_geodetic(fix.position_m).height_m
     lawful = np.flatnonzero((fix.misfit < _MEET) & (height > _LOWEST_M) & (height < HIGHEST_M))
-    order = lawful[np.argsort(fix.misfit[lawful], kind="stable")]
+    cost = fix.misfit[lawful]
+    if np.count_nonzero(spots.is_part):
+        spread = _blurred(spots) * ranges_m(spots.origin_ecef_m, spots.direction_ecef)
+        cost = unlikelihood(fix.take(lawful), np.hypot(*spread[pairs[lawful].T]))
+    order = lawful[np.argsort(cost, kind="stable")]
     return [(int(first), int(second)) for first, second in pairs[order]]
 
 

@@ -3,11 +3,12 @@
 import numpy as np
 from attrs import frozen
 
+from opir_core.columns import Columns
 from opir_core.records import BoolArray, FloatArray, IntArray
 
 
 @frozen(eq=False)
-class Fixes:
+class Fixes(Columns):
     """Positions (n, 3), m, the information (n, 3, 3) behind them, 1/m², and the least sum of squared residuals (n,).
 
     Positions of groups whose rays are parallel to working precision are nan.
