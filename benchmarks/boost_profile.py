@@ -51,14 +51,15 @@ Made by `python benchmarks/boost_profile.py --runs {runs} --batches {batches} --
 Up to {whole} runs a line (the column says how many count), so that a ratio is known to about {ratio:.0f} % (position,
 velocity) and a share of 95 % lies in {low:.1f} to {high:.1f} % by chance. "/ bound" and "/ expected" have their 95 %
 intervals behind them (bootstrap over flights). ANEES is of the state, over its six degrees of freedom, with its own
-99 % interval (bootstrap). A star marks those outside the 99 % band of χ², which is {lower:.2f} to {upper:.2f} of all
-runs, a dagger those whose own interval leaves out 1; p is that of Kolmogorov and Smirnov's test of the distribution.
+99 % interval (bootstrap); a dagger marks those whose interval leaves out 1.
 Containment is that of the 50, 90 and 95 % ellipses of impact (no limit is set on their size here), the last with its
 95 % interval (Wilson).
 
 Of what one sensor sees the posterior is no normal distribution. Where mean and covariance told are exactly its own,
-NEES still has a mean of 6, but no χ² distribution: most flights lie lower and a few far higher. ANEES then wanders
-farther than the band of χ² allows, how far its own interval tells, and p, which asks for χ² itself, is small.
+NEES still has a mean of 6, but no χ² distribution: most flights lie lower and a few far higher. So the tracker tells
+how far the ellipsoids reach that hold 50, 90 and 95 % of its states (`state_sigmas`), and "as told" is ANEES on their
+scale, on which what is told right has χ²'s distribution. A star marks what is outside its 99 % band, {lower:.2f} to
+{upper:.2f} of all runs; p is that of Kolmogorov and Smirnov's test of the distribution on this scale.
 
 ![Errors over the expected bound, ANEES, and shares of impacts in their 95 % ellipse](boost_profile.svg)
 
@@ -110,13 +111,13 @@ def ratio(rows: list[dict[str, float]], name: str, bound: float) -> tuple[str, f
     return " | ".join(texts), float(np.sqrt(whole[0] / whole[1]))
 
 
-def anees(values: np.ndarray) -> tuple[str, str, float, bool]:
-    """Return ANEES of values (n,), over six, with its 99 % interval and marks, p, itself, and whether it is marked."""
-    state, over = consistency(values, 6), values / 6.0
+def anees(values: np.ndarray, as_told: np.ndarray) -> tuple[str, float, bool]:
+    """Return ANEES of values (n,), over six, with its interval, as told, and p; that told, and whether it is marked."""
+    told, over = consistency(as_told, 6), values / 6.0
     low, high = np.quantile(over[drawn(len(over), 4000)].mean(axis=1), (0.005, 0.995))
-    marks = "" if state.lower <= state.mean <= state.upper else " *"
-    marks += "" if low <= 1.0 <= high else " †"
-    return f"{over.mean():.2f} ({low:.2f}, {high:.2f}){marks}", f"{state.p_value:.2f}", float(over.mean()), bool(marks)
+    wide, far = "" if low <= 1.0 <= high else " †", "" if told.is_inside else " *"
+    text = f"{over.mean():.2f} ({low:.2f}, {high:.2f}){wide} | {told.mean / 6.0:.2f}{far} | {told.p_value:.2f}"
+    return text, told.mean / 6.0, bool(wide + far)
 
 
 def held_of(impact: np.ndarray) -> tuple[float, ...]:
@@ -131,7 +132,7 @@ def cells(kind: str, model: str, sensors: int, part: dict[str, Any]) -> Iterator
         mine = [row for row in part["rows"] if row["mark"] == mark]
         if len(mine) < 2:
             continue
-        state, p_value, over_six, is_doubted = anees(np.array([row["nees"] for row in mine]))
+        state, over_six, is_doubted = anees(*(np.array([row[each] for row in mine]) for each in ("nees", "told nees")))
         impact = np.array([row["impact nees"] for row in mine])
         *shares, low, high = (100.0 * each for each in held_of(impact))
         bound = van_trees(part["sums"][str(mark)])
@@ -139,7 +140,7 @@ def cells(kind: str, model: str, sensors: int, part: dict[str, Any]) -> Iterator
         told, over = zip(*(ratio(mine, each, bound[each]) for each in PARTS), strict=True)
         text = (
             f"| {kind} | {sensors} {model} | {name} | {len(mine)} | {metres:.0f} | {told[0]} | {speed:.1f} | {told[1]} "
-            f"| {miss / 1e3:.1f} | {told[2]} | {state} | {p_value} "
+            f"| {miss / 1e3:.1f} | {told[2]} | {state} "
             f"| {' / '.join(f'{share:.0f}' for share in shares)} ({low:.0f}, {high:.0f}) |"
         )
         is_doubted |= (mark > 0 and max(over) > _EFFICIENT) or not _HELD[0] <= shares[2] <= _HELD[1]
@@ -167,6 +168,7 @@ _COLUMNS = (
     "/ bound",
     "/ expected",
     "ANEES / 6",
+    "as told",
     "p",
     "impact held, % of runs",
 )

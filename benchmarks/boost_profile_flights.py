@@ -202,6 +202,7 @@ def figures(
         "velocity": np.sum(error[:, 3:] ** 2, axis=1),
         "impact": np.sum(away**2, axis=1),
         "nees": nees(error, told.state_covariance),
+        "told nees": on_normal_scale(nees(error, told.state_covariance), told.state_sigmas, 6),
         "impact nees": on_normal_scale(nees(away, told.impact_covariance[:, :2, :2]), told.impact_sigmas),
     }
     found |= {f"{name} at the truth": at_best[:, part].sum(axis=1) for name, part in PARTS.items()}

@@ -10,7 +10,7 @@ PANELS = (
     ("position", "position: RMSE / expected", 1.10, "linear"),
     ("velocity", "velocity: RMSE / expected", 1.10, "linear"),
     ("impact", "impact: RMSE / expected", 1.10, "linear"),
-    ("anees", "ANEES / 6", 1.0, "log"),
+    ("anees", "ANEES / 6, as told", 1.0, "log"),
     ("held", "impacts in the 95 % ellipse, %", 95.0, "linear"),
 )
 STYLES = {"DSP": ":", "SBIRS-GEO": "--", "NEXTGEN-GEO": "-"}
@@ -18,7 +18,7 @@ COLOURS = {"SRBM": "tab:blue", "IRBM": "tab:orange", "ICBM": "tab:green"}
 
 
 class Cell(NamedTuple):
-    """One line of the table: ratios, ANEES over its degrees of freedom, the percentage held."""
+    """One line of the table: ratios, ANEES as told over its degrees of freedom, the percentage held."""
 
     kind: str
     model: str

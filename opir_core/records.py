@@ -182,8 +182,8 @@ class DetectionTruth(Columns):
         return _no_rows(cls, _TRUTH_SHAPES)
 
 
-#: The probabilities with which the impact lies in the ellipses whose radii tracks tell.
-IMPACT_CONTAINMENTS = (0.5, 0.9, 0.95)
+#: The probabilities with which states and impacts lie in the ellipsoids and ellipses whose radii tracks tell.
+TOLD_CONTAINMENTS = (0.5, 0.9, 0.95)
 
 
 @frozen(eq=False)
@@ -195,8 +195,8 @@ class Tracks(Columns):
     position and velocity at the tick, `state_covariance` (n, 6, 6) its covariance; `burnout` (n, 7) is ECEF position
     and velocity at the end of the burn and its time_s, with `burnout_covariance` (n, 7, 7); `type_probability` (n, 4)
     is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the ellipses that hold the impact with the
-    probabilities `IMPACT_CONTAINMENTS`, in standard deviations of its covariance; nan says those of a normal
-    distribution.
+    probabilities `TOLD_CONTAINMENTS`, in standard deviations of its covariance, and `state_sigmas` (n, 3) those of the
+    ellipsoids that hold the state; nan says those of a normal distribution.
     """
 
     tick_s: FloatArray
@@ -211,6 +211,7 @@ class Tracks(Columns):
     burnout: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7), takes_self=True))
     burnout_covariance: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7, 7), takes_self=True))
     impact_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
+    state_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
 
     @classmethod
     def empty(cls) -> Self:
@@ -277,6 +278,7 @@ _TRACK_SHAPES: _Shapes = {
     "impact": (np.float64, (3,)),
     "impact_covariance": (np.float64, (3, 3)),
     "impact_sigmas": (np.float64, (3,)),
+    "state_sigmas": (np.float64, (3,)),
     "burnout": (np.float64, (7,)),
     "burnout_covariance": (np.float64, (7, 7)),
     "type_probability": (np.float64, (4,)),

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import IMPACT_CONTAINMENTS, FloatArray
+from opir_core.records import TOLD_CONTAINMENTS, FloatArray
 
 #: The probabilities that the point lies in the ellipses of an event, the first that of `containment_ellipse`.
 CONTAINMENT = 0.95
@@ -33,11 +33,11 @@ def sigmas(containment: float) -> float:
 
 
 def _reach(containment: float, told: FloatArray | None) -> FloatArray | float:
-    """Return the radii of ellipses, in standard deviations: those told (n, 3) of `IMPACT_CONTAINMENTS`, if they are."""
+    """Return the radii of ellipses, in standard deviations: those told (n, 3) of `TOLD_CONTAINMENTS`, if they are."""
     usual = sigmas(containment)
     if told is None:
         return usual
-    column = told[:, IMPACT_CONTAINMENTS.index(containment)]
+    column = told[:, TOLD_CONTAINMENTS.index(containment)]
     return np.where((column >= 0.0) & np.isfinite(column), column, usual)
 
 
@@ -47,7 +47,7 @@ def containment_ellipse(
 ) -> Ellipse:
     """Return the ellipses of east-north covariances (n, 2, 2), m², that hold the point with this probability.
 
-    Where the point is not normally distributed, `told_sigmas` (n, 3) are the radii of `IMPACT_CONTAINMENTS`, in
+    Where the point is not normally distributed, `told_sigmas` (n, 3) are the radii of `TOLD_CONTAINMENTS`, in
     standard deviations; nan where it is. The ellipse is nan where one is no covariance or not known.
 
     Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 3.7.4

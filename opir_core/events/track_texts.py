@@ -6,7 +6,7 @@ import numpy as np
 from opir_core.events.lines import Piece, piece_table, taken
 from opir_core.events.number_text import METRE_DECIMALS, RATIO_DECIMALS, rounded
 from opir_core.events.timestamps import timestamp_text, writable_unix_microseconds
-from opir_core.records import BoolArray, FloatArray, Tracks, Window
+from opir_core.records import TOLD_CONTAINMENTS, BoolArray, FloatArray, Tracks, Window
 from opir_core.scene import REPORTED_TYPES
 
 
@@ -14,13 +14,15 @@ class TrackState(msgspec.Struct):
     """Earth-fixed position, m, and velocity, m/s, at a time, and their covariance; what is not known is None.
 
     The covariance is over x, y, z and their rates, and at the end of a burn over its time, s, too: the lower triangle,
-    row by row.
+    row by row. `ellipsoid_sigmas` are the radii of the ellipsoids that hold the state with the probabilities
+    `TOLD_CONTAINMENTS`, in its standard deviations; None are those of a normal distribution.
     """
 
     timestamp: str | None
     position_ecef_m: list[float]
     velocity_ecef_m_s: list[float]
     covariance_ecef: list[float] | None
+    ellipsoid_sigmas: list[float] | None
 
 
 _KNOWLEDGE = b'"track_state":%b,"burnout":%b,"track_type_probability":%b,'
@@ -38,12 +40,13 @@ def knowledge(window: Window, epoch_us: int) -> Piece:
 
 def state_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
     """Return the states of estimates at their ticks as JSON, or `null` where they are not known."""
-    return _texts(tracks.state, tracks.tick_s, tracks.state_covariance, epoch_us)
+    return _texts(tracks.state, tracks.tick_s, tracks.state_covariance, tracks.state_sigmas, epoch_us)
 
 
 def burnout_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
     """Return the states at the ends of burns as JSON, or `null` where they are not known."""
-    return _texts(tracks.burnout[:, :6], tracks.burnout[:, 6], tracks.burnout_covariance, epoch_us)
+    radii = np.full((len(tracks), len(TOLD_CONTAINMENTS)), np.nan)
+    return _texts(tracks.burnout[:, :6], tracks.burnout[:, 6], tracks.burnout_covariance, radii, epoch_us)
 
 
 def type_texts(tracks: Tracks) -> list[bytes]:
@@ -56,8 +59,10 @@ def type_texts(tracks: Tracks) -> list[bytes]:
     ]
 
 
-def _texts(state: FloatArray, time_s: FloatArray, covariance: FloatArray, epoch_us: int) -> list[bytes]:
-    """Return states (n, 6) at scene times (n,) with covariances (n, d, d).
+def _texts(
+    state: FloatArray, time_s: FloatArray, covariance: FloatArray, sigmas: FloatArray, epoch_us: int
+) -> list[bytes]:
+    """Return states (n, 6) at scene times (n,) with covariances (n, d, d) and radii of ellipsoids (n, 3).
 
     Covariances are written in full, for one that is nearly singular is none once it is rounded.
     """
@@ -67,11 +72,13 @@ def _texts(state: FloatArray, time_s: FloatArray, covariance: FloatArray, epoch_
     places = rounded(np.where(known[:, np.newaxis], state, 0.0), METRE_DECIMALS).tolist()
     rows, columns = np.tril_indices(covariance.shape[1])
     lower = covariance[:, rows, columns]
-    lawful = _whole(lower)
-    told = zip(known.tolist(), writable.tolist(), times, places, lawful.tolist(), lower.tolist(), strict=True)
+    radii = [each if whole else None for whole, each in zip(_whole(sigmas), sigmas.tolist(), strict=True)]
+    terms = [each if whole else None for whole, each in zip(_whole(lower), lower.tolist(), strict=True)]
+    when = [time if timed else None for timed, time in zip(writable.tolist(), times, strict=True)]
+    told = zip(known.tolist(), when, places, terms, radii, strict=True)
     return [
-        _encode(TrackState(time if timed else None, place[:3], place[3:], terms if sure else None) if here else None)
-        for here, timed, time, place, sure, terms in told
+        _encode(TrackState(time, place[:3], place[3:], *spread) if here else None)
+        for here, time, place, *spread in told
     ]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import IMPACT_CONTAINMENTS, FloatArray, IntArray
+from opir_core.records import TOLD_CONTAINMENTS, FloatArray, IntArray
 
 #: Nominal containments of a containment curve.
 CONTAINMENTS = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
@@ -73,14 +73,16 @@ def containment(values: FloatArray, freedom: int, nominal: float) -> tuple[float
     return proportion(int(np.count_nonzero(values <= chi2.ppf(nominal, freedom))), len(values))
 
 
-def on_normal_scale(values: FloatArray, told_sigmas: FloatArray) -> FloatArray:
-    """Return NEES values (n,) of points on the ground, as if they were normally distributed.
+def on_normal_scale(values: FloatArray, told_sigmas: FloatArray, freedom: int = 2) -> FloatArray:
+    """Return NEES values (n,) of points on the ground, or of other freedom, as if these were normally distributed.
 
-    `told_sigmas` (n, 3) are the radii of ellipses told of `IMPACT_CONTAINMENTS`, nan of a normal distribution. An error
+    `told_sigmas` (n, 3) are the radii of ellipses told of `TOLD_CONTAINMENTS`, nan of a normal distribution. An error
     on one of these ellipses comes to the χ² quantile of its containment; between them the scale is linear, and beyond
-    the largest it goes on in proportion. So `containment` judges the ellipses that are told.
+    the largest it goes on in proportion. So `containment` and `consistency` judge the ellipses that are told.
     """
-    usual = np.sqrt(-2.0 * np.log1p(-np.array(IMPACT_CONTAINMENTS)))
+    from scipy.stats import chi2
+
+    usual = np.sqrt(chi2.ppf(TOLD_CONTAINMENTS, freedom))
     is_told = np.asarray(np.isfinite(told_sigmas).all(axis=1))
     told = np.where(is_told[:, None], told_sigmas, usual)
     at = np.column_stack([np.zeros(len(told)), told])

@@ -21,7 +21,8 @@ class StateErrors(Columns):
     """One row a tick of a target's track in force, while the truth is known.
 
     `since_s` counts from the target's ignition, `seen_s` from its first detection; errors and bounds are in m and m/s;
-    `nees` has six degrees of freedom. The bounds are those of a known thrust, the free ones those of an unknown one
+    `nees` has six degrees of freedom, and in it is what is told of the radii of states' ellipsoids
+    (`on_normal_scale`). The bounds are those of a known thrust, the free ones those of an unknown one
     (`opir_core.scoring.bound`). `impact_m` is that of the impact predicted at the tick, along the ground.
     """
 
@@ -97,7 +98,7 @@ def _errors_of(evidence: Evidence, target: int, told: Tracks, owners: Ownership)
         is_biased=owners.is_biased[owner],
         position_m=np.linalg.norm(error[:, :3], axis=1),
         velocity_m_s=np.linalg.norm(error[:, 3:], axis=1),
-        nees=nees(error, told.state_covariance),
+        nees=on_normal_scale(nees(error, told.state_covariance), told.state_sigmas, 6),
         position_bound_m=known_thrust[0],
         velocity_bound_m_s=known_thrust[1],
         position_free_bound_m=free_thrust[0],

@@ -42,6 +42,7 @@ def windows(draw: st.DrawFn) -> Window:
         "state_covariance": symmetric(draw(arrays(np.float64, (rows, 6, 6), elements=ANY))),
         "burnout": draw(arrays(np.float64, (rows, 7), elements=ANY)),
         "burnout_covariance": symmetric(draw(arrays(np.float64, (rows, 7, 7), elements=ANY))),
+        "state_sigmas": draw(arrays(np.float64, (rows, 3), elements=ANY)),
         "type_probability": draw(arrays(np.float64, (rows, 4), elements=st.floats(0.0, 1.0) | st.just(np.nan))),
     }
     # Where a track is comes out as nan unless it can be written: see the tests of the event's place.
@@ -77,6 +78,10 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
             assert (state, burnout, types) == (None, None, None)
             continue
         told(estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state)
+        radii = estimates.state_sigmas[row]
+        if state is not None:
+            assert state["ellipsoid_sigmas"] == (radii.tolist() if np.isfinite(radii).all() else None)
+        assert burnout is None or burnout["ellipsoid_sigmas"] is None
         told(estimates.burnout[row, :6], estimates.burnout[row, 6], estimates.burnout_covariance[row], burnout)
         shares = estimates.type_probability[row]
         if np.isfinite(shares).all():

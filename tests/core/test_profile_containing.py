@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 
 from opir_core.events.forge import ForgeEncoder
 from opir_core.protocols import EncoderContext
-from opir_core.records import IMPACT_CONTAINMENTS
+from opir_core.records import TOLD_CONTAINMENTS
 from opir_core.testing import stub_sensor
 from opir_core.testing.windows import stub_estimates, stub_window
 from opir_core.tracking.profile.containing import Arcs, containing_sigmas, factors
 from opir_core.tracking.profile.end import DEVIATES, normal_quantiles, normal_rule
 from opir_core.tracking.profile.flight import Moments, off_ground
 
-SHARES = np.array(IMPACT_CONTAINMENTS)
+SHARES = np.array(TOLD_CONTAINMENTS)
 USUAL = np.sqrt(-2.0 * np.log1p(-SHARES))
 
 #: What ellipses over the lattice's points may be off by: its own statement.

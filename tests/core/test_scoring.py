@@ -88,8 +88,9 @@ def test_the_scale_of_radii_rises_and_leaves_alone_what_tells_none():
     assert np.all(np.diff(scaled[:302]) > 0.0)
     assert np.isnan(scaled[302])
     assert np.array_equal(on_normal_scale(values, np.full((303, 3), np.nan)), values, equal_nan=True)
-    usual = np.sqrt(chi2.ppf([0.5, 0.9, 0.95], 2))
-    assert on_normal_scale(values, np.tile(usual, (303, 1))) == pytest.approx(values, rel=1e-12, nan_ok=True)
+    for freedom in (2, 6):
+        usual = np.tile(np.sqrt(chi2.ppf([0.5, 0.9, 0.95], freedom)), (303, 1))
+        assert on_normal_scale(values, usual, freedom) == pytest.approx(values, rel=1e-12, nan_ok=True)
 
 
 def test_errors_that_depend_on_each_other_widen_the_interval():

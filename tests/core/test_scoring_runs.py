@@ -198,7 +198,9 @@ def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, mes
 
 
 def test_radii_of_ellipses_are_kept_in_the_tracks_file_and_may_be_missing(tmp_path):
-    told = stub_estimates(2, impact_sigmas=[[0.8, 1.9, 2.6], [np.nan] * 3])
+    told = stub_estimates(
+        2, impact_sigmas=[[0.8, 1.9, 2.6], [np.nan] * 3], state_sigmas=[[np.nan] * 3, [1.0, 3.0, 4.0]]
+    )
     with TracksFile(tmp_path / "tracks.jsonl") as file:
         file.write(told)
     assert np.array_equal(read_tracks(tmp_path / "tracks.jsonl").impact_sigmas, told.impact_sigmas, equal_nan=True)

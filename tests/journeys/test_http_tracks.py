@@ -55,11 +55,13 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
         impact=np.array([0.4, 0.2, 900.0]),
         impact_covariance=np.diag([4e6, 1e6, 1.0]),
         impact_sigmas=np.array([0.75, 1.5, 2.75]),
+        state_sigmas=np.array([1.5, 3.0, 4.25]),
     )
     (track,) = json.loads(msgspec.json.encode(TrackBook(0).take(told)))["tracks"]
     axes = [track["impact_point"][name]["semi_major_m"] for name in ("ellipse_50", "ellipse_90", "ellipse")]
     assert axes == [1500.0, 3000.0, 5500.0]
     assert track["launch_point"]["ellipse_50"]["semi_major_m"] == 2354.82
+    assert track["state"]["ellipsoid_sigmas"] == [1.5, 3.0, 4.25]
 
 
 def positive(terms: list[float]) -> bool:

@@ -29,7 +29,10 @@ def lawful(tracks: Tracks) -> Mapping[str, bool]:
         f"type_probability: over {', '.join(REPORTED_TYPES)}, summing to 1": bool(
             np.all(chances[known] >= 0.0) and np.all(np.abs(chances[known].sum(axis=1) - 1.0) < 1e-6)
         ),
-        "impact_sigmas: positive and rising": _are_radii(tracks.impact_sigmas),
+        **{
+            f"{name}: positive and rising": _are_radii(getattr(tracks, name))
+            for name in ("impact_sigmas", "state_sigmas")
+        },
     }
 
 

@@ -1,7 +1,8 @@
 """What the profile fit tells of its tracks: state, launch, burnout and impact with covariances, and the type.
 
 Estimates of a track's hypotheses are blended by their probabilities; the covariance holds what they differ by. Beside
-the impact's covariance is told how far its ellipses reach that hold what they say (`containing`).
+the impact's covariance is told how far its ellipses reach that hold what they say (`containing`), and beside the
+state's, its ellipsoids (`holding`).
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,6 +15,7 @@ from opir_core.tracking.profile.containing import Arcs, containing_sigmas
 from opir_core.tracking.profile.family import BURN, EAST, LIFT, NORTH, RADIUS_M, SIZE, START, Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, family_of
 from opir_core.tracking.profile.flight import Moments, off_ground, on_ground
+from opir_core.tracking.profile.holding import holding_sigmas
 from opir_core.tracking.profile.open_impacts import open_impacts
 from opir_core.tracking.profile.thrust_end import with_ends
 
@@ -44,7 +46,7 @@ def report(
     hypotheses, number, mixture = _mixtures(hypotheses, probability)
     family = family_of(hypotheses, priors)
     whole = hypotheses, mixture, family, flight.burnouts(family, hypotheses.spread)
-    state, launch = _stands(*(whole if parts is None else _apart(*parts, priors)), tick_s, priors, forces)
+    state, state_sigmas, launch = _stands(*(whole if parts is None else _apart(*parts, priors)), tick_s, priors, forces)
     burnout = _blended(whole[-1][0], mixture, False)
     impact, impact_sigmas = _fallen(*whole, priors, forces)
     _withhold_vague(impact, impact_sigmas, largest_impact_m)
@@ -61,6 +63,7 @@ def report(
         burnout=burnout.mean,
         burnout_covariance=burnout.covariance,
         impact_sigmas=impact_sigmas,
+        state_sigmas=state_sigmas,
     )
 
 
@@ -81,10 +84,12 @@ def _stands(
     tick_s: float,
     priors: Priors,
     forces: "ForceModel",
-) -> tuple[Moments, Moments]:
-    """Return states at a tick and launches, by track."""
-    state = _blended(_states(hypotheses, family, tick_s, *ends, priors, forces), mixture, False)
-    return state, _blended(_launches(hypotheses, family), mixture, True)
+) -> tuple[Moments, FloatArray, Moments]:
+    """Return states at a tick, the radii of their ellipsoids, and launches, by track."""
+    states = _states(hypotheses, family, tick_s, *ends, priors, forces)
+    state = _blended(states, mixture, False)
+    sigmas = holding_sigmas(states, mixture.weight, mixture.row, state)
+    return state, sigmas, _blended(_launches(hypotheses, family), mixture, True)
 
 
 def _fallen(

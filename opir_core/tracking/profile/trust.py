@@ -59,6 +59,7 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
         burnout=_hidden(fitted.burnout, heavy),
         burnout_covariance=_hidden(fitted.burnout_covariance, heavy),
         impact_sigmas=_hidden(fitted.impact_sigmas, is_mixed),
+        state_sigmas=_hidden(fitted.state_sigmas, chance > 0.0),
         type_probability=_between(fitted.type_probability, filtered.type_probability, chance),
     )
 

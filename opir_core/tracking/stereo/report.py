@@ -29,7 +29,7 @@ def estimates(
     An impact is told of the tracks `is_free` (n,), and `types` are those of the tracks' types.
     """
     count = len(state)
-    impact, burnout = _unknown(count, 5, 3), _unknown(count, 8, 7)
+    impact, burnout = _unknown(count, 6, 3), _unknown(count, 8, 7)
     if np.count_nonzero(is_free):
         free = np.flatnonzero(is_free)
         impact[free, 0], impact[free, 1:4] = impacts(state[free], covariance[free], time_s, forces)
@@ -44,6 +44,7 @@ def estimates(
         impact=impact[:, 0],
         impact_covariance=impact[:, 1:4],
         impact_sigmas=impact[:, 4],
+        state_sigmas=impact[:, 5],
         type_probability=types,
         burnout=burnout[:, 7],
         burnout_covariance=burnout[:, :7],

@@ -134,7 +134,8 @@ def track() -> Schema:
     place = {"lat_deg": NUMBER, "lon_deg": NUMBER, "time": or_null(TIME)}
     point = or_null(closed(place | ellipses | {"time_sigma_s": or_null(NUMBER)}))
     vectors = dict.fromkeys(("position_ecef_m", "velocity_ecef_m_s"), listed(NUMBER))
-    state = or_null(closed({"timestamp": or_null(TIME), **vectors, "covariance_ecef": or_null(listed(NUMBER))}))
+    spread = dict.fromkeys(("covariance_ecef", "ellipsoid_sigmas"), or_null(listed(NUMBER)))
+    state = or_null(closed({"timestamp": or_null(TIME), **vectors, **spread}))
     return closed(
         {
             "track_id": COUNT,
