@@ -187,7 +187,7 @@ def test_nearly_straight(state, duration):
 
 
 @pytest.mark.slow
-@settings(max_examples=4000, deadline=None)
+@settings(max_examples=2000, deadline=None)
 @given(st.one_of(states(), straight_states(powers_of_ten(-12.0, -3.0)), straight_states(st.just(0.0))), durations)
 def test_a_long_sweep(state, duration):
     assert_within_the_bar(*state, duration)
