@@ -69,8 +69,9 @@ scale, on which what is told right has χ²'s distribution. A star marks what is
 AGAIN = """
 ## Cells in doubt, of more flights
 
-Cells with a star or a dagger above, those of half a burn or more with errors over 1.10 of what is expected, and those
-whose 95 % ellipses hold fewer than 93 or more than 97 %, are told again of {whole} runs, those above among them.
+Cells with a star or a dagger above, or p below 0.01, those of half a burn or more with errors over 1.10 of what is
+expected, and those whose 95 % ellipses hold fewer than 93 or more than 97 %, are told again of {whole} runs, those
+above among them.
 
 {table}
 """
@@ -112,12 +113,12 @@ def ratio(rows: list[dict[str, float]], name: str, bound: float) -> tuple[str, f
 
 
 def anees(values: np.ndarray, as_told: np.ndarray) -> tuple[str, float, bool]:
-    """Return ANEES of values (n,), over six, with its interval, as told, and p; that told, and whether it is marked."""
+    """Return ANEES of values (n,), over six, with its interval, as told, and p; that told, and if it is doubted."""
     told, over = consistency(as_told, 6), values / 6.0
     low, high = np.quantile(over[drawn(len(over), 4000)].mean(axis=1), (0.005, 0.995))
     wide, far = "" if low <= 1.0 <= high else " †", "" if told.is_inside else " *"
     text = f"{over.mean():.2f} ({low:.2f}, {high:.2f}){wide} | {told.mean / 6.0:.2f}{far} | {told.p_value:.2f}"
-    return text, told.mean / 6.0, bool(wide + far)
+    return text, told.mean / 6.0, bool(wide + far) or told.p_value < _LEAST_P
 
 
 def held_of(impact: np.ndarray) -> tuple[float, ...]:
@@ -149,6 +150,9 @@ def cells(kind: str, model: str, sensors: int, part: dict[str, Any]) -> Iterator
 
 #: What errors over the expected bound are to stay below from half a burn on.
 _EFFICIENT = 1.1
+
+#: Below this p a distribution is in doubt.
+_LEAST_P = 0.01
 
 #: How many of impacts 95 % ellipses are to hold, %.
 _HELD = (93.0, 97.0)
