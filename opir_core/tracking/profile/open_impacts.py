@@ -99,7 +99,7 @@ def _spots(parts: Hypotheses, spread: FloatArray, priors: Priors) -> _Spots:
     wide = np.flatnonzero(length > _STRAIGHT * way)
     if len(wide):
         by = np.sum(spread[wide] * np.sum(linear[wide, :2] * along[wide, :, None], axis=1)[:, None], axis=2)
-        _bend(spots, wide, parts.take(wide), by / length[wide, None], priors)
+        _bend(spots, wide, parts.take(wide), by / np.sum(first[wide, :2] * along[wide], axis=1)[:, None], priors)
     return spots
 
 
