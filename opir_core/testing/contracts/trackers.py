@@ -168,7 +168,7 @@ class TrackerContract(SceneContract):
                 "Return one row a track, sorted by track, numbers from 0 on, tick_s the time that step was given.",
             )
 
-    def test_shapes_and_places_arelawful(self) -> None:
+    def test_shapes_and_places_are_lawful(self) -> None:
         """Estimates have their shapes; latitudes, longitudes and probabilities lie where they must, or are nan."""
         for tick in self.ticks(self.tracker()):
             for promise, kept in lawful(tick.tracks).items():
