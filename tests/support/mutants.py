@@ -621,6 +621,14 @@ class SureOfAll(OneTrack):
         return tracks
 
 
+@tracker_mutant("holds-less-farther-out", "test_shapes_and_places_are_lawful")
+class HoldsLessFartherOut(OneTrack):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.state_sigmas[:] = [2.3, 3.6, 3.3]
+        return tracks
+
+
 @tracker_mutant("remembers-all", "test_work_grows_with_the_detections")
 class RemembersAll(OneTrack):
     def __init__(self) -> None:
