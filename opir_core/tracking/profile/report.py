@@ -48,8 +48,7 @@ def report(
     whole = hypotheses, mixture, family, flight.burnouts(family, hypotheses.spread)
     state, state_sigmas, launch = _stands(*(whole if parts is None else _apart(*parts, priors)), tick_s, priors, forces)
     burnout = _blended(whole[-1][0], mixture, False)
-    impact, impact_sigmas = _fallen(*whole, priors, forces)
-    _withhold_vague(impact, impact_sigmas, largest_impact_m)
+    impact, impact_sigmas = _fallen(*whole, priors, forces, largest_impact_m)
     return Tracks(
         tick_s=np.full(len(number), tick_s),
         track=number,
@@ -99,11 +98,14 @@ def _fallen(
     ends: tuple[Moments, FloatArray],
     priors: Priors,
     forces: "ForceModel",
+    largest_m: float,
 ) -> tuple[Moments, FloatArray]:
-    """Return impacts by track, and the radii of their ellipses."""
+    """Return impacts by track, those that are told, and the radii of their ellipses."""
     impacts, arcs = _impacts(hypotheses, family, *ends, priors, forces)
     impact = _blended(impacts, mixture, True)
-    return impact, containing_sigmas(arcs, mixture.weight, mixture.row, impact)
+    sigmas = containing_sigmas(arcs, mixture.weight, mixture.row, impact)
+    _withhold_vague(impact, sigmas, largest_m)
+    return impact, sigmas
 
 
 class _Mixture(NamedTuple):
