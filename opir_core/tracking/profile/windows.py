@@ -48,6 +48,7 @@ _SOONER_S = (12.0, 26.0)
 
 #: A late pitch start, standard deviations of the class's.
 _LATE = 2.5
+_EARLY = -1.0
 
 #: By how much the logarithm of what trials found has to exceed what was found before, to take its place.
 _MORE = 0.5
@@ -154,6 +155,18 @@ def anew(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
     again = trial.parameters.copy()
     again[:, LIFT] = np.repeat(late[:, LIFT], 2 * len(_FIRST))
     return Hypotheses.concatenate([trial, evolve(trial, parameters=again)])
+
+
+def sooner(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
+    """Return trials, through the same windows, of boosts that pitched over before their first light.
+
+    A pitch that was seen to start bends rows as no earlier one does: within a window a posterior has a part to either
+    side of the first light, and steps from one do not lead to the other.
+    """
+    parameters = hypotheses.parameters.copy()
+    parameters[:, START] -= _SOONER_S[0]
+    parameters[:, LIFT] = _EARLY * priors.take(hypotheses.kind).lift_sigma
+    return evolve(hypotheses, parameters=parameters)
 
 
 def enlarged(found: Hypotheses, trial: Hypotheses) -> Hypotheses:
