@@ -65,7 +65,7 @@ def along_an_arc(law, east_m, moments_m, sigma_m):
     )
     mean, sigma = moments_m
     told = Moments(places(np.array([[mean, 0.0]])), covariances([[np.hypot(sigma, sigma_m), sigma_m]]))
-    arcs = Arcs.of(*straight(away, sigma_m), nodes[None], law.ppf(norm.cdf(DEVIATES))[None])
+    arcs = Arcs.of(*straight(away, sigma_m), nodes[None], law.ppf(norm.cdf(DEVIATES))[None], np.zeros((1, 5)))
     return containing_sigmas(arcs, np.ones(1), np.zeros(1, dtype=np.int64), told)[0]
 
 
@@ -182,7 +182,7 @@ def test_what_does_not_come_down_is_no_part_of_what_ellipses_hold():
     place, sides, bend = straight(away, 3e3)
     place[0, 3:], sides[0, 3:] = np.nan, np.nan
     told = Moments(places(np.zeros((1, 2))), covariances([[1e4, 3e3]]))
-    arcs = Arcs.of(place, sides, bend, nodes, normal_quantiles(1))
+    arcs = Arcs.of(place, sides, bend, nodes, normal_quantiles(1), np.zeros((1, 5)))
     (radii,) = containing_sigmas(arcs, np.ones(1), np.zeros(1, dtype=np.int64), told)
     # What is nearer to an end that does not come down is left out: beyond half way from 0 to 1.356.
     cut = 0.5 * nodes[0, 3]
@@ -193,6 +193,17 @@ def test_what_does_not_come_down_is_no_part_of_what_ellipses_hold():
     # The cut is known to half the distance of deviates.
     blur = LATTICE + norm.cdf(cut + 0.25) - norm.cdf(cut - 0.25)
     assert shares == pytest.approx(SHARES, abs=blur)
+
+
+def test_ends_that_are_likelier_hold_more_of_an_ellipse():
+    nodes, _ = normal_rule(1)
+    sigmas, shift = np.array([1e4, 3e3]), 0.5
+    place, sides, bend = straight(np.column_stack([sigmas[0] * nodes[0], np.zeros(5)]), sigmas[1])
+    # A normal distribution times exp(shift z) is the same one about the shift.
+    told = Moments(places(np.array([[shift * sigmas[0], 0.0]])), covariances([[np.hypot(*sigmas), sigmas[1]]]))
+    arcs = Arcs.of(place, sides, bend, nodes, normal_quantiles(1), shift * nodes)
+    (radii,) = containing_sigmas(arcs, np.ones(1), np.zeros(1, dtype=np.int64), told)
+    assert radii == pytest.approx(USUAL, rel=0.03)
 
 
 def test_what_is_not_told_has_no_radii():

@@ -5,7 +5,7 @@ from attrs import evolve, frozen
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.records import BoolArray, FloatArray, IntArray
-from opir_core.tracking.profile import fit, windows
+from opir_core.tracking.profile import fit, trials, windows
 from opir_core.tracking.profile import hypotheses as hypotheses_of
 from opir_core.tracking.profile.end import Ends, ends_of
 from opir_core.tracking.profile.family import BURN, SIZE, START, Family, Priors
@@ -27,7 +27,8 @@ _QUIET_S = 3.5
 
 #: Steps of Gauss and Newton in a review of young tracks, of which there are so many ticks, and of others; of those that
 #: are split by windows, which are reviewed at every tick; and of those of them that one sensor sees alone: the looks of
-#: a tick move these by half a standard deviation, along ridges that bend, and one step does not follow.
+#: a tick move these by half a standard deviation, along ridges that bend, and one step does not follow. Trials of
+#: sooner starts come from farther off.
 _STEPS, _YOUNG_TICKS, _LATER_STEPS, _SPLIT_STEPS, _LONE_STEPS, _SOONER_STEPS = 3, 20, 2, 1, 2, 6
 
 #: Hypotheses less probable than this ask for no review, and for no second step.
@@ -178,8 +179,7 @@ class Fitting:
         settled = self._through_windows(hypotheses.take(~bends), rows, seen, tick_s, older)
         doubted = (seen.of(hypotheses.track).drifted() > _DOUBTED) & (ticks % _AGAIN_TICKS == 0)
         settled = self._again(settled, rows, seen, tick_s, hypotheses.track[doubted])
-        tried = np.isin(ticks, list(REVIEWS))
-        settled = self._sooner(settled, rows, seen, tick_s, hypotheses.track[tried])
+        settled = self._sooner(settled, rows, seen, tick_s, hypotheses.track[np.isin(ticks, list(REVIEWS))])
         if not bends.any():
             return hypotheses_of.distinct(settled)
         spread = hypotheses.take(bends)
@@ -215,13 +215,13 @@ class Fitting:
             return found
         for _ in range(2):
             trial = hypotheses_of.distinct(self._relinearised(trial, rows, seen, tick_s, _STEPS))
-        return windows.enlarged(found, trial)
+        return trials.enlarged(found, trial)
 
     def _sooner(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
-        """Return hypotheses with those of sooner starts that tracks by number, seen by one sensor alone, have too."""
-        open_ones = (found.window[:, 3] > 0.0) & _are_alone(found.track, seen) & are_open(found, tick_s)
-        telling = hypotheses_of.probability(found) > _TELLING
-        trial = windows.sooner(found.take(np.isin(found.track, track) & open_ones & telling), self.priors)
+        """Return hypotheses with those of sooner starts of those tracks, by number, that one sensor sees."""
+        may = (found.window[:, 3] > 0.0) & _are_alone(found.track, seen) & are_open(found, tick_s)
+        may &= np.isin(found.track, track) & (hypotheses_of.probability(found) > _TELLING)
+        trial = trials.sooner(found.take(may), self.priors)
         return Hypotheses.concatenate([found, self._relinearised(trial, rows, seen, tick_s, _SOONER_STEPS)])
 
     def _relinearised(self, trial: Hypotheses, rows: Rows, seen: Seen, tick_s: float, steps: int) -> Hypotheses:

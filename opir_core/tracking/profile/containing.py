@@ -31,7 +31,8 @@ class Arcs(Columns):
     `place` (n, k, 3) are impacts at k ends of the burn, `nodes` (n, k), latitude and longitude, rad, and time, nan of
     those that do not come down. What is left then is normally distributed in two deviates: `sides` (n, k, 2, 2) are
     what these move the impact by, east and north in rows, m, and `bend` (n, k, 2) what the first one's square does.
-    `quantiles` (n, deviates) are those of the end.
+    `quantiles` (n, deviates) are those of the end; `log` (n, k) are logarithms of how much likelier impacts are there
+    than the end is.
     """
 
     place: FloatArray
@@ -39,14 +40,21 @@ class Arcs(Columns):
     bend: FloatArray
     nodes: FloatArray
     quantiles: FloatArray
+    log: FloatArray
     is_open: BoolArray
 
     @classmethod
     def of(
-        cls, place: FloatArray, sides: FloatArray, bend: FloatArray, nodes: FloatArray, quantiles: FloatArray
+        cls,
+        place: FloatArray,
+        sides: FloatArray,
+        bend: FloatArray,
+        nodes: FloatArray,
+        quantiles: FloatArray,
+        log: FloatArray,
     ) -> "Arcs":
         """Return the arcs of hypotheses whose burns' ends are open."""
-        return cls(place, sides, bend, nodes, quantiles, np.ones(len(nodes), dtype=np.bool_))
+        return cls(place, sides, bend, nodes, quantiles, log, np.ones(len(nodes), dtype=np.bool_))
 
     @classmethod
     def still(cls, impacts: Moments, nodes: FloatArray, quantiles: FloatArray) -> "Arcs":
@@ -54,7 +62,8 @@ class Arcs(Columns):
         again, count = nodes.shape[1], len(nodes)
         place, spread = (np.repeat(each[:, None], again, axis=1) for each in (impacts.mean, impacts.covariance))
         straight = np.zeros((count, again, 2))
-        return cls(place, factors(spread), straight, nodes, quantiles, np.zeros(count, dtype=np.bool_))
+        alike = np.zeros((count, again))
+        return cls(place, factors(spread), straight, nodes, quantiles, alike, np.zeros(count, dtype=np.bool_))
 
 
 def containing_sigmas(arcs: Arcs, weight: FloatArray, row: IntArray, told: Moments) -> FloatArray:
@@ -87,21 +96,22 @@ def containing_sigmas(arcs: Arcs, weight: FloatArray, row: IntArray, told: Momen
 
 def _squares(arcs: Arcs, told: Moments) -> tuple[FloatArray, FloatArray]:
     """Return the squared distances (n, points) of points from what is told, in its covariances, and their shares."""
-    known, arc = _whitened(arcs, told)
+    likelier, arc = _whitened(arcs, told)
     # Between two deviates an arc is straight.
     spot = arc[:, _BEFORE] + _PART[:, None, None] * (arc[:, _BEFORE + 1] - arc[:, _BEFORE])
     square = np.zeros((len(arc), _ENDS, _BESIDE))
     for axis in (0, 1):
         middle, first, second, bend = (spot[:, :, axis, part, None] for part in range(4))
         square += np.square(middle + (first + bend * _LEFT[..., 0]) * _LEFT[..., 0] + second * _LEFT[..., 1])
-    share = np.where(_PART < 0.5, known[:, _BEFORE], known[:, _BEFORE + 1]).astype(np.float64)
+    share = np.where(_PART < 0.5, likelier[:, _BEFORE], likelier[:, _BEFORE + 1])
     return square.reshape(len(arc), -1), np.repeat(share, _BESIDE, axis=1)
 
 
-def _whitened(arcs: Arcs, told: Moments) -> tuple[BoolArray, FloatArray]:
-    """Return which ends at `DEVIATES` come down (n, d), and where (n, d, 2, 4), in the standard deviations told.
+def _whitened(arcs: Arcs, told: Moments) -> tuple[FloatArray, FloatArray]:
+    """Return how much likelier ends at `DEVIATES` are (n, d), 0 of what does not come down, and where (n, d, 2, 4).
 
-    The last axis is the place on the arc, and by what the two sides and the bend move it.
+    That is in the standard deviations told. The last axis is the place on the arc, and by what the two sides and the
+    bend move it.
     """
     about = told.mean[:, None]
     place = on_ground(arcs.place, about)[..., :2]
@@ -114,7 +124,8 @@ def _whitened(arcs: Arcs, told: Moments) -> tuple[BoolArray, FloatArray]:
     weights = _lagrange(arcs.nodes, known, arcs.quantiles)
     arc = np.sum(weights[..., None, None] * spots[:, None], axis=2)
     nearest = np.abs(arcs.quantiles[:, :, None] - arcs.nodes[:, None]).argmin(axis=2)
-    return np.take_along_axis(known, nearest, axis=1), arc
+    log = np.sum(weights * np.where(known, arcs.log, 0.0)[:, None], axis=2)
+    return np.where(np.take_along_axis(known, nearest, axis=1), np.exp(log), 0.0), arc
 
 
 def _seen(place: FloatArray, away: FloatArray, about: FloatArray) -> FloatArray:

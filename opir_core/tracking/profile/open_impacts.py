@@ -12,6 +12,7 @@ from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile import flight
+from opir_core.tracking.profile.burnout_speed import moved, placed
 from opir_core.tracking.profile.containing import Arcs
 from opir_core.tracking.profile.family import SPEED, Priors
 from opir_core.tracking.profile.fit import Hypotheses, family_of, plausible
@@ -45,23 +46,38 @@ def open_impacts(
     parameters' covariance with which is the gain (n, 10). Impacts are sums over when the burn may end; ends from which
     nothing comes down are left out: targets do.
     """
-    gain, width = gain / variance[:, None], np.sqrt(variance)
-    left = hypotheses.spread - variance[:, None, None] * gain[:, :, None] * gain[:, None]
-    nodes, weights = hypotheses.end[:, 0], hypotheses.end[:, 1]
-    again = np.tile(np.arange(len(width)), nodes.shape[1])
-    parts, left = hypotheses.take(again), left[again]
-    parameters = parts.parameters + gain[again] * (width[again] * nodes.T.ravel())[:, None]
-    parameters = plausible(parameters, priors.take(parts.kind))
-    spots = _spots(evolve(parts, parameters=parameters), left, priors).by_end(len(width))
+    count, (nodes, weights) = len(variance), (hypotheses.end[:, 0], hypotheses.end[:, 1])
+    parts, left, log = _by_ends(hypotheses, gain, variance, priors)
+    spots = _spots(parts, left, priors).by_end(count)
+    log = log.reshape(-1, count).T
+    log = log - np.log(np.sum(weights * np.exp(log), axis=1, keepdims=True))
     middle = flight.landed(ends.mean)
     centre = middle if forces == "kepler" else flight.forced_impacts(ends.mean, forces)
     known = np.isfinite(spots.point).all(axis=2) & np.isfinite(spots.sides).all(axis=(2, 3))
     known &= np.isfinite(middle[:, :1])
-    told = _moments(spots, np.where(known, weights, 0.0), middle)
+    told = _moments(spots, np.where(known, weights * np.exp(log), 0.0), middle)
     place = off_ground(on_ground(spots.point, middle[:, None]), centre[:, None])
     place[~known] = np.nan
-    arcs = Arcs.of(place, spots.sides[:, :, :2], spots.bend[:, :, :2], nodes, hypotheses.end_quantiles)
+    arcs = Arcs.of(place, spots.sides[:, :, :2], spots.bend[:, :, :2], nodes, hypotheses.end_quantiles, log)
     return Moments(off_ground(told.mean, centre), told.covariance), arcs
+
+
+def _by_ends(
+    hypotheses: Hypotheses, gain: FloatArray, variance: FloatArray, priors: Priors
+) -> tuple[Hypotheses, FloatArray, FloatArray]:
+    """Return hypotheses given when their burns end, all with their first end, and so on: (n k) in all.
+
+    Beside them are the covariances (n k, 10, 10) of what is left, and logarithms (n k,) of how much likelier they are.
+    """
+    gain, width = gain / variance[:, None], np.sqrt(variance)
+    left = hypotheses.spread - variance[:, None, None] * gain[:, :, None] * gain[:, None]
+    nodes = hypotheses.end[:, 0]
+    again = np.tile(np.arange(len(width)), nodes.shape[1])
+    parts = hypotheses.take(again)
+    prior = priors.take(parts.kind)
+    parameters = parts.parameters + gain[again] * (width[again] * nodes.T.ravel())[:, None]
+    found = placed(parts.parameters, plausible(parameters, prior), left[again], prior, parts.misfit)
+    return evolve(parts, parameters=plausible(found.parameters, prior)), found.spread, found.log
 
 
 class _Spots(NamedTuple):
@@ -105,23 +121,19 @@ def _spots(parts: Hypotheses, spread: FloatArray, priors: Priors) -> _Spots:
 
 def _bend(spots: _Spots, rows: IntArray, parts: Hypotheses, by: FloatArray, priors: Priors) -> None:
     """Write first sides and bends of some spots: through where parts moved by steps (r, 10) either way come down."""
-    step, count = HERMITE_NODES[2] * by, len(rows)
-    moved = plausible(
-        np.concatenate([parts.parameters + step, parts.parameters - step]), priors.take(_twice(parts.kind))
-    )
-    family = family_of(evolve(parts.take(_twice(np.arange(count))), parameters=moved), priors)
+    count, sigmas = len(rows), float(HERMITE_NODES[2])
+    parts = parts.take(np.tile(np.arange(count), 2))
+    step = np.concatenate([sigmas * by, -sigmas * by])
+    parameters = moved(parts.parameters, step, sigmas, priors.take(parts.kind), parts.misfit)
+    family = family_of(evolve(parts, parameters=parameters), priors)
     places = family.places(np.arange(2 * count), family.burnout_s)
     ends = np.column_stack([places.position_m, places.velocity_m_s, family.burnout_s])
     ahead, behind = on_ground(flight.landed(ends).reshape(2, count, 3), spots.point[rows])
     # What does not come down there, or once about the Earth, stays straight.
     known = np.isfinite(ahead + behind).all(axis=1) & (np.sum(ahead[:, :2] * behind[:, :2], axis=1) < 0.0)
     rows, ahead, behind = rows[known], ahead[known], behind[known]
-    spots.sides[rows, :, 0] = (ahead - behind) / (2.0 * HERMITE_NODES[2])
-    spots.bend[rows] = (ahead + behind) / (2.0 * HERMITE_NODES[2] ** 2)
-
-
-def _twice(values: IntArray) -> IntArray:
-    return np.concatenate([values, values])
+    spots.sides[rows, :, 0] = (ahead - behind) / (2.0 * sigmas)
+    spots.bend[rows] = (ahead + behind) / (2.0 * sigmas**2)
 
 
 def _side(covariance: FloatArray, direction: FloatArray) -> FloatArray:

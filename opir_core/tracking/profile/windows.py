@@ -17,7 +17,7 @@ from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile.coordinates import LIFT, SIZE, START, TURN_EAST, TURN_NORTH, natural
 from opir_core.tracking.profile.family import Priors
 from opir_core.tracking.profile.fit import Hypotheses, plausible
-from opir_core.tracking.profile.hypotheses import joined, probability
+from opir_core.tracking.profile.hypotheses import probability
 from opir_core.tracking.profile.prior_squares import SPACING
 
 #: Where windows lie at first, over the length that the class's lean has; the least lean tried beside their line.
@@ -44,18 +44,10 @@ _LEAN = slice(TURN_EAST, TURN_NORTH + 1)
 
 #: How much sooner than it is fitted a boost that one sensor sees is tried to have started, s: up to twice as long as
 #: clouds hide most. Slopes at a late start do not lead to an early one, for what has just begun leans nowhere yet.
-_SOONER_S = (12.0, 26.0)
+SOONER_S = (12.0, 26.0)
 
 #: A late pitch start, standard deviations of the class's.
 _LATE = 2.5
-_EARLY = -1.0
-
-#: By how much the logarithm of what trials found has to exceed what was found before, to take its place.
-_MORE = 0.5
-
-#: Trials beyond these standard deviations, squared, from all that was found are something else: in start and lean.
-_BESIDE = 9.0
-_APART = slice(START, TURN_NORTH + 1)
 
 
 def windowed(hypotheses: Hypotheses, priors: Priors, is_alone: BoolArray) -> Hypotheses:
@@ -64,12 +56,12 @@ def windowed(hypotheses: Hypotheses, priors: Priors, is_alone: BoolArray) -> Hyp
     Windows lie along the part of the lean that is least known; each is tried on both sides of that line, and, of what
     one sensor sees alone (n,), at sooner starts.
     """
-    chosen = np.unique(_key(hypotheses), return_index=True)[1]
+    chosen = np.unique(class_of(hypotheses), return_index=True)[1]
     hypotheses, is_alone = hypotheses.take(chosen), is_alone[chosen]
     trial = _headed(hypotheses, priors, np.linalg.eigh(hypotheses.spread[:, _LEAN, _LEAN])[1][:, :, 1])
     alone = np.flatnonzero(np.repeat(is_alone, len(trial) // max(len(hypotheses), 1)))
     parts = [trial]
-    for sooner_s in _SOONER_S:
+    for sooner_s in SOONER_S:
         part = trial.take(alone)
         parameters = part.parameters.copy()
         parameters[:, START] -= sooner_s
@@ -115,7 +107,7 @@ class _Ridges(NamedTuple):
 
     @classmethod
     def of(cls, hypotheses: Hypotheses) -> "_Ridges":
-        _, group = np.unique(_key(hypotheses), return_inverse=True)
+        _, group = np.unique(class_of(hypotheses), return_inverse=True)
         share = np.maximum(probability(hypotheses), 1e-12)
         share = share / np.bincount(group, share)[group]
         lean = hypotheses.parameters[:, _LEAN]
@@ -155,46 +147,6 @@ def anew(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
     again = trial.parameters.copy()
     again[:, LIFT] = np.repeat(late[:, LIFT], 2 * len(_FIRST))
     return Hypotheses.concatenate([trial, evolve(trial, parameters=again)])
-
-
-def sooner(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
-    """Return trials, through the same windows, of boosts that pitched over before their first light.
-
-    A pitch that was seen to start bends rows as no earlier one does: within a window a posterior has a part to either
-    side of the first light, and steps from one do not lead to the other.
-    """
-    parameters = hypotheses.parameters.copy()
-    parameters[:, START] -= _SOONER_S[0]
-    parameters[:, LIFT] = _EARLY * priors.take(hypotheses.kind).lift_sigma
-    return evolve(hypotheses, parameters=parameters)
-
-
-def enlarged(found: Hypotheses, trial: Hypotheses) -> Hypotheses:
-    """Return hypotheses with what trials found beside them; where trials found much more, the trials instead.
-
-    The parts of a posterior add up to the evidence of the whole: of two sums, the larger has found more of it.
-    """
-    _, group = np.unique(np.append(_key(found), _key(trial)), return_inverse=True)
-    mine, theirs, count = group[: len(found)], group[len(found) :], int(group.max(initial=-1)) + 1
-    misfit = np.full(count, np.inf)
-    np.minimum.at(misfit, mine, found.misfit)
-    more = _summed(trial, theirs, count) > _summed(found, mine, count) + _MORE * misfit
-    near, other = joined(theirs, mine)
-    away = (trial.parameters[other] - found.parameters[near])[:, _APART]
-    spread = (trial.spread[other] + found.spread[near])[:, _APART, _APART]
-    square = np.sum(away * np.linalg.solve(spread, away[:, :, None])[:, :, 0], axis=1)
-    nearest = np.full(len(trial), np.inf)
-    np.minimum.at(nearest, other, square)
-    return Hypotheses.concatenate([found.take(~more[mine]), trial.take(more[theirs] | (nearest > _BESIDE))])
-
-
-def _summed(hypotheses: Hypotheses, group: IntArray, count: int) -> FloatArray:
-    """Return the logarithms (count,) of the sums of evidence of groups; minus infinity of none."""
-    most = np.full(count, -np.inf)
-    np.maximum.at(most, group, hypotheses.evidence)
-    with np.errstate(divide="ignore"):
-        total: FloatArray = np.log(np.bincount(group, np.exp(hypotheses.evidence - most[group]), count))
-    return np.where(np.isfinite(most), most + total, -np.inf)
 
 
 def laid(hypotheses: Hypotheses, priors: Priors) -> tuple[Hypotheses, BoolArray]:
@@ -303,6 +255,7 @@ def _bends(hypotheses: Hypotheses, ridges: _Ridges) -> FloatArray:
     return found
 
 
-def _key(hypotheses: Hypotheses) -> IntArray:
+def class_of(hypotheses: Hypotheses) -> IntArray:
+    """Return numbers (n,), the same for hypotheses of a track and class."""
     key: IntArray = hypotheses.track * len(TARGET_TYPES) + hypotheses.kind
     return key
