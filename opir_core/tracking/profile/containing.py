@@ -20,6 +20,9 @@ from opir_core.tracking.profile.flight import Moments, off_ground, on_ground
 #: ellipses most nearly as they do: to 0.6 % (root mean square), and 1.9 % at most.
 _ENDS, _BESIDE, _GENERATORS = 64, 4, (227, 67)
 
+#: Between nodes logarithms of how likely ends are go no farther than this: polynomials may.
+_LARGEST = 20.0
+
 #: No impact is known better than this, m².
 _LEAST_M2 = 1e-12
 
@@ -124,7 +127,7 @@ def _whitened(arcs: Arcs, told: Moments) -> tuple[FloatArray, FloatArray]:
     weights = _lagrange(arcs.nodes, known, arcs.quantiles)
     arc = np.sum(weights[..., None, None] * spots[:, None], axis=2)
     nearest = np.abs(arcs.quantiles[:, :, None] - arcs.nodes[:, None]).argmin(axis=2)
-    log = np.sum(weights * np.where(known, arcs.log, 0.0)[:, None], axis=2)
+    log = np.clip(np.sum(weights * np.where(known, arcs.log, 0.0)[:, None], axis=2), -_LARGEST, _LARGEST)
     return np.where(np.take_along_axis(known, nearest, axis=1), np.exp(log), 0.0), arc
 
 
