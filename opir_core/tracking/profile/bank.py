@@ -210,7 +210,8 @@ class Fitting:
 
     def _again(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
         """Return hypotheses with those that tracks by number have in headings where none was left."""
-        trial = windows.anew(found.take(np.isin(found.track, track)), self.priors)
+        mine = found.take(np.isin(found.track, track))
+        trial = windows.anew(mine, self.priors, _are_alone(mine.track, seen))
         if not len(trial):
             return found
         for _ in range(2):

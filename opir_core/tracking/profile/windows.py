@@ -59,14 +59,18 @@ def windowed(hypotheses: Hypotheses, priors: Priors, is_alone: BoolArray) -> Hyp
     chosen = np.unique(class_of(hypotheses), return_index=True)[1]
     hypotheses, is_alone = hypotheses.take(chosen), is_alone[chosen]
     trial = _headed(hypotheses, priors, np.linalg.eigh(hypotheses.spread[:, _LEAN, _LEAN])[1][:, :, 1])
-    alone = np.flatnonzero(np.repeat(is_alone, len(trial) // max(len(hypotheses), 1)))
-    parts = [trial]
+    return Hypotheses.concatenate([trial, *_sooner(trial, is_alone)])
+
+
+def _sooner(trial: Hypotheses, is_alone: BoolArray) -> list[Hypotheses]:
+    """Return the trials of hypotheses (n,) that one sensor sees alone, as many of each, at sooner starts."""
+    alone = trial.take(np.repeat(is_alone, len(trial) // max(len(is_alone), 1)))
+    parts = []
     for sooner_s in SOONER_S:
-        part = trial.take(alone)
-        parameters = part.parameters.copy()
+        parameters = alone.parameters.copy()
         parameters[:, START] -= sooner_s
-        parts.append(evolve(part, parameters=parameters))
-    return Hypotheses.concatenate(parts)
+        parts.append(evolve(alone, parameters=parameters))
+    return parts
 
 
 def _headed(hypotheses: Hypotheses, priors: Priors, along: FloatArray) -> Hypotheses:
@@ -128,25 +132,28 @@ def _averaged(matrices: FloatArray, share: FloatArray, group: IntArray) -> Float
     return np.asarray(np.stack(entries, axis=1).reshape(-1, 2, 2), dtype=np.float64)
 
 
-def anew(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
+def anew(hypotheses: Hypotheses, priors: Priors, is_alone: BoolArray) -> Hypotheses:
     """Return trials in every heading of the tracks and classes that have windows, as if split for the first time.
 
     A split that comes before the path leans takes noise for a lean, and what it then gives up does not come back by
-    itself. Each trial starts from the likeliest hypothesis, with its pitch start and with a late one.
+    itself. Each trial starts from the likeliest hypothesis, with its pitch start and with a late one, and, of what one
+    sensor sees alone (n,), at sooner starts.
     """
-    seen = hypotheses.take(hypotheses.window[:, 3] > 0.0)
+    split = hypotheses.window[:, 3] > 0.0
+    seen, is_alone = hypotheses.take(split), is_alone[split]
     if not len(seen):
         return seen
     ridges = _Ridges.of(seen)
     order = np.lexsort((-seen.evidence, ridges.group))
-    base = seen.take(order[np.append(True, np.diff(ridges.group[order]) != 0)])
+    first = order[np.append(True, np.diff(ridges.group[order]) != 0)]
+    base = seen.take(first)
     late = base.parameters.copy()
     late[:, LIFT] = np.maximum(late[:, LIFT], _LATE * priors.take(base.kind).lift_sigma)
     # One width of windows for a class: that of its likeliest hypothesis.
     trial = _headed(base, priors, ridges.along)
     again = trial.parameters.copy()
     again[:, LIFT] = np.repeat(late[:, LIFT], 2 * len(_FIRST))
-    return Hypotheses.concatenate([trial, evolve(trial, parameters=again)])
+    return Hypotheses.concatenate([trial, evolve(trial, parameters=again), *_sooner(trial, is_alone[first])])
 
 
 def laid(hypotheses: Hypotheses, priors: Priors) -> tuple[Hypotheses, BoolArray]:
