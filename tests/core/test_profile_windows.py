@@ -8,11 +8,11 @@ from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.family import BURN, SIZE, TURN_EAST, TURN_NORTH
+from opir_core.tracking.profile.family import BURN, SIZE, START, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.hypotheses import GIVEN_UP, probability
 from opir_core.tracking.profile.prior_squares import SPACING
 from opir_core.tracking.profile.strain import Bank
-from opir_core.tracking.profile.windows import laid, straightened, windowed
+from opir_core.tracking.profile.windows import anew, laid, straightened, windowed
 
 #: The lean of all ridges here, rad, and how well it is known along them.
 LEAN_RAD, ALONG_RAD = 0.7, 0.1
@@ -132,3 +132,15 @@ def test_what_one_sensor_alone_sees_is_fitted_where_a_further_step_stays():
     assert len(older) > 4
     # A tenth of a standard deviation; two thirds of one is what a tick moves them by.
     assert np.max(square) < 0.01
+
+
+@pytest.mark.parametrize(("is_alone", "sooner_s"), [(True, {0.0, 12.0, 26.0}), (False, {0.0})])
+def test_trials_laid_anew_start_sooner_too_where_one_sensor_alone_sees(is_alone, sooner_s):
+    whole = ridge(0.9, 0.05)
+    trial = anew(whole, PRIORS, np.full(len(whole), is_alone))
+    # In every heading: windows to both sides of their line, over the whole length that the class's lean has.
+    for start_s in sooner_s:
+        mine = trial.parameters[trial.parameters[:, START] == -start_s]
+        azimuth = np.sort(np.arctan2(mine[:, TURN_EAST], mine[:, TURN_NORTH]))
+        assert np.diff(azimuth, append=azimuth[0] + 2.0 * np.pi).max() < np.radians(60.0)
+    assert set(-trial.parameters[:, START]) == sooner_s
