@@ -28,8 +28,8 @@ _QUIET_S = 3.5
 #: Steps of Gauss and Newton in a review of young tracks, of which there are so many ticks, and of others; of those that
 #: are split by windows, which are reviewed at every tick; and of those of them that one sensor sees alone: the looks of
 #: a tick move these by half a standard deviation, along ridges that bend, and one step does not follow. Trials of
-#: sooner starts come from farther off.
-_STEPS, _YOUNG_TICKS, _LATER_STEPS, _SPLIT_STEPS, _LONE_STEPS, _SOONER_STEPS = 3, 20, 2, 1, 2, 6
+#: boosts that pitched over unseen come from farther off.
+_STEPS, _YOUNG_TICKS, _LATER_STEPS, _SPLIT_STEPS, _LONE_STEPS, _EARLY_STEPS = 3, 20, 2, 1, 2, 6
 
 #: Hypotheses less probable than this ask for no review, and for no second step.
 _TELLING = 0.02
@@ -179,7 +179,7 @@ class Fitting:
         settled = self._through_windows(hypotheses.take(~bends), rows, seen, tick_s, older)
         doubted = (seen.of(hypotheses.track).drifted() > _DOUBTED) & (ticks % _AGAIN_TICKS == 0)
         settled = self._again(settled, rows, seen, tick_s, hypotheses.track[doubted])
-        settled = self._sooner(settled, rows, seen, tick_s, hypotheses.track[np.isin(ticks, list(REVIEWS))])
+        settled = self._pitched_early(settled, rows, seen, tick_s, hypotheses.track[np.isin(ticks, list(REVIEWS))])
         if not bends.any():
             return hypotheses_of.distinct(settled)
         spread = hypotheses.take(bends)
@@ -218,12 +218,12 @@ class Fitting:
             trial = hypotheses_of.distinct(self._relinearised(trial, rows, seen, tick_s, _STEPS))
         return trials.enlarged(found, trial)
 
-    def _sooner(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
-        """Return hypotheses with those of sooner starts of those tracks, by number, that one sensor sees."""
+    def _pitched_early(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
+        """Return hypotheses with those of tracks, by number, that one sensor sees, which pitched over unseen."""
         may = (found.window[:, 3] > 0.0) & _are_alone(found.track, seen) & are_open(found, tick_s)
         may &= np.isin(found.track, track) & (hypotheses_of.probability(found) > _TELLING)
-        trial = trials.sooner(found.take(may), self.priors)
-        return Hypotheses.concatenate([found, self._relinearised(trial, rows, seen, tick_s, _SOONER_STEPS)])
+        trial = trials.pitched_early(found.take(may), self.priors)
+        return Hypotheses.concatenate([found, self._relinearised(trial, rows, seen, tick_s, _EARLY_STEPS)])
 
     def _relinearised(self, trial: Hypotheses, rows: Rows, seen: Seen, tick_s: float, steps: int) -> Hypotheses:
         chosen, owner = joined(trial.track, rows.track)

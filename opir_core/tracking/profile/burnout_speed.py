@@ -60,7 +60,9 @@ def placed(stood: FloatArray, parameters: FloatArray, spread: FloatArray, priors
     return Placed(free - by_after * (share_after * speed)[:, None], held, np.clip(log, -_LARGEST, _LARGEST))
 
 
-def moved(parameters: FloatArray, step: FloatArray, sigmas: float, priors: Priors, misfit: FloatArray) -> FloatArray:
+def moved_by_speed(
+    parameters: FloatArray, step: FloatArray, sigmas: float, priors: Priors, misfit: FloatArray
+) -> FloatArray:
     """Return parameters (m, 10) moved along steps (m, 10) of so many standard deviations, as far as speeds go straight.
 
     What is left is normally distributed in the burnout speed as far as that is what its prior says, not in parameters.

@@ -12,7 +12,7 @@ from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile import flight
-from opir_core.tracking.profile.burnout_speed import moved, placed
+from opir_core.tracking.profile.burnout_speed import moved_by_speed, placed
 from opir_core.tracking.profile.containing import Arcs
 from opir_core.tracking.profile.family import SPEED, Priors
 from opir_core.tracking.profile.fit import Hypotheses, family_of, plausible
@@ -124,7 +124,7 @@ def _bend(spots: _Spots, rows: IntArray, parts: Hypotheses, by: FloatArray, prio
     count, sigmas = len(rows), float(HERMITE_NODES[2])
     parts = parts.take(np.tile(np.arange(count), 2))
     step = np.concatenate([sigmas * by, -sigmas * by])
-    parameters = moved(parts.parameters, step, sigmas, priors.take(parts.kind), parts.misfit)
+    parameters = moved_by_speed(parts.parameters, step, sigmas, priors.take(parts.kind), parts.misfit)
     family = family_of(evolve(parts, parameters=parameters), priors)
     places = family.places(np.arange(2 * count), family.burnout_s)
     ends = np.column_stack([places.position_m, places.velocity_m_s, family.burnout_s])

@@ -21,7 +21,7 @@ _BESIDE = 9.0
 _APART = slice(START, TURN_NORTH + 1)
 
 
-def sooner(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
+def pitched_early(hypotheses: Hypotheses, priors: Priors) -> Hypotheses:
     """Return trials, through the same windows, of boosts that pitched over before their first light.
 
     A pitch that was seen to start bends rows as no earlier one does: within a window a posterior has a part to either
