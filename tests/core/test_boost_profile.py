@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from profile_flights import PRIORS, flights, lines_of_sight, watch_of
+from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 
 from opir_core import simulate
 from opir_core.plan import compile_plan
@@ -107,15 +107,8 @@ def late_flights(kind, copies, **away):
 def nees_of(truth, tick_s, sensors, chance):
     """Return the NEES at a tick of flights of one type, seen by like, sharp sensors."""
     track, rays = lines_of_sight(truth, 1e-5, 1, sensors=sensors, period_s=0.05, chance=chance)
-    fitting, bank, cut = (
-        Fitting(PRIORS.take(truth.kind[:1]), watch_of(sensors, 0.05, chance), True),
-        Bank.empty(sensors),
-        0,
-    )
-    for tick in range(1, tick_s + 1):
-        end = int(np.searchsorted(rays.time_s, tick))
-        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
-        cut = end
+    fitting = Fitting(PRIORS.take(truth.kind[:1]), watch_of(sensors, 0.05, chance), True)
+    bank = bank_after(fitting, track, rays, tick_s)
     found = report(bank.hypotheses, probability(bank.hypotheses), float(tick_s), fitting.priors, "kepler", np.inf)
     return nees(found.state - true_values(truth, float(tick_s))[0], found.state_covariance)
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from attrs import evolve
-from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
+from profile_flights import PRIORS, bank_after, flights, hidden, lines_of_sight, watch_of
 from scipy.integrate import quad
 from scipy.stats import halfnorm, norm
 
@@ -18,7 +18,6 @@ from opir_core.tracking.profile.hypotheses import probability
 from opir_core.tracking.profile.prior_squares import with_priors
 from opir_core.tracking.profile.report import report
 from opir_core.tracking.profile.start import starts_of
-from opir_core.tracking.profile.strain import Bank
 
 
 @pytest.mark.parametrize(
@@ -53,11 +52,8 @@ def launches(kind, runs, seed, ticks, hidden_s):
     truth = flights(kind, runs, seed)
     track, rays = lines_of_sight(truth, 5e-5, seed, sensors=1, period_s=0.2, chance=0.5, hidden_s=hidden_s)
     priors = PRIORS.take([TARGET_TYPES.index(kind)])
-    fitting, bank, cut = Fitting(priors, watch_of(1, 0.2, 0.5), True), Bank.empty(1), 0
-    for tick in range(1, ticks + 1):
-        end = int(np.searchsorted(rays.time_s, tick))
-        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
-        cut = end
+    fitting = Fitting(priors, watch_of(1, 0.2, 0.5), True)
+    bank = bank_after(fitting, track, rays, ticks)
     told = report(bank.hypotheses, probability(bank.hypotheses), float(ticks), priors, "kepler", np.inf)
     return np.min(bank.seen.first_s, axis=1), told
 
@@ -104,11 +100,8 @@ def test_a_boost_that_clouds_hid_for_long_does_not_run_away_from_the_one_sensor_
     truth = evolve(flights("ICBM", 500, 1).take(np.full(runs, 48)), track=np.arange(runs))
     track, rays = lines_of_sight(truth, 5e-5, 3, sensors=1, period_s=0.2, chance=0.6, hidden_s=np.full(runs, 35.5))
     priors = PRIORS.take([number])
-    fitting, bank, cut = Fitting(priors, watch_of(1, 0.2, 0.6), True), Bank.empty(1), 0
-    for tick in range(1, 66):
-        end = int(np.searchsorted(rays.time_s, tick))
-        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
-        cut = end
+    fitting = Fitting(priors, watch_of(1, 0.2, 0.6), True)
+    bank = bank_after(fitting, track, rays, 65)
     told = report(bank.hypotheses, probability(bank.hypotheses), 65.0, priors, "kepler", np.inf)
     known, unsure = fit.family_of(truth, PRIORS), np.zeros((runs, 10, 10))
     exact = flight.states(known, unsure, 65.0, *flight.burnouts(known, unsure), "kepler").mean

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from exact_boosts import sampled_states
-from profile_flights import PRIORS, flights, lines_of_sight, watch_of
+from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 from scipy.integrate import quad
 from scipy.stats import halfnorm, norm
 
@@ -18,7 +18,6 @@ from opir_core.tracking.profile.fit import Solved
 from opir_core.tracking.profile.hypotheses import probability
 from opir_core.tracking.profile.report import report
 from opir_core.tracking.profile.start_parts import parted, parts_of
-from opir_core.tracking.profile.strain import Bank
 
 
 def linear(mean, sigma, count=1):
@@ -97,11 +96,8 @@ def followed(kind, runs, seed, ticks, sensors=1):
     seeing = {"sensors": sensors, "period_s": 0.1, "chance": 0.7}
     track, rays = lines_of_sight(truth, 2e-5, seed, **seeing, hidden_s=6.0)
     priors = PRIORS.take([TARGET_TYPES.index(kind)])
-    fitting, bank, cut = Fitting(priors, watch_of(sensors, 0.1, 0.7), True), Bank.empty(sensors), 0
-    for tick in range(1, ticks + 1):
-        end = int(np.searchsorted(rays.time_s, tick))
-        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
-        cut = end
+    fitting = Fitting(priors, watch_of(sensors, 0.1, 0.7), True)
+    bank = bank_after(fitting, track, rays, ticks)
     return fitting, bank
 
 

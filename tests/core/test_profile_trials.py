@@ -2,7 +2,7 @@
 
 import numpy as np
 from attrs import evolve
-from profile_flights import PRIORS, flights, lines_of_sight, watch_of
+from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 from scipy.stats import chi2
 
 from opir_core.scene import TARGET_TYPES
@@ -12,7 +12,6 @@ from opir_core.tracking.profile import flight as profile_flight
 from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.hypotheses import probability
 from opir_core.tracking.profile.report import report
-from opir_core.tracking.profile.strain import Bank
 
 #: A sharp sensor: looks every 50 ms, with errors of 10 µrad, that nearly all detect.
 SEEING = {"sensors": 1, "period_s": 0.05, "chance": 0.95}
@@ -36,11 +35,7 @@ def test_a_boost_that_pitched_before_its_first_light_is_not_given_up_for_one_tha
     mine = np.flatnonzero(np.isin(track, chosen) & (rays.time_s < TICK_S))
     track, rays, truth = track[mine], rays.take(mine), truth.take(chosen)
     fitting = Fitting(PRIORS.take([TARGET_TYPES.index("ICBM")]), watch_of(**SEEING), True)
-    bank, cut = Bank.empty(1), 0
-    for tick in range(1, int(TICK_S) + 1):
-        end = int(np.searchsorted(rays.time_s, tick))
-        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
-        cut = end
+    bank = bank_after(fitting, track, rays, int(TICK_S))
     likely, finer = bank.hypotheses, fitting.parts(bank, TICK_S)
     parts = None if finer is None else (finer, probability(finer))
     told = report(likely, probability(likely), TICK_S, fitting.priors, "kepler", np.inf, parts)

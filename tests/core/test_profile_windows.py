@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
+from profile_flights import PRIORS, bank_after, flights, hidden, lines_of_sight, watch_of
 
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile import fit
@@ -11,7 +11,6 @@ from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.family import BURN, SIZE, START, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.hypotheses import GIVEN_UP, probability
 from opir_core.tracking.profile.prior_squares import SPACING
-from opir_core.tracking.profile.strain import Bank
 from opir_core.tracking.profile.windows import anew, laid, straightened, windowed
 
 #: The lean of all ridges here, rad, and how well it is known along them.
@@ -119,11 +118,8 @@ def test_what_one_sensor_alone_sees_is_fitted_where_a_further_step_stays():
     kind = np.array([TARGET_TYPES.index("IRBM")])
     hidden_s = hidden(truth, 3)
     track, rays = lines_of_sight(truth, 10e-6, 3, sensors=1, period_s=0.1, chance=0.9, hidden_s=hidden_s)
-    fitting, bank, cut = Fitting(PRIORS.take(kind), watch_of(1, 0.1, 0.9), True), Bank.empty(1), 0
-    for tick in range(1, tick_s + 1):
-        end = int(np.searchsorted(rays.time_s, tick))
-        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
-        cut = end
+    fitting = Fitting(PRIORS.take(kind), watch_of(1, 0.1, 0.9), True)
+    bank = bank_after(fitting, track, rays, tick_s)
     older = bank.seen.track[(bank.ticks > 25) & (bank.seen.last_s[:, 0] > tick_s - 1.0)]
     likely = bank.hypotheses.take(np.isin(bank.hypotheses.track, older) & (probability(bank.hypotheses) > 0.05))
     again = fitting._relinearised(likely, bank.rows, bank.seen, float(tick_s), 1)

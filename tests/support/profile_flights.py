@@ -12,6 +12,7 @@ from opir_core.tracking.profile.coordinates import fitted
 from opir_core.tracking.profile.family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.rows import axes_about
+from opir_core.tracking.profile.strain import Bank
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.watch import Watch
 
@@ -119,3 +120,13 @@ def _turned(rays, stray):
     axes = axes_about(rays)
     turned = rays.direction_ecef + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
     return evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
+
+
+def bank_after(fitting, track, rays, ticks):
+    """Return the bank of a fit after so many ticks, a second each, of rays (m,) by time, given to tracks (m,)."""
+    bank, cut = Bank.empty(len(fitting.watch.period_s)), 0
+    for tick in range(1, ticks + 1):
+        end = int(np.searchsorted(rays.time_s, tick))
+        bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
+        cut = end
+    return bank
