@@ -8,9 +8,10 @@ from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile import fit, trials, windows
 from opir_core.tracking.profile import hypotheses as hypotheses_of
 from opir_core.tracking.profile.end import Ends, ends_of
-from opir_core.tracking.profile.family import BURN, SIZE, START, Family, Priors
+from opir_core.tracking.profile.family import Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, Solved
 from opir_core.tracking.profile.hypotheses import joined
+from opir_core.tracking.profile.memory import Memory
 from opir_core.tracking.profile.rows import SPAN_S, Rows, compressed, means, normal_points, single
 from opir_core.tracking.profile.seen import Seen
 from opir_core.tracking.profile.start import started
@@ -74,13 +75,17 @@ class Fitting:
         bank = bank.without_fits(bank.seen.strangers())
         return self._fitted(bank, fresh.take(np.isin(fresh.track, bank.hypotheses.track)), tick_s)
 
+    def memory(self, bank: Bank) -> Memory:
+        """Return what a bank remembers."""
+        return Memory(bank.rows, bank.seen, self.priors, self.watch.bias_sigma_rad)
+
     def parts(self, bank: Bank, tick_s: float) -> Hypotheses | None:
         """Return the hypotheses of a bank, those of what one sensor alone sees in parts by when the boost started.
 
         None where none has parts.
         """
         every = bank.hypotheses
-        apart = (every.window[:, 3] > 0.0) & _are_alone(every.track, bank.seen) & are_open(every, tick_s)
+        apart = (every.window[:, 3] > 0.0) & bank.seen.are_alone(every.track) & are_open(every, tick_s)
         chosen = np.flatnonzero(apart & (hypotheses_of.probability(every) > _TELLING))
         if not len(chosen):
             return None
@@ -90,11 +95,8 @@ class Fitting:
         parts = parts_of(whole, solution, first_s, self.priors.take(whole.kind))
         if not len(parts.origin):
             return None
-        family = fit.family_of(parts.hypotheses, self.priors)
-        row, owner = joined(parts.hypotheses.track, bank.rows.track)
-        trial = fit.with_rows(parts.hypotheses.cleared(), family, bank.rows.take(row), owner, np.ones(len(row)))
-        solution = parts.given(fit.solved(trial, self.priors, self.watch.bias_sigma_rad))
-        trial = self._finished(trial, solution, family, bank.seen, tick_s)
+        trial, family, solution = self.memory(bank).linearised(parts.hypotheses)
+        trial = self._finished(trial, parts.given(solution), family, bank.seen, tick_s)
         return parted(every, trial, chosen[parts.origin])
 
     def _points(self, bank: Bank, track: IntArray, rays: Rays, stray: FloatArray | None) -> tuple[Rows, Rows]:
@@ -183,7 +185,7 @@ class Fitting:
         if not bends.any():
             return hypotheses_of.distinct(settled)
         spread = hypotheses.take(bends)
-        spread = windows.windowed(spread, self.priors, _are_alone(spread.track, seen))
+        spread = windows.windowed(spread, self.priors, seen.are_alone(spread.track))
         spread = hypotheses_of.distinct(self._relinearised(spread, rows, seen, tick_s, _STEPS))
         spread = self._relinearised(spread, rows, seen, tick_s, _STEPS)
         return hypotheses_of.distinct(Hypotheses.concatenate([settled, spread]))
@@ -194,7 +196,7 @@ class Fitting:
             return trial
         trial, fresh = windows.laid(trial, self.priors)
         young, split = ~np.isin(trial.track, older) | fresh, trial.window[:, 3] > 0.0
-        lone = split & _are_alone(trial.track, seen) & (hypotheses_of.probability(trial) > _TELLING)
+        lone = split & seen.are_alone(trial.track) & (hypotheses_of.probability(trial) > _TELLING)
         parts = (
             (young, _STEPS),
             (~young & ~split, _LATER_STEPS),
@@ -211,7 +213,7 @@ class Fitting:
     def _again(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
         """Return hypotheses with those that tracks by number have in headings where none was left."""
         mine = found.take(np.isin(found.track, track))
-        trial = windows.anew(mine, self.priors, _are_alone(mine.track, seen))
+        trial = windows.anew(mine, self.priors, seen.are_alone(mine.track))
         if not len(trial):
             return found
         for _ in range(2):
@@ -220,7 +222,7 @@ class Fitting:
 
     def _pitched_early(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
         """Return hypotheses with those of tracks, by number, that one sensor sees, which pitched over unseen."""
-        may = (found.window[:, 3] > 0.0) & _are_alone(found.track, seen) & are_open(found, tick_s)
+        may = (found.window[:, 3] > 0.0) & seen.are_alone(found.track) & are_open(found, tick_s)
         may &= np.isin(found.track, track) & (hypotheses_of.probability(found) > _TELLING)
         trial = trials.pitched_early(found.take(may), self.priors)
         return Hypotheses.concatenate([found, self._relinearised(trial, rows, seen, tick_s, _EARLY_STEPS)])
@@ -258,13 +260,9 @@ class Fitting:
         self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: Seen, tick_s: float
     ) -> tuple[Solved, Ends]:
         """Return the solution given what was seen, or not, of the ends of burns, and these."""
-        slope = np.zeros((len(hypotheses), SIZE))
-        slope[:, START], slope[:, BURN] = 1.0 / family.courses.burn_s, 1.0
-        away = solution.parameters - hypotheses.parameters
-        mean = np.log(family.courses.burn_s) + np.sum(slope * away, axis=1)
-        spread = solution.spread
-        gain = np.sum(spread * slope[:, None], axis=2)
-        variance = np.sum(gain * slope, axis=1)
+        away, spread = solution.parameters - hypotheses.parameters, solution.spread
+        mean = np.log(family.courses.burn_s) + np.sum(family.end_slope() * away, axis=1)
+        gain, variance = family.with_end(spread)
         silence = seen.of(hypotheses.track).silence(hypotheses.kind, tick_s, self.watch)
         ends = ends_of(family.start_s, mean, variance, silence)
         gain = gain / variance[:, None]
@@ -276,12 +274,6 @@ class Fitting:
             solution.misfit,
         )
         return settled, ends
-
-
-def _are_alone(track: IntArray, seen: Seen) -> BoolArray:
-    """Return which tracks by number (n,) one sensor alone has seen."""
-    alone: BoolArray = np.count_nonzero(seen.of(track).hits > 0, axis=1) < 2
-    return alone
 
 
 def _has_moved(hypotheses: Hypotheses) -> BoolArray:

@@ -18,9 +18,6 @@ from opir_core.tracking.profile.fit import plausible
 #: A prior that holds more than this share of what is known of the speed stays linear: without it nothing would be left.
 _MOST = 0.99
 
-#: Logarithms of how much likelier places are go no farther than this.
-_LARGEST = 10.0
-
 #: Steps of Newton's method for how far to go, and the largest share of the way by which each shortens it.
 _STEPS, _SHORTER = 2, 0.5
 
@@ -57,7 +54,7 @@ def placed(stood: FloatArray, parameters: FloatArray, spread: FloatArray, priors
     held = freed - by_after[:, :, None] * (by_after * share_after[:, None])[:, None]
     square = share * np.square(told) - share_after * np.square(speed)
     log = 0.5 * (square - np.log((1.0 - known) * total))
-    return Placed(free - by_after * (share_after * speed)[:, None], held, np.clip(log, -_LARGEST, _LARGEST))
+    return Placed(free - by_after * (share_after * speed)[:, None], held, log)
 
 
 def moved_by_speed(

@@ -178,6 +178,21 @@ class Family:
         end_s: FloatArray = self.start_s + self.courses.burn_s
         return end_s
 
+    def end_slope(self) -> FloatArray:
+        """Return the slopes (n, 10) of logarithms of times to the ends of burns, counted from where starts stand."""
+        slope = np.zeros((len(self.start_s), SIZE))
+        slope[:, START], slope[:, BURN] = 1.0 / self.courses.burn_s, 1.0
+        return slope
+
+    def with_end(self, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return covariances (n, 10) of parameters, of which `spread` (n, 10, 10) is known, with that logarithm.
+
+        Beside them are its variances (n,).
+        """
+        slope = self.end_slope()
+        gain: FloatArray = np.sum(spread * slope[:, None], axis=2)
+        return gain, np.sum(gain * slope, axis=1)
+
     def places(self, row: IntArray, time_s: FloatArray) -> Places:
         """Return where rows (m,) are at scene times (m,): at rest before the start, burning on after the end."""
         elapsed = time_s - self.start_s[row]

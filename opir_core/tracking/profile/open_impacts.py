@@ -12,11 +12,13 @@ from attrs import evolve
 
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile import flight
-from opir_core.tracking.profile.burnout_speed import moved_by_speed, placed
+from opir_core.tracking.profile.burnout_speed import Placed, moved_by_speed, placed
 from opir_core.tracking.profile.containing import Arcs
+from opir_core.tracking.profile.end_parts import given_ends
 from opir_core.tracking.profile.family import SPEED, Priors
 from opir_core.tracking.profile.fit import Hypotheses, family_of, plausible
 from opir_core.tracking.profile.flight import HERMITE_NODES, HERMITE_WEIGHTS, Moments, off_ground, on_ground
+from opir_core.tracking.profile.memory import Memory
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
@@ -27,6 +29,9 @@ _LEAST_KNOWN = 0.3
 #: What is less certain than this share of the way flown is straight enough: at half an orbit's speed the bend is then a
 #: thirtieth of it.
 _STRAIGHT = 0.05
+
+#: Logarithms of how much likelier places are go no farther than this.
+_LARGEST = 10.0
 
 #: Nothing is known better on the ground than this, m².
 _LEAST_M2 = 1e-12
@@ -39,15 +44,16 @@ def open_impacts(
     variance: FloatArray,
     priors: Priors,
     forces: "ForceModel",
+    memory: Memory | None = None,
 ) -> tuple[Moments, Arcs]:
     """Return impacts (n, 3), as `flight.impacts` does, of burns whose ends are open, and the arcs these lie along.
 
     `ends` are those of the hypotheses (n,), `variance` (n,) those of the logarithms of the burns' ends, the
     parameters' covariance with which is the gain (n, 10). Impacts are sums over when the burn may end; ends from which
-    nothing comes down are left out: targets do.
+    nothing comes down are left out: targets do. With `memory` what one sensor alone has seen is linearised anew there.
     """
     count, (nodes, weights) = len(variance), (hypotheses.end[:, 0], hypotheses.end[:, 1])
-    parts, left, log = _by_ends(hypotheses, gain, variance, priors)
+    parts, left, log = _by_ends(hypotheses, gain, variance, priors, memory)
     spots = _spots(parts, left, priors).by_end(count)
     log = log.reshape(-1, count).T
     log = log - np.log(np.sum(weights * np.exp(log), axis=1, keepdims=True))
@@ -63,7 +69,7 @@ def open_impacts(
 
 
 def _by_ends(
-    hypotheses: Hypotheses, gain: FloatArray, variance: FloatArray, priors: Priors
+    hypotheses: Hypotheses, gain: FloatArray, variance: FloatArray, priors: Priors, memory: Memory | None
 ) -> tuple[Hypotheses, FloatArray, FloatArray]:
     """Return hypotheses given when their burns end, all with their first end, and so on: (n k) in all.
 
@@ -71,13 +77,39 @@ def _by_ends(
     """
     gain, width = gain / variance[:, None], np.sqrt(variance)
     left = hypotheses.spread - variance[:, None, None] * gain[:, :, None] * gain[:, None]
-    nodes = hypotheses.end[:, 0]
-    again = np.tile(np.arange(len(width)), nodes.shape[1])
+    again = np.tile(np.arange(len(width)), hypotheses.end.shape[2])
+    away = width[again] * hypotheses.end[:, 0].T.ravel()
     parts = hypotheses.take(again)
     prior = priors.take(parts.kind)
-    parameters = parts.parameters + gain[again] * (width[again] * nodes.T.ravel())[:, None]
-    found = placed(parts.parameters, plausible(parameters, prior), left[again], prior, parts.misfit)
-    return evolve(parts, parameters=plausible(found.parameters, prior)), found.spread, found.log
+    parameters = plausible(parts.parameters + gain[again] * away[:, None], prior)
+    found = placed(parts.parameters, parameters, left[again], prior, parts.misfit)
+    parts = evolve(parts, parameters=plausible(found.parameters, prior))
+    if memory is not None:
+        parts, found = _linearised_anew(hypotheses, again, parts, found, away, memory)
+    return parts, found.spread, np.clip(found.log, -_LARGEST, _LARGEST)
+
+
+def _linearised_anew(
+    hypotheses: Hypotheses, origin: IntArray, parts: Hypotheses, found: Placed, away: FloatArray, memory: Memory
+) -> tuple[Hypotheses, Placed]:
+    """Return parts (m,) of hypotheses (n,), and what was found of them, anew where one sensor alone has seen them.
+
+    `away` (m,) is by how much the logarithms of their burns' lengths differ from those of the hypotheses at `origin`.
+    """
+    alone = np.flatnonzero(memory.seen.are_alone(hypotheses.track))
+    mine = np.flatnonzero(np.isin(origin, alone))
+    if not len(mine):
+        return parts, found
+    lone, whose = hypotheses.take(alone), np.searchsorted(alone, origin[mine])
+    stood = family_of(lone, memory.priors)
+    end_s = stood.start_s[whose] + stood.courses.burn_s[whose] * np.exp(away[mine])
+    anew = given_ends(lone, whose, parts.take(mine), end_s, memory)
+    sound = np.isfinite(anew.parameters).all(axis=1) & np.isfinite(anew.spread).all(axis=(1, 2))
+    sound &= np.isfinite(anew.log)
+    found = Placed(parts.parameters.copy(), found.spread.copy(), found.log.copy())
+    for whole, part in zip(found, anew, strict=True):
+        whole[mine[sound]] = part[sound]
+    return evolve(parts, parameters=found.parameters), found
 
 
 class _Spots(NamedTuple):

@@ -12,10 +12,11 @@ import numpy as np
 from opir_core.records import FloatArray, IntArray, Tracks
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.containing import Arcs, containing_sigmas
-from opir_core.tracking.profile.family import BURN, EAST, LIFT, NORTH, RADIUS_M, SIZE, START, Family, Priors
+from opir_core.tracking.profile.family import EAST, LIFT, NORTH, RADIUS_M, START, Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, family_of
 from opir_core.tracking.profile.flight import Moments, off_ground, on_ground
 from opir_core.tracking.profile.holding import holding_sigmas
+from opir_core.tracking.profile.memory import Memory
 from opir_core.tracking.profile.open_impacts import open_impacts
 from opir_core.tracking.profile.thrust_end import with_ends
 
@@ -37,18 +38,20 @@ def report(
     forces: "ForceModel",
     largest_impact_m: float,
     parts: tuple[Hypotheses, FloatArray] | None = None,
+    memory: Memory | None = None,
 ) -> Tracks:
     """Return the estimates at a tick of tracks whose hypotheses (n,) have these probabilities, by track.
 
     An impact whose 95 % ellipse has a semi-axis longer than `largest_impact_m` is not told. `parts` are hypotheses (m,)
-    that stand for those of the same tracks in state and launch, and their probabilities (m,).
+    that stand for those of the same tracks in state and launch, and their probabilities (m,). With `memory` impacts of
+    what one sensor alone has seen are linearised anew at each end of the burn that is open.
     """
     hypotheses, number, mixture = _mixtures(hypotheses, probability)
     family = family_of(hypotheses, priors)
     whole = hypotheses, mixture, family, flight.burnouts(family, hypotheses.spread)
     state, state_sigmas, launch = _stands(*(whole if parts is None else _apart(*parts, priors)), tick_s, priors, forces)
     burnout = _blended(whole[-1][0], mixture, False)
-    impact, impact_sigmas = _fallen(*whole, priors, forces, largest_impact_m)
+    impact, impact_sigmas = _fallen(*whole, priors, forces, largest_impact_m, memory)
     return Tracks(
         tick_s=np.full(len(number), tick_s),
         track=number,
@@ -99,9 +102,10 @@ def _fallen(
     priors: Priors,
     forces: "ForceModel",
     largest_m: float,
+    memory: Memory | None,
 ) -> tuple[Moments, FloatArray]:
     """Return impacts by track, those that are told, and the radii of their ellipses."""
-    impacts, arcs = _impacts(hypotheses, family, *ends, priors, forces)
+    impacts, arcs = _impacts(hypotheses, family, *ends, priors, forces, memory)
     impact = _blended(impacts, mixture, True)
     sigmas = containing_sigmas(arcs, mixture.weight, mixture.row, impact)
     _withhold_vague(impact, sigmas, largest_m)
@@ -131,13 +135,17 @@ def _mixtures(hypotheses: Hypotheses, probability: FloatArray) -> tuple[Hypothes
 
 
 def _impacts(
-    hypotheses: Hypotheses, family: Family, ends: Moments, slope: FloatArray, priors: Priors, forces: "ForceModel"
+    hypotheses: Hypotheses,
+    family: Family,
+    ends: Moments,
+    slope: FloatArray,
+    priors: Priors,
+    forces: "ForceModel",
+    memory: Memory | None,
 ) -> tuple[Moments, Arcs]:
     """Return impacts; where the end of the burn is open, as sums over when it may come, along arcs."""
-    spread, by_end = hypotheses.spread, np.zeros((len(hypotheses), SIZE))
-    by_end[:, START], by_end[:, BURN] = 1.0 / family.courses.burn_s, 1.0
-    gain = np.sum(spread * by_end[:, None], axis=2)
-    variance = np.sum(gain * by_end, axis=1)
+    spread = hypotheses.spread
+    gain, variance = family.with_end(spread)
     opens = variance > _OPEN**2
     rows, closed = np.flatnonzero(opens), np.flatnonzero(~opens)
     parts = []
@@ -146,7 +154,7 @@ def _impacts(
         parts.append((found, Arcs.still(found, hypotheses.end[closed, 0], hypotheses.end_quantiles[closed])))
     if len(rows):
         apart = hypotheses.take(rows), ends.take(rows), gain[rows], variance[rows]
-        parts.append(open_impacts(*apart, priors, forces))
+        parts.append(open_impacts(*apart, priors, forces, memory))
     order = np.argsort(np.concatenate([closed, rows]))
     impacts, arcs = zip(*parts, strict=True)
     return Moments.concatenate(impacts).take(order), Arcs.concatenate(arcs).take(order)

@@ -4,7 +4,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.columns import Columns
-from opir_core.records import FloatArray, IntArray
+from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile.end import Silence
 from opir_core.tracking.profile.rows import Rows
 from opir_core.tracking.watch import Watch
@@ -104,6 +104,11 @@ class Seen(Columns):
     def of(self, track: IntArray) -> "Seen":
         """Return what is seen of tracks by number (n,)."""
         return self.take(np.searchsorted(self.track, track))
+
+    def are_alone(self, track: IntArray) -> BoolArray:
+        """Return which tracks by number (n,) one sensor alone has seen."""
+        alone: BoolArray = np.count_nonzero(self.of(track).hits > 0, axis=1) < 2
+        return alone
 
     def with_rays(self, rays: Rows, look_s: FloatArray) -> "Seen":
         """Return what is seen with rays (m,), looked at `look_s` (m,)."""

@@ -14,7 +14,7 @@ from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.end import DEVIATES
-from opir_core.tracking.profile.family import BURN, SIZE, START, Family
+from opir_core.tracking.profile.family import Family
 from opir_core.tracking.profile.fit import Hypotheses
 from opir_core.tracking.profile.flight import Moments
 
@@ -29,10 +29,8 @@ def with_ends(state: Moments, hypotheses: Hypotheses, family: Family, chosen: In
     """
     burn_s, start_s = family.courses.burn_s[chosen], family.start_s[chosen]
     spread = hypotheses.spread[chosen]
-    by_end = np.zeros((len(chosen), SIZE))
-    by_end[:, START], by_end[:, BURN] = 1.0 / burn_s, 1.0
-    gain = np.sum(spread * by_end[:, None], axis=2)
-    sigma = np.sqrt(np.maximum(np.sum(gain * by_end, axis=1), 1e-30))
+    gain, variance = family.with_end(hypotheses.spread)
+    gain, sigma = gain[chosen], np.sqrt(np.maximum(variance[chosen], 1e-30))
     deviate = _ends_of(hypotheses.end_quantiles[chosen])
     since_s = tick_s - start_s[:, None] - burn_s[:, None] * np.exp(sigma[:, None] * deviate)
     rows = np.flatnonzero((since_s > 0.0).any(axis=1) & (since_s < 0.0).any(axis=1) & (start_s < tick_s))

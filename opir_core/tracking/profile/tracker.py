@@ -90,7 +90,8 @@ class ProfileTracker:
         finer = self._fitting.parts(self._bank, tick_s)
         parts = None if finer is None else _weighed(finer, followed)
         mixed = _weighed(self._bank.hypotheses, followed)
-        told = report(*mixed, tick_s, self._fitting.priors, self._forces, self._largest_impact_m, parts)
+        memory, priors = self._fitting.memory(self._bank), self._fitting.priors
+        told = report(*mixed, tick_s, priors, self._forces, self._largest_impact_m, parts, memory)
         sound = np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2))
         followed = typed(followed)
         told = self._trusted(told.take(sound), followed)
