@@ -19,7 +19,7 @@ from opir_core.tracking.profile.family import BURN, EAST, SIZE, START, TURN_EAST
 from opir_core.tracking.profile.fit import Hypotheses
 from opir_core.tracking.profile.flight import Moments, on_ground
 from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 from opir_core.tracking.profile.rows import means, single
 from opir_core.tracking.profile.seen import Seen
 from opir_core.tracking.profile.strain import Bank
@@ -190,7 +190,7 @@ def figures(
     likely, finer = mine.hypotheses, fitting.parts(mine, tick_s)
     parts = None if finer is None else (finer, probability(finer))
     memory = fitting.memory(bank)
-    told = report(likely, probability(likely), tick_s, fitting.priors, "kepler", np.inf, parts, memory)
+    told = report(likely, probability(likely), tick_s, Basis(fitting.priors, "kepler", memory), parts)
     truth = truth.take(np.isin(truth.track, told.track))
     limit = bounds(truth, fitting.watch, bank.seen, tick_s)
     exact, slopes, turns = turned(truth, tick_s)

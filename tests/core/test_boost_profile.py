@@ -16,7 +16,7 @@ from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.coordinates import fitted
 from opir_core.tracking.profile.family import BURN, LIFT, SIZE, SPEED, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 from opir_core.tracking.profile.rows import axes_about
 from opir_core.tracking.profile.strain import Bank
 
@@ -59,7 +59,7 @@ def told(kind, runs, seed, ticks, biases_rad=0.0, sensors=2, priors=PRIORS):
         cut = end
         if tick == last or tick in (ticks or ()):
             likely = probability(bank.hypotheses)
-            found.append(report(bank.hypotheses, likely, float(tick), priors, "kepler", np.inf))
+            found.append(report(bank.hypotheses, likely, float(tick), Basis(priors, "kepler")))
     return truth, found
 
 
@@ -109,7 +109,7 @@ def nees_of(truth, tick_s, sensors, chance):
     track, rays = lines_of_sight(truth, 1e-5, 1, sensors=sensors, period_s=0.05, chance=chance)
     fitting = Fitting(PRIORS.take(truth.kind[:1]), watch_of(sensors, 0.05, chance), True)
     bank = bank_after(fitting, track, rays, tick_s)
-    found = report(bank.hypotheses, probability(bank.hypotheses), float(tick_s), fitting.priors, "kepler", np.inf)
+    found = report(bank.hypotheses, probability(bank.hypotheses), float(tick_s), Basis(fitting.priors, "kepler"))
     return nees(found.state - true_values(truth, float(tick_s))[0], found.state_covariance)
 
 

@@ -12,7 +12,7 @@ from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.end_parts import given_ends
 from opir_core.tracking.profile.flight import on_ground
 from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 
 TICKS = 76
 
@@ -32,8 +32,7 @@ def followed(sensors=1, runs=44):
 def told_of(fitting, bank, memory):
     """Return what is told of a bank."""
     likely = bank.hypotheses
-    rest = float(TICKS), fitting.priors, "kepler", np.inf
-    return report(likely, probability(likely), *rest, None, memory)
+    return report(likely, probability(likely), float(TICKS), Basis(fitting.priors, "kepler", memory))
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ from opir_core.tracking.profile.family import (
 )
 from opir_core.tracking.profile.prior_squares import SPACING
 from opir_core.tracking.profile.priors import priors_of
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 from opir_core.tracking.profile.rows import compressed, normal_points, single
 from opir_core.tracking.profile.windows import windowed
 from opir_core.tracking.rays import Rays
@@ -202,7 +202,7 @@ def test_a_target_that_still_climbs_straight_may_lean_already():
     truth = flights("ICBM", 5, 1)
     sigma = np.array([50.0, 50.0, 3.0, 0.3, 0.3, 0.02, 0.2, 0.2, 0.15, 0.3])
     climbing = evolve(truth, spread=np.tile(np.diag(np.square(sigma)), (5, 1, 1)))
-    told = report(climbing, np.ones(5), 10.0, PRIORS, "kepler", np.inf)
+    told = report(climbing, np.ones(5), 10.0, Basis(PRIORS, "kepler"))
     family = fit.family_of(truth, PRIORS)
     assert np.all(family.start_s + family.courses.lift * family.courses.burn_s > 10.0)
     # Metres a second in every direction, of about a hundred upwards.
@@ -212,5 +212,5 @@ def test_a_target_that_still_climbs_straight_may_lean_already():
 def test_a_target_whose_heading_is_unknown_may_lean_in_every_direction():
     sigma = np.array([50.0, 50.0, 3.0, 0.3, 0.3, 0.02, 0.2, 0.2, 0.15, 0.3])
     straight = evolve(fit.blank(1, 2), spread=np.diag(np.square(sigma))[None])
-    told = report(straight, np.ones(1), 8.0, PRIORS, "kepler", np.inf)
+    told = report(straight, np.ones(1), 8.0, Basis(PRIORS, "kepler"))
     assert np.linalg.eigvalsh(told.state_covariance[:, 3:, 3:])[:, 0].min() > 1.0

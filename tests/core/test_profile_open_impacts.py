@@ -20,7 +20,7 @@ from opir_core.tracking.profile.family import (
     TURN_EAST,
     TURN_NORTH,
 )
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 
 #: Standard deviations in mid-boost as two sensors of 50 µrad leave them: of an end that is open and a speed that is not
 #: known, beside what is.
@@ -90,7 +90,7 @@ def drawn(hypothesis):
 
     That is metres east and north of the impact told, and seconds after it. The priors of their speeds are their own.
     """
-    told = report(hypothesis, np.ones(1), 30.0, PRIORS, "kepler", np.inf)
+    told = report(hypothesis, np.ones(1), 30.0, Basis(PRIORS, "kepler"))
     rng = np.random.default_rng(5)
     parameters = rng.multivariate_normal(hypothesis.parameters[0], hypothesis.spread[0], COUNT)
     landed, share = impacts_of(hypothesis, parameters), likelier(hypothesis, parameters)

@@ -16,7 +16,7 @@ from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.family import START, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.hypotheses import probability
 from opir_core.tracking.profile.prior_squares import with_priors
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 from opir_core.tracking.profile.start import starts_of
 
 
@@ -54,7 +54,7 @@ def launches(kind, runs, seed, ticks, hidden_s):
     priors = PRIORS.take([TARGET_TYPES.index(kind)])
     fitting = Fitting(priors, watch_of(1, 0.2, 0.5), True)
     bank = bank_after(fitting, track, rays, ticks)
-    told = report(bank.hypotheses, probability(bank.hypotheses), float(ticks), priors, "kepler", np.inf)
+    told = report(bank.hypotheses, probability(bank.hypotheses), float(ticks), Basis(priors, "kepler"))
     return np.min(bank.seen.first_s, axis=1), told
 
 
@@ -102,7 +102,7 @@ def test_a_boost_that_clouds_hid_for_long_does_not_run_away_from_the_one_sensor_
     priors = PRIORS.take([number])
     fitting = Fitting(priors, watch_of(1, 0.2, 0.6), True)
     bank = bank_after(fitting, track, rays, 65)
-    told = report(bank.hypotheses, probability(bank.hypotheses), 65.0, priors, "kepler", np.inf)
+    told = report(bank.hypotheses, probability(bank.hypotheses), 65.0, Basis(priors, "kepler"))
     known, unsure = fit.family_of(truth, PRIORS), np.zeros((runs, 10, 10))
     exact = flight.states(known, unsure, 65.0, *flight.burnouts(known, unsure), "kepler").mean
     # So long a time is improbable, and so are its errors, but not as much as those of what runs away: 2000 and more.

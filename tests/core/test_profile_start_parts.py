@@ -16,7 +16,7 @@ from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.family import SHAPE, START
 from opir_core.tracking.profile.fit import Solved
 from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 from opir_core.tracking.profile.start_parts import parted, parts_of
 
 
@@ -110,7 +110,7 @@ def expected_square(told, row, states, weight):
 def both(fitting, bank, tick_s):
     """Return what is told of a bank without parts, and with them."""
     likely, finer = bank.hypotheses, fitting.parts(bank, tick_s)
-    rest = tick_s, fitting.priors, "kepler", np.inf
+    rest = tick_s, Basis(fitting.priors, "kepler")
     whole = report(likely, probability(likely), *rest)
     return whole, report(likely, probability(likely), *rest, (finer, probability(finer)))
 

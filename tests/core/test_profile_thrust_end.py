@@ -8,7 +8,7 @@ from profile_flights import PRIORS, flights
 from opir_core.tracking.profile import fit, flight
 from opir_core.tracking.profile.end import Silence, ends_of
 from opir_core.tracking.profile.family import BURN, SIZE, START
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 from opir_core.tracking.profile.thrust_end import with_ends
 
 COUNT, PERIOD_S, CHANCE, KNOWN = 4, 0.1, 0.6, 0.02
@@ -92,7 +92,7 @@ def test_what_one_sensor_tells_has_the_end_in_it():
     plain = flight.states(family, hypotheses.spread, tick_s, *flight.burnouts(family, hypotheses.spread))
     exact = with_ends(plain, hypotheses, family, np.arange(COUNT), tick_s)
     hypotheses = evolve(hypotheses, track=np.arange(COUNT))
-    told = report(hypotheses, np.ones(COUNT), tick_s, PRIORS, "kepler", np.inf)
+    told = report(hypotheses, np.ones(COUNT), tick_s, Basis(PRIORS, "kepler"))
     assert told.state == pytest.approx(exact.mean)
     slower = np.sum((plain.mean - told.state)[:, 3:] * plain.mean[:, 3:], axis=1)
     assert np.all(slower > 0.0)
@@ -105,7 +105,7 @@ def test_ends_that_are_more_open_than_the_class_has_them_lead_to_no_endless_burn
     spread = hypotheses.spread.copy()
     spread[:, BURN, BURN] = 4.0
     told = report(
-        evolve(hypotheses, spread=spread, track=np.arange(COUNT)), np.ones(COUNT), tick_s, PRIORS, "kepler", np.inf
+        evolve(hypotheses, spread=spread, track=np.arange(COUNT)), np.ones(COUNT), tick_s, Basis(PRIORS, "kepler")
     )
     assert np.isfinite(told.state).all()
     # The longest burn and the fastest, four standard deviations off, take no target twice about the Earth.

@@ -11,7 +11,7 @@ from opir_core.tracking.profile import fit
 from opir_core.tracking.profile import flight as profile_flight
 from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 
 #: A sharp sensor: looks every 50 ms, with errors of 10 µrad, that nearly all detect.
 SEEING = {"sensors": 1, "period_s": 0.05, "chance": 0.95}
@@ -38,7 +38,7 @@ def test_a_boost_that_pitched_before_its_first_light_is_not_given_up_for_one_tha
     bank = bank_after(fitting, track, rays, int(TICK_S))
     likely, finer = bank.hypotheses, fitting.parts(bank, TICK_S)
     parts = None if finer is None else (finer, probability(finer))
-    told = report(likely, probability(likely), TICK_S, fitting.priors, "kepler", np.inf, parts)
+    told = report(likely, probability(likely), TICK_S, Basis(fitting.priors, "kepler"), parts)
     nothing = np.zeros((len(truth), 10, 10))
     family = fit.family_of(truth, PRIORS)
     state, _ = profile_flight.sloped_states(family, TICK_S, *profile_flight.burnouts(family, nothing))

@@ -30,28 +30,35 @@ _LEAST = 1e-3
 _SEMI_AXES_95 = np.sqrt(-2.0 * np.log(0.05))
 
 
+class Basis(NamedTuple):
+    """What estimates are worked out with: the priors of classes, the forces in free flight, and what a bank remembers.
+
+    Without memory nothing is linearised anew. An impact whose 95 % ellipse has a semi-axis longer than
+    `largest_impact_m` is not told.
+    """
+
+    priors: Priors
+    forces: "ForceModel"
+    memory: Memory | None = None
+    largest_impact_m: float = np.inf
+
+
 def report(
     hypotheses: Hypotheses,
     probability: FloatArray,
     tick_s: float,
-    priors: Priors,
-    forces: "ForceModel",
-    largest_impact_m: float,
+    basis: Basis,
     parts: tuple[Hypotheses, FloatArray] | None = None,
-    memory: Memory | None = None,
 ) -> Tracks:
     """Return the estimates at a tick of tracks whose hypotheses (n,) have these probabilities, by track.
 
-    An impact whose 95 % ellipse has a semi-axis longer than `largest_impact_m` is not told. `parts` are hypotheses (m,)
-    that stand for those of the same tracks in state and launch, and their probabilities (m,). With `memory` impacts of
-    what one sensor alone has seen are linearised anew at each end of the burn that is open.
+    `parts` are hypotheses (m,) that stand for those of the same tracks in state and launch, and their probabilities
+    (m,).
     """
-    hypotheses, number, mixture = _mixtures(hypotheses, probability)
-    family = family_of(hypotheses, priors)
-    whole = hypotheses, mixture, family, flight.burnouts(family, hypotheses.spread)
-    state, state_sigmas, launch = _stands(*(whole if parts is None else _apart(*parts, priors)), tick_s, priors, forces)
-    burnout = _blended(whole[-1][0], mixture, False)
-    impact, impact_sigmas = _fallen(*whole, priors, forces, largest_impact_m, memory)
+    number, whole = _blend(hypotheses, probability, basis.priors)
+    state, state_sigmas, launch = _stands(whole if parts is None else _blend(*parts, basis.priors)[1], tick_s, basis)
+    burnout = _blended(whole.ends, whole.mixture, False)
+    impact, impact_sigmas = _fallen(whole, basis)
     return Tracks(
         tick_s=np.full(len(number), tick_s),
         track=number,
@@ -61,7 +68,7 @@ def report(
         launch_covariance=launch.covariance,
         impact=impact.mean,
         impact_covariance=impact.covariance,
-        type_probability=mixture.sums(np.eye(4)[hypotheses.kind]),
+        type_probability=whole.mixture.sums(np.eye(4)[whole.hypotheses.kind]),
         burnout=burnout.mean,
         burnout_covariance=burnout.covariance,
         impact_sigmas=impact_sigmas,
@@ -69,46 +76,40 @@ def report(
     )
 
 
-def _apart(
-    parts: Hypotheses, probability: FloatArray, priors: Priors
-) -> tuple[Hypotheses, "_Mixture", Family, tuple[Moments, FloatArray]]:
-    """Return the parts that count, how they are mixed, their paths, and where their burns end, with slopes."""
-    parts, _, mixture = _mixtures(parts, probability)
-    family = family_of(parts, priors)
-    return parts, mixture, family, flight.burnouts(family, parts.spread)
+class _Blend(NamedTuple):
+    """Hypotheses (n,) that count, how they are mixed, their paths, and where their burns end, with slopes."""
+
+    hypotheses: Hypotheses
+    mixture: "_Mixture"
+    family: Family
+    ends: Moments
+    slope: FloatArray
 
 
-def _stands(
-    hypotheses: Hypotheses,
-    mixture: "_Mixture",
-    family: Family,
-    ends: tuple[Moments, FloatArray],
-    tick_s: float,
-    priors: Priors,
-    forces: "ForceModel",
-) -> tuple[Moments, FloatArray, Moments]:
+def _blend(hypotheses: Hypotheses, probability: FloatArray, priors: Priors) -> tuple[IntArray, _Blend]:
+    """Return the numbers of the tracks of hypotheses (n,), and those of them that count."""
+    kept = np.flatnonzero(probability >= _LEAST)
+    number, row = np.unique(hypotheses.track[kept], return_inverse=True)
+    weight, hypotheses = probability[kept], hypotheses.take(kept)
+    mixture = _Mixture(weight / np.bincount(row, weight)[row], row, len(number))
+    family = family_of(hypotheses, priors)
+    return number, _Blend(hypotheses, mixture, family, *flight.burnouts(family, hypotheses.spread))
+
+
+def _stands(blend: _Blend, tick_s: float, basis: Basis) -> tuple[Moments, FloatArray, Moments]:
     """Return states at a tick, the radii of their ellipsoids, and launches, by track."""
-    states = _states(hypotheses, family, tick_s, *ends, priors, forces)
+    states, mixture = _states(blend, tick_s, basis), blend.mixture
     state = _blended(states, mixture, False)
     sigmas = holding_sigmas(states, mixture.weight, mixture.row, state)
-    return state, sigmas, _blended(_launches(hypotheses, family), mixture, True)
+    return state, sigmas, _blended(_launches(blend.hypotheses, blend.family), mixture, True)
 
 
-def _fallen(
-    hypotheses: Hypotheses,
-    mixture: "_Mixture",
-    family: Family,
-    ends: tuple[Moments, FloatArray],
-    priors: Priors,
-    forces: "ForceModel",
-    largest_m: float,
-    memory: Memory | None,
-) -> tuple[Moments, FloatArray]:
+def _fallen(blend: _Blend, basis: Basis) -> tuple[Moments, FloatArray]:
     """Return impacts by track, those that are told, and the radii of their ellipses."""
-    impacts, arcs = _impacts(hypotheses, family, *ends, priors, forces, memory)
+    (impacts, arcs), mixture = _impacts(blend, basis), blend.mixture
     impact = _blended(impacts, mixture, True)
     sigmas = containing_sigmas(arcs, mixture.weight, mixture.row, impact)
-    _withhold_vague(impact, sigmas, largest_m)
+    _withhold_vague(impact, sigmas, basis.largest_impact_m)
     return impact, sigmas
 
 
@@ -126,35 +127,19 @@ class _Mixture(NamedTuple):
         return found
 
 
-def _mixtures(hypotheses: Hypotheses, probability: FloatArray) -> tuple[Hypotheses, IntArray, _Mixture]:
-    """Return the hypotheses that count, the numbers of their tracks, and how they are mixed."""
-    kept = np.flatnonzero(probability >= _LEAST)
-    number, row = np.unique(hypotheses.track[kept], return_inverse=True)
-    weight = probability[kept]
-    return hypotheses.take(kept), number, _Mixture(weight / np.bincount(row, weight)[row], row, len(number))
-
-
-def _impacts(
-    hypotheses: Hypotheses,
-    family: Family,
-    ends: Moments,
-    slope: FloatArray,
-    priors: Priors,
-    forces: "ForceModel",
-    memory: Memory | None,
-) -> tuple[Moments, Arcs]:
+def _impacts(blend: _Blend, basis: Basis) -> tuple[Moments, Arcs]:
     """Return impacts; where the end of the burn is open, as sums over when it may come, along arcs."""
-    spread = hypotheses.spread
-    gain, variance = family.with_end(spread)
+    hypotheses, ends, spread = blend.hypotheses, blend.ends, blend.hypotheses.spread
+    gain, variance = blend.family.with_end(spread)
     opens = variance > _OPEN**2
     rows, closed = np.flatnonzero(opens), np.flatnonzero(~opens)
     parts = []
     if len(closed):
-        found = flight.impacts(ends.take(closed), slope[closed], spread[closed], forces)
+        found = flight.impacts(ends.take(closed), blend.slope[closed], spread[closed], basis.forces)
         parts.append((found, Arcs.still(found, hypotheses.end[closed, 0], hypotheses.end_quantiles[closed])))
     if len(rows):
         apart = hypotheses.take(rows), ends.take(rows), gain[rows], variance[rows]
-        parts.append(open_impacts(*apart, priors, forces, memory))
+        parts.append(open_impacts(*apart, basis.priors, basis.forces, basis.memory))
     order = np.argsort(np.concatenate([closed, rows]))
     impacts, arcs = zip(*parts, strict=True)
     return Moments.concatenate(impacts).take(order), Arcs.concatenate(arcs).take(order)
@@ -178,20 +163,13 @@ def _semi_axis_95(covariance: FloatArray, sigmas: FloatArray) -> FloatArray:
     return semi_axis
 
 
-def _states(
-    hypotheses: Hypotheses,
-    family: Family,
-    tick_s: float,
-    ends: Moments,
-    slope: FloatArray,
-    priors: Priors,
-    forces: "ForceModel",
-) -> Moments:
+def _states(blend: _Blend, tick_s: float, basis: Basis) -> Moments:
     """Return states (n, 6) at a tick; of what one sensor alone has seen, with what is open of the ends of burns."""
-    state = flight.states(family, hypotheses.spread, tick_s, ends, slope, forces)
+    hypotheses, family = blend.hypotheses, blend.family
+    state = flight.states(family, hypotheses.spread, tick_s, blend.ends, blend.slope, basis.forces)
     alone = np.flatnonzero(np.count_nonzero(hypotheses.weight > 0.0, axis=1) < 2)
     state = with_ends(state, hypotheses, family, alone, tick_s)
-    state.covariance[...] += _doubts(hypotheses, family, tick_s, state.mean, priors)
+    state.covariance[...] += _doubts(hypotheses, family, tick_s, state.mean, basis.priors)
     return state
 
 

@@ -12,7 +12,7 @@ from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.beginning import caught_up
 from opir_core.tracking.profile.fit import Hypotheses
 from opir_core.tracking.profile.priors import priors_of
-from opir_core.tracking.profile.report import report
+from opir_core.tracking.profile.report import Basis, report
 from opir_core.tracking.profile.strain import Bank
 from opir_core.tracking.profile.trust import apart, blended, typed
 from opir_core.tracking.rays import Rays, no_rays
@@ -90,8 +90,9 @@ class ProfileTracker:
         finer = self._fitting.parts(self._bank, tick_s)
         parts = None if finer is None else _weighed(finer, followed)
         mixed = _weighed(self._bank.hypotheses, followed)
-        memory, priors = self._fitting.memory(self._bank), self._fitting.priors
-        told = report(*mixed, tick_s, priors, self._forces, self._largest_impact_m, parts, memory)
+        memory = self._fitting.memory(self._bank)
+        basis = Basis(self._fitting.priors, self._forces, memory, self._largest_impact_m)
+        told = report(*mixed, tick_s, basis, parts)
         sound = np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2))
         followed = typed(followed)
         told = self._trusted(told.take(sound), followed)
