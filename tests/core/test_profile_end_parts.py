@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from exact_boosts import sampled_impacts
+from exact_boosts import Looks, effective, impacts_of, sampled
 from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 
 from opir_core.scene import TARGET_TYPES
@@ -57,8 +57,10 @@ def test_ellipses_late_in_the_burn_hold_what_they_say_of_exact_posteriors(late):
         mine, rows = (each.take(each.track == number) for each in (bank.hypotheses, bank.rows))
         mine = evolve(mine, kind=np.full(len(mine), TARGET_TYPES.index("SRBM")))
         seen = bank.seen.of(np.array([number]))
-        impacts, weight, count = sampled_impacts(mine, rows, seen.first_s.min(), seen.last_s.max(), 5000, number)
-        if count > 60.0:
+        looks = Looks.of(seen, float(TICKS), 0.05, 0.85)
+        boosts, weight = sampled(mine, rows, looks, 5000, number, starts=False)
+        impacts = impacts_of(boosts)
+        if effective(weight) > 60.0:
             found.append([held(told, row, impacts, weight) for told in both])
     assert len(found) >= 12
     linear, anew = np.mean(found, axis=0)

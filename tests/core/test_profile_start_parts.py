@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from attrs import evolve
-from exact_boosts import sampled_states
+from exact_boosts import Looks, effective, sampled, states_of
 from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 from scipy.integrate import quad
 from scipy.stats import halfnorm, norm
@@ -123,9 +123,10 @@ def test_states_are_told_as_surely_as_exact_posteriors_have_them():
     for row, number in enumerate(whole.track.tolist()):
         mine, rows = (each.take(each.track == number) for each in (bank.hypotheses, bank.rows))
         mine, seen = evolve(mine, kind=np.full(len(mine), kind)), bank.seen.of(np.array([number]))
-        span_s = seen.first_s.min(), seen.last_s.max()
-        states, weight, count = sampled_states(mine, rows, *span_s, tick_s, 5000, number)
-        assert count > 100.0
+        looks = Looks.of(seen, tick_s, 0.1, 0.7)
+        boosts, weight = sampled(mine, rows, looks, 5000, number, ends=False)
+        assert effective(weight) > 100.0
+        states = states_of(boosts, tick_s)
         found.append([expected_square(told, row, states, weight) for told in (whole, apart)])
     of_whole, of_parts = np.mean(found, axis=0)
     # The samples of a dozen flights leave a mean uncertain by 0.03.

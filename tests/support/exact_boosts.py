@@ -1,7 +1,9 @@
-"""Posteriors of boosts that one sensor sees, by importance sampling: what the fit's moments are held against.
+"""Posteriors of boosts that sensors see, by importance sampling: what the fit's moments are held against.
 
 Nothing in what is sampled is linear: rows are residuals of the paths themselves, priors those of natural parameters.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
@@ -11,7 +13,7 @@ from opir_core.tracking.profile import fit, flight
 from opir_core.tracking.profile.coordinates import natural
 from opir_core.tracking.profile.family import BURN, EAST, LIFT, NORTH, SPEED, START, TURN_EAST, TURN_NORTH
 from opir_core.tracking.profile.fit import Hypotheses
-from opir_core.tracking.profile.hypotheses import joined
+from opir_core.tracking.profile.hypotheses import joined, probability
 
 #: Degrees of freedom and widening of the mixture that is drawn from; by how much shares of its parts are evened out.
 FREEDOM, WIDER, EVENER = 6.0, 1.2, 0.6
@@ -23,11 +25,38 @@ SOONER_S, NEAR_S = np.arange(0.5, 26.0, 3.0), 1.8
 LATER_S, NEAR = np.append(0.0, np.geomspace(0.15, 60.0, 11)), 0.6
 
 
-def log_posterior(x, hypothesis, rows, first_s, last_s):
-    """Return log posteriors (n,) of parameters (n, 10), counted from a hypothesis's anchor, and the paths.
+#: Hypotheses less probable than this lead nowhere else, nor starts that are less likely than the best by this share;
+#: weights of what is drawn below this, of the largest, are left out.
+TELLING, LEADING, COUNTED = 2e-3, 1e-2, 1e-7
 
-    `first_s` is the first light and `last_s` the last, scene times: the burn lasted until then.
+
+class Looks(NamedTuple):
+    """When like sensors saw light of a burn, scene times: the first of all, and of each (sensors,) the last.
+
+    After that they looked every `period_s` until `until_s` (sensors,), and would have seen it with a chance each time.
     """
+
+    first_s: float
+    last_s: np.ndarray
+    until_s: np.ndarray
+    period_s: float
+    chance: float
+
+    @classmethod
+    def of(cls, seen, tick_s, period_s, chance):
+        """Return the looks at one track, of which this is seen, until a tick."""
+        last_s = seen.last_s[0]
+        return cls(seen.first_s.min(), last_s, np.maximum(tick_s - seen.travel_s[0], last_s), period_s, chance)
+
+    def log_lasted(self, end_s):
+        """Return the log likelihoods (n,) of what was seen, and then not, were the burn to end at times (n,)."""
+        unseen_s = np.minimum(end_s[:, None], self.until_s) - self.last_s
+        missed = np.maximum(np.floor(unseen_s / self.period_s - 1e-6), 0.0).sum(axis=1)
+        return np.where(end_s > self.last_s.max(), missed * np.log1p(-self.chance), -np.inf)
+
+
+def log_posterior(x, hypothesis, rows, looks):
+    """Return log posteriors (n,) of parameters (n, 10), counted from a hypothesis's anchor."""
     count, priors = len(x), PRIORS.take(np.repeat(hypothesis.kind, len(x)))
     paths = fit.family_of(evolve(hypothesis.take(np.zeros(count, dtype=np.int64)), parameters=x), PRIORS)
     every = rows.take(np.tile(np.arange(len(rows)), count))
@@ -40,10 +69,10 @@ def log_posterior(x, hypothesis, rows, first_s, last_s):
     log -= 0.5 * np.square((length - priors.turn_rad) / priors.turn_sigma_rad) + np.log(length * found.lean**2)
     normal = [EAST, NORTH, *range(SPEED, LIFT + 1)]
     log -= 0.5 * np.sum((priors.information() * np.square(found.parameters))[:, normal], axis=1)
-    start, before, hidden = x[:, START], first_s - hypothesis.anchor_s - x[:, START], priors.hidden_s
+    start, before, hidden = x[:, START], looks.first_s - hypothesis.anchor_s - x[:, START], priors.hidden_s
     told = np.log(1.98 * (before > 0.0)) - 0.5 * np.square(before / hidden)
     log += np.logaddexp(told, np.log(0.01) - 0.5 * np.square(start / hidden))
-    return np.where(paths.burnout_s > last_s, log, -np.inf), paths
+    return log + looks.log_lasted(paths.burnout_s)
 
 
 def sooner(hypotheses, rows, first_s):
@@ -92,26 +121,41 @@ def _near(again, rows, wanted, width):
     return again
 
 
-def sampled_states(hypotheses, rows, first_s, last_s, tick_s, count, seed):
-    """Return states (m, 6) at a tick of a burn that one track's hypotheses tell, their weights, and how many count."""
-    again = sooner(hypotheses, rows, first_s)
-    paths, sound, weight = _sampled(hypotheses, again, rows, first_s, last_s, count, seed)
-    here = paths.places(sound, np.full(len(sound), tick_s))
-    return np.concatenate([here.position_m, here.velocity_m_s], axis=1), weight, 1.0 / np.square(weight).sum()
+def states_of(drawn, tick_s):
+    """Return the states (m, 6) at a tick of boosts, in free flight once their burns are over."""
+    family, nothing = fit.family_of(drawn, PRIORS), np.zeros((len(drawn), 10, 10))
+    return flight.states(family, nothing, tick_s, *flight.burnouts(family, nothing), "kepler").mean
 
 
-def sampled_impacts(hypotheses, rows, first_s, last_s, count, seed):
-    """Return impacts (m, 3) of a burn that one track's hypotheses tell, their weights, and how many count."""
-    again = later(hypotheses, rows, last_s)
-    paths, sound, weight = _sampled(hypotheses, again, rows, first_s, last_s, count, seed)
-    end_s = paths.burnout_s[sound]
-    there = paths.places(sound, end_s)
-    landed = flight.landed(np.column_stack([there.position_m, there.velocity_m_s, end_s]))
-    return landed, weight, 1.0 / np.square(weight).sum()
+def impacts_of(drawn):
+    """Return where boosts come down, (m, 3), nan of those that do not."""
+    family = fit.family_of(drawn, PRIORS)
+    there = family.places(np.arange(len(drawn)), family.burnout_s)
+    return flight.landed(np.column_stack([there.position_m, there.velocity_m_s, family.burnout_s]))
 
 
-def _sampled(hypotheses, again, rows, first_s, last_s, count, seed):
-    """Return paths drawn for one track's hypotheses, fitted again beside, which of them count, and their weights."""
+def effective(weight):
+    """Return how many of what is drawn with such weights (m,) count."""
+    return 1.0 / np.square(weight).sum()
+
+
+def sampled(hypotheses, rows, looks, count, seed, *, starts=True, ends=True):
+    """Return boosts (m,) drawn for one track's hypotheses, and their weights (m,).
+
+    They are drawn from hypotheses fitted anew near starts, near ends, or near both.
+    """
+    again = hypotheses = hypotheses.take(probability(hypotheses) > TELLING)
+    if starts:
+        again = sooner(again, rows, looks.first_s)
+        again = again.take(again.evidence > again.evidence.max() + np.log(LEADING))
+    if ends:
+        both = Hypotheses.concatenate([hypotheses, again]) if starts else again
+        again = later(both, rows, looks.last_s.max())
+    return _sampled(hypotheses, again, rows, looks, count, seed)
+
+
+def _sampled(hypotheses, again, rows, looks, count, seed):
+    """Return boosts drawn for one track's hypotheses, fitted again beside, and their weights."""
     dice = np.random.default_rng(seed)
     level = np.append(np.full(len(hypotheses), again.evidence.max()), again.evidence)
     every, share = Hypotheses.concatenate([hypotheses, again]), np.exp(EVENER * (level - level.max()))
@@ -124,7 +168,7 @@ def _sampled(hypotheses, again, rows, first_s, last_s, count, seed):
     x = every.parameters[which] + np.einsum("nij,nj->ni", root[which], normal)
     # What is drawn far out may be no boost at all.
     with np.errstate(all="ignore"):
-        log, paths = log_posterior(x, hypotheses.take([0]), rows, first_s, last_s)
+        log = log_posterior(x, hypotheses.take([0]), rows, looks)
     drawn = np.zeros(count)
     for part, mean, one in zip(share, every.parameters, root, strict=True):
         square = np.sum(np.square(np.linalg.solve(one, (x - mean).T)), axis=0)
@@ -132,6 +176,6 @@ def _sampled(hypotheses, again, rows, first_s, last_s, count, seed):
         drawn += part * height * (1.0 + square / FREEDOM) ** (-0.5 * (FREEDOM + 10.0))
     log = np.where(np.isfinite(log), log, -np.inf) - np.log(drawn)
     weight = np.exp(log - log.max())
-    sound = np.flatnonzero(weight > 1e-7)
-    weight = weight[sound] / weight[sound].sum()
-    return paths, sound, weight
+    sound = np.flatnonzero(weight > COUNTED)
+    boosts = evolve(hypotheses.take(np.zeros(len(sound), dtype=np.int64)), parameters=x[sound])
+    return boosts, weight[sound] / weight[sound].sum()
