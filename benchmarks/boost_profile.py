@@ -59,7 +59,9 @@ Of what one sensor sees the posterior is no normal distribution. Where mean and 
 NEES still has a mean of 6, but no χ² distribution: most flights lie lower and a few far higher. So the tracker tells
 how far the ellipsoids reach that hold 50, 90 and 95 % of its states (`state_sigmas`), and "as told" is ANEES on their
 scale, on which what is told right has χ²'s distribution. A star marks what is outside its 99 % band, {lower:.2f} to
-{upper:.2f} of all runs; p is that of Kolmogorov and Smirnov's test of the distribution on this scale.
+{upper:.2f} of all runs; p is that of Kolmogorov and Smirnov's test of the distribution on this scale. It is below
+{least_p} in {few} of {cells} cells, where chance alone has it so in {by_chance:.1f}. How much of exact posteriors lies
+in the same ellipses, and in the ellipsoids of states, another [benchmark](exact_posteriors.md) tells to half a percent.
 
 ![Errors over the expected bound, ANEES, and shares of impacts in their 95 % ellipse](boost_profile.svg)
 
@@ -92,6 +94,7 @@ class Line(NamedTuple):
 
     text: str
     cell: Cell
+    p_value: float
     is_doubted: bool
 
 
@@ -112,13 +115,13 @@ def ratio(rows: list[dict[str, float]], name: str, bound: float) -> tuple[str, f
     return " | ".join(texts), float(np.sqrt(whole[0] / whole[1]))
 
 
-def anees(values: np.ndarray, as_told: np.ndarray) -> tuple[str, float, bool]:
-    """Return ANEES of values (n,), over six, with its interval, as told, and p; that told, and if it is doubted."""
+def anees(values: np.ndarray, as_told: np.ndarray) -> tuple[str, float, float, bool]:
+    """Return ANEES of values (n,), over six, with its interval, as told, and p; that told, p, and if it is doubted."""
     told, over = consistency(as_told, 6), values / 6.0
     low, high = np.quantile(over[drawn(len(over), 4000)].mean(axis=1), (0.005, 0.995))
     wide, far = "" if low <= 1.0 <= high else " †", "" if told.is_inside else " *"
     text = f"{over.mean():.2f} ({low:.2f}, {high:.2f}){wide} | {told.mean / 6.0:.2f}{far} | {told.p_value:.2f}"
-    return text, told.mean / 6.0, bool(wide + far) or told.p_value < _LEAST_P
+    return text, told.mean / 6.0, told.p_value, bool(wide + far) or told.p_value < _LEAST_P
 
 
 def held_of(impact: np.ndarray) -> tuple[float, ...]:
@@ -133,7 +136,9 @@ def cells(kind: str, model: str, sensors: int, part: dict[str, Any]) -> Iterator
         mine = [row for row in part["rows"] if row["mark"] == mark]
         if len(mine) < 2:
             continue
-        state, over_six, is_doubted = anees(*(np.array([row[each] for row in mine]) for each in ("nees", "told nees")))
+        state, over_six, p_value, is_doubted = anees(
+            *(np.array([row[each] for row in mine]) for each in ("nees", "told nees"))
+        )
         impact = np.array([row["impact nees"] for row in mine])
         *shares, low, high = (100.0 * each for each in held_of(impact))
         bound = van_trees(part["sums"][str(mark)])
@@ -145,7 +150,7 @@ def cells(kind: str, model: str, sensors: int, part: dict[str, Any]) -> Iterator
             f"| {' / '.join(f'{share:.0f}' for share in shares)} ({low:.0f}, {high:.0f}) |"
         )
         is_doubted |= (mark > 0 and max(over) > _EFFICIENT) or not _HELD[0] <= shares[2] <= _HELD[1]
-        yield Line(text, Cell(kind, model, sensors, mark, *over, over_six, shares[2]), is_doubted)
+        yield Line(text, Cell(kind, model, sensors, mark, *over, over_six, shares[2]), p_value, is_doubted)
 
 
 #: What errors over the expected bound are to stay below from half a burn on.
@@ -208,7 +213,7 @@ def main() -> None:
             again += [line for line in cells(kind, model, sensors, whole) if line.cell.mark in doubted]
     print("\n".join(line.text for line in again))
     if chosen.write:
-        write(chosen.write, chosen, [line.text for line in found], [line.text for line in again])
+        write(chosen.write, chosen, found, [line.text for line in again])
         plot([line.cell for line in found], MARKS, chosen.write / "boost_profile.svg")
 
 
@@ -242,7 +247,7 @@ def joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
     return whole
 
 
-def write(folder: Path, chosen: argparse.Namespace, found: list[str], again: list[str]) -> None:
+def write(folder: Path, chosen: argparse.Namespace, found: list[Line], again: list[str]) -> None:
     """Write the page."""
     whole = chosen.runs * chosen.batches
     band = consistency(np.ones(whole), 6)
@@ -258,7 +263,11 @@ def write(folder: Path, chosen: argparse.Namespace, found: list[str], again: lis
         high=100.0 * (0.95 + 2.0 * np.sqrt(0.95 * 0.05 / whole)),
         lower=band.lower / 6,
         upper=band.upper / 6,
-        table="\n".join([*HEAD, *found]),
+        cells=len(found),
+        few=sum(line.p_value < _LEAST_P for line in found),
+        least_p=_LEAST_P,
+        by_chance=_LEAST_P * len(found),
+        table="\n".join([*HEAD, *(line.text for line in found)]),
         again=more if again else "",
     )
     (folder / "boost_profile.md").write_text(page, encoding="utf-8")
