@@ -116,7 +116,7 @@ def _near(again, rows, wanted, width):
         solution = fit.solved(near, PRIORS, np.zeros(1))
         parameters = fit.moved(again, solution.parameters, PRIORS)
         # Of widths that differ each stands for as much more.
-        evidence = solution.evidence - np.log(width)
+        evidence = np.nan_to_num(solution.evidence - np.log(width), nan=-np.inf)
         again = evolve(again, parameters=parameters, spread=solution.spread, evidence=evidence)
     return again
 
@@ -145,13 +145,15 @@ def sampled(hypotheses, rows, looks, count, seed, *, starts=True, ends=True):
     They are drawn from hypotheses fitted anew near starts, near ends, or near both.
     """
     again = hypotheses = hypotheses.take(probability(hypotheses) > TELLING)
-    if starts:
-        again = sooner(again, rows, looks.first_s)
-        again = again.take(again.evidence > again.evidence.max() + np.log(LEADING))
-    if ends:
-        both = Hypotheses.concatenate([hypotheses, again]) if starts else again
-        again = later(both, rows, looks.last_s.max())
-    return _sampled(hypotheses, again, rows, looks, count, seed)
+    # What is fitted far out, or drawn there, may be no boost at all: it is likely nowhere.
+    with np.errstate(all="ignore"):
+        if starts:
+            again = sooner(again, rows, looks.first_s)
+            again = again.take(again.evidence > again.evidence.max() + np.log(LEADING))
+        if ends:
+            both = Hypotheses.concatenate([hypotheses, again]) if starts else again
+            again = later(both, rows, looks.last_s.max())
+        return _sampled(hypotheses, again, rows, looks, count, seed)
 
 
 def _sampled(hypotheses, again, rows, looks, count, seed):
@@ -166,9 +168,7 @@ def _sampled(hypotheses, again, rows, looks, count, seed):
     which = dice.choice(len(share), count, p=share)
     normal = dice.normal(size=(count, 10)) / np.sqrt(dice.chisquare(FREEDOM, count) / FREEDOM)[:, None]
     x = every.parameters[which] + np.einsum("nij,nj->ni", root[which], normal)
-    # What is drawn far out may be no boost at all.
-    with np.errstate(all="ignore"):
-        log = log_posterior(x, hypotheses.take([0]), rows, looks)
+    log = log_posterior(x, hypotheses.take([0]), rows, looks)
     drawn = np.zeros(count)
     for part, mean, one in zip(share, every.parameters, root, strict=True):
         square = np.sum(np.square(np.linalg.solve(one, (x - mean).T)), axis=0)
