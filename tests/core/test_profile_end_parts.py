@@ -8,10 +8,12 @@ from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_o
 
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile import fit
+from opir_core.tracking.profile import report as report_module
 from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.end_parts import given_ends
 from opir_core.tracking.profile.flight import on_ground
 from opir_core.tracking.profile.hypotheses import probability
+from opir_core.tracking.profile.open_impacts import open_impacts
 from opir_core.tracking.profile.report import Basis, report
 
 TICKS = 76
@@ -103,3 +105,16 @@ def test_only_impacts_are_told_anew(late):
         assert np.array_equal(getattr(whole, name), getattr(apart, name), equal_nan=True)
     assert np.all(np.any(whole.impact != apart.impact, axis=1))
     assert np.linalg.eigvalsh(apart.impact_covariance).min() > 0.0
+
+
+def test_what_is_too_vague_to_be_told_is_not_linearised_anew(late, monkeypatch):
+    fitting, bank = late
+    asked = []
+    monkeypatch.setattr(report_module, "open_impacts", lambda *given: asked.append(given) or open_impacts(*given))
+    likely, memory = bank.hypotheses, fitting.memory(bank)
+    for largest_m, times in ((1e3, 1), (1e6, 2)):
+        asked.clear()
+        basis = Basis(fitting.priors, "kepler", memory, largest_m)
+        told = report(likely, probability(likely), float(TICKS), basis)
+        assert len(asked) == times
+        assert np.isnan(told.impact).all() == (times == 1)

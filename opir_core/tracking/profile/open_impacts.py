@@ -50,7 +50,7 @@ def open_impacts(
 
     `ends` are those of the hypotheses (n,), `variance` (n,) those of the logarithms of the burns' ends, the
     parameters' covariance with which is the gain (n, 10). Impacts are sums over when the burn may end; ends from which
-    nothing comes down are left out: targets do. With `memory` what one sensor alone has seen is linearised anew there.
+    nothing comes down are left out: targets do. With `memory` all that is remembered is linearised anew at each end.
     """
     count, (nodes, weights) = len(variance), (hypotheses.end[:, 0], hypotheses.end[:, 1])
     parts, left, log = _by_ends(hypotheses, gain, variance, priors, memory)
@@ -92,23 +92,20 @@ def _by_ends(
 def _linearised_anew(
     hypotheses: Hypotheses, origin: IntArray, parts: Hypotheses, found: Placed, away: FloatArray, memory: Memory
 ) -> tuple[Hypotheses, Placed]:
-    """Return parts (m,) of hypotheses (n,), and what was found of them, anew where one sensor alone has seen them.
+    """Return parts (m,) of hypotheses (n,), and what was found of them, anew where that is sound.
 
     `away` (m,) is by how much the logarithms of their burns' lengths differ from those of the hypotheses at `origin`.
     """
-    alone = np.flatnonzero(memory.seen.are_alone(hypotheses.track))
-    mine = np.flatnonzero(np.isin(origin, alone))
-    if not len(mine):
-        return parts, found
-    lone, whose = hypotheses.take(alone), np.searchsorted(alone, origin[mine])
-    stood = family_of(lone, memory.priors)
-    end_s = stood.start_s[whose] + stood.courses.burn_s[whose] * np.exp(away[mine])
-    anew = given_ends(lone, whose, parts.take(mine), end_s, memory)
+    stood = family_of(hypotheses, memory.priors)
+    end_s = stood.start_s[origin] + stood.courses.burn_s[origin] * np.exp(away)
+    anew = given_ends(hypotheses, origin, parts, end_s, memory)
     sound = np.isfinite(anew.parameters).all(axis=1) & np.isfinite(anew.spread).all(axis=(1, 2))
     sound &= np.isfinite(anew.log)
-    found = Placed(parts.parameters.copy(), found.spread.copy(), found.log.copy())
-    for whole, part in zip(found, anew, strict=True):
-        whole[mine[sound]] = part[sound]
+    found = Placed(
+        np.where(sound[:, None], anew.parameters, parts.parameters),
+        np.where(sound[:, None, None], anew.spread, found.spread),
+        np.where(sound, anew.log, found.log),
+    )
     return evolve(parts, parameters=found.parameters), found
 
 

@@ -106,11 +106,41 @@ def _stands(blend: _Blend, tick_s: float, basis: Basis) -> tuple[Moments, FloatA
 
 def _fallen(blend: _Blend, basis: Basis) -> tuple[Moments, FloatArray]:
     """Return impacts by track, those that are told, and the radii of their ellipses."""
-    (impacts, arcs), mixture = _impacts(blend, basis), blend.mixture
-    impact = _blended(impacts, mixture, True)
-    sigmas = containing_sigmas(arcs, mixture.weight, mixture.row, impact)
+    impacts, arcs = _impacts(blend, basis)
+    impact, sigmas = _contained(impacts, arcs, blend.mixture)
+    rows = _to_be_linearised(blend, basis, _semi_axis_95(impact.covariance, sigmas[:, -1]))
+    if len(rows):
+        gain, variance = blend.family.with_end(blend.hypotheses.spread)
+        apart = blend.hypotheses.take(rows), blend.ends.take(rows), gain[rows], variance[rows]
+        anew = open_impacts(*apart, basis.priors, basis.forces, basis.memory)
+        impacts.overwrite(rows, anew[0])
+        arcs.overwrite(rows, anew[1])
+        impact, sigmas = _contained(impacts, arcs, blend.mixture)
     _withhold_vague(impact, sigmas, basis.largest_impact_m)
     return impact, sigmas
+
+
+def _contained(impacts: Moments, arcs: Arcs, mixture: "_Mixture") -> tuple[Moments, FloatArray]:
+    """Return impacts by track, and the radii of their ellipses, of those of hypotheses (n,)."""
+    impact = _blended(impacts, mixture, True)
+    return impact, containing_sigmas(arcs, mixture.weight, mixture.row, impact)
+
+
+def _to_be_linearised(blend: _Blend, basis: Basis, semi_axis_m: FloatArray) -> IntArray:
+    """Return which hypotheses are to be linearised anew at the ends of their burns, where these are open.
+
+    That is those of what one sensor alone has seen, where the ellipse, semi-axes by track, may be told.
+    """
+    if basis.memory is None:
+        return np.empty(0, dtype=np.int64)
+    may = ~(semi_axis_m > _SHRINKS * basis.largest_impact_m)[blend.mixture.row]
+    _, variance = blend.family.with_end(blend.hypotheses.spread)
+    may &= (variance > _OPEN**2) & basis.memory.seen.are_alone(blend.hypotheses.track)
+    return np.flatnonzero(may)
+
+
+#: No ellipse that is linearised anew is smaller than it was by more than this.
+_SHRINKS = 2.0
 
 
 class _Mixture(NamedTuple):
@@ -139,7 +169,7 @@ def _impacts(blend: _Blend, basis: Basis) -> tuple[Moments, Arcs]:
         parts.append((found, Arcs.still(found, hypotheses.end[closed, 0], hypotheses.end_quantiles[closed])))
     if len(rows):
         apart = hypotheses.take(rows), ends.take(rows), gain[rows], variance[rows]
-        parts.append(open_impacts(*apart, basis.priors, basis.forces, basis.memory))
+        parts.append(open_impacts(*apart, basis.priors, basis.forces))
     order = np.argsort(np.concatenate([closed, rows]))
     impacts, arcs = zip(*parts, strict=True)
     return Moments.concatenate(impacts).take(order), Arcs.concatenate(arcs).take(order)
