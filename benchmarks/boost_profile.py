@@ -1,6 +1,6 @@
 """boost-profile on targets of its own family: error over the bound, consistency, and what impact ellipses hold.
 
-    python benchmarks/boost_profile.py [--runs 150] [--batches 4] [--pool 3] [--only SRBM] [--parts FOLDER]
+    python benchmarks/boost_profile.py [--runs 150] [--batches 4] [--again 2] [--only SRBM] [--parts FOLDER]
                                        [--write FOLDER]
 
 Flights are drawn from the tracker's own priors, that of how long clouds hide a boost at first among them. One or two
@@ -44,7 +44,7 @@ from opir_core.scoring.consistency import consistency, containment
 
 PAGE = """# The tracker boost-profile on its own family
 
-Made by `python benchmarks/boost_profile.py --runs {runs} --batches {batches} --pool {pool} --write docs/benchmarks`.
+Made by `python benchmarks/boost_profile.py --runs {runs} --batches {batches} --again {again_batches} --write docs/benchmarks`.
 
 {docstring}
 
@@ -69,11 +69,12 @@ in the same ellipses, and in the ellipsoids of states, another [benchmark](exact
 {again}"""
 
 AGAIN = """
-## Cells in doubt, of more flights
+## Cells in doubt, of other flights
 
 Cells with a star or a dagger above, or p below 0.01, those of half a burn or more with errors over 1.10 of what is
-expected, and those whose 95 % ellipses hold fewer than 93 or more than 97 %, are told again of {whole} runs, those
-above among them.
+expected, and those whose 95 % ellipses hold fewer than 93 or more than 97 %, are told again of up to {whole} other
+flights, none of those above among them: flights that have raised a doubt cannot settle it, for of so many cells the
+farthest off are the unluckiest. p is below {least_p} in {few} of {cells}.
 
 {table}
 """
@@ -190,7 +191,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=150, help="flights of a batch, flown together")
     parser.add_argument("--batches", type=int, default=1, help="so many batches, with seeds from the first on")
     parser.add_argument(
-        "--pool", type=int, default=1, help="tell cells in doubt again, of so many times as many batches"
+        "--again", type=int, default=0, help="tell cells in doubt again, of so many batches of other flights"
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=TARGET_TYPES)
@@ -203,23 +204,28 @@ def main() -> None:
     print("\n".join(HEAD))
     for sensors, model, kind in product((2, 1), SENSORS, TARGET_TYPES[::-1]):
         if chosen.only in (None, kind):
-            fresh = list(cells(kind, model, sensors, batches_of(kind, model, sensors, chosen.batches, chosen)))
+            fresh = list(cells(kind, model, sensors, batches_of(kind, model, sensors, seeds_of(chosen), chosen)))
             print("\n".join(line.text for line in fresh), flush=True)
             found += fresh
     for sensors, model, kind in product((2, 1), SENSORS, TARGET_TYPES[::-1]):
         doubted = {line.cell.mark for line in found if line.is_doubted and line.cell[:3] == (kind, model, sensors)}
-        if doubted and chosen.pool > 1:
-            whole = batches_of(kind, model, sensors, chosen.batches * chosen.pool, chosen)
-            again += [line for line in cells(kind, model, sensors, whole) if line.cell.mark in doubted]
+        if doubted and chosen.again:
+            fresh = batches_of(kind, model, sensors, seeds_of(chosen, is_again=True), chosen)
+            again += [line for line in cells(kind, model, sensors, fresh) if line.cell.mark in doubted]
     print("\n".join(line.text for line in again))
     if chosen.write:
-        write(chosen.write, chosen, found, [line.text for line in again])
+        write(chosen.write, chosen, found, again)
         plot([line.cell for line in found], MARKS, chosen.write / "boost_profile.svg")
 
 
-def batches_of(kind: str, model: str, sensors: int, batches: int, chosen: argparse.Namespace) -> dict[str, Any]:
-    """Return what came of so many batches of one class and sensors."""
-    seeds = range(chosen.seed, chosen.seed + batches)
+def seeds_of(chosen: argparse.Namespace, *, is_again: bool = False) -> range:
+    """Return the seeds of the batches of all cells, or of those behind them, with which cells in doubt are told."""
+    first = chosen.seed + chosen.batches * is_again
+    return range(first, first + (chosen.again if is_again else chosen.batches))
+
+
+def batches_of(kind: str, model: str, sensors: int, seeds: range, chosen: argparse.Namespace) -> dict[str, Any]:
+    """Return what came of batches of one class and sensors."""
     return joined([part_of(kind, model, sensors, seed, chosen) for seed in seeds])
 
 
@@ -247,16 +253,22 @@ def joined(parts: list[dict[str, Any]]) -> dict[str, Any]:
     return whole
 
 
-def write(folder: Path, chosen: argparse.Namespace, found: list[Line], again: list[str]) -> None:
+def write(folder: Path, chosen: argparse.Namespace, found: list[Line], again: list[Line]) -> None:
     """Write the page."""
     whole = chosen.runs * chosen.batches
     band = consistency(np.ones(whole), 6)
-    more = AGAIN.format(whole=f"up to {whole * chosen.pool}", table="\n".join([*HEAD, *again]))
+    more = AGAIN.format(
+        whole=chosen.runs * chosen.again,
+        least_p=_LEAST_P,
+        few=sum(line.p_value < _LEAST_P for line in again),
+        cells=len(again),
+        table="\n".join([*HEAD, *(line.text for line in again)]),
+    )
     page = PAGE.format(
         docstring="\n\n".join((__doc__ or "").strip().split("\n\n")[2:]),
         runs=chosen.runs,
         batches=chosen.batches,
-        pool=chosen.pool,
+        again_batches=chosen.again,
         whole=whole,
         ratio=100.0 / np.sqrt(2 * 2.5 * whole),
         low=100.0 * (0.95 - 2.0 * np.sqrt(0.95 * 0.05 / whole)),
