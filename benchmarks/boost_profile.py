@@ -44,7 +44,7 @@ from opir_core.scoring.consistency import consistency, containment
 
 PAGE = """# The tracker boost-profile on its own family
 
-Made by `python benchmarks/boost_profile.py --runs {runs} --batches {batches} --again {again_batches} --write docs/benchmarks`.
+Made by `python benchmarks/boost_profile.py --runs {runs} --batches {batches} --again {fresh} --write docs/benchmarks`.
 
 {docstring}
 
@@ -268,7 +268,7 @@ def write(folder: Path, chosen: argparse.Namespace, found: list[Line], again: li
         docstring="\n\n".join((__doc__ or "").strip().split("\n\n")[2:]),
         runs=chosen.runs,
         batches=chosen.batches,
-        again_batches=chosen.again,
+        fresh=chosen.again,
         whole=whole,
         ratio=100.0 / np.sqrt(2 * 2.5 * whole),
         low=100.0 * (0.95 - 2.0 * np.sqrt(0.95 * 0.05 / whole)),

@@ -21,13 +21,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
-from followed_flights import CHANCES, SIGMA_RAD, followed, rows_of, sensors_of, usual
+from followed_flights import CHANCES, SIGMA_RAD, USUAL_CONFIG, followed, rows_of, sensors_of, usual
 from other_flights import Flown, away_from, flown
 
 from opir_core.flight.forces import Drag, Forces
 from opir_core.records import Tracks
 from opir_core.scene import TARGET_TYPES
 from opir_core.scoring.consistency import containment, nees, on_normal_scale
+from opir_core.tracking.configs import BoostProfileConfig
 
 #: The tracker's gate, standard deviations; from geostationary orbit the Earth is so wide, rad.
 GATE, DISC_RAD = 4.5, 0.15
@@ -47,7 +48,7 @@ TRACKERS = ("boost-profile", "stereo-filter")
 class Case(NamedTuple):
     """What is unlike the assumptions: the course, what the sensors do, and the forces on the truth and the tracker's.
 
-    `told_bias_rad` is what sensors say of their bias.
+    `told_bias_rad` is what sensors say of their bias, `config` what is set of boost-profile.
     """
 
     words: str
@@ -56,11 +57,13 @@ class Case(NamedTuple):
     told_bias_rad: float = 0.0
     flies: Any = "kepler"
     believes: Any = "kepler"
+    config: BoostProfileConfig = USUAL_CONFIG
 
 
 _BIAS = 3.0 * SIGMA_RAD
 _NEAR = (("outliers", 0.3), ("astray_rad", GATE * SIGMA_RAD))
 _FIELD = (("outliers", 0.3), ("astray_rad", DISC_RAD), ("everywhere", True))
+_ASKED = BoostProfileConfig(impacts_in_burn=True)
 CASES = {
     "family": Case("its own family"),
     "staged": Case("stages, two (ICBM: three), with gaps", "staged"),
@@ -73,6 +76,9 @@ CASES = {
     "outliers-near": Case("30 % outliers, evenly within the gate", seeing=_NEAR),
     "outliers-field": Case("30 % outliers, evenly over the Earth", seeing=_FIELD),
     "dead": Case("one sensor dies at half the burn", seeing=(("dies", 0.5),)),
+    "family-asked": Case("its own family, impacts asked for while targets burn", config=_ASKED),
+    "staged-asked": Case("stages, impacts asked for while targets burn", "staged", config=_ASKED),
+    "tabulated-asked": Case("that table, impacts asked for while targets burn", "tabulated", config=_ASKED),
 }
 
 
@@ -97,7 +103,7 @@ def measured(kind: str, case: Case, count: int, seed: int) -> list[dict[str, Any
     def asked(tick_s: float) -> np.ndarray:
         return np.flatnonzero(marks_at(truth, tick_s) >= 0)
 
-    for tick in followed(truth, seeing, seed, until_s, sensors, case.believes, asked=asked):
+    for tick in followed(truth, seeing, seed, until_s, sensors, case.believes, asked=asked, config=case.config):
         marks = marks_at(truth, tick.time_s)
         flights = np.flatnonzero(marks >= 0)
         if not len(flights):

@@ -2,7 +2,7 @@
 
 from attrs import fields, frozen
 
-from opir_core.fields import nested, number, text
+from opir_core.fields import flag, nested, number, text
 
 ASSOCIATIONS = ("nearest", "joint")
 MOTIONS = ("boost-coast", "boost", "coast")
@@ -295,5 +295,9 @@ class BoostProfileConfig(_Follows):
         above=0.0,
         maximum=20000.0,
         help="an impact whose 95 % ellipse has a longer semi-axis is not told",
+    )
+    impacts_in_burn: bool = flag(
+        default=False,
+        help="tell impacts while targets burn: they are right only of those that burn on as their class does",
     )
     priors: BoostPriorsConfig = nested(default=BoostPriorsConfig(), help="what is taken for granted of each class")

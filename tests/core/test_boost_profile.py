@@ -167,8 +167,9 @@ def test_a_scene_is_tracked_to_launch_and_impact():
 
 
 def test_an_impact_that_could_be_anywhere_is_not_told():
+    tracker = {"model": "boost-profile", "impacts_in_burn": True}
     near, far = (
-        simulate(scene(duration_s=20.0, tracker={"model": "boost-profile", "largest_impact_km": limit})).tracks
+        simulate(scene(duration_s=20.0, tracker={**tracker, "largest_impact_km": limit})).tracks
         for limit in (50.0, 20000.0)
     )
     assert np.isnan(near.impact[-1]).all()

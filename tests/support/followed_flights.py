@@ -20,6 +20,9 @@ from opir_core.tracking.stereo.tracker import stereo_filter
 PERIOD_S, SIGMA_RAD = 0.1, 20e-6
 CHANCES = dict(zip(TARGET_TYPES, (0.80, 0.72, 0.60), strict=True))
 
+#: What a scene that sets nothing has.
+USUAL_CONFIG = BoostProfileConfig()
+
 
 class Tick(NamedTuple):
     """A tick: what is told, what the filter within tells, and how many detections tracks and flights share."""
@@ -95,15 +98,17 @@ def detections_of(rays):
     )
 
 
-def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", *, fitted=True, asked=None):
+def followed(
+    truth, seeing, seed, until_s, sensors=None, forces="kepler", *, fitted=True, asked=None, config=USUAL_CONFIG
+):
     """Yield the ticks, one a second, of a tracker that sees flights; unless `fitted`, of stereo-filter alone.
 
-    `asked` says which flights a tick is asked of; of others the fit need not tell.
+    `asked` says which flights a tick is asked of; of others the fit need not tell. `config` is that of boost-profile.
     """
     owner, rays = seen(truth, seeing, seed)
     context = TrackerContext(sensors=sensors or sensors_of(), epoch_us=0, duration_s=1e3, forces=forces)
     if fitted:
-        tracker = boost_profile_tracker(BoostProfileConfig(), context)
+        tracker = boost_profile_tracker(config, context)
         heard = tracker._inner = Heard(tracker._inner)
         if asked:
             tracker.__class__ = Asked

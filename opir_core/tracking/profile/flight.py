@@ -31,6 +31,11 @@ class Moments(Columns):
     mean: FloatArray
     covariance: FloatArray
 
+    @classmethod
+    def unknown(cls, count: int, size: int) -> "Moments":
+        """Return nan for all."""
+        return cls(np.full((count, size), np.nan), np.full((count, size, size), np.nan))
+
 
 def burnouts(family: Family, spread: FloatArray) -> tuple[Moments, FloatArray]:
     """Return the ends of burns, ECEF position, velocity and time (n, 7), and slopes by the parameters (n, 7, 10)."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray, Tracks
+from opir_core.records import TOLD_CONTAINMENTS, FloatArray, IntArray, Tracks
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.containing import Arcs, containing_sigmas
 from opir_core.tracking.profile.doubts import doubts
@@ -35,13 +35,15 @@ class Basis(NamedTuple):
     """What estimates are worked out with: the priors of classes, the forces in free flight, and what a bank remembers.
 
     Without memory nothing is linearised anew. An impact whose 95 % ellipse has a semi-axis longer than
-    `largest_impact_m` is not told.
+    `largest_impact_m` is not told, nor that of a track which is not among `falls`, tracks by number; None stands for
+    all.
     """
 
     priors: Priors
     forces: "ForceModel"
     memory: Memory | None = None
     largest_impact_m: float = np.inf
+    falls: IntArray | None = None
 
 
 def report(
@@ -59,7 +61,7 @@ def report(
     number, whole = _blend(hypotheses, probability, basis.priors)
     state, state_sigmas, launch = _stands(whole if parts is None else _blend(*parts, basis.priors)[1], tick_s, basis)
     burnout = _blended(whole.ends, whole.mixture, False)
-    impact, impact_sigmas = _fallen(whole, basis)
+    impact, impact_sigmas = _falling(number, whole, basis)
     return Tracks(
         tick_s=np.full(len(number), tick_s),
         track=number,
@@ -86,6 +88,13 @@ class _Blend(NamedTuple):
     ends: Moments
     slope: FloatArray
 
+    def of(self, tracks: IntArray, priors: Priors) -> "_Blend":
+        """Return what is blended of tracks by place."""
+        rows = np.flatnonzero(np.isin(self.mixture.row, tracks))
+        row = np.searchsorted(tracks, self.mixture.row[rows])
+        mixture, hypotheses = _Mixture(self.mixture.weight[rows], row, len(tracks)), self.hypotheses.take(rows)
+        return _Blend(hypotheses, mixture, family_of(hypotheses, priors), self.ends.take(rows), self.slope[rows])
+
 
 def _blend(hypotheses: Hypotheses, probability: FloatArray, priors: Priors) -> tuple[IntArray, _Blend]:
     """Return the numbers of the tracks of hypotheses (n,), and those of them that count."""
@@ -103,6 +112,18 @@ def _stands(blend: _Blend, tick_s: float, basis: Basis) -> tuple[Moments, FloatA
     state = _blended(states, mixture, False)
     sigmas = holding_sigmas(states, mixture.weight, mixture.row, state)
     return state, sigmas, _blended(_launches(blend.hypotheses, blend.family), mixture, True)
+
+
+def _falling(number: IntArray, blend: _Blend, basis: Basis) -> tuple[Moments, FloatArray]:
+    """Return impacts of tracks by number (n,), of those that are to be told, and the radii of their ellipses."""
+    if basis.falls is None:
+        return _fallen(blend, basis)
+    count, tracks = len(number), np.flatnonzero(np.isin(number, basis.falls))
+    impact, sigmas = Moments.unknown(count, 3), np.full((count, len(TOLD_CONTAINMENTS)), np.nan)
+    if len(tracks):
+        found, sigmas[tracks] = _fallen(blend.of(tracks, basis.priors), basis)
+        impact.overwrite(tracks, found)
+    return impact, sigmas
 
 
 def _fallen(blend: _Blend, basis: Basis) -> tuple[Moments, FloatArray]:
@@ -226,8 +247,7 @@ def _blended(parts: Moments, mixture: _Mixture, are_places: bool) -> Moments:
     known = np.isfinite(parts.mean).all(axis=1) & np.isfinite(parts.covariance).all(axis=(1, 2))
     share = np.bincount(row[known], weight[known], count)
     values, spread, weight, row = parts.mean[known], parts.covariance[known], weight[known], row[known]
-    size = parts.mean.shape[1]
-    nothing = Moments(np.full((count, size), np.nan), np.full((count, size, size), np.nan))
+    nothing = Moments.unknown(count, parts.mean.shape[1])
     if not len(values):
         return nothing
     mixture = _Mixture(weight / share[row], row, count)

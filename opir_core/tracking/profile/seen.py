@@ -7,6 +7,7 @@ from opir_core.columns import Columns
 from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile.end import Silence
 from opir_core.tracking.profile.rows import Rows
+from opir_core.tracking.stereo.report import STAGED_S
 from opir_core.tracking.watch import Watch
 
 #: A sensor's chance of detection is believed as much as so many looks.
@@ -30,6 +31,9 @@ _MOST = 12.0
 #: another table 141 reached them, and none came back; of 520 of the family, with outliers, biases, rare looks or a
 #: sensor that fails among them, none did.
 _CERTAIN = 13.0
+
+#: A target has burnt out where its silence, were it burning, would be less probable than one in a hundred, log.
+_OUT = float(np.log(0.01))
 
 #: A sensor that saw nothing for longer may have failed, s: its silence says nothing of a burn that others see.
 _FAILED_S = 5.0
@@ -139,16 +143,36 @@ class Seen(Columns):
         first = np.append(True, np.diff(track) != 0)[: len(track)]
         since = np.where(first, latest, np.append(0.0, time_s)[: len(track)])
         pause = np.maximum(time_s - since, 0.0)[:, None]
-        hears = (before.last_s[place] > latest[:, None] - _FAILED_S) & ~watch.follows
-        looks = np.maximum((before.last_s - before.first_s)[place] / watch.period_s + 1.0, 1.0)
-        believed = _BELIEVED_LOOKS * watch.chance.mean(axis=1)
-        share = np.clip((before.hits[place] + believed) / (looks + _BELIEVED_LOOKS), 0.01, 0.9)
-        missed = np.maximum(pause / watch.period_s - 1.0, 0.0)
-        log = np.sum(np.where(hears, missed * np.log1p(-np.nan_to_num(share, nan=0.01)), 0.0), axis=1)
+        log = before.take(place).log_missed(np.maximum(pause / watch.period_s - 1.0, 0.0), watch)
         gain = np.zeros(len(self.track))
         np.maximum.at(gain, np.searchsorted(self.track, track), np.clip(_CHANCE - log, 0.0, _MOST))
         staged = np.maximum(self.staged, np.where(gain > 0.0, FIRST_STRANGE + gain + _FITTED, -np.inf))
         return evolve(self, strange=self.strange + gain, staged=staged)
+
+    def log_missed(self, looks: FloatArray, watch: Watch) -> FloatArray:
+        """Return the log chances (n,) that sensors miss burning targets in looks (n, sensors), whatever their class.
+
+        Only those sensors count that have seen the target lately, and none that follows it after the burn.
+        """
+        latest = np.max(self.last_s, axis=1)
+        hears = (self.last_s > latest[:, None] - _FAILED_S) & ~watch.follows
+        before = np.maximum((self.last_s - self.first_s) / watch.period_s + 1.0, 1.0)
+        believed = _BELIEVED_LOOKS * watch.chance.mean(axis=1)
+        share = np.clip((self.hits + believed) / (before + _BELIEVED_LOOKS), 0.01, 0.9)
+        log: FloatArray = np.sum(np.where(hears, looks * np.log1p(-np.nan_to_num(share, nan=0.01)), 0.0), axis=1)
+        return log
+
+    def dark_s(self, tick_s: float) -> FloatArray:
+        """Return for how long (n,), s, no sensor has seen the tracks."""
+        dark: FloatArray = tick_s - np.max(self.last_s, axis=1)
+        return dark
+
+    def are_out(self, tick_s: float, watch: Watch) -> BoolArray:
+        """Return of which tracks (n,) the burn is over by their silence alone, too long for chance and for a stage."""
+        since_s = np.maximum(tick_s - self.travel_s - self.last_s, 0.0)
+        missed = self.log_missed(np.floor(since_s / watch.period_s), watch)
+        out: BoolArray = (self.dark_s(tick_s) > STAGED_S) & (missed < _OUT)
+        return out
 
     def silence(self, kind: IntArray, tick_s: float, watch: Watch) -> Silence:
         """Return the silence at a tick of hypotheses (n,) of these classes, one row each.

@@ -39,6 +39,7 @@ class ProfileTracker:
         self._fitting = Fitting(priors_of(config.priors), _watch_of(context.sensors), context.light_time)
         self._forces = context.forces
         self._largest_impact_m = 1e3 * config.largest_impact_km
+        self._impacts_in_burn = config.impacts_in_burn
         self._bank = Bank.empty(len(context.sensors))
         self._pool = no_rays()
 
@@ -91,25 +92,31 @@ class ProfileTracker:
         parts = None if finer is None else _weighed(finer, followed)
         mixed = _weighed(self._bank.hypotheses, followed)
         memory = self._fitting.memory(self._bank)
-        basis = Basis(self._fitting.priors, self._forces, memory, self._largest_impact_m)
+        falls = None if self._impacts_in_burn else self._burnt_out(followed, tick_s)
+        basis = Basis(self._fitting.priors, self._forces, memory, self._largest_impact_m, falls)
         told = report(*mixed, tick_s, basis, parts)
         sound = np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2))
         followed = typed(followed)
-        told = self._trusted(told.take(sound), followed)
+        told = self._trusted(told.take(sound), followed, tick_s)
         rest = followed.take(~np.isin(followed.track, told.track))
         every = Tracks.concatenate([told, rest])
         return every.take(np.argsort(every.track, kind="stable"))
 
-    def _trusted(self, told: Tracks, followed: Tracks) -> Tracks:
+    def _burnt_out(self, followed: Tracks, tick_s: float) -> IntArray:
+        """Return the numbers of tracks whose burn is over by what no class tells: silence, or the filter."""
+        seen = self._bank.seen
+        falls = followed.track[np.isfinite(followed.impact).all(axis=1)]
+        return np.union1d(seen.track[seen.are_out(tick_s, self._fitting.watch)], falls)
+
+    def _trusted(self, told: Tracks, followed: Tracks, tick_s: float) -> Tracks:
         """Return what is told, mixed with what the filter tells by the chance that a target flies otherwise."""
         row = np.searchsorted(followed.track, told.track)
         present = np.flatnonzero(followed.track[np.minimum(row, len(followed) - 1)] == told.track)
         filtered, fitted = followed.take(row[present]), told.take(present)
         seen = self._bank.seen.of(filtered.track)
-        dark_s = filtered.tick_s - np.max(seen.last_s, axis=1)
         chance = 1.0 / (1.0 + np.exp(-seen.otherwise - apart(fitted, filtered)))
         chance[np.count_nonzero(seen.hits > 0, axis=1) < 2] = 0.0
-        mixed = blended(fitted, filtered, chance, dark_s)
+        mixed = blended(fitted, filtered, chance, seen.dark_s(tick_s))
         every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
         return every.take(np.argsort(every.track, kind="stable"))
 
