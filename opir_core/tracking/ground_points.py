@@ -8,7 +8,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, local_axes
-from opir_core.records import FloatArray
+from opir_core.records import BoolArray, FloatArray
 from opir_core.tracking.rays import turned
 
 
@@ -30,6 +30,13 @@ _CLOSE_M = 1.0
 #: What fell below the ground is followed back to this high above it, m.
 _CLEAR_M = 10.0
 
+#: Impacts of states one standard deviation off may bend away from a line by so many standard deviations of the ellipse
+#: that they make: along a bow 95 % ellipses that bend by 0.25 hold 93 %, by 0.5 hold 88, by 1 hold 80, by 3 hold 58.
+_MOST_BENT = 1.0
+
+#: An ellipse of 95 % with a longer semi-axis, m, is no plane's on a round Earth.
+_WIDEST_M, _SQUARE_95 = 3e6, 5.991
+
 #: No less than gravity's acceleration at the ground, and for some tens of kilometres below it, m/s².
 _GRAVITY_M_S2 = 10.0
 
@@ -42,7 +49,7 @@ def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Fo
     The point is that of the mean under `forces`. The covariance is spread through two-body arcs by central differences,
     one standard deviation either way: their partials differ from those under `forces` by parts in a thousand. What is
     below the ground already came down before `time_s`. nan in all of a point where one of these arcs does not come
-    down: how sure it is then cannot be said.
+    down, where they bend too far from lines, and of ellipses too wide for a plane: how sure it is then cannot be said.
     """
     points = GroundPoints.nowhere(len(state))
     if not len(state):
@@ -50,15 +57,36 @@ def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Fo
     side = np.linalg.cholesky(covariance).transpose(0, 2, 1)
     mean = state[:, None]
     every, since_s = _above(np.concatenate([mean, mean + side, mean - side], axis=1))
-    flight, fell = _fallen(every, forces)
-    # One that does not come down, nan, makes all of its row nan.
-    flight += 0.0 * np.add.reduce(flight, axis=1, keepdims=True) - since_s
-    when = time_s + flight
-    ground, landed = turned(fell[:, 0], -when[:, 0]), turned(fell[:, 1:].reshape(-1, 3), -when[:, 1:].ravel())
-    landed = landed.reshape(-1, 2, 6, 3)
-    plane = 0.5 * (landed[:, 0] - landed[:, 1]) @ local_axes(ground)[:, :2].transpose(0, 2, 1)
+    flight, fell = _fallen(every, Forces(zonal=(), gravity=forces.gravity))
+    flight -= since_s
+    landed = turned(fell.reshape(-1, 3), -(time_s + flight).ravel()).reshape(fell.shape)
+    when, ground = time_s + flight[:, 0], landed[:, 0]
+    if not forces.is_kepler:
+        forced, point = _fallen(every[:, 0], forces)
+        when = time_s + forced - since_s[:, 0]
+        ground = turned(point, -when)
+    axes = local_axes(ground)[:, :2].transpose(0, 2, 1)
+    one, other = landed[:, 1:7], landed[:, 7:]
+    plane = 0.5 * (one - other) @ axes
+    bend = np.add.reduce(0.5 * (one + other) - landed[:, :1], axis=1)[:, None] @ axes
     later = 0.5 * (flight[:, 1:7] - flight[:, 7:])
-    return _told(ground, when[:, 0], np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
+    told = _told(ground, when, np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
+    vague = ~_are_flat(told.covariance, bend[:, 0])
+    told.place[vague], told.covariance[vague] = np.nan, np.nan
+    return told
+
+
+def _are_flat(covariance: FloatArray, bend: FloatArray) -> BoolArray:
+    """Return which impacts have ellipses that can be told, by their covariances (n, 3, 3) and bends (n, 2), m."""
+    east, north, both = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
+    aside, along = bend[:, 0], bend[:, 1]
+    bent = north * aside**2 - 2.0 * both * aside * along + east * along**2
+    across = east * north - both**2
+    # No root of a variance's characteristic polynomial is larger: it is positive there, beyond half of the trace.
+    far = _WIDEST_M**2 / _SQUARE_95
+    narrow = ((far - east) * (far - north) > both**2) & (east + north < 2.0 * far)
+    flat: BoolArray = (bent <= _MOST_BENT**2 * across) & narrow
+    return flat
 
 
 def _above(state: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -85,14 +113,13 @@ def _above(state: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _fallen(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
-    """Return times to impact (n, k) and points (n, k, 3) of states (n, k, 6); all but the first on two-body arcs."""
+    """Return times to impact (...) and points (..., 3) of states (..., 6) under forces."""
     from opir_core.flight.impact_event import impact
 
-    flight, fell = impact(state[:, :, :3], state[:, :, 3:], forces=Forces(zonal=(), gravity=forces.gravity))
-    if not forces.is_kepler:
-        mean = state[:, 0]
-        flight[:, 0], fell[:, 0] = impact(mean[:, :3], mean[:, 3:], forces=forces, tolerance_m=_CLOSE_M)
-    return flight, fell
+    place_m, velocity_m_s = state[..., :3], state[..., 3:]
+    if forces.is_kepler:
+        return impact(place_m, velocity_m_s, forces=forces)
+    return impact(place_m, velocity_m_s, forces=forces, tolerance_m=_CLOSE_M)
 
 
 def _told(ground: FloatArray, when: FloatArray, plane: FloatArray) -> GroundPoints:

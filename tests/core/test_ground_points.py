@@ -64,6 +64,32 @@ def test_no_impact_is_told_without_how_sure_it_is() -> None:
     assert np.isfinite(told.covariance[1]).all()
 
 
+def test_no_ellipse_is_told_of_impacts_that_bend_away_from_it_or_go_round_the_earth() -> None:
+    """Along a ridge of positions and speeds that go together impacts lie on a bow: what is told holds a cloud."""
+    kepler, across = Forces(zonal=()), np.diag(np.repeat([300.0, 2.0], 3) ** 2)
+    ridge = np.array([0.0, 24.0, 32.0, 0.0, -0.8, 0.6])
+    reach = np.array([0.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0])
+    spread = across + reach[:, None, None] ** 2 * np.outer(ridge, ridge)
+    told = impacts(np.tile(STATE, (len(reach), 1)), spread, 0.0, kepler)
+    known = np.flatnonzero(np.isfinite(told.place).all(axis=1))
+    assert 3 <= len(known) < len(reach)
+    assert known.tolist() == list(range(len(known)))
+    flight, fell = impact(STATE[:3], STATE[3:], forces=kepler)
+    middle = turned(fell[None], -np.atleast_1d(flight))[0]
+    rng, shares = np.random.default_rng(4), []
+    for row in known:
+        cloud = rng.multivariate_normal(STATE, spread[row], 4000)
+        later, there = impact(cloud[:, :3], cloud[:, 3:], forces=kepler)
+        plane = (turned(there, -np.asarray(later)) - middle) @ local_axes(middle)[:2].T
+        square = np.sum(plane @ np.linalg.inv(told.covariance[row, :2, :2]) * plane, axis=1)
+        shares.append(np.mean(square < 5.99))
+    # The most that is told bends by a standard deviation of the ellipse across the bow.
+    assert min(shares[:3]) > 0.93
+    assert min(shares) > 0.75
+    wide = impacts(STATE[None], np.diag(np.repeat([3e5, 900.0], 3) ** 2)[None], 0.0, kepler)
+    assert np.isnan(wide.place).all()
+
+
 SITE = geodetic_to_ecef(np.radians(5.0), np.radians(20.0), 0.0)
 EAST, NORTH, UP = local_axes(SITE)
 SPIN = 7.292115e-5 * np.array([-SITE[1], SITE[0], 0.0])
