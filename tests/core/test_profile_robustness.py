@@ -19,7 +19,7 @@ from opir_core.tracking.profile.family import SIZE
 from opir_core.tracking.profile.rows import Rows
 from opir_core.tracking.profile.seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
 from opir_core.tracking.profile.strain import KEPT, TURNS, Bank, judged
-from opir_core.tracking.profile.trust import apart, blended, typed
+from opir_core.tracking.profile.trust import apart, blended, chances, typed
 
 
 def rows_at(time_s, sensors, tracks=1):
@@ -163,6 +163,12 @@ def test_a_fit_that_is_the_sure_part_of_what_the_filter_knows_is_trusted_and_one
     assert np.all(apart(fitted, near) > 0.5 * 5.5**2 - 6.0 * np.log(8.0) - 1e-6)
 
 
+def test_small_chances_count_for_nothing_and_need_be_larger_of_what_one_sensor_sees():
+    chance = np.array([0.05, 0.15, 0.3, 0.05, 0.15, 0.3])
+    told = chances(np.log(chance / (1.0 - chance)), np.array([False] * 3 + [True] * 3))
+    assert told == pytest.approx([0.0, 0.15, 0.3, 0.0, 0.0, 0.3])
+
+
 def test_certain_chances_tell_one_of_the_two():
     fitted, filtered = pair_of_tracks(np.random.default_rng(5), 2)
     told = blended(fitted, filtered, np.array([0.0, 1.0]), np.full(2, 9.0))
@@ -202,7 +208,7 @@ def test_types_are_mixed_as_all_else_is():
     fitted, filtered = pair_of_tracks(np.random.default_rng(8), 3)
     fitted = evolve(fitted, type_probability=np.tile([1.0, 0.0, 0.0, 0.0], (3, 1)))
     filtered = evolve(filtered, type_probability=np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)))
-    told = blended(fitted, filtered, np.array([0.05, 0.3, 1.0]), np.full(3, 9.0)).type_probability
+    told = blended(fitted, filtered, np.array([0.0, 0.3, 1.0]), np.full(3, 9.0)).type_probability
     assert told == pytest.approx(np.array([[1.0, 0.0, 0.0, 0.0], [0.7, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]]))
 
 

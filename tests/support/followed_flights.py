@@ -104,9 +104,13 @@ def followed(
     """Yield the ticks, one a second, of a tracker that sees flights; unless `fitted`, of stereo-filter alone.
 
     `asked` says which flights a tick is asked of; of others the fit need not tell. `config` is that of boost-profile.
+    Of one sensor only the first one's looks are taken.
     """
+    sensors = sensors or sensors_of()
     owner, rays = seen(truth, seeing, seed)
-    context = TrackerContext(sensors=sensors or sensors_of(), epoch_us=0, duration_s=1e3, forces=forces)
+    mine = np.flatnonzero(rays.sensor < len(sensors))
+    owner, rays = owner[mine], rays.take(mine)
+    context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, forces=forces)
     if fitted:
         tracker = boost_profile_tracker(config, context)
         heard = tracker._inner = Heard(tracker._inner)

@@ -14,7 +14,7 @@ from opir_core.tracking.profile.fit import Hypotheses
 from opir_core.tracking.profile.priors import priors_of
 from opir_core.tracking.profile.report import Basis, report
 from opir_core.tracking.profile.strain import Bank
-from opir_core.tracking.profile.trust import apart, blended, typed
+from opir_core.tracking.profile.trust import apart, blended, chances, typed
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo.tracker import StereoTracker
 from opir_core.tracking.watch import Watch
@@ -114,9 +114,8 @@ class ProfileTracker:
         present = np.flatnonzero(followed.track[np.minimum(row, len(followed) - 1)] == told.track)
         filtered, fitted = followed.take(row[present]), told.take(present)
         seen = self._bank.seen.of(filtered.track)
-        chance = 1.0 / (1.0 + np.exp(-seen.otherwise - apart(fitted, filtered)))
-        chance[np.count_nonzero(seen.hits > 0, axis=1) < 2] = 0.0
-        mixed = blended(fitted, filtered, chance, seen.dark_s(tick_s))
+        odds = seen.otherwise + apart(fitted, filtered)
+        mixed = blended(fitted, filtered, chances(odds, seen.are_alone(seen.track)), seen.dark_s(tick_s))
         every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
         return every.take(np.argsort(every.track, kind="stable"))
 

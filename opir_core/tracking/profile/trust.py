@@ -1,8 +1,8 @@
 """What is told of a target that may fly as no family does: the fit and a filter that knows no family, mixed.
 
-The filter needs two sensors, and is then the surer the less the family holds. What is told is the mixture of both, by
-the chance that the target flies otherwise: where the two differ while that is open, the covariance holds what they
-differ by.
+Of what two sensors see the filter is the surer the less the family holds; of what one sees it is far less sure than a
+fit that holds, and right where a fit does not. What is told is the mixture of both, by the chance that the target flies
+otherwise: where the two differ while that is open, the covariance holds what they differ by.
 
 Of two estimates that both are right, the surer is the other's best part: what they differ by has the difference of
 their covariances (Hausman, Econometrica 46, 1978, 1251). Where they differ by far more, the family does not hold.
@@ -17,8 +17,9 @@ from opir_core.tracking.profile.flight import off_ground, on_ground
 from opir_core.tracking.range_types import ranges_m, type_probabilities
 from opir_core.tracking.stereo.report import STAGED_S
 
-#: Chances below this are none: a mixture with little of what is far less certain says less than it knows.
-_LEAST_CHANCE = 0.1
+#: Chances below this are none: a mixture with little of what is far less certain says less than it knows. Of what one
+#: sensor alone sees the filter is less certain by far.
+_LEAST_CHANCE, _LEAST_ALONE = 0.1, 0.2
 
 #: No type is ruled out by a range: flights may be lofted, or end early.
 _LEAST_TYPE = 1e-3
@@ -30,6 +31,16 @@ _WIDE, _MOST = 8.0, 12.0
 _LEAST_LEFT, _ROUNDING = 0.25, 1e-12
 
 
+def chances(log_odds: FloatArray, alone: BoolArray) -> FloatArray:
+    """Return the chances (n,) that targets fly otherwise, of their log odds; 0 of those that are small.
+
+    `alone` (n,) are those that one sensor alone has seen.
+    """
+    chance = 1.0 / (1.0 + np.exp(-log_odds))
+    counts: FloatArray = np.where(chance < np.where(alone, _LEAST_ALONE, _LEAST_CHANCE), 0.0, chance)
+    return counts
+
+
 def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatArray) -> Tracks:
     """Return the tracks of both, row by row, as mixtures in which the filter's have these chances (n,).
 
@@ -38,7 +49,6 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
     of the burn.
     """
     heavy = chance > 0.5
-    chance = np.where(chance < _LEAST_CHANCE, 0.0, chance)
     state, spread = _mixed(fitted.state, fitted.state_covariance, filtered.state, filtered.state_covariance, chance)
     launch, launch_spread = _mixed_places(
         fitted.launch, fitted.launch_covariance, filtered.launch, filtered.launch_covariance, chance, heavy
