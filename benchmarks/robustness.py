@@ -2,10 +2,10 @@
 
     python benchmarks/robustness.py [--runs 100] [--only SRBM] [--case staged] [--parts FOLDER] [--write FOLDER]
 
-Up to a hundred flights at a time, hundreds of kilometres from each other, are seen by two SBIRS-GEO, and tracked by
-the whole tracker: association, initiation, fit, and the filter that the fit is mixed with. The type is not told. Burn
-time, burnout speed and turn are drawn from the priors; `tests/support/other_flights.py` has the courses. A flight's
-track is the one with most of its detections. Both trackers' errors are of the same runs.
+Up to a hundred flights at a time, hundreds of kilometres from each other, are seen by two SBIRS-GEO, or by one, and
+tracked by the whole tracker: association, initiation, fit, and the filter that the fit is mixed with. The type is not
+told. Burn time, burnout speed and turn are drawn from the priors; `tests/support/other_flights.py` has the courses. A
+flight's track is the one with most of its detections. Both trackers' errors are of the same runs.
 """
 
 import argparse
@@ -48,7 +48,8 @@ TRACKERS = ("boost-profile", "stereo-filter")
 class Case(NamedTuple):
     """What is unlike the assumptions: the course, what the sensors do, and the forces on the truth and the tracker's.
 
-    `told_bias_rad` is what sensors say of their bias, `config` what is set of boost-profile.
+    `told_bias_rad` is what sensors say of their bias, `config` what is set of boost-profile. Of `sensors` there are two
+    but where one alone sees.
     """
 
     words: str
@@ -58,6 +59,7 @@ class Case(NamedTuple):
     flies: Any = "kepler"
     believes: Any = "kepler"
     config: BoostProfileConfig = USUAL_CONFIG
+    sensors: int = 2
 
 
 _BIAS = 3.0 * SIGMA_RAD
@@ -76,6 +78,9 @@ CASES = {
     "outliers-near": Case("30 % outliers, evenly within the gate", seeing=_NEAR),
     "outliers-field": Case("30 % outliers, evenly over the Earth", seeing=_FIELD),
     "dead": Case("one sensor dies at half the burn", seeing=(("dies", 0.5),)),
+    "family-alone": Case("its own family, one sensor", sensors=1),
+    "staged-alone": Case("stages, one sensor", "staged", sensors=1),
+    "tabulated-alone": Case("that table, one sensor", "tabulated", sensors=1),
     "family-asked": Case("its own family, impacts asked for while targets burn", config=_ASKED),
     "staged-asked": Case("stages, impacts asked for while targets burn", "staged", config=_ASKED),
     "tabulated-asked": Case("that table, impacts asked for while targets burn", "tabulated", config=_ASKED),
@@ -96,7 +101,7 @@ def measured(kind: str, case: Case, count: int, seed: int) -> list[dict[str, Any
     truth = flown(kind, count, seed, case.course)
     seeing = usual(kind)._replace(**dict(case.seeing))
     said = dict.fromkeys(TARGET_TYPES, seeing.chance) if "chance" in dict(case.seeing) else CHANCES
-    sensors = sensors_of(said, case.told_bias_rad)
+    sensors = sensors_of(said, case.told_bias_rad)[: case.sensors]
     landed, rows = truth.impacts(case.flies), []
     until_s = truth.burnout_s.max() + AFTER_S[-1] + 1.0
 
