@@ -55,7 +55,8 @@ All four lines get the same detections and the same association, so they differ 
   tells an impact once the target coasts; until then where it comes down depends on when its burn ends, which is not
   in the directions.
 * **boost-profile** is below that bound, for it knows what boosts of the generic classes look like; here its targets
-  are such boosts. Truth of another family is the test of its covariances, and is not on this page.
+  are such boosts. It too tells an impact once the burn is over, unless asked for it sooner. Truth of another family is
+  the test of its covariances, and is not on this page.
 
 What each figure is: [score tracks](../how-to/score-tracks.md).
 """
