@@ -214,8 +214,8 @@ Made by `python benchmarks/robustness.py --runs {runs} --write docs/benchmarks`.
 
 The filter's figures are those of [stereo-filter](../explanation/association.md) on the same detections and the same
 association; ratios are of RMSE over the runs in which both tell something, with their 95 % intervals (bootstrap).
-"Tracked, told" are the shares of flights that have a track, and of which an impact is told: of none that burns, but in
-the last tables, in which it is asked for (`impacts_in_burn`). ANEES is of the state, over
+"Tracked, told" are the shares of flights that have a track, and of which an impact is told: once they are taken for
+burnt out, but in the last tables, in which it is asked for sooner (`impacts_in_burn`). ANEES is of the state, over
 its six degrees of freedom, and behind it the median over that of χ², which single wild runs do not move. Containment
 is of the ellipses that are told, that of 95 % with its 95 % interval (Wilson). A dash stands for fewer than 20 runs.
 The type is not told, and each counts as likely as the others: what a tracker states can be right of all of them

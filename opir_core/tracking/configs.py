@@ -297,7 +297,6 @@ class BoostProfileConfig(_Follows):
         help="an impact whose 95 % ellipse has a longer semi-axis is not told",
     )
     impacts_in_burn: bool = flag(
-        default=False,
-        help="tell impacts while targets burn: they are right only of those that burn on as their class does",
+        default=False, help="tell impacts in the burn: right of flights like the class's alone"
     )
     priors: BoostPriorsConfig = nested(default=BoostPriorsConfig(), help="what is taken for granted of each class")

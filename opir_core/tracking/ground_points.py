@@ -82,7 +82,7 @@ def _are_flat(covariance: FloatArray, bend: FloatArray) -> BoolArray:
     aside, along = bend[:, 0], bend[:, 1]
     bent = north * aside**2 - 2.0 * both * aside * along + east * along**2
     across = east * north - both**2
-    # No root of a variance's characteristic polynomial is larger: it is positive there, beyond half of the trace.
+    # The longer axis is shorter than that: beyond half of the trace, the characteristic polynomial is positive there.
     far = _WIDEST_M**2 / _SQUARE_95
     narrow = ((far - east) * (far - north) > both**2) & (east + north < 2.0 * far)
     flat: BoolArray = (bent <= _MOST_BENT**2 * across) & narrow
