@@ -296,7 +296,5 @@ class BoostProfileConfig(_Follows):
         maximum=20000.0,
         help="an impact whose 95 % ellipse has a longer semi-axis is not told",
     )
-    impacts_in_burn: bool = flag(
-        default=False, help="tell impacts in the burn: right of flights like the class's alone"
-    )
+    impacts_in_burn: bool = flag(default=False, help="tell impacts in the burn, as if all flew as their class does")
     priors: BoostPriorsConfig = nested(default=BoostPriorsConfig(), help="what is taken for granted of each class")
