@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta, binomtest, norm, rankdata
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 
 def placements(plume: FloatArray, other: FloatArray) -> tuple[FloatArray, FloatArray]:

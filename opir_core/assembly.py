@@ -7,6 +7,7 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
 from opir_core.dice import PairStreams, RowDice, WindowNumbers
 from opir_core.errors import ModelError
@@ -15,17 +16,7 @@ from opir_core.looks import exposures
 from opir_core.plan import Plan
 from opir_core.protocols import Dice, Measured
 from opir_core.randomness import normal_pairs
-from opir_core.records import (
-    BoolArray,
-    Detections,
-    DetectionTruth,
-    Exposures,
-    FloatArray,
-    IndexArray,
-    IntArray,
-    Sightings,
-    Tracks,
-)
+from opir_core.records import Detections, DetectionTruth, Exposures, Sightings, Tracks
 from opir_core.sites import Sites
 
 #: The number of bits set in each byte.

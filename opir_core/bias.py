@@ -9,10 +9,10 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.geometry import local_axes
 from opir_core.protocols import Sensor
 from opir_core.randomness import Stream, normal_pairs, stream_key
-from opir_core.records import FloatArray, IndexArray
 
 #: The purpose that names a sensor's stream.
 STREAM = "line-of-sight-bias"

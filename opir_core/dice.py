@@ -5,12 +5,9 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray, WordArray
 from opir_core.randomness import Reader, further_words, normal_pairs, purpose_number, stream_key, uniforms_of
-from opir_core.records import BoolArray, FloatArray, IntArray
-
-Words = NDArray[np.uint64]
 
 
 class PairStreams:
@@ -30,14 +27,14 @@ class PairStreams:
         self._keys: dict[str, dict[int, int]] = {}
         self._constants: dict[tuple[str, int], FloatArray] = {}
 
-    def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> Words:
+    def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> WordArray:
         """Return (sum of scans · words,) raw words: in turn those of each pair's `scans` from `first_scan` on."""
         into = np.empty((int(scans.sum()), words), dtype=np.uint64)
         self.fill(into, purpose, pairs, first_scan, scans, np.cumsum(scans) - scans)
         return into.reshape(-1)
 
     def fill(
-        self, into: Words, purpose: str, pairs: IntArray, first_scan: IntArray, scans: IntArray, at: IntArray
+        self, into: WordArray, purpose: str, pairs: IntArray, first_scan: IntArray, scans: IntArray, at: IntArray
     ) -> None:
         """Write raw words into rows (…, words): of each pair's `scans` from `first_scan` on, from the row `at` on."""
         keys, words = self._keys.setdefault(purpose, {}), into.shape[1]
@@ -80,9 +77,9 @@ class WindowNumbers:
         self._streams = streams
         self._active, self._first_scan, self._scans = active, first_scan, scans
         self._ends = np.cumsum(scans)
-        self._drawn: dict[tuple[str, int], tuple[Words, BoolArray]] = {}
+        self._drawn: dict[tuple[str, int], tuple[WordArray, BoolArray]] = {}
 
-    def words(self, purpose: str, pairs: BoolArray | None = None) -> Words:
+    def words(self, purpose: str, pairs: BoolArray | None = None) -> WordArray:
         """Return (looks,) raw words, drawn anew at each call; 0 where only some `pairs` (active,) are asked for."""
         if pairs is None:
             return self._streams.words(purpose, 1, self._active, self._first_scan, self._scans)
@@ -90,7 +87,7 @@ class WindowNumbers:
         self._draw(words.reshape(-1, 1), purpose, pairs)
         return words
 
-    def of_rows(self, purpose: str, words: int, rows: IntArray, pair: IntArray) -> Words:
+    def of_rows(self, purpose: str, words: int, rows: IntArray, pair: IntArray) -> WordArray:
         """Return (rows, words) raw words of some of the looks, which are those of pairs (rows,).
 
         Rows in the order of the window are read where they stand; others from what is drawn of whole pairs and kept.
@@ -110,7 +107,7 @@ class WindowNumbers:
             known |= missing
         return drawn.take(rows, axis=0)
 
-    def _in_order(self, purpose: str, words: int, rows: IntArray) -> Words:
+    def _in_order(self, purpose: str, words: int, rows: IntArray) -> WordArray:
         """Return (rows, words) raw words of looks in order: of each pair those from its first row to its last."""
         behind = np.searchsorted(rows, self._ends)
         count = np.diff(behind, prepend=0)
@@ -124,11 +121,11 @@ class WindowNumbers:
         self._streams.fill(read, purpose, self._active[chosen], scan, span, at)
         return read if len(read) == len(rows) else read.take(rows + np.repeat(at - first, count), axis=0)
 
-    def of(self, rows: IntArray, pair: IntArray, seeds: Words | None = None) -> "RowDice":
+    def of(self, rows: IntArray, pair: IntArray, seeds: WordArray | None = None) -> "RowDice":
         """Return the dice of some of the looks; `pair` is each row's pair, `seeds` a random word of each, if known."""
         return RowDice(self, self._streams, rows, pair, seeds)
 
-    def _draw(self, into: Words, purpose: str, pairs: BoolArray) -> None:
+    def _draw(self, into: WordArray, purpose: str, pairs: BoolArray) -> None:
         chosen = np.flatnonzero(pairs)
         scans = self._scans[chosen]
         at = self._ends[chosen] - scans
@@ -146,7 +143,7 @@ class RowDice:
     streams: PairStreams
     rows: IntArray
     pair: IntArray
-    seeds: Words | None = None
+    seeds: WordArray | None = None
 
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), fresh for each scan."""
@@ -160,7 +157,7 @@ class RowDice:
             columns[2 * place : 2 * place + 2] = pair[: count - 2 * place]
         return columns.T
 
-    def _words(self, purpose: str, count: int) -> Iterable[Words]:
+    def _words(self, purpose: str, count: int) -> Iterable[WordArray]:
         """Return so many columns (rows,) of raw words."""
         if self.seeds is None:
             return self.numbers.of_rows(purpose, count, self.rows, self.pair).T

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from attrs import evolve
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.assembly import Assembly, Hits, with_tracks
 from opir_core.columns import Filling
 from opir_core.dice import PairStreams, WindowNumbers
@@ -18,7 +19,7 @@ from opir_core.looks import Looks, blocks, exposures, look_times_ns, pair_names,
 from opir_core.plan import Plan, tracker_of_run
 from opir_core.protocols import Measured, Tracker
 from opir_core.randomness import uniforms_of
-from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Window
+from opir_core.records import Detections, DetectionTruth, Window
 from opir_core.sightlines import Pairs
 from opir_core.sites import Sites
 from opir_core.ticks import TickedTracker

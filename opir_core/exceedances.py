@@ -11,10 +11,10 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.assembly import judged
 from opir_core.columns import Columns
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.dice import Words
 from opir_core.errors import ModelError
 from opir_core.events.identifiers import stream_key_words, uuid8_words
 from opir_core.geometry import intersection_with_ellipsoid
@@ -22,7 +22,7 @@ from opir_core.geometry.vectors import components, length
 from opir_core.noise_streams import PLACE_WORDS, Drawn, SensorNoise, noise_names
 from opir_core.plan import Plan
 from opir_core.protocols import Measured
-from opir_core.records import Detections, DetectionTruth, FloatArray, IndexArray, IntArray, Sightings
+from opir_core.records import Detections, DetectionTruth, Sightings
 from opir_core.responses import Exceedances
 from opir_core.scene import UNKNOWN_TYPE
 from opir_core.sites import Sites
@@ -37,7 +37,7 @@ class _Placed(Columns):
     time_ns: IntArray
     sensor: IndexArray
     scan: IntArray
-    detection_id: Words
+    detection_id: WordArray
     line_of_sight_ecef: FloatArray
     sensor_ecef_m: FloatArray
     uniforms: FloatArray

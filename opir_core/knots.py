@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.curves import Curves
 from opir_core.looks import Looks
 from opir_core.plan import Plan
 from opir_core.protocols import Dice, Measured
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.responses import Response, Responsive
 from opir_core.sites import Sites
 from opir_core.weaving import KNOTS, Pieces, Weaver, Woven, judged_terms, sure_beyond

@@ -3,8 +3,9 @@
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.plan import Plan
-from opir_core.records import BoolArray, Exposures, FloatArray, IntArray
+from opir_core.records import Exposures
 from opir_core.sightlines import GridPlace, Pairs, Sight, distance_m, visible_now
 from opir_core.sites import Sites
 

@@ -6,10 +6,10 @@ from functools import lru_cache
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
 from opir_core.plan import Plan
 from opir_core.randomness import Stream, stream_key, uniforms_of
-from opir_core.records import FloatArray, IndexArray, IntArray
 
 #: Scans of a block: so many that it has about this number of exceedances, but no more than that many scans.
 _PER_BLOCK, _MOST_SCANS = 256.0, 1 << 20

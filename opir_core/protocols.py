@@ -15,6 +15,7 @@ import numpy as np
 from attrs import field, frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
 from opir_core.contexts import EncoderContext as EncoderContext
 from opir_core.contexts import ModelContext as ModelContext
@@ -22,7 +23,7 @@ from opir_core.contexts import SensorContext as SensorContext
 from opir_core.contexts import SinkContext as SinkContext
 from opir_core.contexts import TargetContext as TargetContext
 from opir_core.contexts import TrackerContext as TrackerContext
-from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks, Window
+from opir_core.records import Detections, Exposures, Sightings, Tracks, Window
 
 if TYPE_CHECKING:
     from opir_core.plugin.radiometer import Radiometer

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 #: How the manifest names this scheme; it changes when any number would.
 SCHEME = (

@@ -11,16 +11,12 @@ import numpy as np
 from attrs import Factory, field, frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns, names_of
 
 if TYPE_CHECKING:
     from opir_core.protocols import Sensor
     from opir_core.sites import AzimuthElevation
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-IndexArray = NDArray[np.int32]
-BoolArray = NDArray[np.bool_]
 
 
 @frozen(eq=False)

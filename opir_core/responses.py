@@ -8,9 +8,10 @@ from typing import Protocol, runtime_checkable
 
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.columns import Columns
 from opir_core.protocols import Dice, Measured
-from opir_core.records import Exposures, FloatArray, IndexArray
+from opir_core.records import Exposures
 
 
 @frozen(eq=False)

@@ -4,11 +4,12 @@ from collections.abc import Iterable, Iterator
 
 from attrs import evolve
 
+from opir_core.arrays import IntArray
 from opir_core.engine import Engine
 from opir_core.manifest import run_manifest
 from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
-from opir_core.records import Detections, DetectionTruth, IntArray, Run, Tracks, Window
+from opir_core.records import Detections, DetectionTruth, Run, Tracks, Window
 from opir_core.scene import Scene
 from opir_core.summary import Tally
 from opir_core.windowing import window_edges_ns

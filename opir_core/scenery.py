@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.plugin.components import SignatureModel
 from opir_core.plugin.host import Host
 from opir_core.protocols import Band, Sensor
@@ -27,7 +28,7 @@ from opir_core.radiometry.protocols import (
 )
 from opir_core.radiometry.records import Paths, Views
 from opir_core.radiometry.viewing import views
-from opir_core.records import Exposures, FloatArray, IndexArray
+from opir_core.records import Exposures
 from opir_core.scene import DEFAULT_SIGNATURE, EMITTER_TYPES, Choice, Scene
 from opir_core.targets import Targets
 

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
 from opir_core.protocols import Sensor
-from opir_core.records import FloatArray, IndexArray, IntArray
 
 if TYPE_CHECKING:
     from opir_core.bias import Bias

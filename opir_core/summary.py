@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.plan import Plan
-from opir_core.records import FloatArray, IndexArray, IntArray, Window
+from opir_core.records import Window
 from opir_core.scene import EMITTER_TYPES, REPORTED_TYPES
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.protocols import FreeFlight, Sensor, Trajectories
-from opir_core.records import FloatArray, IndexArray
 
 
 @frozen(eq=False)

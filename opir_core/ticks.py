@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import IntArray
 from opir_core.protocols import Sensor, Tracker
-from opir_core.records import Detections, IntArray, Tracks
+from opir_core.records import Detections, Tracks
 
 _NS = 1_000_000_000
 

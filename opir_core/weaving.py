@@ -5,10 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.curves import Curves
 from opir_core.looks import blocks, exposures, look_times_s
 from opir_core.plan import Plan
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.responses import Kinked, Responsive
 from opir_core.sites import Sites
 

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import Problem, SceneError
 from opir_core.plan import Plan
-from opir_core.records import FloatArray, IntArray
 from opir_core.sightlines import Pairs
 
 #: Looks that a window is meant to hold; a column of them takes 2 MiB.

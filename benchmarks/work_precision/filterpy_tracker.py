@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.records import Detections, FloatArray, IntArray, Tracks
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.records import Detections, Tracks
 from opir_core.tracking.rays import Rays, axes_across, emission_s, turned
 from opir_core.tracking.stereo.report import earth_fixed
 from opir_core.tracking.triangulation import meeting_points

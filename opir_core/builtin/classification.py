@@ -6,13 +6,14 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConfusionConfig
 from opir_core.errors import ModelError
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.confusion import Confusion, confusion_complaint
 from opir_core.plugin.fitness import nearest
 from opir_core.protocols import Classifier, Dice, ModelContext, Sensor
-from opir_core.records import FloatArray, IndexArray, Sightings
+from opir_core.records import Sightings
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 
 #: True types: those of missiles, and one for all that is none.

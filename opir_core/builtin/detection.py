@@ -6,13 +6,14 @@ import numpy as np
 from attrs import define
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConstantConfig
 from opir_core.errors import ModelError
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.confusion import is_probability
 from opir_core.plugin.sensors import MAXIMUM_BANDS
 from opir_core.protocols import DetectionProbability, Dice, Measured, ModelContext, Sensor
-from opir_core.records import Exposures, FloatArray, IndexArray
+from opir_core.records import Exposures
 from opir_core.scene import EMITTER_TYPES, TARGET_TYPES
 
 

@@ -9,11 +9,11 @@ import numpy as np
 from attrs import define
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import TableConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.protocols import TargetContext, Trajectories
-from opir_core.records import FloatArray, IndexArray
 from opir_core.scene import TARGET_TYPES
 from opir_core.tables.csv_table import csv_table
 from opir_core.tables.interpolation import interpolant, largest_doubt_m

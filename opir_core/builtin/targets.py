@@ -8,6 +8,7 @@ import numpy as np
 from attrs import define
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import AimConfig, BallisticConfig, LaunchConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import Aim, aim, surface_range_m
@@ -15,7 +16,6 @@ from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.profiles import PROFILES_BY_TYPE, BoostProfile, boost_profile, profile_for_type
 from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.protocols import TargetContext, Trajectories
-from opir_core.records import FloatArray, IndexArray
 from opir_core.scene import TARGET_TYPES
 
 if TYPE_CHECKING:

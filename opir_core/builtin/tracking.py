@@ -3,9 +3,10 @@
 import numpy as np
 from attrs import define
 
+from opir_core.arrays import IntArray
 from opir_core.plugin.components import NoConfig
 from opir_core.protocols import Tracker, TrackerContext
-from opir_core.records import Detections, IntArray, Tracks
+from opir_core.records import Detections, Tracks
 
 
 @define

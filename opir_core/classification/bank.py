@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.imagined import (
     KINDS,
@@ -21,7 +22,6 @@ from opir_core.classification.imagined import (
 from opir_core.classification.mixture import Components, Mixture, gathered
 from opir_core.columns import names_of
 from opir_core.protocols import Band, Sensor
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.scene import TARGET_TYPES
 from opir_core.sightlines.visibility import visible_now
 

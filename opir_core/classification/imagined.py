@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.flight.aiming import aim
 from opir_core.flight.boost import BoostPath
 from opir_core.flight.profiles import PROFILES_BY_TYPE, BoostProfile, boost_profile
@@ -23,7 +24,7 @@ from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.plume import plume_signatures
 from opir_core.radiometry.protocols import SignatureContext, Signatures
-from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
+from opir_core.records import Exposures
 from opir_core.scene import EMITTER_TYPES, TARGET_TYPES
 from opir_core.targets import Targets
 

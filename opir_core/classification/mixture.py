@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 
 #: The least variance, in squared units of the signals: no band without signal and noise makes a density singular.
 _LEAST_VARIANCE = 1e-12

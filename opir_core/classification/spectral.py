@@ -6,12 +6,13 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.classification.bank import Bank, bank_of, canonical_radius_m, elevation_bin, imagination
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.mixture import log_shares, log_sum
 from opir_core.errors import ModelError
 from opir_core.protocols import Dice, ModelContext, Sensor
-from opir_core.records import FloatArray, IndexArray, IntArray, Sightings
+from opir_core.records import Sightings
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 
 #: Rows that are judged at once.

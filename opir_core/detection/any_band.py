@@ -4,9 +4,9 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.detection.threshold import probit
 from opir_core.detection.truncated import tail_normals
-from opir_core.records import BoolArray, FloatArray, IntArray
 
 #: Below it, 1 - exp(x) is -x to the last bit.
 _LINEAR = -1e-17

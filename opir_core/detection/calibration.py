@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 from attrs import evolve
 
+from opir_core.arrays import FloatArray
 from opir_core.detection.any_band import AnyBand
 from opir_core.detection.irradiance_noise import noise_w_m2
 from opir_core.detection.ratio_gates import RatioGates
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
 from opir_core.plugin.radiometer import Radiometer
-from opir_core.records import FloatArray
 
 #: The reference range, m: opir-simulator paper (2026), section 2.4.
 REFERENCE_RANGE_M = 3.6e7

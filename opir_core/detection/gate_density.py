@@ -7,10 +7,10 @@ that y opens. The product is log-concave: it has one peak, and falls faster than
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.detection.log_integrals import MOST_PANELS, log_between
 from opir_core.detection.panels import Panels
 from opir_core.detection.quick_gates import Gates
-from opir_core.records import FloatArray, IntArray
 
 #: By so much, in the exponent, a density may fall before what follows is nothing.
 _DROP = 39.0

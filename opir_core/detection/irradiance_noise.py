@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray
 from opir_core.protocols import Band
-from opir_core.records import FloatArray
 
 #: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
 _PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6

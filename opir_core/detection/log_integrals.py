@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.detection.panels import Panels
-from opir_core.records import FloatArray, IntArray
 
 #: Beyond so many standard deviations a normal tail is below the last bit of 1.
 FAR = 9.0

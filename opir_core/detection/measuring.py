@@ -4,9 +4,9 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.detection.receivers import Rule
 from opir_core.protocols import Measured
-from opir_core.records import FloatArray, IntArray
 
 
 @frozen(eq=False)

@@ -4,7 +4,7 @@ import numpy as np
 from attrs import frozen
 from numpy.polynomial import legendre
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 #: Nodes in a panel.
 ORDER = 16

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.polynomial import legendre
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 #: So many standard deviations are left out of a tail, of 1e-11.
 _FAR = 6.8

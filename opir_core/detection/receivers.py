@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.detection.any_band import AnyBand
 from opir_core.detection.calibration import calibrated
 from opir_core.detection.configs import SnrConfig
@@ -15,7 +16,6 @@ from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
 from opir_core.plugin.radiometer import Radiometer
 from opir_core.protocols import Sensor
-from opir_core.records import FloatArray, IndexArray, IntArray
 from opir_core.scenery import Scenery
 
 Rule = AnyBand | RatioGates

@@ -11,9 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from opir_core.dice import Words
+from opir_core.arrays import BoolArray, FloatArray, IntArray, WordArray
 from opir_core.randomness import further_words, uniforms_of
-from opir_core.records import BoolArray, FloatArray, IntArray
 
 #: Rows of whose proposals fewer pass than this are inverted at once: it costs about as much as so many proposals.
 LEAST_PASSING = 1.0 / 2048.0
@@ -45,7 +44,7 @@ class Rule(Protocol):
 
 
 def measured_to_pass(
-    rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: Words
+    rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: WordArray
 ) -> FloatArray:
     """Return measurements (n, B) that detect, of looks that free draws detect with probabilities (n,)."""
     # Most rows pass at once, and need no word of how many would.
@@ -58,7 +57,7 @@ def measured_to_pass(
 
 
 def _until_one_passes(
-    rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: Words
+    rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: WordArray
 ) -> FloatArray:
     """Return measurements (n, B) that detect of looks whose first proposal does not."""
     measured = np.empty(snr.shape)
@@ -90,7 +89,7 @@ def _portions(rows: IntArray, tries: IntArray) -> list[IntArray]:
 
 
 def _turn(
-    rule: Rule, snr: FloatArray, noise: FloatArray, seeds: Words, tries: IntArray, turn: int
+    rule: Rule, snr: FloatArray, noise: FloatArray, seeds: WordArray, tries: IntArray, turn: int
 ) -> tuple[BoolArray, FloatArray]:
     """Return which rows (n,) pass in so many tries, and the first of each that does, (passed, B)."""
     ends = np.cumsum(tries)
@@ -105,7 +104,7 @@ def _turn(
     return passed, drawn[good[first]]
 
 
-def _uniforms(seeds: Words, number: IntArray, count: int) -> FloatArray:
+def _uniforms(seeds: WordArray, number: IntArray, count: int) -> FloatArray:
     """Return numbers (n, count) in [0, 1) of tries with these numbers (n,)."""
     uniforms = np.empty((count, len(seeds)))
     for each in range(count):

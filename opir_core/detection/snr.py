@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.detection.configs import SnrConfig
 from opir_core.detection.irradiance_noise import noise_w_m2, photon_noise_w_m2
 from opir_core.detection.measuring import MeasuredColumns
@@ -15,7 +16,7 @@ from opir_core.looks import blocks
 from opir_core.protocols import Dice, Measured, ModelContext
 from opir_core.radiometry.at_once import radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.radiometry.records import in_a_row
-from opir_core.records import Exposures, FloatArray, IndexArray, IntArray
+from opir_core.records import Exposures
 from opir_core.responses import Response
 from opir_core.scenery import Scenery
 

@@ -7,7 +7,7 @@ its inverse are SciPy's (`scipy.special`), imported where they are used.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 
 def threshold_sigma(false_alarm_probability: ArrayLike) -> FloatArray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 #: Up to there a normal tail is a double with all its bits.
 _PLAIN = 36.0

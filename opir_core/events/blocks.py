@@ -4,8 +4,9 @@ from collections.abc import Iterator
 
 from attrs import evolve
 
+from opir_core.arrays import BoolArray
 from opir_core.protocols import Encoder
-from opir_core.records import BoolArray, DetectionTruth, Tracks, Window
+from opir_core.records import DetectionTruth, Tracks, Window
 
 #: Detections in a block: enough to spread numpy's cost per call, few enough to stay near the processor.
 BLOCK_ROWS = 8_192

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import TOLD_CONTAINMENTS, FloatArray
+from opir_core.arrays import FloatArray
+from opir_core.records import TOLD_CONTAINMENTS
 
 #: The probabilities that the point lies in the ellipses of an event, the first that of `containment_ellipse`.
 CONTAINMENT = 0.95

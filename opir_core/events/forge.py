@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from opir_core.arrays import IntArray
 from opir_core.events import SCHEMA_VERSION
 from opir_core.events.lawful import refuse_unlawful
 from opir_core.events.lines import Piece, carried_positions, joined_lines, openings, piece_table, taken
@@ -27,7 +28,7 @@ from opir_core.events.number_text import (
 )
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import EncoderContext, Sensor
-from opir_core.records import Detections, IntArray, Window
+from opir_core.records import Detections, Window
 from opir_core.scene import REPORTED_TYPES
 from opir_core.sites import Viewpoints
 

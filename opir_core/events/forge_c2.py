@@ -7,6 +7,7 @@ time of the detection, or where the line of sight meets the Earth. A detection w
 import msgspec
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.events import FORGE_C2_VERSION
 from opir_core.events.blocks import only_encodable
@@ -24,7 +25,7 @@ from opir_core.events.number_text import (
 )
 from opir_core.geometry import ecef_to_geodetic, intersection_with_ellipsoid
 from opir_core.protocols import EncoderContext, Sensor
-from opir_core.records import BoolArray, Detections, FloatArray, Window
+from opir_core.records import Detections, Window
 from opir_core.sites import Viewpoints
 
 _OPENING = b'{"event_id":"', b'","timestamp":"'

@@ -10,10 +10,8 @@ from hashlib import blake2b
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.records import IntArray
+from opir_core.arrays import IntArray, WordArray
 from opir_core.scene import Scene
-
-Words = NDArray[np.uint64]
 
 _PURPOSE = b"opir-detection"
 
@@ -47,14 +45,14 @@ def stream_key(*parts: str | int) -> tuple[int, int]:
     return int.from_bytes(key[:8], "big"), int.from_bytes(key[8:], "big")
 
 
-def stream_key_words(scene: Scene, streams: Iterable[tuple[str, str]]) -> Words:
+def stream_key_words(scene: Scene, streams: Iterable[tuple[str, str]]) -> WordArray:
     """Return the keys (n, 2) of a scene's streams, each named by its sensor's and its target's id."""
     run = (scene.seed, scene.name, scene.epoch_us)
     keys = [stream_key(*run, sensor, target) for sensor, target in streams]
     return np.array(keys, dtype=np.uint64).reshape(-1, 2)
 
 
-def uuid8_words(key_words: Words, scan: IntArray) -> Words:
+def uuid8_words(key_words: WordArray, scan: IntArray) -> WordArray:
     """Return the ids (n, 2), most significant half first, of scans (n,) of streams with keys (n, 2).
 
     Within a stream no two scans share a half before version and variant replace 6 of the 128 bits; between streams two
@@ -67,13 +65,13 @@ def uuid8_words(key_words: Words, scan: IntArray) -> Words:
     return words
 
 
-def uuid_text(words: Words) -> list[str]:
+def uuid_text(words: WordArray) -> list[str]:
     """Return ids (n, 2) as text of 36 characters, in lower case (RFC 9562, section 4)."""
     text = uuid_characters(words).tobytes().decode("ascii")
     return [text[start : start + _TEXT_LENGTH] for start in range(0, len(text), _TEXT_LENGTH)]
 
 
-def uuid_characters(words: Words) -> NDArray[np.uint8]:
+def uuid_characters(words: WordArray) -> NDArray[np.uint8]:
     """Return ids (n, 2) as ASCII codes (n, 36)."""
     octets = words.astype(">u8").view(np.uint8)
     digits = np.take(_HEX_PAIRS, octets).view(np.uint8)
@@ -83,7 +81,7 @@ def uuid_characters(words: Words) -> NDArray[np.uint8]:
     return text
 
 
-def _mixed(words: Words) -> Words:
+def _mixed(words: WordArray) -> WordArray:
     """Return 64-bit words mixed one to one: the finaliser of SplitMix64.
 
     Source: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014, with the constants of

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.events.lines import Piece, piece_table, taken
 from opir_core.events.number_text import IRRADIANCE_DIGITS, number_texts, significant
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, Detections, FloatArray, IntArray
+from opir_core.records import Detections
 
 _json = msgspec.json.Encoder().encode
 

@@ -4,9 +4,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, Detections, FloatArray, Window
+from opir_core.records import Detections, Window
 from opir_core.scene import REPORTED_TYPES
 
 # By how much the length of a unit vector may miss 1.

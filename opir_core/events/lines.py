@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.events.identifiers import uuid_characters
 from opir_core.events.timestamps import timestamp_characters, unix_microseconds
-from opir_core.records import Detections, FloatArray, IntArray, Window
+from opir_core.records import Detections, Window
 
 #: A piece of the line: one for all events, or one for each.
 Piece = bytes | list[bytes]

@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 #: Digits behind the point: angles to 1e-9 deg (0.1 mm on the ground), lengths to the millimetre, ratios to 1e-6.
 DEGREE_DECIMALS = 9

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.events.ellipse import CONTAINMENT, OTHER_CONTAINMENTS, containment_ellipse
 from opir_core.events.number_text import (
     METRE_DECIMALS,
@@ -13,7 +14,6 @@ from opir_core.events.number_text import (
     rounded_longitude_deg,
 )
 from opir_core.events.timestamps import timestamp_text, writable_unix_microseconds
-from opir_core.records import FloatArray
 
 
 class UncertaintyEllipse(msgspec.Struct):

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import SinkError
-from opir_core.records import FloatArray, IntArray
 
 #: The years that RFC 3339 can write, 1 to 9999, in µs since 1970-01-01: the first microsecond, and the first after.
 FIRST_UNIX_US = -62_135_596_800_000_000

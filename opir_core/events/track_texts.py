@@ -3,10 +3,11 @@
 import msgspec
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.events.lines import Piece, piece_table, taken
 from opir_core.events.number_text import METRE_DECIMALS, RATIO_DECIMALS, rounded
 from opir_core.events.timestamps import timestamp_text, writable_unix_microseconds
-from opir_core.records import TOLD_CONTAINMENTS, BoolArray, FloatArray, Tracks, Window
+from opir_core.records import TOLD_CONTAINMENTS, Tracks, Window
 from opir_core.scene import REPORTED_TYPES
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import msgspec
 import numpy as np
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.events import UDL_VERSION
 from opir_core.events.ellipse import CONTAINMENT, containment_ellipse
 from opir_core.events.forge_c2 import estimated_places_ecef_m, places_ecef_m
@@ -27,7 +28,7 @@ from opir_core.events.number_text import (
 from opir_core.events.timestamps import timestamp_text, writable_unix_microseconds
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.protocols import EncoderContext, Sensor
-from opir_core.records import FloatArray, IntArray, Window
+from opir_core.records import Window
 from opir_core.scene import REPORTED_TYPES, UNKNOWN_TYPE
 from opir_core.sites import Viewpoints
 

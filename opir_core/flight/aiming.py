@@ -12,6 +12,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import ArrayLike
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING
 from opir_core.flight.ascent import ascent
 from opir_core.flight.boost import BoostPath, boost_path, launch_site
@@ -19,8 +20,6 @@ from opir_core.flight.profiles import BoostProfile
 from opir_core.flight.shooting import solved
 from opir_core.flight.shot import Shot
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodesic_inverse, geodetic_to_ecef
-from opir_core.geometry.vectors import Floats
-from opir_core.records import BoolArray
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel, Forces
@@ -41,18 +40,18 @@ class Aim:
     the aim point. Where `converged` is False, `complaints` says why, and what depends on the solution is nan.
     """
 
-    range_m: Floats
-    azimuth_rad: Floats
-    burnout_speed_m_s: Floats
-    burnout_flight_path_angle_rad: Floats
-    burnout_s: Floats
-    burnout_position_ecef_m: Floats
-    burnout_velocity_ecef_m_s: Floats
-    burnout_position_eci_m: Floats
-    burnout_velocity_eci_m_s: Floats
-    impact_s: Floats
-    impact_ecef_m: Floats
-    miss_m: Floats
+    range_m: FloatArray
+    azimuth_rad: FloatArray
+    burnout_speed_m_s: FloatArray
+    burnout_flight_path_angle_rad: FloatArray
+    burnout_s: FloatArray
+    burnout_position_ecef_m: FloatArray
+    burnout_velocity_ecef_m_s: FloatArray
+    burnout_position_eci_m: FloatArray
+    burnout_velocity_eci_m_s: FloatArray
+    impact_s: FloatArray
+    impact_ecef_m: FloatArray
+    miss_m: FloatArray
     converged: BoolArray
     complaints: tuple[str, ...]
     path: BoostPath
@@ -101,7 +100,7 @@ def aim(
 
 def surface_range_m(
     latitude_1_rad: ArrayLike, longitude_1_rad: ArrayLike, latitude_2_rad: ArrayLike, longitude_2_rad: ArrayLike
-) -> Floats:
+) -> FloatArray:
     """Return the distance over the WGS 84 ellipsoid between two places, m, to 90 m.
 
     Lambert's formula for long lines, first order in the flattening; beyond 15 900 km, where it fails, the geodesic.
@@ -115,7 +114,9 @@ def surface_range_m(
     return distance
 
 
-def _lambert_range_m(latitude_1: Floats, longitude_1: Floats, latitude_2: Floats, longitude_2: Floats) -> Floats:
+def _lambert_range_m(
+    latitude_1: FloatArray, longitude_1: FloatArray, latitude_2: FloatArray, longitude_2: FloatArray
+) -> FloatArray:
     beta_1, beta_2 = (np.arctan((1.0 - EARTH_FLATTENING) * np.tan(v)) for v in (latitude_1, latitude_2))
     half_sum, half_difference = 0.5 * (beta_1 + beta_2), 0.5 * (beta_2 - beta_1)
     half_turn = 0.5 * (longitude_2 - longitude_1)
@@ -127,11 +128,11 @@ def _lambert_range_m(latitude_1: Floats, longitude_1: Floats, latitude_2: Floats
     angle = 2.0 * np.arctan2(np.sqrt(chord), np.sqrt(antichord))
     x = (angle - np.sin(angle)) * sin_sum * cos_difference / np.where(antichord > 0.0, antichord, 1.0)
     y = (angle + np.sin(angle)) * cos_sum * sin_difference / np.where(chord > 0.0, chord, 1.0)
-    distance: Floats = EARTH_EQUATORIAL_RADIUS_M * (angle - 0.5 * EARTH_FLATTENING * (x + y))
+    distance: FloatArray = EARTH_EQUATORIAL_RADIUS_M * (angle - 0.5 * EARTH_FLATTENING * (x + y))
     return distance
 
 
-def _burnout_states(path: BoostPath) -> tuple[Floats, Floats, Floats, Floats]:
+def _burnout_states(path: BoostPath) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return position and velocity at burnout, ECEF and then ECI, each (n, 3)."""
     ecef = path.state(np.arange(len(path.burnout_s)), path.burnout_s)
     return *ecef, *ecef_to_eci_state(*ecef, path.burnout_s)
@@ -147,8 +148,8 @@ def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
 
 
 def _solved_within_limits(
-    shot: Shot, range_m: Floats, profiles: Sequence[BoostProfile], tolerance_m: float
-) -> tuple[Floats, Floats]:
+    shot: Shot, range_m: FloatArray, profiles: Sequence[BoostProfile], tolerance_m: float
+) -> tuple[FloatArray, FloatArray]:
     """Return azimuths and burnout speeds (n,), nan where the aim point is out of the profile's range."""
     azimuth_rad, speed_m_s = np.full(len(range_m), np.nan), np.full(len(range_m), np.nan)
     rows = np.flatnonzero(_is_within_limits(range_m, profiles))
@@ -156,20 +157,20 @@ def _solved_within_limits(
     return azimuth_rad, speed_m_s
 
 
-def _flight_path_angle_rad(range_m: Floats, profiles: Sequence[BoostProfile]) -> Floats:
+def _flight_path_angle_rad(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> FloatArray:
     """Return burnout flight path angles (n,): the profile's at its reference range, flatter beyond it."""
     reference_rad = np.array([profile.burnout_flight_path_angle_rad for profile in profiles])
     reference_m = np.array([profile.reference_range_m for profile in profiles])
     return reference_rad + 0.25 * (reference_m - range_m) / _MEAN_RADIUS_M
 
 
-def _is_within_limits(range_m: Floats, profiles: Sequence[BoostProfile]) -> BoolArray:
+def _is_within_limits(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> BoolArray:
     shortest = np.array([profile.minimum_range_m for profile in profiles])
     longest = np.array([profile.maximum_range_m for profile in profiles])
     return (range_m >= shortest) & (range_m <= longest)
 
 
-def _complaints(range_m: Floats, profiles: Sequence[BoostProfile], converged: BoolArray) -> tuple[str, ...]:
+def _complaints(range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray) -> tuple[str, ...]:
     """Return for each target why it cannot reach its aim point, or an empty string."""
     within = _is_within_limits(range_m, profiles)
     return tuple(
@@ -186,5 +187,5 @@ def _complaint(range_m: float, profile: BoostProfile, is_within_limits: bool) ->
     return f"{distance}; {limits}"
 
 
-def _column(values: ArrayLike, n: int) -> Floats:
+def _column(values: ArrayLike, n: int) -> FloatArray:
     return np.broadcast_to(np.asarray(values, dtype=np.float64), (n,))

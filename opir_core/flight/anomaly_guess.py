@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.kepler_equation import Arcs, laguerre_step
-from opir_core.flight.stumpff import Floats, universal_functions
+from opir_core.flight.stumpff import universal_functions
 
 Singles = NDArray[np.float32]
 
@@ -17,7 +18,7 @@ _SIXTH, _THIRD = np.float32(1.0 / 6.0), np.float32(1.0 / 3.0)
 _EXPONENTIAL = 1.0
 
 
-def coarse_anomaly(arcs: Arcs[np.float64]) -> Floats:
+def coarse_anomaly(arcs: Arcs[np.float64]) -> FloatArray:
     """Return the anomaly at the end of each arc, by Laguerre's steps from a first guess; 0 where that overflows."""
     single = Arcs(*(column.astype(np.float32) for column in arcs))
     s = _first_guess(single)

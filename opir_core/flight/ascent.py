@@ -16,9 +16,8 @@ import numpy as np
 from attrs import fields, frozen
 from numpy.typing import ArrayLike
 
-from opir_core.flight.pieces import Indices
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.profiles import BoostProfile
-from opir_core.geometry.vectors import Floats
 
 #: Of the series in x; `docs/design/turn_series.py` shows what other degrees, and other powers of u, leave.
 _DEGREE = 32
@@ -33,39 +32,39 @@ class Ascent:
     are dh/dx and (R + h) dphi/dx over burnout speed, `climb_s` is height over burnout speed.
     """
 
-    burn_time_s: Floats
-    pitch_start_s: Floats
-    speed_shape: Floats
-    pitch_exponent: Floats
-    turn_rad: Floats
-    climb_rate_s: Floats
-    sweep_rate_s: Floats
-    climb_s: Floats
+    burn_time_s: FloatArray
+    pitch_start_s: FloatArray
+    speed_shape: FloatArray
+    pitch_exponent: FloatArray
+    turn_rad: FloatArray
+    climb_rate_s: FloatArray
+    sweep_rate_s: FloatArray
+    climb_s: FloatArray
 
-    def take(self, rows: Indices) -> "Ascent":
+    def take(self, rows: RowArray) -> "Ascent":
         """Return some of the ascents."""
         return Ascent(*(getattr(self, column.name)[..., rows] for column in fields(Ascent)))
 
-    def burnout_height_m(self, burnout_speed_m_s: Floats) -> Floats:
+    def burnout_height_m(self, burnout_speed_m_s: FloatArray) -> FloatArray:
         """Return the height at burnout, (n,)."""
-        height_m: Floats = burnout_speed_m_s * self.climb_s[-1]
+        height_m: FloatArray = burnout_speed_m_s * self.climb_s[-1]
         return height_m
 
-    def burnout_swept_rad(self, burnout_speed_m_s: Floats, radius_m: Floats) -> Floats:
+    def burnout_swept_rad(self, burnout_speed_m_s: FloatArray, radius_m: FloatArray) -> FloatArray:
         """Return the angle swept at burnout over spheres of that radius, (n,)."""
         flatness_s = radius_m / burnout_speed_m_s
-        swept: Floats = np.zeros(np.shape(flatness_s))
+        swept: FloatArray = np.zeros(np.shape(flatness_s))
         for weight, rate_s, climb_s in zip(_integral_at_nodes()[-1], self.sweep_rate_s, self.climb_s, strict=True):
             swept += weight * (rate_s / (flatness_s + climb_s))
         return swept
 
-    def climb_series_s(self) -> Floats:
+    def climb_series_s(self) -> FloatArray:
         """Return Chebyshev coefficients (34, n) of height over burnout speed during the turn."""
-        series: Floats = _applied(_integral_series(), self.climb_rate_s)
+        series: FloatArray = _applied(_integral_series(), self.climb_rate_s)
         series[0] += self.climb_s[0]
         return series
 
-    def swept_series_rad(self, burnout_speed_m_s: Floats, radius_m: Floats) -> Floats:
+    def swept_series_rad(self, burnout_speed_m_s: FloatArray, radius_m: FloatArray) -> FloatArray:
         """Return Chebyshev coefficients (34, n) of the angle swept during the turn over spheres of that radius."""
         rate = self.sweep_rate_s / (radius_m / burnout_speed_m_s + self.climb_s)
         return _applied(_integral_series(), rate)
@@ -81,7 +80,7 @@ def ascent(profiles: Sequence[BoostProfile], burnout_flight_path_angle_rad: Arra
     return ascent_of_shape(burn, start, k, n, turn)
 
 
-def ascent_of_shape(burn: Floats, start: Floats, k: Floats, n: Floats, turn: Floats) -> Ascent:
+def ascent_of_shape(burn: FloatArray, start: FloatArray, k: FloatArray, n: FloatArray, turn: FloatArray) -> Ascent:
     """Return the ascents (n,) of these burn times, pitch starts, speed shapes, pitch exponents and turns."""
     x = _nodes()[:, None]
     u = (x * x) * (x * x)
@@ -92,17 +91,17 @@ def ascent_of_shape(burn: Floats, start: Floats, k: Floats, n: Floats, turn: Flo
     return Ascent(burn, start, k, n, turn, climb_rate_s, sweep_rate_s, climb_s)
 
 
-def speed_ratio(elapsed_s: Floats, burn_time_s: Floats, speed_shape: Floats) -> Floats:
+def speed_ratio(elapsed_s: FloatArray, burn_time_s: FloatArray, speed_shape: FloatArray) -> FloatArray:
     """Return speed over burnout speed, 0 at ignition to 1 at burnout."""
     return np.expm1(speed_shape * elapsed_s / burn_time_s) / np.expm1(speed_shape)
 
 
-def lean_rad(u: Floats, pitch_exponent: Floats, turn_rad: Floats) -> Floats:
+def lean_rad(u: FloatArray, pitch_exponent: FloatArray, turn_rad: FloatArray) -> FloatArray:
     """Return the angle of the velocity from the local vertical at fraction u of the turn, in [0, 1]."""
     return turn_rad * np.sin(0.5 * np.pi * u**pitch_exponent)
 
 
-def vertical_climb_s(elapsed_s: Floats, burn_time_s: Floats, speed_shape: Floats) -> Floats:
+def vertical_climb_s(elapsed_s: FloatArray, burn_time_s: FloatArray, speed_shape: FloatArray) -> FloatArray:
     """Return height over burnout speed while the flight is vertical: T (e^y - 1 - y) / (k (e^k - 1)), y = k t/T.
 
     Written so that nothing cancels for small k, where it is t²/(2T).
@@ -111,17 +110,17 @@ def vertical_climb_s(elapsed_s: Floats, burn_time_s: Floats, speed_shape: Floats
     return elapsed_s * share * _second_exponential(speed_shape * share) * (speed_shape / np.expm1(speed_shape))
 
 
-def series_value(series: Floats, target: Indices, x: Floats) -> Floats:
+def series_value(series: FloatArray, target: RowArray, x: FloatArray) -> FloatArray:
     """Return Chebyshev series (K, n) of targets (m,) at x in [0, 1] (m,), by Clenshaw's recurrence."""
     double_y = 4.0 * x - 2.0
     later, latest = np.zeros_like(double_y), np.zeros_like(double_y)
     for coefficient in series[:0:-1]:
         later, latest = latest, double_y * latest - later + coefficient[target]
-    value: Floats = 0.5 * double_y * latest - later + series[0][target]
+    value: FloatArray = 0.5 * double_y * latest - later + series[0][target]
     return value
 
 
-def _second_exponential(y: Floats) -> Floats:
+def _second_exponential(y: FloatArray) -> FloatArray:
     """Return (e^y - 1 - y) / y² for y >= 0: below 1 by Taylor's series, whose first term left out is 1e-17 of it."""
     small, large = np.minimum(y, 1.0), np.maximum(y, 1.0)
     series = np.zeros_like(y)
@@ -131,13 +130,13 @@ def _second_exponential(y: Floats) -> Floats:
 
 
 @cache
-def _nodes() -> Floats:
+def _nodes() -> FloatArray:
     """Return the Chebyshev-Lobatto points of [0, 1], ascending."""
     return 0.5 - 0.5 * np.cos(np.pi * np.arange(_DEGREE + 1) / _DEGREE)
 
 
 @cache
-def _integral_series() -> Floats:
+def _integral_series() -> FloatArray:
     """Return the matrix (34, 33) from values at the nodes to Chebyshev coefficients of the integral from x = 0."""
     node, order = np.arange(_DEGREE + 1), np.arange(_DEGREE + 1)[:, None]
     ends = np.where((node == 0) | (node == _DEGREE), 0.5, 1.0)
@@ -152,14 +151,14 @@ def _integral_series() -> Floats:
 
 
 @cache
-def _integral_at_nodes() -> Floats:
+def _integral_at_nodes() -> FloatArray:
     """Return the matrix (33, 33) from values at the nodes to integrals from x = 0 to the nodes."""
     order = np.arange(_DEGREE + 2)
     polynomials = np.cos(np.pi * order * (_DEGREE - np.arange(_DEGREE + 1)[:, None]) / _DEGREE)
     return _applied(polynomials, _integral_series())
 
 
-def _applied(matrix: Floats, columns: Floats) -> Floats:
+def _applied(matrix: FloatArray, columns: FloatArray) -> FloatArray:
     """Return matrix · columns, summed in one order whatever the number of columns (BLAS does not promise that)."""
     total = np.zeros((len(matrix), *columns.shape[1:]))
     for weights, row in zip(matrix.T, columns, strict=True):

@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.forces import US_STANDARD_1976, ExponentialAtmosphere
-
-Column = NDArray[np.float64]
 
 #: The lowest height for which the models answer, m: that of the 1976 standard.
 LOWEST_HEIGHT_M = -5000.0
@@ -65,18 +64,18 @@ class AirLayers(NamedTuple):
     an integrator should change its height by `strides_m` plus `stride_shares` times its height above the floor at most.
     """
 
-    floors_m: Column
-    strides_m: Column
-    stride_shares: Column
+    floors_m: FloatArray
+    strides_m: FloatArray
+    stride_shares: FloatArray
     parameters: NDArray[np.float64]
 
 
-def log_density(parameters: NDArray[np.float64], height_m: Column) -> Column:
+def log_density(parameters: NDArray[np.float64], height_m: FloatArray) -> FloatArray:
     """Return ln rho, rho in kg/m³, at heights (n,), m, each by the layer whose parameters, (13, n), are given."""
-    x: Column = height_m - parameters[0]
+    x: FloatArray = height_m - parameters[0]
     x *= parameters[1] / (1.0 + parameters[2] * x)
     x -= 1.0
-    value: Column = parameters[3] * x
+    value: FloatArray = parameters[3] * x
     for coefficient in parameters[4:-1]:
         value += coefficient
         value *= x
@@ -94,7 +93,7 @@ def log_density_alone(parameters: Sequence[float], height_m: float) -> float:
     return value + parameters[-1]
 
 
-def density_kg_m3(height_m: ArrayLike, atmosphere: ExponentialAtmosphere | str = US_STANDARD_1976) -> Column:
+def density_kg_m3(height_m: ArrayLike, atmosphere: ExponentialAtmosphere | str = US_STANDARD_1976) -> FloatArray:
     """Return densities, kg/m³, at geodetic heights, m; `nan` below -5 km.
 
     U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562, NASA-TM-X-74335): to 86 km its definition, within 1e-9; from there

@@ -4,15 +4,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.forces import Drag, Forces
-from opir_core.flight.gravity import Column, Gravity, Rows
-from opir_core.flight.integration import Index, Integration, Recorder
+from opir_core.flight.gravity import Gravity
+from opir_core.flight.integration import Integration, Recorder
 from opir_core.flight.levels import Levels, Seams
 from opir_core.flight.stepping import Acceleration
-
-Floats = NDArray[np.float64]
 
 #: Arcs a block: enough to hide numpy's overhead, few enough for the stages of a step to stay in a second-level cache.
 _BLOCK = 1024
@@ -28,12 +27,12 @@ class Columns(NamedTuple):
     """The arcs of a call, flattened: `shape` is that of the broadcast leading axes."""
 
     shape: tuple[int, ...]
-    position: Rows
-    velocity: Rows
-    duration: Column
-    tolerance: Column
-    ballistic_coefficient: Column
-    target: Column
+    position: FloatArray
+    velocity: FloatArray
+    duration: FloatArray
+    tolerance: FloatArray
+    ballistic_coefficient: FloatArray
+    target: FloatArray
 
     def block(self, part: slice) -> "Columns":
         """Return some of the arcs, as copies."""
@@ -81,14 +80,14 @@ def integrations(
 class System:
     """The forces on the arcs of a block."""
 
-    def __init__(self, forces: Forces, ballistic_coefficient: Column) -> None:
+    def __init__(self, forces: Forces, ballistic_coefficient: FloatArray) -> None:
         self.mu_m3_s2 = forces.gravity.mu_m3_s2
         self.has_air = forces.drag is not None
         self._gravity = Gravity(forces.gravity, forces.zonal)
         if forces.drag is not None:
             self._take_up(forces.drag, ballistic_coefficient)
 
-    def _take_up(self, drag: Drag, ballistic_coefficient: Column) -> None:
+    def _take_up(self, drag: Drag, ballistic_coefficient: FloatArray) -> None:
         from opir_core.flight.atmosphere_density import air_layers
         from opir_core.flight.drag import GravityAndDrag
 
@@ -97,7 +96,7 @@ class System:
         self._log_half_inverse_beta = -np.log(2.0 * ballistic_coefficient)
         self._with_drag = GravityAndDrag
 
-    def acceleration(self, arcs: Index, layer: Index | None) -> Acceleration:
+    def acceleration(self, arcs: RowArray, layer: RowArray | None) -> Acceleration:
         """Return the right side for the arcs of these numbers, each in its layer of the air."""
         if not self.has_air or layer is None:
             return self._gravity

@@ -8,23 +8,24 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
 from opir_core.flight.ascent import Ascent, lean_rad, series_value, speed_ratio, vertical_climb_s
-from opir_core.flight.pieces import Indices
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
-from opir_core.geometry.vectors import Floats
 
 
 @frozen(eq=False)
 class LaunchPlane:
     """The vertical plane of each of n launches: vectors (n, 3) in ECEF, and the radius (n,) of the circle in it."""
 
-    launch_m: Floats
-    up: Floats
-    heading: Floats
-    radius_m: Floats
+    launch_m: FloatArray
+    up: FloatArray
+    heading: FloatArray
+    radius_m: FloatArray
 
-    def state(self, height_m: Floats, swept_rad: Floats, speed_m_s: Floats, lean_rad: Floats) -> tuple[Floats, Floats]:
+    def state(
+        self, height_m: FloatArray, swept_rad: FloatArray, speed_m_s: FloatArray, lean_rad: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return ECEF position and velocity relative to the Earth, (n, 3), from the course in the plane, (n,).
 
         The position is launch + (h cos(phi) - 2 R sin²(phi/2)) up + (R + h) sin(phi) heading: near the ground nothing
@@ -37,11 +38,11 @@ class LaunchPlane:
         velocity = self._combined(speed_m_s * np.cos(tilt), speed_m_s * np.sin(tilt))
         return self.launch_m + self._combined(rise, along), velocity
 
-    def take(self, target: Indices) -> "LaunchPlane":
+    def take(self, target: RowArray) -> "LaunchPlane":
         """Return the planes of some targets."""
         return LaunchPlane(self.launch_m[target], self.up[target], self.heading[target], self.radius_m[target])
 
-    def _combined(self, rise: Floats, along: Floats) -> Floats:
+    def _combined(self, rise: FloatArray, along: FloatArray) -> FloatArray:
         return rise[:, None] * self.up + along[:, None] * self.heading
 
 
@@ -49,19 +50,19 @@ class LaunchPlane:
 class LaunchSite:
     """The places of n launches: position (n, 3) and axes east, north, up (n, 3, 3) in ECEF, radii of curvature (n,)."""
 
-    launch_m: Floats
-    axes: Floats
-    meridian_radius_m: Floats
-    normal_radius_m: Floats
+    launch_m: FloatArray
+    axes: FloatArray
+    meridian_radius_m: FloatArray
+    normal_radius_m: FloatArray
 
-    def plane(self, azimuth_rad: Floats) -> LaunchPlane:
+    def plane(self, azimuth_rad: FloatArray) -> LaunchPlane:
         """Return the planes of launches with these azimuths (n,), clockwise from true north (Euler's radius)."""
         sine, cosine = np.sin(azimuth_rad), np.cos(azimuth_rad)
         curvature = cosine * cosine / self.meridian_radius_m + sine * sine / self.normal_radius_m
         heading = sine[:, None] * self.axes[:, 0] + cosine[:, None] * self.axes[:, 1]
         return LaunchPlane(self.launch_m, self.axes[:, 2], heading, 1.0 / curvature)
 
-    def take(self, target: Indices) -> "LaunchSite":
+    def take(self, target: RowArray) -> "LaunchSite":
         """Return the sites of some launches."""
         return LaunchSite(
             *(v[target] for v in (self.launch_m, self.axes, self.meridian_radius_m, self.normal_radius_m))
@@ -84,15 +85,15 @@ def launch_site(latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: Arr
 class BoostPath:
     """Where n targets are from ignition to burnout."""
 
-    ignition_s: Floats
-    burnout_s: Floats
-    burnout_speed_m_s: Floats
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    burnout_speed_m_s: FloatArray
     plane: LaunchPlane
     ascent: Ascent
-    _climb_series_s: Floats
-    _swept_series_rad: Floats
+    _climb_series_s: FloatArray
+    _swept_series_rad: FloatArray
 
-    def state(self, target: Indices, time_s: Floats) -> tuple[Floats, Floats]:
+    def state(self, target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ECEF positions and velocities relative to the Earth (m, 3) of targets (m,) at times (m,).
 
         Outside ignition to burnout both are nan.
@@ -111,13 +112,13 @@ class BoostPath:
         lean = lean_rad(u, course.pitch_exponent[target], course.turn_rad[target])
         return self.plane.take(target).state(speed * climb, swept, speed * speed_ratio(elapsed, burn, k), lean)
 
-    def breakpoints_s(self) -> Floats:
+    def breakpoints_s(self) -> FloatArray:
         """Return the times (n, 1) within the burn at which the course is not smooth: pitch-over."""
         return (self.ignition_s + self.ascent.pitch_start_s)[:, None]
 
 
 def boost_path(
-    site: LaunchSite, ignition_s: ArrayLike, azimuth_rad: Floats, burnout_speed_m_s: Floats, course: Ascent
+    site: LaunchSite, ignition_s: ArrayLike, azimuth_rad: FloatArray, burnout_speed_m_s: FloatArray, course: Ascent
 ) -> BoostPath:
     """Return the paths of n launches, with azimuths and burnout speeds relative to the Earth (n,)."""
     plane = site.plane(azimuth_rad)

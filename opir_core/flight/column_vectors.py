@@ -2,21 +2,21 @@
 
 import numpy as np
 
-from opir_core.flight.stumpff import Floats
+from opir_core.arrays import FloatArray
 
 
-def dot(a: Floats, b: Floats) -> Floats:
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return scalar products (n,)."""
-    product: Floats = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    product: FloatArray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
     return product
 
 
-def cross(a: Floats, b: Floats) -> Floats:
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return vector products (3, n)."""
     return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
-def length(a: Floats) -> Floats:
+def length(a: FloatArray) -> FloatArray:
     """Return Euclidean lengths (n,)."""
-    root: Floats = np.sqrt(dot(a, a))
+    root: FloatArray = np.sqrt(dot(a, a))
     return root

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.flight.column_vectors import cross, dot, length
-from opir_core.flight.stumpff import Floats, universal_functions
+from opir_core.flight.stumpff import universal_functions
 from opir_core.geometry.foot import height_along_normal, normal_at_foot
 
 #: Below this alpha T², two terms of the series of the arctangent are exact enough to bracket with.
@@ -17,13 +18,13 @@ _SERIES = 1e-6
 class ConicArcs(NamedTuple):
     """Arcs from states at universal anomaly 0, in units of each start (its distance and mu are 1); vectors (3, n)."""
 
-    position: Floats
-    velocity: Floats
-    sigma: Floats  #: position · velocity
-    alpha: Floats  #: reciprocal of the semi-major axis
-    momentum: Floats  #: angular momentum
-    length_m: Floats  #: the unit of length
-    second_s: Floats  #: the unit of time
+    position: FloatArray
+    velocity: FloatArray
+    sigma: FloatArray  #: position · velocity
+    alpha: FloatArray  #: reciprocal of the semi-major axis
+    momentum: FloatArray  #: angular momentum
+    length_m: FloatArray  #: the unit of length
+    second_s: FloatArray  #: the unit of time
 
     def at(self, index: NDArray[np.intp]) -> "ConicArcs":
         """Return the arcs at these indices, in order; of them all, the arcs themselves."""
@@ -31,17 +32,17 @@ class ConicArcs(NamedTuple):
             return self
         return ConicArcs(*(column[..., index] for column in self))
 
-    def times_and_positions(self, s: Floats) -> tuple[Floats, Floats]:
+    def times_and_positions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return times since the start, s, and positions (3, n), m."""
         _, g1, g2, g3 = universal_functions(self.alpha, s)
         positions = ((1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity) * self.length_m
         return (g1 + self.sigma * g2 + g3) * self.second_s, positions
 
-    def heights_m(self, s: Floats) -> Floats:
+    def heights_m(self, s: FloatArray) -> FloatArray:
         """Return geodetic heights, m."""
         return self.heights_and_slopes(s)[0]
 
-    def heights_and_slopes(self, s: Floats) -> tuple[Floats, Floats]:
+    def heights_and_slopes(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return geodetic heights, m, and their derivatives in the anomaly."""
         g0, g1, g2, _ = universal_functions(self.alpha, s)
         x, y, z = ((1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity) * self.length_m
@@ -52,16 +53,16 @@ class ConicArcs(NamedTuple):
         outward = (x * rates[0] + y * rates[1]) / np.where(rho > 0.0, rho, 1.0)
         return heights, cosine * outward + sine * rates[2]
 
-    def turns(self) -> Floats:
+    def turns(self) -> FloatArray:
         """Return the anomaly of a whole turn, `nan` where the arc does not close."""
-        turn: Floats = 2.0 * np.pi / np.sqrt(self.alpha)
+        turn: FloatArray = 2.0 * np.pi / np.sqrt(self.alpha)
         return np.where(np.isfinite(turn), turn, np.nan)
 
-    def radial_squared(self, radius: Floats) -> Floats:
+    def radial_squared(self, radius: FloatArray) -> FloatArray:
         """Return (r·v)² where the arc is at a distance; negative where it never is."""
         return radius * (2.0 - self.alpha * radius) - self.momentum * self.momentum
 
-    def first_descent(self, radius: Floats) -> Floats:
+    def first_descent(self, radius: FloatArray) -> FloatArray:
         """Return the first anomaly >= 0 at which the arc descends through a distance; `nan` where it never does.
 
         The half-angle tangent T of the way there satisfies T (sigma + sigma_end) = r_end - r_start, or equally
@@ -73,7 +74,7 @@ class ConicArcs(NamedTuple):
         under = np.where(rising, self.alpha * (radius + 1.0) - 2.0, -self.sigma - end)
         return self.anomalies(over, under)
 
-    def anomalies(self, over: Floats, under: Floats) -> Floats:
+    def anomalies(self, over: FloatArray, under: FloatArray) -> FloatArray:
         """Return the anomaly in [0, a turn) whose half-angle tangent G1(s/2) / G0(s/2) is over / under.
 
         `nan` where an open arc has none ahead.
@@ -90,7 +91,7 @@ class ConicArcs(NamedTuple):
         return np.where(s >= 0.0, s, np.nan)
 
 
-def conic_arcs(position_m: Floats, velocity_m_s: Floats, mu_m3_s2: float) -> ConicArcs:
+def conic_arcs(position_m: FloatArray, velocity_m_s: FloatArray, mu_m3_s2: float) -> ConicArcs:
     """Return the arcs from states (n, 3)."""
     position, velocity = np.ascontiguousarray(position_m.T), np.ascontiguousarray(velocity_m_s.T)
     distance = length(position)

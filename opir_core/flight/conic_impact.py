@@ -9,6 +9,7 @@ either way, ends on the geodetic height.
 import numpy as np
 from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import (
     EARTH_EQUATORIAL_RADIUS_M,
     EARTH_FLATTENING,
@@ -18,7 +19,6 @@ from opir_core.constants import (
 from opir_core.flight.conic_arcs import ConicArcs, conic_arcs
 from opir_core.flight.grazing_arcs import grazing_brackets
 from opir_core.flight.kepler import flat_states
-from opir_core.flight.stumpff import Floats
 
 #: A start this near the surface, m, is on it: rounding of its position must not decide whether it has yet to fall.
 ON_SURFACE_M = 1e-6
@@ -41,7 +41,7 @@ _LAST_HALVING = 4.0 * float(np.finfo(float).eps)
 
 def kepler_impact(
     position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike = 0.0, mu_m3_s2: float = EARTH_MU_M3_S2
-) -> tuple[Floats, Floats]:
+) -> tuple[FloatArray, FloatArray]:
     """Return the time to impact, s, and the point of impact, m (ECI), of two-body arcs from the given states.
 
     Position and velocity have shape (..., 3) in an inertial frame about the Earth's centre with z along its axis, such
@@ -63,7 +63,9 @@ def kepler_impact(
     return duration.reshape(shape), point.reshape(*shape, 3)
 
 
-def _impacts(position: Floats, velocity: Floats, height: Floats, mu: float) -> tuple[Floats, Floats]:
+def _impacts(
+    position: FloatArray, velocity: FloatArray, height: FloatArray, mu: float
+) -> tuple[FloatArray, FloatArray]:
     """Return times (n,) and points (n, 3) of impact."""
     duration, point = np.full(height.shape, np.nan), np.full((height.size, 3), np.nan)
     finite = np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & (height > -6.0e6)
@@ -81,7 +83,7 @@ def _impacts(position: Floats, velocity: Floats, height: Floats, mu: float) -> t
     return duration, point
 
 
-def _brackets(arcs: ConicArcs, height: Floats) -> tuple[Floats, Floats]:
+def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return anomalies between which each arc first descends through the surface; `nan` where it never does."""
     outer = (EARTH_EQUATORIAL_RADIUS_M + _MARGIN_M + height) / arcs.length_m
     inner = (EARTH_POLAR_RADIUS_M - _MARGIN_M + height) / arcs.length_m
@@ -98,7 +100,9 @@ def _brackets(arcs: ConicArcs, height: Floats) -> tuple[Floats, Floats]:
     return low, high
 
 
-def _steep_brackets(arcs: ConicArcs, height: Floats, outer: Floats, inner: Floats) -> tuple[Floats, Floats]:
+def _steep_brackets(
+    arcs: ConicArcs, height: FloatArray, outer: FloatArray, inner: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the anomalies of the first descents through the two spheres; a start that falls between them comes before.
 
     Such a start is met by its own height: above the surface it has yet to fall, on it it falls at once, below it waits
@@ -114,7 +118,7 @@ def _steep_brackets(arcs: ConicArcs, height: Floats, outer: Floats, inner: Float
     return low, high
 
 
-def _descent(arcs: ConicArcs, height: Floats, low: Floats, high: Floats) -> Floats:
+def _descent(arcs: ConicArcs, height: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """Return the anomaly within each bracket at which the height is reached, by Newton's method held to the bracket."""
     s = 0.5 * (low + high)
     still = low < high

@@ -5,11 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.ellipsoidal_height import height_and_climb
-from opir_core.flight.gravity import Column, Rows
 from opir_core.flight.stepping import Start, Step
-
-Index = NDArray[np.intp]
 
 _HALVINGS = 4
 _NEWTON_STEPS = 4
@@ -18,23 +16,23 @@ _NEWTON_STEPS = 4
 class Rise(NamedTuple):
     """Heights, m, at the two ends of steps, and how much they would change, m, in the whole step at the rates there."""
 
-    first: Column
-    last: Column
-    first_rate: Column
-    last_rate: Column
+    first: FloatArray
+    last: FloatArray
+    first_rate: FloatArray
+    last_rate: FloatArray
 
-    def of(self, index: Index) -> "Rise":
+    def of(self, index: RowArray) -> "Rise":
         """Return the rows at `index`."""
         return Rise(*(column[index] for column in self))
 
-    def at(self, fraction: Column) -> tuple[Column, Column]:
+    def at(self, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the cubic through the ends at a fraction of the step, and its derivative."""
         bend = 3.0 * (self.last - self.first) - 2.0 * self.first_rate - self.last_rate
         twist = self.first_rate + self.last_rate - 2.0 * (self.last - self.first)
         value = self.first + fraction * (self.first_rate + fraction * (bend + fraction * twist))
         return value, self.first_rate + fraction * (2.0 * bend + fraction * (3.0 * twist))
 
-    def turning_point(self) -> Column:
+    def turning_point(self) -> FloatArray:
         """Return the fraction at which the cubic turns, where its rates differ in sign at the two ends."""
         bend = 3.0 * (self.last - self.first) - 2.0 * self.first_rate - self.last_rate
         twist = self.first_rate + self.last_rate - 2.0 * (self.last - self.first)
@@ -42,7 +40,7 @@ class Rise(NamedTuple):
         return np.abs(self.first_rate) / (root - np.sign(self.first_rate) * bend)
 
 
-def crossing_fraction(rise: Rise, boundary: Column, down: NDArray[np.bool_], end: Column) -> Column:
+def crossing_fraction(rise: Rise, boundary: FloatArray, down: NDArray[np.bool_], end: FloatArray) -> FloatArray:
     """Return the fraction, up to `end`, at which the cubic goes down (or up) through the boundary.
 
     Bisection, then Newton's method held to the bracket; `end` where the cubic stays short of the boundary.
@@ -63,7 +61,9 @@ def crossing_fraction(rise: Rise, boundary: Column, down: NDArray[np.bool_], end
     return fraction
 
 
-def state_within(start: Start, step: Step, h: Column, index: Index, fraction: Column) -> tuple[Rows, Rows]:
+def state_within(
+    start: Start, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities of the steps at `index`, by the quintic through both ends' states."""
     position, velocity, acceleration = (rows[:, index] for rows in start)
     end_position, end_velocity, end_acceleration = (rows[:, index] for rows in step[:3])
@@ -79,7 +79,9 @@ def state_within(start: Start, step: Step, h: Column, index: Index, fraction: Co
     return moved, rate / length
 
 
-def height_within(start: Start, step: Step, h: Column, index: Index, fraction: Column) -> tuple[Column, Column]:
+def height_within(
+    start: Start, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return heights, m, and how much they would change in the whole step, m, at a fraction of it, by the quintic."""
     position, velocity = state_within(start, step, h, index, fraction)
     inverse_radius = 1.0 / np.sqrt(position[0] * position[0] + position[1] * position[1] + position[2] * position[2])

@@ -6,16 +6,15 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import ArrayLike, NDArray
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.forces import J2, ForceModel, forces_of
-from opir_core.flight.propagation import TOLERANCE_M, Floats
-
-Index = NDArray[np.intp]
+from opir_core.flight.propagation import TOLERANCE_M
 
 
 class ArcStates(Protocol):
     """Arcs whose states can be asked for."""
 
-    def state(self, arc: ArrayLike, time_s: ArrayLike) -> tuple[Floats, Floats]:
+    def state(self, arc: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return positions, m, and velocities, m/s, (..., 3), of arcs, by number, at times since their starts, s.
 
         Numbers and times broadcast against one another; numbers count through the leading axes of the starts in C
@@ -61,12 +60,12 @@ _FINER = 16.0
 class KeplerArcs:
     """Two-body arcs, in closed form."""
 
-    position_m: Floats
-    velocity_m_s: Floats
-    duration_s: Floats
+    position_m: FloatArray
+    velocity_m_s: FloatArray
+    duration_s: FloatArray
     mu_m3_s2: float
 
-    def state(self, arc: ArrayLike, time_s: ArrayLike) -> tuple[Floats, Floats]:
+    def state(self, arc: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return positions, m, and velocities, m/s, as `ArcStates.state` does."""
         from opir_core.flight.kepler import propagate_kepler
 
@@ -76,7 +75,7 @@ class KeplerArcs:
         return propagate_kepler(self.position_m[arcs], self.velocity_m_s[arcs], time, self.mu_m3_s2)
 
 
-def queries(arc: ArrayLike, time_s: ArrayLike, count: int) -> tuple[Index, Floats]:
+def queries(arc: ArrayLike, time_s: ArrayLike, count: int) -> tuple[RowArray, FloatArray]:
     """Return numbers of arcs and times broadcast together; raise IndexError for a number that is not below `count`."""
     arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64))
     if arcs.size and (int(arcs.min()) < 0 or int(arcs.max()) >= count):
@@ -84,7 +83,7 @@ def queries(arc: ArrayLike, time_s: ArrayLike, count: int) -> tuple[Index, Float
     return arcs, time
 
 
-def is_within(time_s: Floats, duration_s: Floats) -> NDArray[np.bool_]:
+def is_within(time_s: FloatArray, duration_s: FloatArray) -> NDArray[np.bool_]:
     """Return whether times, s, lie between zero and the durations, s, of either sign."""
     inside: NDArray[np.bool_] = (time_s * np.sign(duration_s) >= 0.0) & (np.abs(time_s) <= np.abs(duration_s))
     return inside

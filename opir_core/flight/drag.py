@@ -5,9 +5,10 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.atmosphere_density import log_density, log_density_alone
 from opir_core.flight.ellipsoidal_height import height_alone_m, height_m
-from opir_core.flight.gravity import Alone, Column, Gravity, Rows
+from opir_core.flight.gravity import Alone, Gravity
 
 
 class GravityAndDrag:
@@ -22,7 +23,7 @@ class GravityAndDrag:
         self,
         gravity: Gravity,
         layer_parameters: NDArray[np.float64],
-        log_half_inverse_beta: Column,
+        log_half_inverse_beta: FloatArray,
         air_rotation_rad_s: float,
     ) -> None:
         self._gravity = gravity
@@ -30,7 +31,7 @@ class GravityAndDrag:
         self._log_half_inverse_beta = log_half_inverse_beta
         self._rotation = air_rotation_rad_s
 
-    def __call__(self, position: Rows, velocity: Rows) -> Rows:
+    def __call__(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
         """Return accelerations (3, n), m/s²."""
         acceleration, inverse_radius = self._gravity.with_inverse_radius(position)
         factor = log_density(self._parameters, height_m(position, inverse_radius))

@@ -4,14 +4,14 @@ from math import sqrt
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
-from opir_core.flight.gravity import Column, Rows
 
 #: Deeper than this a/r the expansion is held, so that the height stays negative and finite towards the centre.
 _DEEPEST = 2.0
 
 
-def height_m(position: Rows, inverse_radius: Column) -> Column:
+def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
     """Return heights (n,), m, of positions (3, n), m, whose 1/r is given.
 
     The foot's normal is taken along (x, y, z/k) with k = 1 - e² N/(N + h) expanded to second order in the flattening;
@@ -36,7 +36,9 @@ def height_alone_m(x: float, y: float, z: float, inverse_radius: float) -> float
     return (z * stretched_z + equatorial) * inverse_norm - foot
 
 
-def height_and_climb(position: Rows, velocity: Rows, inverse_radius: Column) -> tuple[Column, Column]:
+def height_and_climb(
+    position: FloatArray, velocity: FloatArray, inverse_radius: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return heights, m, and their rates, m/s: the velocity along the ellipsoid's normal."""
     height, stretched_z, inverse_norm = _height_and_normal(position, inverse_radius)
     climb = position[0] * velocity[0]
@@ -46,7 +48,7 @@ def height_and_climb(position: Rows, velocity: Rows, inverse_radius: Column) -> 
     return height, climb
 
 
-def height_and_up(position: Rows, inverse_radius: Column) -> tuple[Column, Rows]:
+def height_and_up(position: FloatArray, inverse_radius: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return heights (n,), m, and the directions (3, n) in which they grow, to 1e-7 rad."""
     height, stretched_z, inverse_norm = _height_and_normal(position, inverse_radius)
     up = position.copy()
@@ -55,7 +57,7 @@ def height_and_up(position: Rows, inverse_radius: Column) -> tuple[Column, Rows]
     return height, up
 
 
-def _height_and_normal(position: Rows, inverse_radius: Column) -> tuple[Column, Column, Column]:
+def _height_and_normal(position: FloatArray, inverse_radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     x, y, z = position
     stretched_z = z / _flattening_factor(z, inverse_radius)
     equatorial = x * x
@@ -77,7 +79,7 @@ def _height_and_normal(position: Rows, inverse_radius: Column) -> tuple[Column, 
     return height, stretched_z, inverse_norm
 
 
-def _flattening_factor(z: Column, inverse_radius: Column) -> Column:
+def _flattening_factor(z: FloatArray, inverse_radius: FloatArray) -> FloatArray:
     """Return k = 1 - e² q (1 + e² s² (1/2 - q)), with q = a/r and s = z/r."""
     ratio = EARTH_EQUATORIAL_RADIUS_M * inverse_radius
     np.minimum(ratio, _DEEPEST, out=ratio)

@@ -11,8 +11,8 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import ArrayLike
 
-from opir_core.flight.pieces import Indices, Motion, Pieces, fitted_pieces, merged_pieces
-from opir_core.geometry.vectors import Floats
+from opir_core.arrays import FloatArray, RowArray
+from opir_core.flight.pieces import Motion, Pieces, fitted_pieces, merged_pieces
 
 #: Points evaluated at a time: enough to hide the cost of calls, few enough to stay near the processor.
 _BLOCK = 65536
@@ -40,17 +40,17 @@ class Ephemeris:
     second after pitch-over (0.6 m/s).
     """
 
-    start_s: Floats
-    end_s: Floats
+    start_s: FloatArray
+    end_s: FloatArray
     tolerance_m: float
     pieces: Pieces
     #: By target: start, end and lookup bins a second (3, n), and the first bin (n,); by bin: the first piece in it.
-    _spans: Floats
-    _first_bin: Indices
-    _bin_piece: Indices
+    _spans: FloatArray
+    _first_bin: RowArray
+    _bin_piece: RowArray
     #: By piece: when the next one starts, inf at the last (s,); middle time and 2/length (2, s).
-    _next_s: Floats
-    _scales: Floats
+    _next_s: FloatArray
+    _scales: FloatArray
 
     def __len__(self) -> int:
         return len(self.start_s)
@@ -85,20 +85,20 @@ class Ephemeris:
                 raise ValueError("each part of a joined ephemeris must start when the one before it ends")
         return _indexed(merged_pieces([part.pieces for part in parts]), max(part.tolerance_m for part in parts))
 
-    def position_m(self, target: ArrayLike, time_s: ArrayLike) -> Floats:
+    def position_m(self, target: ArrayLike, time_s: ArrayLike) -> FloatArray:
         """Return positions (..., 3) of targets at times, which broadcast; nan outside a target's span."""
         return self._evaluated(target, time_s, (_position,))[0]
 
-    def state(self, target: ArrayLike, time_s: ArrayLike) -> tuple[Floats, Floats]:
+    def state(self, target: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return positions (..., 3), m, and velocities (..., 3), m/s, of targets at times, which broadcast."""
         position, velocity = self._evaluated(target, time_s, (_position, _velocity))
         return position, velocity
 
-    def position_grid_m(self, time_s: ArrayLike) -> Floats:
+    def position_grid_m(self, time_s: ArrayLike) -> FloatArray:
         """Return positions (n, m, 3) of all targets at times (m,)."""
         return self.position_m(np.arange(len(self))[:, None], np.asarray(time_s, dtype=np.float64)[None, :])
 
-    def _evaluated(self, target: ArrayLike, time_s: ArrayLike, columns: "Sequence[_Column]") -> list[Floats]:
+    def _evaluated(self, target: ArrayLike, time_s: ArrayLike, columns: "Sequence[_Column]") -> list[FloatArray]:
         """Return one (..., 3) array for each of the columns, computed block by block."""
         rows, times = np.broadcast_arrays(np.asarray(target), np.asarray(time_s, dtype=np.float64))
         if rows.size and not (rows.min() >= 0 and rows.max() < len(self)):
@@ -113,7 +113,7 @@ class Ephemeris:
                     array[block, axis] = values
         return [array.reshape(*shape, 3) for array in out]
 
-    def _located(self, target: Indices, time_s: Floats) -> tuple[_Spread, Floats]:
+    def _located(self, target: RowArray, time_s: FloatArray) -> tuple[_Spread, FloatArray]:
         """Return the way from pieces to points, and the times within their pieces: -1 to 1, nan outside the span."""
         of_target = _spread(target)
         start_s, end_s, bins_per_s = of_target(self._spans)
@@ -127,7 +127,7 @@ class Ephemeris:
         x = (time_s - middle_s) * per_half_length
         return spread, x if everywhere else np.where(inside, x, np.nan)
 
-    def _stepped(self, piece: Indices, time_s: Floats) -> Indices:
+    def _stepped(self, piece: RowArray, time_s: FloatArray) -> RowArray:
         """Return pieces moved on, from the first in their lookup bin, to those that hold the times."""
         late = (time_s >= self._next_s.take(piece)).nonzero()[0]
         while late.size:
@@ -136,23 +136,23 @@ class Ephemeris:
         return piece
 
 
-_Column = Callable[[Ephemeris, _Spread, Floats], Floats]
+_Column = Callable[[Ephemeris, _Spread, FloatArray], FloatArray]
 
 
-def _position(ephemeris: Ephemeris, spread: _Spread, x: Floats) -> Floats:
+def _position(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArray:
     """Return positions (3, m), by Horner's rule."""
     first, *rest = ephemeris.pieces.coefficients
-    value: Floats = spread(first)
+    value: FloatArray = spread(first)
     for coefficient in rest:
         value *= x
         value += spread(coefficient)
     return value
 
 
-def _velocity(ephemeris: Ephemeris, spread: _Spread, x: Floats) -> Floats:
+def _velocity(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArray:
     """Return velocities (3, m): the derivative by Horner's rule, from x to time."""
     first, *rest = ephemeris.pieces.coefficients[:-1]
-    value: Floats = 5.0 * spread(first)
+    value: FloatArray = 5.0 * spread(first)
     for power, coefficient in zip((4.0, 3.0, 2.0, 1.0), rest, strict=True):
         value *= x
         value += power * spread(coefficient)
@@ -160,7 +160,7 @@ def _velocity(ephemeris: Ephemeris, spread: _Spread, x: Floats) -> Floats:
     return value
 
 
-def _spread(index: Indices) -> _Spread:
+def _spread(index: RowArray) -> _Spread:
     """Return the function that takes columns at these indices; long runs of one index are repeated, not gathered."""
     edges = (index[1:] != index[:-1]).nonzero()[0]
     if _LONG_RUN * (len(edges) + 1) > len(index):
@@ -172,7 +172,9 @@ def _spread(index: Indices) -> _Spread:
     return lambda columns: columns.take(heads, axis=-1).repeat(counts, axis=-1)
 
 
-def _smooth_spans(start_s: Floats, end_s: Floats, breakpoints_s: ArrayLike | None) -> tuple[Indices, Floats, Floats]:
+def _smooth_spans(
+    start_s: FloatArray, end_s: FloatArray, breakpoints_s: ArrayLike | None
+) -> tuple[RowArray, FloatArray, FloatArray]:
     """Return the spans cut at their breakpoints: target, start and end (m,)."""
     inner = np.empty((len(start_s), 0)) if breakpoints_s is None else np.asarray(breakpoints_s, dtype=np.float64)
     inner = np.clip(inner, start_s[:, None], end_s[:, None])

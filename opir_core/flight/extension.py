@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.flight import dop853
-from opir_core.flight.gravity import Column, Rows
 from opir_core.flight.stepping import Acceleration, Stages, Start, Step
 
 
@@ -16,12 +16,12 @@ class Extension(NamedTuple):
     u t6)))))) (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6).
     """
 
-    position: Rows
-    velocity: Rows
-    position_terms: Rows
-    velocity_terms: Rows
+    position: FloatArray
+    velocity: FloatArray
+    position_terms: FloatArray
+    velocity_terms: FloatArray
 
-    def at(self, fraction: Column) -> tuple[Rows, Rows]:
+    def at(self, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions, m, and velocities, m/s, at fractions (n,) of the steps."""
         position = nested(self.position_terms, fraction)
         position += self.position
@@ -30,17 +30,17 @@ class Extension(NamedTuple):
         return position, velocity
 
 
-def nested(terms: Rows, fraction: Column) -> Rows:
+def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
     """Return u (t0 + w (t1 + u (t2 + ...))), the change since the start of the step; terms are (7, ..., n)."""
     rest = 1.0 - fraction
-    value: Rows = terms[6] * fraction
+    value: FloatArray = terms[6] * fraction
     for order in (5, 4, 3, 2, 1, 0):
         value += terms[order]
         value *= rest if order % 2 else fraction
     return value
 
 
-def extended(right_side: Acceleration, start: Start, step: Step, h: Column) -> Extension:
+def extended(right_side: Acceleration, start: Start, step: Step, h: FloatArray) -> Extension:
     """Return the extension of steps: three more accelerations each."""
     stages = Stages(right_side, start, h, list(step.stages))
     for stage in range(dop853.STAGES + 1, len(dop853.NODES)):
@@ -56,5 +56,7 @@ def extended(right_side: Acceleration, start: Start, step: Step, h: Column) -> E
     return Extension(start.position, start.velocity, position, velocity)
 
 
-def _low_terms(change: Rows, first_slope: Rows, last_slope: Rows) -> tuple[Rows, Rows, Rows]:
+def _low_terms(
+    change: FloatArray, first_slope: FloatArray, last_slope: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     return change, first_slope - change, 2.0 * change - first_slope - last_slope

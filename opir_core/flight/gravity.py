@@ -4,15 +4,9 @@ from collections.abc import Callable
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.forces import ZonalField
-
-#: One value an arc, shape (n,).
-Column = NDArray[np.float64]
-
-#: One vector an arc, shape (3, n): contiguous x, y and z.
-Rows = NDArray[np.float64]
 
 #: A right side for one arc: position and velocity as six numbers in, acceleration as three out.
 Alone = Callable[[float, float, float, float, float, float], tuple[float, float, float]]
@@ -33,11 +27,11 @@ class Gravity:
         self._j3 = field.j3 * field.radius_m**3 if "j3" in zonal else 0.0
         self._j4 = field.j4 * field.radius_m**4 if "j4" in zonal else 0.0
 
-    def __call__(self, position: Rows, velocity: Rows | None = None) -> Rows:
+    def __call__(self, position: FloatArray, velocity: FloatArray | None = None) -> FloatArray:
         """Return accelerations (3, n), m/s², at positions (3, n), m, from the Earth's centre."""
         return self.with_inverse_radius(position)[0]
 
-    def with_inverse_radius(self, position: Rows) -> tuple[Rows, Column]:
+    def with_inverse_radius(self, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the accelerations, m/s², and 1/r, 1/m."""
         squares = position * position
         zz = squares[2]
@@ -87,7 +81,7 @@ class Gravity:
         radial *= attraction
         return x * radial, y * radial, z * radial + axial * attraction, inverse_radius
 
-    def _harmonics(self, inverse_square: Column, z: Column, ss: Column) -> tuple[Column, Column]:
+    def _harmonics(self, inverse_square: FloatArray, z: FloatArray, ss: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return 1 - Σ J_n (R/r)^n P'_{n+1}(s) and r Σ J_n (R/r)^n P'_n(s), given 1/r² and s²."""
         weight = inverse_square * self._j2
         radial = ss * -7.5

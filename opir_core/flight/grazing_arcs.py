@@ -6,13 +6,10 @@ height can change sign; its sign is looked up there and in between, on the true 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.flight.conic_arcs import ConicArcs
-from opir_core.flight.stumpff import Floats
-
-Mask = NDArray[np.bool_]
 
 #: Directions (cos, sin) with T = sin / cos in which the quartic is sampled. It is written in the tangent of the angle
 #: from the one in which it is largest, and so has no root at infinity.
@@ -26,7 +23,7 @@ _COEFFICIENTS = np.linalg.inv(
 _START = 1e-6
 
 
-def grazing_brackets(arcs: ConicArcs, height_m: Floats, on_surface_m: float) -> tuple[Floats, Floats]:
+def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float) -> tuple[FloatArray, FloatArray]:
     """Return anomalies between which each arc first descends through the surface; `nan` where it never does.
 
     Both are 0 where the start is on the surface, to `on_surface_m`, and the arc falls from there.
@@ -43,7 +40,7 @@ def grazing_brackets(arcs: ConicArcs, height_m: Floats, on_surface_m: float) -> 
     return np.where(at_once, 0.0, low), np.where(at_once, 0.0, high)
 
 
-def _probes(arcs: ConicArcs, cuts: Floats, on_surface: Mask) -> Floats:
+def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatArray:
     """Return rising anomalies, rows: the start, the cuts, the turn's end (or beyond all), the middles between."""
     turn = arcs.turns()
     near_start = on_surface & ((cuts < _START) | (cuts > turn - _START))
@@ -56,7 +53,7 @@ def _probes(arcs: ConicArcs, cuts: Floats, on_surface: Mask) -> Floats:
     return probes
 
 
-def _cuts(arcs: ConicArcs, height_m: Floats) -> Floats:
+def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
     """Return the anomalies (4, n) at which each arc meets the ellipsoid of that height, or comes nearest to it."""
     samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
     largest, column = np.argmax(np.abs(samples), axis=0), np.arange(height_m.size)
@@ -72,12 +69,12 @@ def _cuts(arcs: ConicArcs, height_m: Floats) -> Floats:
     return np.stack([arcs.anomalies(cosine - t * sine, -sine - t * cosine) for t in tangents])
 
 
-def _excess(arcs: ConicArcs, height_m: Floats, cosine: float, sine: float) -> Floats:
+def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -> FloatArray:
     """Return the quartic: positive outside the ellipsoid, in the homogeneous T = sine / cosine."""
     c2, s2 = cosine * cosine, sine * sine
     x, y, z = (c2 + (arcs.alpha - 2.0) * s2) * arcs.position + 2.0 * (cosine * sine + arcs.sigma * s2) * arcs.velocity
     equatorial = (EARTH_EQUATORIAL_RADIUS_M + height_m) / arcs.length_m
     polar = (EARTH_POLAR_RADIUS_M + height_m) / arcs.length_m
     scale = c2 + arcs.alpha * s2
-    excess: Floats = (x * x + y * y) / (equatorial * equatorial) + z * z / (polar * polar) - scale * scale
+    excess: FloatArray = (x * x + y * y) / (equatorial * equatorial) + z * z / (polar * polar) - scale * scale
     return excess

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.forces import J2, ForceModel, Forces, forces_of
-from opir_core.flight.propagation import TOLERANCE_M, Floats
+from opir_core.flight.propagation import TOLERANCE_M
 
 if TYPE_CHECKING:
     from opir_core.flight.integration import Ends
@@ -29,9 +30,9 @@ class ImpactReason(IntEnum):
 class ImpactStates(NamedTuple):
     """Times to impact (...), s, states there (..., 3), m and m/s, and an `ImpactReason` (...) each."""
 
-    duration_s: Floats
-    position_m: Floats
-    velocity_m_s: Floats
+    duration_s: FloatArray
+    position_m: FloatArray
+    velocity_m_s: FloatArray
     reason: NDArray[np.int8]
 
 
@@ -43,7 +44,7 @@ def impact(
     *,
     within_s: ArrayLike = WITHIN_S,
     tolerance_m: ArrayLike = TOLERANCE_M,
-) -> tuple[Floats, Floats]:
+) -> tuple[FloatArray, FloatArray]:
     """Return the times to impact (...), s, and the points of impact (..., 3), m, as `impact_states` does."""
     forces = forces_of(forces)
     if forces.is_kepler:
@@ -115,7 +116,7 @@ def _kepler_impacts(
 
 def _kepler_points(
     position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike, within_s: ArrayLike, forces: Forces
-) -> tuple[Floats, Floats]:
+) -> tuple[FloatArray, FloatArray]:
     """Return times to impact (...) and points of impact (..., 3) of two-body arcs, `nan` where it takes too long."""
     from opir_core.flight.conic_impact import kepler_impact
 

@@ -12,12 +12,9 @@ import numpy as np
 from attrs import define
 from numpy.typing import NDArray
 
-from opir_core.flight.gravity import Column, Rows
+from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.flight.levels import Landing, Levels
 from opir_core.flight.stepping import Acceleration, Start, Step, stepped
-
-Index = NDArray[np.intp]
-Mask = NDArray[np.bool_]
 
 #: A looser tolerance than this, m, saves next to nothing at order 8; a tighter one than the second is below rounding.
 LOOSEST_TOLERANCE_M = 0.1
@@ -67,9 +64,9 @@ class Outcome(IntEnum):
 class Ends:
     """What became of the arcs: states, (3, n), at the elapsed times, and outcomes."""
 
-    elapsed: Column
-    position: Rows
-    velocity: Rows
+    elapsed: FloatArray
+    position: FloatArray
+    velocity: FloatArray
     outcome: NDArray[np.int8]
 
     @classmethod
@@ -81,7 +78,7 @@ class Ends:
 
 #: Told of every set of steps: the arcs' numbers, the times and lengths of the steps, where they start, what became of
 #: them and which were accepted; it is also given the acceleration, to extend the steps with.
-Recorder = Callable[[Index, Column, Column, Start, Step, Mask, Acceleration], None]
+Recorder = Callable[[RowArray, FloatArray, FloatArray, Start, Step, BoolArray, Acceleration], None]
 
 
 class System(Protocol):
@@ -90,7 +87,7 @@ class System(Protocol):
     mu_m3_s2: float
     has_air: bool
 
-    def acceleration(self, arcs: Index, layer: Index | None) -> Acceleration:
+    def acceleration(self, arcs: RowArray, layer: RowArray | None) -> Acceleration:
         """Return the right side for the arcs of these numbers, each in its layer of the air, or without air."""
         ...
 
@@ -101,9 +98,9 @@ class Integration:
     def __init__(
         self,
         system: System,
-        states: tuple[Rows, Rows],
-        duration: Column,
-        tolerance: Column,
+        states: tuple[FloatArray, FloatArray],
+        duration: FloatArray,
+        tolerance: FloatArray,
         levels: Levels | None = None,
         recorder: Recorder | None = None,
     ) -> None:
@@ -166,7 +163,7 @@ class Integration:
             self._recorder(self._index, self._elapsed, h, start, step, accepted, right_side)
         self._accept(step, accepted, h, accepted & (length >= remaining))
 
-    def _accept(self, step: Step, accepted: Mask, h: Column, last: Mask) -> None:
+    def _accept(self, step: Step, accepted: BoolArray, h: FloatArray, last: BoolArray) -> None:
         np.copyto(self._position, step.position, where=accepted)
         np.copyto(self._velocity, step.velocity, where=accepted)
         np.copyto(self._acceleration, step.acceleration, where=accepted)
@@ -179,7 +176,7 @@ class Integration:
             self._acceleration[:, changed] = right_side(self._position[:, changed], self._velocity[:, changed])
         self._drop(self._outcome(last, landing))
 
-    def _lengths(self) -> tuple[Column, Column, Column]:
+    def _lengths(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the steps wanted for accuracy, those to try, and the time remaining, all positive."""
         remaining = np.abs(self._duration - self._elapsed)
         wanted = length = self._natural
@@ -191,7 +188,7 @@ class Integration:
     def _state(self) -> Start:
         return Start(self._position, self._velocity, self._acceleration)
 
-    def _outcome(self, last: Mask, landing: Landing | None) -> NDArray[np.int8]:
+    def _outcome(self, last: BoolArray, landing: Landing | None) -> NDArray[np.int8]:
         outcome = np.where(last, Outcome.REACHED_END, Outcome.UNDER_WAY).astype(np.int8)
         stuck = ~(self._natural > _SHORTEST_STEP * (1.0 + np.abs(self._elapsed))) | ~np.isfinite(self._acceleration[0])
         outcome[stuck & ~last] = Outcome.NOT_CONVERGED
@@ -219,13 +216,13 @@ class Integration:
 
     _COLUMNS = ("_index", "_duration", "_tolerance", "_elapsed", "_planned", "_natural", "_horizon", "_rounding")
 
-    def _write(self, done: Index) -> None:
+    def _write(self, done: RowArray) -> None:
         arcs = self._index[done]
         self._ends.elapsed[arcs] = self._elapsed[done]
         self._ends.position[:, arcs] = self._position[:, done]
         self._ends.velocity[:, arcs] = self._velocity[:, done]
 
-    def _write_impacts(self, done: Index) -> None:
+    def _write_impacts(self, done: RowArray) -> None:
         """Write down arcs that are next to their targets, moved there along their parabolas."""
         if not done.size or self._levels is None:
             return
@@ -242,7 +239,7 @@ class Integration:
         self._ends.position[:, arcs] = position + late * (velocity + 0.5 * late * acceleration)
         self._ends.velocity[:, arcs] = velocity + late * acceleration
 
-    def _time_left(self) -> Column:
+    def _time_left(self) -> FloatArray:
         """Return over how long an error of velocity now grows into one of position: to the end, or about to impact."""
         remaining = np.abs(self._duration - self._elapsed)
         if self._levels is None or not self._levels.has_target:
@@ -250,18 +247,18 @@ class Integration:
         fall = self._levels.fall_time(_square(self._position), self._system.mu_m3_s2)
         return np.minimum(remaining, _OBLIQUITY * np.maximum(fall, _SHORTEST_FALL_S))
 
-    def _right_side(self, which: Index | None = None) -> Acceleration:
+    def _right_side(self, which: RowArray | None = None) -> Acceleration:
         layer = None if self._levels is None else self._levels.layer
         if which is None:
             return self._system.acceleration(self._index, layer)
         return self._system.acceleration(self._index[which], None if layer is None else layer[which])
 
 
-def _square(rows: Rows) -> Column:
+def _square(rows: FloatArray) -> FloatArray:
     squares = rows * rows
-    square: Column = squares[0] + squares[1] + squares[2]
+    square: FloatArray = squares[0] + squares[1] + squares[2]
     return square
 
 
-def _eighth_root(column: Column) -> Column:
+def _eighth_root(column: FloatArray) -> FloatArray:
     return np.sqrt(np.sqrt(np.sqrt(column)))

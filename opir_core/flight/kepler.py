@@ -13,14 +13,14 @@ from math import isfinite
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.kepler_equation import Arcs
 from opir_core.flight.kepler_flyby import flybys
-from opir_core.flight.kepler_start import Mask, Start, start_of
-from opir_core.flight.stumpff import Floats
+from opir_core.flight.kepler_start import Start, start_of
 from opir_core.flight.universal_anomaly import solved_quickly, solved_surely
 
-Solver = Callable[[Arcs[np.float64]], tuple[Floats, Mask]]
+Solver = Callable[[Arcs[np.float64]], tuple[FloatArray, BoolArray]]
 
 #: States a block: enough to hide numpy's overhead, few enough for the arrays of a block to stay in the cache.
 _BLOCK = 16384
@@ -39,7 +39,7 @@ class KeplerStatus(IntEnum):
 
 def propagate_kepler(
     position_m: ArrayLike, velocity_m_s: ArrayLike, duration_s: ArrayLike, mu_m3_s2: float = EARTH_MU_M3_S2
-) -> tuple[Floats, Floats]:
+) -> tuple[FloatArray, FloatArray]:
     """Return position, m, and velocity, m/s, after `duration_s` on the two-body arc through the given state.
 
     Position and velocity have shape (..., 3), in any inertial frame centred on the attracting body; leading axes
@@ -63,7 +63,7 @@ def kepler_status(
 
 def _propagated(
     position_m: ArrayLike, velocity_m_s: ArrayLike, duration_s: ArrayLike, mu_m3_s2: float
-) -> tuple[Floats, Floats, NDArray[np.int8]]:
+) -> tuple[FloatArray, FloatArray, NDArray[np.int8]]:
     if not (isfinite(mu_m3_s2) and mu_m3_s2 > 0.0):
         raise ValueError(f"mu_m3_s2 must be positive and finite, got {mu_m3_s2}")
     position, velocity, duration, shape = flat_states(position_m, velocity_m_s, duration_s)
@@ -74,7 +74,7 @@ def _propagated(
 
 def flat_states(
     first: ArrayLike, second: ArrayLike, scalar: ArrayLike
-) -> tuple[Floats, Floats, Floats, tuple[int, ...]]:
+) -> tuple[FloatArray, FloatArray, FloatArray, tuple[int, ...]]:
     """Return two vectors (n, 3) and a number (n,) of each element, broadcast together, and their common shape."""
     one, two, number = (np.asarray(x, dtype=np.float64) for x in (first, second, scalar))
     for vectors in (one, two):
@@ -85,7 +85,9 @@ def flat_states(
     return one.reshape(-1, 3), two.reshape(-1, 3), np.broadcast_to(number, shape).reshape(-1), shape
 
 
-def _in_blocks(position: Floats, velocity: Floats, duration: Floats, mu: float) -> tuple[Floats, NDArray[np.int8]]:
+def _in_blocks(
+    position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
+) -> tuple[FloatArray, NDArray[np.int8]]:
     """Return the end states (2, n, 3) and their status: a quick pass in blocks, then those it left, together."""
     end = np.empty((2, duration.size, 3))
     left = [np.empty(0, np.intp)]
@@ -104,7 +106,9 @@ def _in_blocks(position: Floats, velocity: Floats, duration: Floats, mu: float) 
     return end, status
 
 
-def _with_care(position: Floats, velocity: Floats, duration: Floats, mu: float) -> tuple[Floats, NDArray[np.int8]]:
+def _with_care(
+    position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
+) -> tuple[FloatArray, NDArray[np.int8]]:
     """Return end states (2, n, 3) and status of those that the quick pass left."""
     start = start_of(position, velocity, duration, mu)
     at = np.flatnonzero(start.is_well())
@@ -116,7 +120,9 @@ def _with_care(position: Floats, velocity: Floats, duration: Floats, mu: float) 
     return end, _reasons(position, velocity, duration, start, end)
 
 
-def _reasons(position: Floats, velocity: Floats, duration: Floats, start: Start, end: Floats) -> NDArray[np.int8]:
+def _reasons(
+    position: FloatArray, velocity: FloatArray, duration: FloatArray, start: Start, end: FloatArray
+) -> NDArray[np.int8]:
     """Return the status of each element: the first that applies."""
     finite = np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & np.isfinite(duration)
     first_that_applies = {
@@ -130,7 +136,7 @@ def _reasons(position: Floats, velocity: Floats, duration: Floats, start: Start,
     return np.select(list(first_that_applies.values()), codes, np.int8(KeplerStatus.NOT_REACHED))
 
 
-def _follow(start: Start, solver: Solver, end: Floats) -> Mask:
+def _follow(start: Start, solver: Solver, end: FloatArray) -> BoolArray:
     """Write position and velocity at the end of each arc into `end`, (2, n, 3); return which the solver left."""
     arcs = start.arcs()
     at = np.flatnonzero(start.flies_by())
@@ -151,7 +157,7 @@ def _follow(start: Start, solver: Solver, end: Floats) -> Mask:
     return left
 
 
-def _move(start: Start, solution: Floats, end: Floats) -> None:
+def _move(start: Start, solution: FloatArray, end: FloatArray) -> None:
     """Write position and velocity after the solved anomaly into `end`, (2, n, 3), by Lagrange's f and g."""
     x, y, z, vx, vy, vz, rate, back, sigma, _, _ = start
     _, g0, g1, g2 = solution

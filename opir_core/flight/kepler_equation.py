@@ -11,7 +11,8 @@ from typing import Generic, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.flight.stumpff import Floats, Functions, Real
+from opir_core.arrays import FloatArray
+from opir_core.flight.stumpff import Functions, Real
 
 _EPSILON = float(np.finfo(float).eps)
 
@@ -66,7 +67,7 @@ def laguerre_step(arcs: Arcs[Real], functions: Functions[Real]) -> NDArray[Real]
     return step
 
 
-def excess_and_noise(arcs: Arcs[np.float64], functions: Functions[np.float64]) -> tuple[Floats, Floats]:
+def excess_and_noise(arcs: Arcs[np.float64], functions: Functions[np.float64]) -> tuple[FloatArray, FloatArray]:
     """Return by how much the anomaly is reached later than the arc's time, and the rounding error of that."""
     _, g1, g2, g3 = functions
     excess = arcs.rho * g1 + arcs.sigma * g2 + g3 - arcs.time

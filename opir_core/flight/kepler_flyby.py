@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.column_vectors import cross, dot
 from opir_core.flight.kepler_equation import Arcs
-from opir_core.flight.stumpff import Floats, universal_functions
+from opir_core.flight.stumpff import universal_functions
 
 #: Within so many a e of the centre on the way in, the pericentre is as good a reference as the start.
 _NEAR = 3.0
@@ -21,22 +22,22 @@ _NEAR = 3.0
 class Flybys(NamedTuple):
     """Incoming hyperbolas, told from the pericentre; units of each start (distance and mu are 1), vectors (3, n)."""
 
-    position: Floats
-    velocity: Floats
-    alpha: Floats
-    time: Floats
-    eccentricity: Floats
-    pericentre: Floats  #: distance
-    ahead: Floats  #: unit vector to the pericentre
-    sideways: Floats  #: velocity there times the distance; zero on a straight line
-    approach: Floats  #: universal anomaly from the start to the pericentre
-    later: Floats  #: time asked for, since the pericentre; negative before it
+    position: FloatArray
+    velocity: FloatArray
+    alpha: FloatArray
+    time: FloatArray
+    eccentricity: FloatArray
+    pericentre: FloatArray  #: distance
+    ahead: FloatArray  #: unit vector to the pericentre
+    sideways: FloatArray  #: velocity there times the distance; zero on a straight line
+    approach: FloatArray  #: universal anomaly from the start to the pericentre
+    later: FloatArray  #: time asked for, since the pericentre; negative before it
 
     def arcs(self) -> Arcs[np.float64]:
         """Return what Kepler's equation needs; the anomaly counts from the pericentre, without sign."""
         return Arcs(self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later))
 
-    def states(self, solution: Floats) -> tuple[Floats, Floats]:
+    def states(self, solution: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities, (3, n), at the solved anomalies."""
         s, g0, g1, g2 = solution
         g1 = np.copysign(g1, self.later)
@@ -48,7 +49,7 @@ class Flybys(NamedTuple):
             position[:, at], velocity[:, at] = self._on_the_way_in(at, s[at], r[at])
         return position, velocity
 
-    def _on_the_way_in(self, at: NDArray[np.intp], s: Floats, r: Floats) -> tuple[Floats, Floats]:
+    def _on_the_way_in(self, at: NDArray[np.intp], s: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities of some, from their starts by Lagrange's f and g."""
         _, g1, g2, g3 = universal_functions(self.alpha[at], self.approach[at] - s)
         position, velocity = self.position[:, at], self.velocity[:, at]
@@ -56,7 +57,7 @@ class Flybys(NamedTuple):
         return moved, (1.0 - g2 / r) * velocity - g1 / r * position
 
 
-def flybys(position: Floats, velocity: Floats, alpha: Floats, time: Floats) -> Flybys:
+def flybys(position: FloatArray, velocity: FloatArray, alpha: FloatArray, time: FloatArray) -> Flybys:
     """Return the arcs followed for `time` >= 0 from these states, (3, n), on incoming hyperbolas (`alpha` < 0).
 
     The vector to the pericentre is v × h - r / |r|: with cross products it keeps its accuracy on nearly straight lines.

@@ -6,11 +6,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.column_vectors import cross, dot, length
 from opir_core.flight.kepler import flat_states
 from opir_core.flight.lambert_time import Transfer, solved_w, y_and_differences
-from opir_core.flight.stumpff import Floats
 
 Way = Literal["short", "long", "prograde", "retrograde"]
 
@@ -21,7 +21,7 @@ def lambert(
     duration_s: ArrayLike,
     mu_m3_s2: float = EARTH_MU_M3_S2,
     way: Way = "short",
-) -> tuple[Floats, Floats]:
+) -> tuple[FloatArray, FloatArray]:
     """Return the velocities, m/s, at both ends of the arc from one position to the other in `duration_s`.
 
     Positions have shape (..., 3), in an inertial frame centred on the attracting body; leading axes broadcast with the
@@ -47,7 +47,9 @@ def lambert(
     return v1.T.reshape(*shape, 3), v2.T.reshape(*shape, 3)
 
 
-def _velocities(first: Floats, second: Floats, duration: Floats, mu: float, way: Way) -> tuple[Floats, Floats]:
+def _velocities(
+    first: FloatArray, second: FloatArray, duration: FloatArray, mu: float, way: Way
+) -> tuple[FloatArray, FloatArray]:
     """Return velocities at both ends, (3, n), of arcs between positions (3, n)."""
     r1, r2 = length(first), length(second)
     across, along = second - first, second + first
@@ -71,7 +73,7 @@ def _velocities(first: Floats, second: Floats, duration: Floats, mu: float, way:
     )
 
 
-def _combinations(transfer: Transfer, w: Floats) -> tuple[Floats, Floats, Floats]:
+def _combinations(transfer: Transfer, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return lam y - x, lam y + x and y + lam x, none of them cancelling."""
     lam, chord = transfer
     x = w - 1.0
@@ -83,7 +85,9 @@ def _combinations(transfer: Transfer, w: Floats) -> tuple[Floats, Floats, Floats
     return less, plus, y_plus_lam_x
 
 
-def _normal_and_sense(first: Floats, across: Floats, along: Floats, way: Way) -> tuple[Floats, Floats]:
+def _normal_and_sense(
+    first: FloatArray, across: FloatArray, along: FloatArray, way: Way
+) -> tuple[FloatArray, FloatArray]:
     """Return the unit vector about which the arc turns, and 1 for the short way, -1 for the long.
 
     Points on one ray have no normal, and need none the short way: it is zero there. Where a normal is missed it is nan.

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.flight.stumpff import Floats, universal_functions
+from opir_core.arrays import FloatArray
+from opir_core.flight.stumpff import universal_functions
 
 _MOST_STEPS = 120
 
@@ -33,23 +34,23 @@ _NEAR_PARABOLA, _AT_PARABOLA = 1e-2, 1e-30
 class Transfer(NamedTuple):
     """Shapes of transfers: `lam`, and chord = c/s = 1 - lam² by itself, which a `lam` near ±1 no longer holds."""
 
-    lam: Floats
-    chord: Floats
+    lam: FloatArray
+    chord: FloatArray
 
     def at(self, index: NDArray[np.intp]) -> "Transfer":
         """Return the transfers at these indices."""
         return Transfer(self.lam[index], self.chord[index])
 
-    def one_plus_lam(self) -> Floats:
+    def one_plus_lam(self) -> FloatArray:
         """Return 1 + lam."""
         return np.where(self.lam < 0.0, self.chord / (1.0 - self.lam), 1.0 + self.lam)
 
-    def one_less_lam(self) -> Floats:
+    def one_less_lam(self) -> FloatArray:
         """Return 1 - lam."""
         return np.where(self.lam > 0.0, self.chord / (1.0 + self.lam), 1.0 - self.lam)
 
 
-def solved_w(transfer: Transfer, time: Floats) -> Floats:
+def solved_w(transfer: Transfer, time: FloatArray) -> FloatArray:
     """Return w = 1 + x of transfers that take these times; `nan` where none does."""
     log_w = _first_guess(transfer, time)
     low, high = np.full_like(log_w, _LEAST), np.full_like(log_w, _MOST)
@@ -70,7 +71,7 @@ def solved_w(transfer: Transfer, time: Floats) -> Floats:
     return np.where(still | (log_w >= _MOST - 1.0) | (log_w <= _LEAST + 1.0), np.nan, np.exp(log_w))
 
 
-def _first_guess(transfer: Transfer, time: Floats) -> Floats:
+def _first_guess(transfer: Transfer, time: FloatArray) -> FloatArray:
     """Return a guess of log w from the times at x = 0 and x = 1 (Izzo 2015)."""
     lam, chord = transfer
     middle = np.arctan2(np.sqrt(chord), lam) + lam * np.sqrt(chord)
@@ -82,7 +83,9 @@ def _first_guess(transfer: Transfer, time: Floats) -> Floats:
     return np.where((guess > _LEAST) & (guess < _MOST), guess, -0.5)
 
 
-def y_and_differences(transfer: Transfer, w: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+def y_and_differences(
+    transfer: Transfer, w: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return y, y - x, y + x, y - lam x and y + lam x, where y² = chord + lam² x², none of them cancelling."""
     lam, chord = transfer
     x, open_ = w - 1.0, w * (2.0 - w)
@@ -95,7 +98,7 @@ def y_and_differences(transfer: Transfer, w: Floats) -> tuple[Floats, Floats, Fl
     return y, less_x, plus_x, less_lam_x, plus_lam_x
 
 
-def _time_and_slope(transfer: Transfer, w: Floats) -> tuple[Floats, Floats]:
+def _time_and_slope(transfer: Transfer, w: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the time of flight and d log time / d log w.
 
     time = (eta³ Q + 4 lam eta) / 2 with eta = y - lam x and Q = 4/3 F(3, 1; 5/2; S) (Izzo 2015, after Battin),
@@ -115,7 +118,7 @@ def _time_and_slope(transfer: Transfer, w: Floats) -> tuple[Floats, Floats]:
     return time, slope * w / time
 
 
-def _fast_long_way(lam: Floats, w: Floats, y: Floats, eta: Floats) -> tuple[Floats, Floats]:
+def _fast_long_way(lam: FloatArray, w: FloatArray, y: FloatArray, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the time of flight and its slope in w on hyperbolas the long way round, where Q and lam cancel.
 
     The form of Lancaster and Blanchard (NASA TN D-5368, 1969).
@@ -126,7 +129,7 @@ def _fast_long_way(lam: Floats, w: Floats, y: Floats, eta: Floats) -> tuple[Floa
     return time, -(3.0 * time * x - 2.0 + 2.0 * lam * lam * lam * x / y) / open_
 
 
-def _q_and_slope(s: Floats, rest: Floats) -> tuple[Floats, Floats]:
+def _q_and_slope(s: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return Q and dQ/dS at S = sin²(u/2), with its complement cos²(u/2)."""
     bound = s > 0.0
     sign = np.where(bound, 1.0, -1.0)
@@ -139,7 +142,7 @@ def _q_and_slope(s: Floats, rest: Floats) -> tuple[Floats, Floats]:
     return q, np.where(size > _NEAR_PARABOLA, slope, _series_slope(s))
 
 
-def _series_slope(s: Floats) -> Floats:
+def _series_slope(s: FloatArray) -> FloatArray:
     total = np.zeros_like(s)
     for n in range(len(_SERIES) - 1, 0, -1):
         total = total * s + n * _SERIES[n]

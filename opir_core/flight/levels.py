@@ -8,14 +8,11 @@ jumps into the air from above, and an impact is found where it is.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from opir_core.flight.crossings import Index, Rise, crossing_fraction, height_within
+from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.flight.crossings import Rise, crossing_fraction, height_within
 from opir_core.flight.ellipsoidal_height import height_and_climb
-from opir_core.flight.gravity import Column, Rows
 from opir_core.flight.stepping import Start, Step
-
-Mask = NDArray[np.bool_]
 
 #: An arc is on a boundary when this close to it, m: a seam met so late moves an impact by micrometres. On the height of
 #: impact it has to be this close in time, s, as well.
@@ -38,17 +35,17 @@ _STRETCH = 1.05
 class Seams(NamedTuple):
     """Layers from the lowest up: their floors, m, and what steps have to heed in them, as in `AirLayers`."""
 
-    floors_m: Column
-    strides_m: Column
-    stride_shares: Column
+    floors_m: FloatArray
+    strides_m: FloatArray
+    stride_shares: FloatArray
 
 
 class Landing(NamedTuple):
     """Which arcs changed over to another layer, came down on the target height, or left the air model at its floor."""
 
-    changed: Mask
-    impact: Mask
-    sunk: Mask
+    changed: BoolArray
+    impact: BoolArray
+    sunk: BoolArray
 
 
 class Levels:
@@ -57,7 +54,7 @@ class Levels:
     `target_m` is the height of impact, -inf where there is none to find.
     """
 
-    def __init__(self, seams: Seams, target_m: Column, backward: Mask) -> None:
+    def __init__(self, seams: Seams, target_m: FloatArray, backward: BoolArray) -> None:
         self._seams, self._ceilings = seams, np.append(seams.floors_m[1:], np.inf)
         self._target = target_m
         self._direction = np.where(backward, -1.0, 1.0)
@@ -75,14 +72,14 @@ class Levels:
         landing = self.settle(np.ones_like(outside))
         return landing._replace(sunk=landing.sunk | outside)
 
-    def keep(self, kept: Mask) -> None:
+    def keep(self, kept: BoolArray) -> None:
         """Drop the arcs that are not kept."""
         for name in self._COLUMNS:
             setattr(self, name, getattr(self, name)[kept])
 
     _COLUMNS = ("_target", "_direction", "_height", "_climb", "_bend", "layer", "_above", "_low", "_high")
 
-    def lengths(self, wanted: Column) -> tuple[Column, Column]:
+    def lengths(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return steps of the wanted length, s, or shorter: those that height allows, and those that end on boundaries.
 
         Within the first, height changes by the layer's stride at most. The second cut the way to the boundary ahead,
@@ -96,7 +93,7 @@ class Levels:
         count = np.ceil(ahead / (_STRETCH * allowed))
         return allowed, np.where(ahead < np.inf, ahead / np.maximum(count, 1.0), allowed)
 
-    def _time_to_boundary(self) -> Column:
+    def _time_to_boundary(self) -> FloatArray:
         """Return when the arcs meet the boundary they are heading for on a parabola, s; infinite if they do not."""
         rate = np.abs(self._climb)
         away = np.where(self._climb < 0.0, self._height - self._low, self._high - self._height)
@@ -104,13 +101,13 @@ class Levels:
         time = 2.0 * away / (rate + np.sqrt(rate * rate + 2.0 * bend * away))
         return np.where(time > 0.0, time, np.inf)
 
-    def fall_time(self, radius_squared_m2: Column, mu_m3_s2: float) -> Column:
+    def fall_time(self, radius_squared_m2: FloatArray, mu_m3_s2: float) -> FloatArray:
         """Return about how long, s, the arcs would fall to their targets in the gravity at their height."""
         gravity = mu_m3_s2 / radius_squared_m2
         drop = np.maximum(self._height - self._target, 0.0)
         return (self._climb + np.sqrt(self._climb * self._climb + 2.0 * gravity * drop)) / gravity
 
-    def shortened(self, start: Start, step: Step, h: Column, candidate: Mask) -> tuple[Index, Column]:
+    def shortened(self, start: Start, step: Step, h: FloatArray, candidate: BoolArray) -> tuple[RowArray, FloatArray]:
         """Return which candidates' steps leave their interval, and at what fraction of them they first do."""
         self._next_height, self._next_climb = self._height_and_climb(step.position, step.velocity)
         length = np.abs(h)
@@ -129,7 +126,9 @@ class Levels:
             return index, end
         return index, self._crossing(start, step, h, rise, index, down[index], end)
 
-    def _turning_outside(self, start: Start, step: Step, h: Column, rise: Rise, index: Index) -> tuple[Index, Column]:
+    def _turning_outside(
+        self, start: Start, step: Step, h: FloatArray, rise: Rise, index: RowArray
+    ) -> tuple[RowArray, FloatArray]:
         """Return which of the steps at `index` turn outside their interval though both ends are inside, and where."""
         fraction = rise.of(index).turning_point()
         height, _ = height_within(start, step, h, index, fraction)
@@ -137,8 +136,8 @@ class Levels:
         return index[outside], fraction[outside]
 
     def _crossing(
-        self, start: Start, step: Step, h: Column, rise: Rise, index: Index, down: Mask, end: Column
-    ) -> Column:
+        self, start: Start, step: Step, h: FloatArray, rise: Rise, index: RowArray, down: BoolArray, end: FloatArray
+    ) -> FloatArray:
         """Return the fraction at which the boundary is met: on the cubic first, then one Newton step on the quintic.
 
         Where that fails, half the first fraction: the next attempt then sees the boundary from closer by.
@@ -149,14 +148,14 @@ class Levels:
         better = fraction - (height - boundary) / rate
         return np.where((better > 0.0) & (better < end), better, 0.5 * fraction)
 
-    def advance(self, start: Start, accepted: Mask) -> Landing:
+    def advance(self, start: Start, accepted: BoolArray) -> Landing:
         """Move the accepted arcs to the ends of the steps last looked at, which is where `start` has them."""
         np.copyto(self._height, self._next_height, where=accepted)
         np.copyto(self._climb, self._next_climb, where=accepted)
         self._bend = self._curvature(start, self._climb)
         return self.settle(accepted)
 
-    def settle(self, moved: Mask) -> Landing:
+    def settle(self, moved: BoolArray) -> Landing:
         """Change over the arcs that are on a boundary, or next to it and sure to cross it."""
         falling, rising = self._climb < 0.0, self._climb > 0.0
         drop, rise = self._height - self._low, self._high - self._height
@@ -171,11 +170,11 @@ class Levels:
             self._set_bounds()
         return Landing(changed, impact, sunk)
 
-    def _will_cover(self, distance: Column) -> Mask:
+    def _will_cover(self, distance: FloatArray) -> BoolArray:
         """Return whether the arcs, as they move, will cover twice a distance, m, before they turn round."""
         return self._climb * self._climb >= 4.0 * np.abs(self._bend) * np.maximum(distance, 0.0)
 
-    def time_to_target(self, position: Rows, velocity: Rows, index: Index) -> Column:
+    def time_to_target(self, position: FloatArray, velocity: FloatArray, index: RowArray) -> FloatArray:
         """Return the times, s, after which states (3, k) of the arcs at `index`, close to their targets, are there."""
         height, climb = height_and_climb(position, velocity, _inverse_length(position))
         return (self._target[index] - height) / climb
@@ -185,24 +184,24 @@ class Levels:
         self._low = np.where(self._above, np.maximum(floor, self._target), floor)
         self._high = np.where(self._above, ceiling, np.minimum(ceiling, self._target))
 
-    def _slack(self, climb: Column) -> Column:
+    def _slack(self, climb: FloatArray) -> FloatArray:
         """Return how close to the boundary below, m, an arc is taken to be on it."""
         return np.where(self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), _NEAR_M)
 
-    def _height_and_climb(self, position: Rows, velocity: Rows) -> tuple[Column, Column]:
+    def _height_and_climb(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
         height, climb = height_and_climb(position, velocity, _inverse_length(position))
         return height, climb * self._direction
 
-    def _curvature(self, start: Start, climb: Column) -> Column:
+    def _curvature(self, start: Start, climb: FloatArray) -> FloatArray:
         """Return about the second derivative of height, m/s²: of the radius."""
         position, velocity, acceleration = start
         radial = position[0] * acceleration[0] + position[1] * acceleration[1] + position[2] * acceleration[2]
         squares = velocity * velocity
-        bend: Column = (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(position)
+        bend: FloatArray = (radial + squares[0] + squares[1] + squares[2] - climb * climb) * _inverse_length(position)
         return bend
 
 
-def _inverse_length(rows: Rows) -> Column:
+def _inverse_length(rows: FloatArray) -> FloatArray:
     squares = rows * rows
-    inverse: Column = 1.0 / np.sqrt(squares[0] + squares[1] + squares[2])
+    inverse: FloatArray = 1.0 / np.sqrt(squares[0] + squares[1] + squares[2])
     return inverse

@@ -8,15 +8,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.errors import ModelError
-from opir_core.geometry.vectors import Floats
-
-Indices = NDArray[np.intp]
 
 #: Targets (m,) and times (m,) to positions and velocities (m, 3), element by element.
-Motion = Callable[[Indices, Floats], tuple[Floats, Floats]]
+Motion = Callable[[RowArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 #: Where a fit is judged: at the extremes of (x³ - x)², the error of a smooth motion, and where that of one which bends
 #: like the power 3/2 at an end is largest (0.71); the true largest error is within 5 % of the largest found there.
@@ -40,15 +37,15 @@ class Pieces:
     times x^k, where x runs from -1 to 1 over the span.
     """
 
-    target: Indices
-    start_s: Floats
-    end_s: Floats
-    coefficients: Floats
+    target: RowArray
+    start_s: FloatArray
+    end_s: FloatArray
+    coefficients: FloatArray
 
     def __len__(self) -> int:
         return len(self.target)
 
-    def take(self, rows: Indices) -> "Pieces":
+    def take(self, rows: RowArray) -> "Pieces":
         """Return some of the pieces."""
         return Pieces(self.target[rows], self.start_s[rows], self.end_s[rows], self.coefficients.take(rows, axis=-1))
 
@@ -64,7 +61,9 @@ def merged_pieces(parts: Sequence[Pieces]) -> Pieces:
     return merged.take(np.lexsort((merged.start_s, merged.target)))
 
 
-def fitted_pieces(motion: Motion, target: Indices, start_s: Floats, end_s: Floats, tolerance_m: float) -> Pieces:
+def fitted_pieces(
+    motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray, tolerance_m: float
+) -> Pieces:
     """Return pieces that follow the motion of the targets over the spans (m,) to within the tolerance.
 
     A motion that is not finite within a span, or too rough for the tolerance, is a `ModelError`.
@@ -83,12 +82,14 @@ def fitted_pieces(motion: Motion, target: Indices, start_s: Floats, end_s: Float
     )
 
 
-def _part_counts(error_m: Floats, tolerance_m: float) -> Indices:
+def _part_counts(error_m: FloatArray, tolerance_m: float) -> RowArray:
     """Return into how many parts to cut pieces, 2 to 8: a smooth motion's error goes with the sixth power of length."""
     return np.ceil((error_m / (0.5 * tolerance_m)) ** (1.0 / 6.0)).clip(2, 8).astype(np.intp)
 
 
-def _split(target: Indices, start_s: Floats, end_s: Floats, parts: Indices) -> tuple[Indices, Floats, Floats]:
+def _split(
+    target: RowArray, start_s: FloatArray, end_s: FloatArray, parts: RowArray
+) -> tuple[RowArray, FloatArray, FloatArray]:
     """Return spans cut into so many equal parts."""
     parent = np.repeat(np.arange(len(parts)), parts)
     rank = np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -98,7 +99,7 @@ def _split(target: Indices, start_s: Floats, end_s: Floats, parts: Indices) -> t
     return target[parent], edges[0], np.where(rank + 1 == of, end_s[parent], edges[1])
 
 
-def _fit(motion: Motion, target: Indices, start_s: Floats, end_s: Floats) -> tuple[Floats, Floats]:
+def _fit(motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return coefficients (6, 3, m) of the pieces over spans (m,), and their judged errors (m,), m."""
     coefficients, error_m = np.empty((6, 3, len(target))), np.empty(len(target))
     for first in range(0, len(target), _BLOCK):
@@ -107,7 +108,9 @@ def _fit(motion: Motion, target: Indices, start_s: Floats, end_s: Floats) -> tup
     return coefficients, error_m
 
 
-def _fit_block(motion: Motion, target: Indices, start_s: Floats, end_s: Floats) -> tuple[Floats, Floats]:
+def _fit_block(
+    motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     middle_s, half_s = 0.5 * (start_s + end_s), 0.5 * (end_s - start_s)
     times_s = np.stack([start_s, middle_s, end_s, *(middle_s + x * half_s for x in _JUDGED_AT)])
     position, velocity = motion(np.tile(target, len(times_s)), times_s.ravel())
@@ -125,15 +128,15 @@ def _fit_block(motion: Motion, target: Indices, start_s: Floats, end_s: Floats) 
     return coefficients, error
 
 
-def horner(coefficients: Floats, x: float) -> Floats:
+def horner(coefficients: FloatArray, x: float) -> FloatArray:
     """Return polynomials with coefficients (6, ...), highest power first, at x."""
-    value: Floats = coefficients[0]
+    value: FloatArray = coefficients[0]
     for coefficient in coefficients[1:]:
         value = value * x + coefficient
     return value
 
 
-def _hermite_quintic(p: Floats, d: Floats) -> Floats:
+def _hermite_quintic(p: FloatArray, d: FloatArray) -> FloatArray:
     """Return coefficients of the quintic with values p and derivatives d (3, ...) at -1, 0 and 1."""
     even, odd = 0.5 * (p[2] + p[0]) - p[1], 0.5 * (p[2] - p[0])
     even_slope, odd_slope = 0.5 * (d[2] - d[0]), 0.5 * (d[2] + d[0])

@@ -1,11 +1,10 @@
 """States of many bodies in free flight, after a time, under the forces chosen."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.forces import J2, ForceModel, forces_of
-
-Floats = NDArray[np.float64]
 
 #: The error of position, m, that propagation allows an arc unless told otherwise.
 TOLERANCE_M = 1e-3
@@ -18,7 +17,7 @@ def propagate(
     forces: ForceModel = J2,
     *,
     tolerance_m: ArrayLike = TOLERANCE_M,
-) -> tuple[Floats, Floats]:
+) -> tuple[FloatArray, FloatArray]:
     """Return positions, m, and velocities, m/s, both (..., 3), after the durations, s, of either sign.
 
     States are inertial, in axes that are those of ECEF at the epoch: z is the Earth's axis. Leading axes of states,

@@ -2,15 +2,12 @@
 
 import numpy as np
 from attrs import define, field, frozen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.flight.dense import is_within, queries
 from opir_core.flight.extension import extended, nested
-from opir_core.flight.gravity import Column
-from opir_core.flight.integration import Index, Mask
 from opir_core.flight.stepping import Acceleration, Start, Step
-
-Floats = NDArray[np.float64]
 
 #: Queries evaluated together, few enough for their coefficients to stay in a second-level cache.
 _BLOCK = 512
@@ -25,13 +22,13 @@ class SegmentArcs:
     3), their changes (`extension.Extension`).
     """
 
-    first: Index
-    begin_s: Column
-    length_s: Column
-    states: Floats
-    terms: Floats
+    first: RowArray
+    begin_s: FloatArray
+    length_s: FloatArray
+    states: FloatArray
+    terms: FloatArray
 
-    def state(self, arc: ArrayLike, time_s: ArrayLike) -> tuple[Floats, Floats]:
+    def state(self, arc: ArrayLike, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return positions, m, and velocities, m/s, as `dense.ArcStates.state` does."""
         arcs, time = queries(arc, time_s, self.first.size - 1)
         flat = np.full((arcs.size, 2, 3), np.nan)
@@ -41,7 +38,7 @@ class SegmentArcs:
         states = flat.reshape(*arcs.shape, 2, 3)
         return states[..., 0, :], states[..., 1, :]
 
-    def _states(self, arcs: Index, time: Column) -> Floats:
+    def _states(self, arcs: RowArray, time: FloatArray) -> FloatArray:
         first, last = self.first[arcs], self.first[arcs + 1] - 1
         states = np.full((arcs.size, 2, 3), np.nan)
         known = np.flatnonzero(last >= first)
@@ -55,7 +52,7 @@ class SegmentArcs:
         states[known] = self.states[step] + nested(terms, fraction)
         return states
 
-    def _step_at(self, first: Index, last: Index, time: Column) -> Index:
+    def _step_at(self, first: RowArray, last: RowArray, time: FloatArray) -> RowArray:
         """Return the last step that begins no later than the time, by bisection."""
         low, high = first.copy(), last.copy()
         while np.any(low < high):
@@ -71,10 +68,17 @@ class SegmentRecorder:
     """Keeps the steps that integrations accept; `first_arc` is the number of the first arc of the one that runs."""
 
     first_arc: int = 0
-    _kept: list[tuple[Index, Column, Column, Floats, Floats]] = field(factory=list)
+    _kept: list[tuple[RowArray, FloatArray, FloatArray, FloatArray, FloatArray]] = field(factory=list)
 
     def __call__(
-        self, index: Index, begin: Column, h: Column, start: Start, step: Step, accepted: Mask, right_side: Acceleration
+        self,
+        index: RowArray,
+        begin: FloatArray,
+        h: FloatArray,
+        start: Start,
+        step: Step,
+        accepted: BoolArray,
+        right_side: Acceleration,
     ) -> None:
         """Keep the steps that were accepted."""
         extension = extended(right_side, start, step, h)

@@ -6,10 +6,11 @@ from a guess good to a few percent of the range.
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.shot import Shot
 from opir_core.geometry import ecef_to_eci, ecef_to_eci_state
-from opir_core.geometry.vectors import Floats, components, length
+from opir_core.geometry.vectors import components, length
 
 _ITERATIONS = 60
 
@@ -21,7 +22,7 @@ _LARGEST_STEP = 0.2
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
-def solved(shot: Shot, tolerance_m: float) -> tuple[Floats, Floats]:
+def solved(shot: Shot, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
     """Return azimuths (rad) and burnout speeds (m/s) whose flights hit the aim points to within the tolerance.
 
     Where none does, what came nearest. Trials that lead nowhere are nan, and are not followed.
@@ -33,7 +34,7 @@ def solved(shot: Shot, tolerance_m: float) -> tuple[Floats, Floats]:
     return _corrected(shot, azimuth_rad, speed_m_s, tolerance_m)
 
 
-def _guess(shot: Shot) -> tuple[Floats, Floats]:
+def _guess(shot: Shot) -> tuple[FloatArray, FloatArray]:
     """Return azimuths and burnout speeds that come down near the aim points."""
     azimuth_rad, speed_m_s = _guess_at_rest(shot)
     landing = shot.landing(azimuth_rad, speed_m_s)
@@ -48,14 +49,16 @@ def _guess(shot: Shot) -> tuple[Floats, Floats]:
     return azimuth_rad, speed_m_s
 
 
-def _guess_at_rest(shot: Shot) -> tuple[Floats, Floats]:
+def _guess_at_rest(shot: Shot) -> tuple[FloatArray, FloatArray]:
     """Return azimuths and burnout speeds that hit on a sphere at rest, flown from the ground."""
     psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
     radius_m = length(*components(shot.site.launch_m))
     return azimuth_rad, hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
 
 
-def _guess_in_rotation(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, duration_s: Floats) -> tuple[Floats, Floats]:
+def _guess_in_rotation(
+    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, duration_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return azimuths and burnout speeds nearer to those that hit, from a guess and its time of free flight.
 
     The aim point is turned on by that time, and hit in the inertial frame from the guess's burnout point at its
@@ -75,7 +78,7 @@ def _guess_in_rotation(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, durat
     return azimuth_rad + turn, length(*components(wanted))
 
 
-def hitting_speed_m_s(start_m: Floats, end_m: Floats, gamma_rad: Floats, psi_rad: Floats) -> Floats:
+def hitting_speed_m_s(start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatArray, psi_rad: FloatArray) -> FloatArray:
     """Return the speed that takes a two-body arc from one radius at a flight path angle to another radius.
 
     With the range angle psi, v² = (mu/r1) (1 - cos psi) / (cos gamma ((r1/r2) cos gamma - cos(gamma + psi))), written
@@ -83,11 +86,13 @@ def hitting_speed_m_s(start_m: Floats, end_m: Floats, gamma_rad: Floats, psi_rad
     """
     half_sine = np.sin(0.5 * psi_rad)
     drop = (start_m - end_m) / end_m * np.cos(gamma_rad) + 2.0 * np.sin(gamma_rad + 0.5 * psi_rad) * half_sine
-    speed: Floats = half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
+    speed: FloatArray = half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
     return speed
 
 
-def _corrected(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, tolerance_m: float) -> tuple[Floats, Floats]:
+def _corrected(
+    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
+) -> tuple[FloatArray, FloatArray]:
     """Return the unknowns after Newton's method, target by target; a step that brings none nearer is halved."""
     start = shot.landing(azimuth_rad, speed_m_s)
     # Rows: azimuth, speed, along, across, miss, share of Newton's step to take.
@@ -108,8 +113,8 @@ def _corrected(shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, tolerance_m: 
 
 
 def _newton_step(
-    shot: Shot, azimuth_rad: Floats, speed_m_s: Floats, along_m: Floats, across_m: Floats
-) -> tuple[Floats, Floats]:
+    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, along_m: FloatArray, across_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the corrections of azimuth, rad, and of speed, as a share of it, of bounded size."""
     count = len(azimuth_rad)
     azimuths = np.concatenate([azimuth_rad, azimuth_rad + _STEP, azimuth_rad])
@@ -125,17 +130,17 @@ def _newton_step(
     return turn * shrink, gain * shrink
 
 
-def _direction(vectors: Floats) -> tuple[Floats, Floats]:
+def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return unit vectors and lengths."""
     size = length(*components(vectors))
     return vectors / size[:, None], size
 
 
-def _level(vectors: Floats, up: Floats) -> Floats:
+def _level(vectors: FloatArray, up: FloatArray) -> FloatArray:
     """Return the part of vectors that is at right angles to unit vectors."""
     return vectors - _dot(vectors, up)[:, None] * up
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     (ax, ay, az), (bx, by, bz) = components(a), components(b)
     return ax * bx + ay * by + az * bz

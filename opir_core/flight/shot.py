@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.ascent import Ascent
 from opir_core.flight.boost import LaunchSite
 from opir_core.flight.conic_impact import kepler_impact
-from opir_core.flight.pieces import Indices
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef
-from opir_core.geometry.vectors import Floats, components, length
+from opir_core.geometry.vectors import components, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import Forces
@@ -27,13 +27,13 @@ class Landing:
     each of the two unknowns moves mostly its own coordinate. `duration_s` is from burnout to impact.
     """
 
-    along_m: Floats
-    across_m: Floats
-    miss_m: Floats
-    duration_s: Floats
-    impact_ecef_m: Floats
+    along_m: FloatArray
+    across_m: FloatArray
+    miss_m: FloatArray
+    duration_s: FloatArray
+    impact_ecef_m: FloatArray
 
-    def distance_m(self) -> Floats:
+    def distance_m(self) -> FloatArray:
         """Return the length of the miss along and across: how far there is to go, (n,)."""
         return np.hypot(self.along_m, self.across_m)
 
@@ -47,11 +47,11 @@ class Shot:
 
     site: LaunchSite
     course: Ascent
-    aim_ecef_m: Floats
-    aim_height_m: Floats
+    aim_ecef_m: FloatArray
+    aim_height_m: FloatArray
     forces: "Forces | None" = None
 
-    def take(self, rows: Indices) -> "Shot":
+    def take(self, rows: RowArray) -> "Shot":
         """Return some of the shots."""
         forces = None if self.forces is None else self.forces.take(rows)
         return Shot(
@@ -62,14 +62,14 @@ class Shot:
         """Return the same shots with no force but the point mass."""
         return self if self.forces is None else evolve(self, forces=None)
 
-    def burnout(self, azimuth_rad: Floats, speed_m_s: Floats) -> tuple[Floats, Floats]:
+    def burnout(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
         plane = self.site.plane(azimuth_rad)
         height_m = self.course.burnout_height_m(speed_m_s)
         swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
         return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
 
-    def landing(self, azimuth_rad: Floats, speed_m_s: Floats) -> Landing:
+    def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> Landing:
         """Return where the flights come down; the inertial frame is ECEF frozen at burnout."""
         duration_s, point_m = self._impact(*ecef_to_eci_state(*self.burnout(azimuth_rad, speed_m_s), 0.0))
         impact_m = eci_to_ecef(point_m, duration_s)
@@ -81,14 +81,14 @@ class Shot:
         along_m, across_m = radius_m * (range_rad - aim_range_rad), radius_m * np.sin(aim_range_rad) * turn_rad
         return Landing(along_m, across_m, miss_m, duration_s, impact_m)
 
-    def _impact(self, position_m: Floats, velocity_m_s: Floats) -> tuple[Floats, Floats]:
+    def _impact(self, position_m: FloatArray, velocity_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         if self.forces is None:
             return kepler_impact(position_m, velocity_m_s, self.aim_height_m)
         from opir_core.flight.impact_event import impact
 
         return impact(position_m, velocity_m_s, self.aim_height_m, self.forces, tolerance_m=_IMPACT_TOLERANCE_M)
 
-    def polar_rad(self, point_ecef_m: Floats) -> tuple[Floats, Floats]:
+    def polar_rad(self, point_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return angle from the launch point and bearing at it, geocentric, of points (n, 3)."""
         x, y, z = components(point_ecef_m)
         ex, ey, ez = components(self.site.axes[:, 0])

@@ -13,8 +13,6 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Floats: TypeAlias = NDArray[np.float64]
-
 #: Single or double precision: what goes in comes out.
 Real = TypeVar("Real", bound=np.floating[Any])
 

@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.aiming import Aim
 from opir_core.flight.boost import BoostPath
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.pieces import Indices, Motion
+from opir_core.flight.pieces import Motion
 from opir_core.geometry import eci_to_ecef_state
-from opir_core.geometry.vectors import Floats
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
@@ -29,7 +29,7 @@ def coast_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel"
     """Return the free flight of n targets, burnout to impact, under the forces that it was aimed under."""
     inertial = _two_body(flight) if forces == "kepler" else _integrated(flight, forces, tolerance_m)
 
-    def state(target: Indices, time_s: Floats) -> tuple[Floats, Floats]:
+    def state(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         return eci_to_ecef_state(*inertial(target, time_s), time_s)
 
     return Ephemeris.build(state, flight.burnout_s, flight.impact_s, tolerance_m=tolerance_m)
@@ -42,7 +42,7 @@ def flight_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel
 
 
 def _two_body(flight: Aim) -> Motion:
-    def state(target: Indices, time_s: Floats) -> tuple[Floats, Floats]:
+    def state(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         position, velocity = flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target]
         return propagate_kepler(position, velocity, time_s - flight.burnout_s[target])
 

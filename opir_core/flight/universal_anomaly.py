@@ -5,13 +5,11 @@ inside a bracket. Each element is treated by itself: it has the same bits in any
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.flight.anomaly_guess import coarse_anomaly
 from opir_core.flight.kepler_equation import Arcs, derivatives, excess_and_noise, laguerre_step
-from opir_core.flight.stumpff import Floats, Functions, universal_functions
-
-Mask = NDArray[np.bool_]
+from opir_core.flight.stumpff import Functions, universal_functions
 
 #: Bisection alone needs some 1 100 halvings from the largest double to the smallest; Laguerre's steps need a few.
 _SURE_STEPS = 2500
@@ -21,7 +19,7 @@ _EPSILON = float(np.finfo(float).eps)
 _SMALL_SQUARED = 1e-8
 
 
-def solved_quickly(arcs: Arcs[np.float64]) -> tuple[Floats, Mask]:
+def solved_quickly(arcs: Arcs[np.float64]) -> tuple[FloatArray, BoolArray]:
     """Return rows s, G0, G1, G2 at the end of each arc, and where they are not yet right.
 
     A guess in single precision and one correction in double: enough for all but arcs close past the centre.
@@ -30,7 +28,7 @@ def solved_quickly(arcs: Arcs[np.float64]) -> tuple[Floats, Mask]:
     return _corrected(arcs, s, universal_functions(arcs.alpha, s))
 
 
-def solved_surely(arcs: Arcs[np.float64]) -> tuple[Floats, Mask]:
+def solved_surely(arcs: Arcs[np.float64]) -> tuple[FloatArray, BoolArray]:
     """Return rows s, G0, G1, G2 at the end of each arc, and where no anomaly was found: there they are `nan`.
 
     Laguerre's steps inside a bracket, bisection where they do not help.
@@ -55,13 +53,15 @@ def solved_surely(arcs: Arcs[np.float64]) -> tuple[Floats, Mask]:
     return solution, np.isnan(solution[0])
 
 
-def _next(low: Floats, high: Floats, excess: Floats, allowed: Floats, trial: Floats) -> tuple[Floats, Floats]:
+def _next(
+    low: FloatArray, high: FloatArray, excess: FloatArray, allowed: FloatArray, trial: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the next anomaly and the excess allowed there: the trial, as long as the excess keeps halving."""
     helps = (trial > low) & (trial < high) & (excess <= allowed)
     return np.where(helps, trial, 0.5 * (low + high)), np.where(helps, 0.5 * excess, np.inf)
 
 
-def _bracket(arcs: Arcs[np.float64]) -> tuple[Floats, Floats]:
+def _bracket(arcs: Arcs[np.float64]) -> tuple[FloatArray, FloatArray]:
     """Return bounds of the anomaly: on a closed orbit one turn, else doubled until the time is passed."""
     closed = arcs.alpha > 0.0
     turn = (2.0 + 1e-6) * np.pi / np.sqrt(np.where(closed, arcs.alpha, 1.0))
@@ -76,7 +76,7 @@ def _bracket(arcs: Arcs[np.float64]) -> tuple[Floats, Floats]:
     return low, high
 
 
-def _corrected(arcs: Arcs[np.float64], s: Floats, functions: Functions[np.float64]) -> tuple[Floats, Mask]:
+def _corrected(arcs: Arcs[np.float64], s: FloatArray, functions: Functions[np.float64]) -> tuple[FloatArray, BoolArray]:
     """Return rows s, G0, G1, G2 after a correction of fourth order, and where it was too large to be exact."""
     excess, r, slope = derivatives(arcs, functions)
     np.negative(excess, out=excess)
@@ -100,7 +100,7 @@ def _corrected(arcs: Arcs[np.float64], s: Floats, functions: Functions[np.float6
     return _moved(arcs.alpha, s, functions, step), left
 
 
-def _moved(alpha: Floats, s: Floats, functions: Functions[np.float64], step: Floats) -> Floats:
+def _moved(alpha: FloatArray, s: FloatArray, functions: Functions[np.float64], step: FloatArray) -> FloatArray:
     """Return rows s, G0, G1, G2 a small step further, by the addition theorems."""
     g0, g1, g2, _ = functions
     square = step * step

@@ -10,34 +10,35 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.foot import normal_at_foot
-from opir_core.geometry.vectors import NEVER_ZERO, Floats, components, floats, length, select, vector
+from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
 #: Half the spacing of doubles at 2 pi: an azimuth less than this short of north would round to a full turn, so it is 0.
 _LESS_THAN_ROUNDING = 4.5e-16
 
-_Vector = tuple[Floats, Floats, Floats]
+_Vector = tuple[FloatArray, FloatArray, FloatArray]
 _Rows = tuple[_Vector, _Vector, _Vector]
 
 
 class AzimuthElevationRange(NamedTuple):
     """Azimuth in [0, 2 pi) clockwise from true north, rad; elevation in [-pi/2, pi/2], rad; range, m."""
 
-    azimuth_rad: Floats
-    elevation_rad: Floats
-    range_m: Floats
+    azimuth_rad: FloatArray
+    elevation_rad: FloatArray
+    range_m: FloatArray
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> Floats:
+def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> FloatArray:
     """Return the local axes (..., 3, 3) at geodetic latitudes and longitudes, rad: rows east, north and up, in ECEF."""
     latitude, longitude = floats(latitude_rad), floats(longitude_rad)
     return _stacked(_rows_at(np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)))
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def local_axes(position_ecef_m: ArrayLike) -> Floats:
+def local_axes(position_ecef_m: ArrayLike) -> FloatArray:
     """Return the local axes (..., 3, 3) at ECEF positions (..., 3), m: rows east, north and up, in ECEF.
 
     The axes of the position's geodetic latitude and longitude, without the detour through angles. On the Earth's axis
@@ -67,7 +68,7 @@ def azimuth_elevation_range_in_axes(offset_ecef_m: ArrayLike, axes: ArrayLike) -
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Floats:
+def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the elevation of targets above the geodetic horizontal of observers, both ECEF (..., 3), m; rad.
 
     The very numbers of `azimuth_elevation_range`; `nan` where the two coincide or are not finite.
@@ -78,7 +79,7 @@ def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Floats:
+def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the angle at sensors between the Earth's centre and targets, both ECEF (..., 3), m; rad, in [0, pi].
 
     Accurate to rounding (1e-15 rad), near 0 and pi too. `nan` where a direction does not exist: the sensor at the
@@ -94,7 +95,7 @@ def nadir_angle_rad(sensor_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Float
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def line_of_sight(observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> Floats:
+def line_of_sight(observer_ecef_m: ArrayLike, azimuth_rad: ArrayLike, elevation_rad: ArrayLike) -> FloatArray:
     """Return ECEF unit vectors (..., 3) from observers (ECEF, m) at azimuth and elevation, rad.
 
     The inverse of `azimuth_elevation_range`.
@@ -116,9 +117,9 @@ def _angles(offset: _Vector, rows: _Rows) -> AzimuthElevationRange:
     return AzimuthElevationRange(azimuth + 0.0 * elevation, elevation, length(*offset) + 0.0 * up)
 
 
-def _elevation(east: Floats, north: Floats, up: Floats) -> Floats:
+def _elevation(east: FloatArray, north: FloatArray, up: FloatArray) -> FloatArray:
     """Return the angle above the level, +-pi/2 straight up and down, nan of nothing."""
-    angle: Floats = np.arctan(up / np.sqrt(east * east + north * north))
+    angle: FloatArray = np.arctan(up / np.sqrt(east * east + north * north))
     return angle
 
 
@@ -129,7 +130,7 @@ def _offset(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Vector:
     return tx - ox, ty - oy, tz - oz
 
 
-def _along(row: _Vector, offset: _Vector) -> Floats:
+def _along(row: _Vector, offset: _Vector) -> FloatArray:
     """Return the component of an offset along a unit vector."""
     return row[0] * offset[0] + row[1] * offset[1] + row[2] * offset[2]
 
@@ -144,7 +145,9 @@ def _rows_under(position_ecef_m: ArrayLike) -> _Rows:
     return _rows_at(sin_latitude, cos_latitude, sin_longitude, cos_longitude)
 
 
-def _rows_at(sin_latitude: Floats, cos_latitude: Floats, sin_longitude: Floats, cos_longitude: Floats) -> _Rows:
+def _rows_at(
+    sin_latitude: FloatArray, cos_latitude: FloatArray, sin_longitude: FloatArray, cos_longitude: FloatArray
+) -> _Rows:
     """Return east, north and up at a latitude and longitude."""
     east = -sin_longitude, cos_longitude, np.zeros(())
     north = -sin_latitude * cos_longitude, -sin_latitude * sin_longitude, cos_latitude
@@ -158,7 +161,7 @@ def _rows_of(axes: ArrayLike) -> _Rows:
     return components(array[..., 0, :]), components(array[..., 1, :]), components(array[..., 2, :])
 
 
-def _stacked(rows: _Rows) -> Floats:
+def _stacked(rows: _Rows) -> FloatArray:
     """Return rows as axes (..., 3, 3)."""
     axes = np.empty((*np.shape(rows[2][0]), 3, 3))
     for index, row in enumerate(rows):

@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.foot import height_along_normal, normal_at_foot
-from opir_core.geometry.vectors import NEVER_ZERO, Floats, components
+from opir_core.geometry.vectors import NEVER_ZERO, components
 
 _A, _B = WGS84.equatorial_radius_m, WGS84.polar_radius_m
 
@@ -20,13 +21,13 @@ _MOST_STEPS = 120
 class Normal(NamedTuple):
     """The upward normal of the ellipsoid under a point, and the point's height, m."""
 
-    x: Floats
-    y: Floats
-    z: Floats
-    height: Floats
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    height: FloatArray
 
 
-def normal(x: Floats, y: Floats, z: Floats) -> Normal:
+def normal(x: FloatArray, y: FloatArray, z: FloatArray) -> Normal:
     """Return the upward normal at the foot of points, and their height above the WGS 84 ellipsoid."""
     rho = np.sqrt(x * x + y * y)
     sine, cosine = normal_at_foot(rho, z, _A, _B)
@@ -35,7 +36,7 @@ def normal(x: Floats, y: Floats, z: Floats) -> Normal:
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def least_height_inside_m(observer_ecef_m: Floats, target_ecef_m: Floats) -> Floats:
+def least_height_inside_m(observer_ecef_m: FloatArray, target_ecef_m: FloatArray) -> FloatArray:
     """Return the least height, m, along segments (n, 3) that fall from the observer and rise to the target.
 
     The slope only grows along a segment. Its zero is bracketed by false position and bisection in turn: bisection, for
@@ -66,7 +67,7 @@ def least_height_inside_m(observer_ecef_m: Floats, target_ecef_m: Floats) -> Flo
     return least
 
 
-def _slope(observer: Floats, target: Floats, share: Floats) -> tuple[Floats, Floats]:
+def _slope(observer: FloatArray, target: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the change of height with the share of the segment covered, and the height there, m."""
     ox, oy, oz = components(observer)
     tx, ty, tz = components(target)

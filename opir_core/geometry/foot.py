@@ -8,13 +8,16 @@ of each other; they get the northern one.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.geometry.vectors import Floats, floats
+from opir_core.arrays import FloatArray
+from opir_core.geometry.vectors import floats
 
 #: Nearer to the centre than this share of the semi-major axis, bisection replaces Bowring's formula.
 _DEEP = 0.2
 
 
-def normal_at_foot(rho: Floats, z: Floats, semi_major_m: ArrayLike, semi_minor_m: ArrayLike) -> tuple[Floats, Floats]:
+def normal_at_foot(
+    rho: FloatArray, z: FloatArray, semi_major_m: ArrayLike, semi_minor_m: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
     """Return sine and cosine of the latitude of the outward normal at the foot of points (rho >= 0, z), m.
 
     Two steps of Bowring's formula (Survey Review 23, 1976, 323-327) from his start for all heights (Survey Review 28,
@@ -34,8 +37,13 @@ def normal_at_foot(rho: Floats, z: Floats, semi_major_m: ArrayLike, semi_minor_m
 
 
 def height_along_normal(
-    rho: Floats, z: Floats, sine: Floats, cosine: Floats, semi_major_m: ArrayLike, semi_minor_m: ArrayLike
-) -> Floats:
+    rho: FloatArray,
+    z: FloatArray,
+    sine: FloatArray,
+    cosine: FloatArray,
+    semi_major_m: ArrayLike,
+    semi_minor_m: ArrayLike,
+) -> FloatArray:
     """Return the signed distance, m, from the ellipse's tangent with that normal to points (rho, z).
 
     At the foot's own normal it is stationary: an error d of the normal costs d² in height.
@@ -43,16 +51,22 @@ def height_along_normal(
     return rho * cosine + z * sine - support_m(sine, cosine, semi_major_m, semi_minor_m)
 
 
-def support_m(sine: Floats, cosine: Floats, semi_major_m: ArrayLike, semi_minor_m: ArrayLike) -> Floats:
+def support_m(sine: FloatArray, cosine: FloatArray, semi_major_m: ArrayLike, semi_minor_m: ArrayLike) -> FloatArray:
     """Return the distance, m, from the centre to the ellipse's tangent whose normal has that latitude."""
     axial, radial = floats(semi_minor_m) * sine, floats(semi_major_m) * cosine
-    distance: Floats = np.sqrt(axial * axial + radial * radial)
+    distance: FloatArray = np.sqrt(axial * axial + radial * radial)
     return distance
 
 
 def _with_bisected(
-    sine: Floats, cosine: Floats, rho: Floats, z: Floats, a: Floats, b: Floats, deep: NDArray[np.bool_]
-) -> tuple[Floats, Floats]:
+    sine: FloatArray,
+    cosine: FloatArray,
+    rho: FloatArray,
+    z: FloatArray,
+    a: FloatArray,
+    b: FloatArray,
+    deep: NDArray[np.bool_],
+) -> tuple[FloatArray, FloatArray]:
     """Return the normals with those of the deep points replaced, and only those computed."""
     shape = np.shape(deep)
     sine, cosine = np.array(np.broadcast_to(sine, shape)), np.array(np.broadcast_to(cosine, shape))
@@ -62,7 +76,7 @@ def _with_bisected(
     return sine, cosine
 
 
-def _bisected_normal(rho: Floats, z: Floats, a: Floats, b: Floats) -> tuple[Floats, Floats]:
+def _bisected_normal(rho: FloatArray, z: FloatArray, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return sine and cosine of the normal's latitude for z >= 0, from anywhere, the centre and the evolute included.
 
     (a² - b²) - a rho / cos t + b z / sin t only falls as the parametric latitude t goes from equator to pole, so its
@@ -78,7 +92,7 @@ def _bisected_normal(rho: Floats, z: Floats, a: Floats, b: Floats) -> tuple[Floa
     return _unit(a * sine, b * cosine)
 
 
-def _unit(sine: Floats, cosine: Floats) -> tuple[Floats, Floats]:
+def _unit(sine: FloatArray, cosine: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a pair scaled to the unit circle."""
     norm = np.sqrt(sine * sine + cosine * cosine)
     return sine / norm, cosine / norm

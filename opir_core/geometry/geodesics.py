@@ -10,21 +10,22 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opir_core.geometry.vectors import Floats, floats, select
+from opir_core.arrays import FloatArray
+from opir_core.geometry.vectors import floats, select
 
 
 class DistanceBearing(NamedTuple):
     """Length of a geodesic, m, and its bearing at the first point, rad, in [0, 2 pi), clockwise from true north."""
 
-    distance_m: Floats
-    bearing_rad: Floats
+    distance_m: FloatArray
+    bearing_rad: FloatArray
 
 
 class LatitudeLongitude(NamedTuple):
     """Geodetic latitude in [-pi/2, pi/2] and longitude in [-pi, pi], rad."""
 
-    latitude_rad: Floats
-    longitude_rad: Floats
+    latitude_rad: FloatArray
+    longitude_rad: FloatArray
 
 
 def geodesic_inverse(
@@ -65,7 +66,7 @@ def geodesic_direct(
     return LatitudeLongitude(np.radians(latitude_deg), np.radians(longitude_deg))
 
 
-def _each(line: Callable[..., tuple[float, float]], *columns: Floats) -> tuple[Floats, Floats]:
+def _each(line: Callable[..., tuple[float, float]], *columns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the two results of a scalar function for every element of broadcast columns."""
     table = np.broadcast_arrays(*columns)
     rows = zip(*(column.ravel().tolist() for column in table), strict=True)

@@ -5,18 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84, Ellipsoid
 from opir_core.geometry.foot import normal_at_foot, support_m
-from opir_core.geometry.vectors import (
-    NEVER_ZERO,
-    Floats,
-    components,
-    exact_sum,
-    floats,
-    lengths_and_remainders,
-    select,
-    vector,
-)
+from opir_core.geometry.vectors import NEVER_ZERO, components, exact_sum, floats, lengths_and_remainders, select, vector
 
 #: pi / 2 as the sum of two doubles.
 _HALF_PI, _HALF_PI_REST = 1.5707963267948966, 6.123233995736766e-17
@@ -28,15 +20,15 @@ _AT_CENTRE_M2 = 1.0
 class Geodetic(NamedTuple):
     """Geodetic latitude in [-pi/2, pi/2] and longitude in [-pi, pi], rad, and height above the ellipsoid, m."""
 
-    latitude_rad: Floats
-    longitude_rad: Floats
-    height_m: Floats
+    latitude_rad: FloatArray
+    longitude_rad: FloatArray
+    height_m: FloatArray
 
 
 @np.errstate(invalid="ignore", over="ignore")
 def geodetic_to_ecef(
     latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84
-) -> Floats:
+) -> FloatArray:
     """Return ECEF positions (..., 3), m, of geodetic latitude and longitude (rad) and height above the ellipsoid (m).
 
     Any finite angle and height: a latitude past a pole is the point on its far side. Not finite in, `nan` out.
@@ -77,7 +69,7 @@ def ecef_to_geodetic(position_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84) -> 
     return Geodetic(_latitude(rho, rho_remainder, z, sine, cosine, a, b), longitude, height)
 
 
-def _longitude(x: Floats, y: Floats) -> Floats:
+def _longitude(x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the angle from the x axis, rad, to half a unit in the last place and a bit.
 
     As in `_latitude` it is taken from the nearest half axis: by itself arctan2 is off by another quarter of a unit on
@@ -92,8 +84,8 @@ def _longitude(x: Floats, y: Floats) -> Floats:
 
 
 def _latitude(
-    rho: Floats, rho_remainder: Floats, z: Floats, sine: Floats, cosine: Floats, a: float, b: float
-) -> Floats:
+    rho: FloatArray, rho_remainder: FloatArray, z: FloatArray, sine: FloatArray, cosine: FloatArray, a: float, b: float
+) -> FloatArray:
     """Return the angle of the normal, one step of Bowring's formula later, to half a unit in the last place and a bit.
 
     The step's two sides lead from the centre of curvature to the point. The angle is taken from the nearer axis, whose

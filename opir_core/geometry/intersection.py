@@ -3,12 +3,15 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84
-from opir_core.geometry.vectors import Floats, components, floats, length, vector
+from opir_core.geometry.vectors import components, floats, length, vector
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def intersection_with_ellipsoid(origin_ecef_m: ArrayLike, direction: ArrayLike, height_m: ArrayLike = 0.0) -> Floats:
+def intersection_with_ellipsoid(
+    origin_ecef_m: ArrayLike, direction: ArrayLike, height_m: ArrayLike = 0.0
+) -> FloatArray:
     """Return the first points (..., 3), m, at which rays meet the ellipsoid with both semi-axes longer by `height_m`.
 
     Origins in ECEF (..., 3), m; directions in ECEF (..., 3), of any length but 0. From inside it is the point where the

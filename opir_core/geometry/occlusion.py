@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.geometry.deepest import least_height_inside_m, normal
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.foot import height_along_normal, normal_at_foot
-from opir_core.geometry.vectors import NEVER_ZERO, Floats, components, floats, length, select
+from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select
 
 _A, _B = WGS84.equatorial_radius_m, WGS84.polar_radius_m
 
@@ -22,12 +23,12 @@ class _Dip(NamedTuple):
     """Whether segments are level between their ends, the height of their lines there, and of the lower end, m."""
 
     is_between: NDArray[np.bool_]
-    line_height: Floats
-    end_height: Floats
+    line_height: FloatArray
+    end_height: FloatArray
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def grazing_height_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Floats:
+def grazing_height_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the least height above the WGS 84 ellipsoid of the segments between two ECEF points (..., 3), m.
 
     The ends count: where the segment only rises from one end to the other it is the height of the lower end. Negative
@@ -70,7 +71,9 @@ def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
     return _Dip(falls & rises, _line_height(px, py, pz, dx, dy, dz), np.minimum(observer.height, target.height))
 
 
-def _line_height(px: Floats, py: Floats, pz: Floats, dx: Floats, dy: Floats, dz: Floats) -> Floats:
+def _line_height(
+    px: FloatArray, py: FloatArray, pz: FloatArray, dx: FloatArray, dy: FloatArray, dz: FloatArray
+) -> FloatArray:
     """Return the distance of endless lines from the ellipse that the ellipsoid is when seen along them, m.
 
     Minus infinity for a line that runs through. The axes of the view: the horizontal across the line, and what is left
@@ -91,8 +94,8 @@ def _line_height(px: Floats, py: Floats, pz: Floats, dx: Floats, dy: Floats, dz:
 
 
 def _with_depths(
-    height: Floats, observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, searched: NDArray[np.bool_]
-) -> Floats:
+    height: FloatArray, observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, searched: NDArray[np.bool_]
+) -> FloatArray:
     """Return heights with those of some segments, which run through the Earth, searched for."""
     if not np.any(searched):
         return height
@@ -102,5 +105,5 @@ def _with_depths(
     target = np.broadcast_to(floats(target_ecef_m), shape)[where]
     deepened = np.array(np.broadcast_to(height, shape[:-1]))
     deepened[where] = least_height_inside_m(observer, target)
-    depths: Floats = deepened[()]
+    depths: FloatArray = deepened[()]
     return depths

@@ -8,7 +8,8 @@ has 86 400 s, as in `numpy`. Not a time: `nan`.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from opir_core.geometry.vectors import Floats, floats, select
+from opir_core.arrays import FloatArray
+from opir_core.geometry.vectors import floats, select
 
 Epoch = ArrayLike | np.datetime64
 
@@ -25,7 +26,7 @@ _SECONDS_PER_DAY = 86400.0
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
+def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return the Julian date (UTC), days, `time_s` seconds after an epoch.
 
     One double holds it to 4e-5 s.
@@ -35,7 +36,7 @@ def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
+def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return Greenwich mean sidereal time of 1982, rad, in [0, 2 pi), `time_s` seconds after an epoch.
 
     Source: Aoki et al., Astron. Astrophys. 105 (1982), 359-361; Vallado, section 3.5. Day and second are kept apart, so
@@ -50,7 +51,7 @@ def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
     return select(angle < 2.0 * np.pi, angle, angle * 0.0)
 
 
-def _day_and_second(epoch: Epoch, time_s: ArrayLike) -> tuple[Floats, Floats]:
+def _day_and_second(epoch: Epoch, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return whole days since 1970 and seconds since their midnight."""
     instant = np.asarray(epoch, dtype="datetime64")
     midnight = instant.astype("datetime64[D]")

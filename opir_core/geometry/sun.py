@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.geometry.frames import ecef_to_eci
 from opir_core.geometry.sidereal import DAYS_PER_CENTURY, J2000_JULIAN_DATE, Epoch, gmst_rad, julian_date
-from opir_core.geometry.vectors import Floats, components, floats, length, select, vector
+from opir_core.geometry.vectors import components, floats, length, select, vector
 
 #: The astronomical unit, m (IAU 2012 resolution B2, exact).
 ASTRONOMICAL_UNIT_M = 149597870700.0
@@ -18,7 +19,7 @@ SUN_RADIUS_M = 6.957e8
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def sun_position_of_date_m(julian_date: ArrayLike) -> Floats:
+def sun_position_of_date_m(julian_date: ArrayLike) -> FloatArray:
     """Return the geocentric apparent position of the Sun (..., 3), m, in the mean equator and equinox of date.
 
     From 1970 to 2099 its direction is good to 0.012 degrees and its distance to 1.1e-4 of itself, against the theory of
@@ -37,7 +38,7 @@ def sun_position_of_date_m(julian_date: ArrayLike) -> Floats:
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
+def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return the position of the Sun (..., 3) in ECEF, m, `time_s` seconds after an epoch (`numpy.datetime64`, UTC)."""
     x, y, z = components(sun_position_of_date_m(julian_date(epoch, time_s)))
     angle = gmst_rad(epoch, time_s)
@@ -46,7 +47,7 @@ def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def sun_position_eci_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
+def sun_position_eci_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     """Return the position of the Sun (..., 3), m, in ECI, `time_s` seconds after an epoch (`numpy.datetime64`, UTC).
 
     ECI is ECEF frozen at that epoch, as everywhere in opir; for the equator and equinox of date see
@@ -58,13 +59,13 @@ def sun_position_eci_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> Floats:
 class _Discs(NamedTuple):
     """The Sun and the Earth as seen from a point: their angular radii and the angle between their centres, rad."""
 
-    sun: Floats
-    earth: Floats
-    separation: Floats
+    sun: FloatArray
+    earth: FloatArray
+    separation: FloatArray
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
-def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> Floats:
+def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatArray:
     """Return the share of the Sun's disc in view of positions (..., 3), in [0, 1]; both in one Earth-centred frame, m.
 
     1 in full light, 0 in the umbra, between them in the penumbra: the overlap of two discs (Montenbruck and Gill,

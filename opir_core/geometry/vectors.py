@@ -7,7 +7,7 @@ written-out components do not.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Floats = NDArray[np.float64]
+from opir_core.arrays import FloatArray
 
 #: Lengths below it, m, count as none: their squares would drop out of a double. Added to a length that divides, it
 #: makes nothing over nothing nothing, and changes no other.
@@ -17,12 +17,12 @@ NEVER_ZERO = 1e-150
 _SPLITTER = 134217729.0
 
 
-def floats(values: ArrayLike) -> Floats:
+def floats(values: ArrayLike) -> FloatArray:
     """Return values as a float64 array, without a copy where they are one."""
     return np.asarray(values, dtype=np.float64)
 
 
-def components(vectors: ArrayLike) -> tuple[Floats, Floats, Floats]:
+def components(vectors: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return x, y and z of an (..., 3) array, each of shape (...), as views where the array is float64."""
     array = floats(vectors)
     if array.ndim == 0 or array.shape[-1] != 3:
@@ -30,7 +30,7 @@ def components(vectors: ArrayLike) -> tuple[Floats, Floats, Floats]:
     return array[..., 0], array[..., 1], array[..., 2]
 
 
-def vector(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Floats:
+def vector(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> FloatArray:
     """Return the (..., 3) array of three broadcast components."""
     out = np.empty((*np.broadcast_shapes(np.shape(x), np.shape(y), np.shape(z)), 3))
     out[..., 0] = x
@@ -39,26 +39,28 @@ def vector(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Floats:
     return out
 
 
-def select(condition: NDArray[np.bool_], yes: ArrayLike, no: ArrayLike) -> Floats:
+def select(condition: NDArray[np.bool_], yes: ArrayLike, no: ArrayLike) -> FloatArray:
     """Return `yes` where the condition holds, else `no`; a scalar of scalars, unlike `numpy.where`."""
-    picked: Floats = np.where(condition, yes, no)[()]
+    picked: FloatArray = np.where(condition, yes, no)[()]
     return picked
 
 
-def length(x: Floats, y: Floats, z: Floats) -> Floats:
+def length(x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
     """Return the Euclidean length of vectors given by their components, to one unit in the last place."""
-    root: Floats = np.sqrt(x * x + y * y + z * z)
+    root: FloatArray = np.sqrt(x * x + y * y + z * z)
     return root
 
 
-def dot(one: ArrayLike, other: ArrayLike) -> Floats:
+def dot(one: ArrayLike, other: ArrayLike) -> FloatArray:
     """Return the scalar products (...) of vectors (..., 3), which broadcast."""
     (ax, ay, az), (bx, by, bz) = components(one), components(other)
-    product: Floats = ax * bx + ay * by + az * bz
+    product: FloatArray = ax * bx + ay * by + az * bz
     return product
 
 
-def lengths_and_remainders(x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def lengths_and_remainders(
+    x: FloatArray, y: FloatArray, z: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the lengths of (x, y) and (x, y, z), each with what it is short of the true one after it.
 
     The sum of the two carries to 1e-30 relative.
@@ -73,15 +75,17 @@ def lengths_and_remainders(x: Floats, y: Floats, z: Floats) -> tuple[Floats, Flo
     return *flat, *_root_and_remainder(xyz, xyz_error + xy_error, both_errors + z_error)
 
 
-def _root_and_remainder(squared: Floats, sum_error: Floats, square_errors: Floats) -> tuple[Floats, Floats]:
+def _root_and_remainder(
+    squared: FloatArray, sum_error: FloatArray, square_errors: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the root of a sum of squares, and what it is short of that of the sum and the errors of both."""
-    root: Floats = np.sqrt(squared)
+    root: FloatArray = np.sqrt(squared)
     again, again_error = _exact_square(root)
     residual = (squared - again) + (sum_error + (square_errors - again_error))
     return root, residual / (2.0 * root + NEVER_ZERO)
 
 
-def _exact_square(x: Floats) -> tuple[Floats, Floats]:
+def _exact_square(x: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the rounded square and its rounding error, exactly (Dekker, Numer. Math. 18, 1971, 224-242)."""
     high = _SPLITTER * x
     high = high - (high - x)
@@ -90,7 +94,7 @@ def _exact_square(x: Floats) -> tuple[Floats, Floats]:
     return square, ((high * high - square) + 2.0 * high * low) + low * low
 
 
-def exact_sum(x: Floats, y: Floats) -> tuple[Floats, Floats]:
+def exact_sum(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the rounded sum and its rounding error, exactly (Knuth, The Art of Computer Programming 2, 4.2.2)."""
     total = x + y
     part = total - x

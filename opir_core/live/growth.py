@@ -3,8 +3,8 @@
 import numpy as np
 from attrs import evolve
 
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.plan import Plan, with_targets
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.sightlines import Pairs, Sightlines
 from opir_core.targets import Targets
 

@@ -6,12 +6,13 @@ from concurrent.futures import Future
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.engine import Engine
 from opir_core.errors import Problem, SceneError
 from opir_core.live.drafting import plan_of_lap
 from opir_core.plan import Plan
 from opir_core.plugin.host import Host
-from opir_core.records import FloatArray, IntArray, Tracks, Window
+from opir_core.records import Tracks, Window
 from opir_core.scene import Scene
 
 

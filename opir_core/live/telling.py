@@ -3,9 +3,10 @@
 import numpy as np
 from attrs import define, field, frozen
 
+from opir_core.arrays import IntArray
 from opir_core.live.outlets import OutletStatus
 from opir_core.plan import Plan
-from opir_core.records import IntArray, Window
+from opir_core.records import Window
 
 #: Upper edges of the classes in which late cycles are counted, s; the last class has all that are later.
 LATE_EDGES_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from attrs import field, frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import GEOSTATIONARY_RADIUS_M
-from opir_core.records import FloatArray
 
 
 @frozen

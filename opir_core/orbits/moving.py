@@ -6,10 +6,9 @@ from typing import Protocol
 import numpy as np
 from attrs import define, field
 
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.errors import ModelError
 from opir_core.flight.ephemeris import Ephemeris
-from opir_core.flight.pieces import Indices
-from opir_core.records import FloatArray
 
 #: Length of a span, s. A power of two, so that dividing by it is exact and every time has one span.
 SPAN_S = 2048.0
@@ -78,7 +77,7 @@ class MovingOrbit:
         cuts_s = start_s + np.arange(1, _PIECES)[None, :] * (SPAN_S / _PIECES)
         samples = 0
 
-        def state(_target: Indices, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        def state(_target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
             nonlocal samples
             samples += len(time_s)
             if samples > _MOST_SAMPLES:
@@ -91,7 +90,7 @@ class MovingOrbit:
             return None
 
 
-def _rows_by_number(numbers: FloatArray, rows: Indices) -> Iterator[tuple[int, Indices]]:
+def _rows_by_number(numbers: FloatArray, rows: RowArray) -> Iterator[tuple[int, RowArray]]:
     """Yield each number that stands in some of the rows, with those of them in which it stands, in order."""
     part = numbers[rows].astype(np.int16)
     order = np.argsort(part, kind="stable")

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from attrs import field, frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, PluginError
 from opir_core.geometry import gmst_rad
 from opir_core.orbits.mean_elements import OMM_NUMBERS, omm_epoch, omm_number
-from opir_core.records import FloatArray
 
 if TYPE_CHECKING:
     from sgp4.api import Satrec

@@ -3,10 +3,10 @@
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef, eci_to_ecef_state
 from opir_core.orbits.elements import Elements
-from opir_core.records import FloatArray
 
 
 @frozen

@@ -9,8 +9,8 @@ import math
 import numpy as np
 from attrs import define
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.protocols import ScanPattern
-from opir_core.records import FloatArray, IntArray
 
 
 @define

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from attrs import fields
 
+from opir_core.arrays import IntArray
 from opir_core.errors import ModelError, OpirError
 from opir_core.plugin.fitness import described_error
 from opir_core.protocols import Sensor, Tracker
-from opir_core.records import Detections, IntArray, Tracks
+from opir_core.records import Detections, Tracks
 
 _OWED = "associate owes whole numbers, a track's for each detection, -1 for none"
 

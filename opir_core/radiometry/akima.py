@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 
 def akima(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.radiometry.protocols import (
     Background,
     ManyBandBackground,
@@ -13,7 +14,6 @@ from opir_core.radiometry.protocols import (
     Transmittance,
 )
 from opir_core.radiometry.records import Paths, Views
-from opir_core.records import FloatArray, IndexArray
 
 
 def intensities_w_sr(

@@ -5,11 +5,11 @@ from typing import Protocol
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.vectors import components, length
 from opir_core.radiometry.records import Paths
 from opir_core.randomness import Stream, stream_key, uniforms_of
-from opir_core.records import BoolArray, FloatArray, IntArray
 
 
 class Deck(Protocol):

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.protocols import Band
 from opir_core.radiometry.earth_table import CloudTable, SkyTable, cloud_tables, sky_tables
@@ -18,7 +19,6 @@ from opir_core.radiometry.lowtran import nearest_of, parts_of, require_known_ban
 from opir_core.radiometry.protocols import Background, BackgroundContext, Transmittance
 from opir_core.radiometry.records import Views, in_a_row
 from opir_core.radiometry.sky_configs import EarthConfig
-from opir_core.records import FloatArray, IntArray
 
 
 @frozen(eq=False)

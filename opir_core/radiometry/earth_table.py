@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.protocols import Band
-from opir_core.records import FloatArray
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_background_radiance.csv"
 _OPAQUE = "ANALYTIC_opaque_cloud_top"

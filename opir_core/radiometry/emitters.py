@@ -8,6 +8,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, Problem, SceneError
 from opir_core.radiometry.protocols import SourceContext
 from opir_core.radiometry.source_configs import (
@@ -18,7 +19,6 @@ from opir_core.radiometry.source_configs import (
     own_fields,
 )
 from opir_core.randomness import Stream, normal_pairs, stream_key, uniforms_of
-from opir_core.records import FloatArray
 
 #: The most emitters of one block.
 MOST_EMITTERS = 20_000

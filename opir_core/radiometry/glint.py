@@ -11,6 +11,7 @@ and light that is mirrored twice are left out.
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.geometry import local_axes
 from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
 from opir_core.geometry.vectors import components, dot, length
@@ -21,7 +22,6 @@ from opir_core.radiometry.protocols import SourceContext, Transmittance
 from opir_core.radiometry.records import Paths
 from opir_core.radiometry.source_configs import GlintConfig
 from opir_core.radiometry.viewing import sun_ecef_m
-from opir_core.records import FloatArray, IndexArray
 
 _SUN_SOLID_ANGLE_SR = np.pi * (SUN_RADIUS_M / ASTRONOMICAL_UNIT_M) ** 2
 

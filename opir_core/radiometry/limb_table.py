@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.radiometry.akima import akima
 from opir_core.radiometry.long_paths import CLIMBS, HIGHEST_ROOT, TOP_M, foretold_depth, foretold_grid
 from opir_core.radiometry.sky_columns import sky_columns
-from opir_core.records import FloatArray
 
 #: The least transmittance in the table.
 _LEAST = 1e-9

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 
 #: Radius of the sphere on which long paths are reckoned, m.
 RADIUS_M = 6_371_000.0

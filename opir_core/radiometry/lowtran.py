@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from attrs import Factory, field, frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.protocols import Band
 from opir_core.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
@@ -17,7 +18,6 @@ from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import AtmosphereContext, Transmittance
 from opir_core.radiometry.records import Paths, in_a_row
 from opir_core.radiometry.sky_configs import CloudConfig, LowtranConfig
-from opir_core.records import FloatArray, IntArray
 
 #: Edges of bands are the same when they agree to this, µm.
 SAME_EDGE_UM = 1e-6

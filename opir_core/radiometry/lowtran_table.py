@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.protocols import Band
 from opir_core.radiometry.akima import akima
 from opir_core.radiometry.limb_table import LimbTable, limb_tables
 from opir_core.radiometry.long_paths import BEND, HIGHEST_SLANT, RADIUS_M, SCALE_HEIGHT_M, TOP_M
 from opir_core.radiometry.sky_columns import sky_columns
-from opir_core.records import FloatArray
 
 #: The grid: so many sines of elevation, from the horizon to the zenith, and so many heights from 0 to the top.
 GRID_SHAPE = (125, 401)

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.flight.profiles import PROFILES_BY_TYPE
 from opir_core.protocols import Band
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import SignatureContext, Signatures
-from opir_core.records import FloatArray, IndexArray, IntArray
 
 _TABLE = Path(__file__).parents[1] / "data" / "plumes.json"
 

@@ -10,9 +10,9 @@ from typing import Protocol, runtime_checkable
 
 from attrs import field, frozen
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.protocols import Band, Trajectories
 from opir_core.radiometry.records import Paths, Views
-from opir_core.records import FloatArray, IndexArray
 
 
 class Signatures(Protocol):

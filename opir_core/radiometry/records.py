@@ -5,8 +5,8 @@ from typing import Self
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.columns import Columns
-from opir_core.records import FloatArray, IntArray
 
 
 @frozen(eq=False)

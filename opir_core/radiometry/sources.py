@@ -10,6 +10,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.geometry import geodetic_to_ecef, local_axes
 from opir_core.geometry.vectors import components, vector
 from opir_core.protocols import Trajectories
@@ -18,7 +19,6 @@ from opir_core.radiometry.glint import GlintSignatures, glint_signatures
 from opir_core.radiometry.planck import grey_body_intensity_w_sr
 from opir_core.radiometry.protocols import Signatures, SourceContext, Sources
 from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
-from opir_core.records import FloatArray, IndexArray
 from opir_core.scene import EMITTER_TYPES
 
 

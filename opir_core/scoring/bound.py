@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
-from opir_core.records import FloatArray
 from opir_core.tracking.filter.motion import BOOST, Motion, weights_at
 from opir_core.tracking.filter.square_root import covariance, moved, triangular
 from opir_core.tracking.rays import axes_across

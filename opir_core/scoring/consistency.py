@@ -3,7 +3,8 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import TOLD_CONTAINMENTS, FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.records import TOLD_CONTAINMENTS
 
 #: Nominal containments of a containment curve.
 CONTAINMENTS = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)

@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.scoring.evidence import Evidence, true_states
 from opir_core.scoring.ownership import Ownership
 from opir_core.tracking.metrics import gospa

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
 from opir_core.geometry import east_north_up_axes, geodesic_inverse, geodetic_to_ecef, local_axes
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray, Tracks
+from opir_core.records import Tracks
 from opir_core.scoring.bound import Seen, free_bound, position_and_velocity, state_bound
 from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.scoring.evidence import Evidence, true_states

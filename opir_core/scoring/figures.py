@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.scoring.consistency import CONTAINMENTS, Consistency, containment, root_mean_square
 
 _GROUND_FREEDOM = 2

@@ -7,9 +7,10 @@ independently from tick to tick.
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.columns import Columns
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
+from opir_core.records import Tracks
 from opir_core.scoring.evidence import Evidence
 from opir_core.scoring.ownership import Ownership, rows_in_force
 from opir_core.tracking.rays import along, axes_across

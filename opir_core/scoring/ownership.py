@@ -7,7 +7,7 @@ A target may have several tracks, side by side or, where one was lost, one after
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.scoring.evidence import Evidence
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.scoring.consistency import consistency, proportion
 from opir_core.scoring.coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.protocols import Sensor
-from opir_core.records import FloatArray, IntArray
 from opir_core.sightlines.grid import Grid, distance_m, look_time_s, sampled
 from opir_core.sightlines.records import Blocked, Pairs, Sight, Sightlines
 from opir_core.sightlines.visibility import Margins, has_doubt, judged

@@ -3,9 +3,9 @@
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.sightlines.records import GRID_STEP_S
 from opir_core.targets import Targets
 

@@ -6,8 +6,8 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 
 #: Step of the grid on which geometry is sampled, s: the whole seconds of scene time.
 GRID_STEP_S = 1.0

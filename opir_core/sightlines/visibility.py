@@ -4,10 +4,10 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.columns import Columns
 from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.sightlines.grid import Grid
 from opir_core.sightlines.records import GRID_STEP_S, Blocked, Sight
 

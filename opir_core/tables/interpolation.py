@@ -9,9 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from attrs import frozen
-from numpy.typing import NDArray
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray, RowArray
 from opir_core.tables.records import Table
 
 _WITH_VELOCITY = 4
@@ -19,8 +18,6 @@ _WITHOUT_VELOCITY = 6
 
 #: Newton's form of any interval: as many coefficients as the largest takes.
 _TERMS = 2 * _WITH_VELOCITY
-
-Indices = NDArray[np.intp]
 
 
 @frozen(eq=False)
@@ -31,13 +28,13 @@ class Interpolant:
     `nodes` (8, m) and `coefficients` (8, m, 3) Newton's form in time since the start, in lengths.
     """
 
-    first: Indices
+    first: RowArray
     start_s: FloatArray
     length_s: FloatArray
     nodes: FloatArray
     coefficients: FloatArray
 
-    def state(self, table: Indices, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def state(self, table: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities (k, 3) of tables (k,) at times (k,) within them."""
         row = np.empty(len(table), dtype=np.intp)
         for number in np.unique(table).tolist():
@@ -81,7 +78,7 @@ def largest_doubt_m(table: Table) -> float | None:
     return float(max(doubts)) if doubts else None
 
 
-def _thinned(table: Table, rows: Indices) -> Table:
+def _thinned(table: Table, rows: RowArray) -> Table:
     velocity = None if table.velocity_m_s is None else table.velocity_m_s[rows]
     return Table(table.time_s[rows], table.position_m[rows], velocity, np.zeros(len(rows), np.intp), table.burn_s)
 
@@ -95,7 +92,7 @@ def _intervals(table: Table) -> tuple[FloatArray, FloatArray, FloatArray, FloatA
     return start, length, nodes, coefficients
 
 
-def _of_run(table: Table, rows: Indices) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _of_run(table: Table, rows: RowArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     has_velocity = table.velocity_m_s is not None
     count = min(len(rows), _WITH_VELOCITY if has_velocity else _WITHOUT_VELOCITY)
     left = np.arange(len(rows) - 1)

@@ -4,7 +4,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 #: A position nearer to the Earth's centre than this, m, is not in metres, or not of this Earth.
 LEAST_RADIUS_M = 6.2e6

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import IntArray
 from opir_core.dice import PairStreams, WindowNumbers
 from opir_core.looks import Looks, exposures, pair_names, seen
 from opir_core.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.protocols import Dice, Encoder, EncoderContext
 from opir_core.reading import scene_from_mapping
-from opir_core.records import Detections, DetectionTruth, Exposures, IntArray, Sightings
+from opir_core.records import Detections, DetectionTruth, Exposures, Sightings
 from opir_core.run import plan_windows
 from opir_core.sites import Sites
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 #: The standard normal's 99.95 % point: what lies beyond it, on either side, has probability 0.1 %.
 Z_999 = 3.2905267314919255

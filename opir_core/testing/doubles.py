@@ -7,6 +7,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.orbits.geostationary import GeostationaryOrbit
 from opir_core.plan import Plan, drawn_bias
@@ -14,7 +15,7 @@ from opir_core.plugin.components import NoConfig
 from opir_core.plugin.host import Host
 from opir_core.plugin.scan_patterns import AlignedScan
 from opir_core.protocols import Band, Dice, Measured, Sensor
-from opir_core.records import Detections, Exposures, FloatArray, IndexArray, IntArray, Sightings, Tracks
+from opir_core.records import Detections, Exposures, Sightings, Tracks
 from opir_core.scene import UNKNOWN_TYPE, Choice, Scene
 from opir_core.sightlines import compile_pairs
 from opir_core.targets import join_targets

@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from attrs import evolve, fields
 
+from opir_core.arrays import FloatArray
 from opir_core.events.identifiers import stream_key, uuid8_words
-from opir_core.records import Detections, DetectionTruth, FloatArray, Tracks, Window
+from opir_core.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.scene import UNKNOWN_TYPE
 
 _NS_PER_S = 1_000_000_000

@@ -11,7 +11,7 @@ from itertools import permutations
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 
 #: Numbers are ranked by a table of all that there could be, up to so many a number there is, and sorted beyond.
 _DENSE = 8

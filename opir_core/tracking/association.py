@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import Factory, field, frozen
 
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.assignment import components, different, lone, nearest, ranks
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.joint_association import marginals

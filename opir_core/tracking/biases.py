@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import Factory, evolve, field, frozen
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, FloatArray
 from opir_core.tracking.rays import Rays, turned
 
 #: Where rays say nothing of a direction, a place is known this well beforehand, m.

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.columns import Columns
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import (
     Rays,

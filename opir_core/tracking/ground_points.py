@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, local_axes
-from opir_core.records import BoolArray, FloatArray
 from opir_core.tracking.rays import turned
 
 

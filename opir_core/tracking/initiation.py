@@ -9,10 +9,10 @@ docs/explanation/association.md: where one sensor alone sees a spot, the prior s
 import numpy as np
 from attrs import Factory, evolve, field, frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.ellipsoid import WGS84
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.near_sensors import (
     FAR_M,
     GRAZING,

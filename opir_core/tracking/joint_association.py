@@ -15,7 +15,7 @@ from functools import cache
 
 import numpy as np
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.tracking.assignment import components, different, lone, places, ranks
 
 #: A cluster is summed exactly as long as it has no more rows, or no more columns, than this: 2**8 states.

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.ellipsoidal_height import height_and_up
 from opir_core.geometry.ellipsoid import WGS84
-from opir_core.records import FloatArray
 from opir_core.tracking.filter.motion import weights_at
 from opir_core.tracking.ground_points import GroundPoints
 from opir_core.tracking.outlook import Outlook

@@ -7,10 +7,10 @@ meet the ground, seen from a station above the sensor that stands still, at geos
 
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.geometry.intersection import intersection_with_ellipsoid
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.rays import Rays
 
 #: How far sensors at geostationary height are from what they look at, about, m.

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.filter.motion import BOOST, followed, weights_at
 
 

@@ -5,9 +5,9 @@ from math import erf
 
 import numpy as np
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.flight.profiles import PROFILES_BY_TYPE, boost_profile
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.records import FloatArray, IntArray
 from opir_core.scene import TARGET_TYPES, UNKNOWN_TYPE
 
 _RADIUS_M = 6.371e6

@@ -6,9 +6,10 @@ import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
-from opir_core.records import Detections, FloatArray, IndexArray, IntArray
+from opir_core.records import Detections
 
 #: Fewer rows than this are added up by numpy's reduction, more column by column: the same sums, each way sooner there.
 FEW = 80

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.protocols import TrackerContext
-from opir_core.records import FloatArray
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.filter.dynamics import Dynamics
 from opir_core.tracking.filter.motion import BOOST, COAST, Motion

@@ -3,8 +3,8 @@
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.columns import Columns
-from opir_core.records import BoolArray, FloatArray, IntArray
 
 
 @frozen(eq=False)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, FloatArray
 from opir_core.scene import TARGET_TYPES
 
 #: The chance of detection of a sensor that states none for a type.

@@ -10,8 +10,8 @@ whole likelihood: sharp rays that meet say more than blurred ones, and launches 
 
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.assignment import nearest, ranks
 from opir_core.tracking.near_sensors import FAR_M, FIRST_HEIGHT_M
 from opir_core.tracking.rays import Rays, dot

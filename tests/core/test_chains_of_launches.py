@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import opir_core as opir
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.run import run_of_plan
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.triangulation import Fixes

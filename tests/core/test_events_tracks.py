@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import opir_core as opir
+from opir_core.arrays import FloatArray
 from opir_core.events import detection_schema
 from opir_core.events.blocks import window_blocks
 from opir_core.events.forge import ForgeEncoder
 from opir_core.protocols import EncoderContext
-from opir_core.records import FloatArray, Window
+from opir_core.records import Window
 from opir_core.run import plan_windows
 from opir_core.scene import REPORTED_TYPES
 from opir_core.testing import stub_sensor

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from opir_core.arrays import FloatArray
 from opir_core.detection import quick_gates
 from opir_core.detection.quick_gates import NODES, WIDTHS, looks_of, panels_of, quick_chances
 from opir_core.detection.ratio_gates import RatioGates
-from opir_core.records import FloatArray
 
 PAPER = RatioGates(5.0, 2.0, 0, np.array([0.0, 0.8, 0.01]), np.array([np.inf, 4.0, 0.5]))
 

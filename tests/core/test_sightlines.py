@@ -5,13 +5,13 @@ import pytest
 from attrs import evolve, frozen
 
 import opir_core as opir
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
 from opir_core.engine import Engine
 from opir_core.geometry import elevation_rad, is_occluded
 from opir_core.looks import look_times_s
 from opir_core.plan import Plan, compile_plan
 from opir_core.protocols import Sensor
-from opir_core.records import FloatArray
 from opir_core.sightlines import Sight, compile_pairs, visible_now
 
 

@@ -9,7 +9,8 @@ import pytest
 from attrs import evolve
 
 import opir_core as opir
-from opir_core.records import Detections, IntArray, Tracks
+from opir_core.arrays import IntArray
+from opir_core.records import Detections, Tracks
 from opir_core.run import run_of_plan
 
 SCENE = {

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.builtin.classification import ConfusionClassifier, confusion_classifier
 from opir_core.builtin.confidence import weighted_confidence
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, WeightedConfig
@@ -32,7 +33,7 @@ from opir_core.plugin import (
     scanning_sensor,
 )
 from opir_core.protocols import Band, Delivery, Dice, Measured
-from opir_core.records import Detections, Exposures, FloatArray, Sightings, Tracks, Window
+from opir_core.records import Detections, Exposures, Sightings, Tracks, Window
 
 #: The contract test that is to find each mutant: (kind, name) to the test's name.
 CAUGHT_BY: dict[tuple[str, str], str] = {}

@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve
 
+from opir_core.arrays import FloatArray
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.protocols import DetectionProbability, Dice
-from opir_core.records import FloatArray
 from opir_core.responses import Exceedances
 from opir_core.testing.bench import LookTable, bench_scene
 from opir_core.testing.broken import insist

@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.plugin.components import Component, SignatureModel, SourceModel
 from opir_core.protocols import Band
 from opir_core.radiometry.protocols import SignatureContext, Signatures, SourceContext, Sources
-from opir_core.records import FloatArray
 from opir_core.scene import EMITTER_TYPES, TARGET_TYPES
 from opir_core.testing.broken import insist
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows, insist_rows_stand_alone

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from attrs import fields
 
-from opir_core.records import FloatArray, Tracks
+from opir_core.arrays import FloatArray
+from opir_core.records import Tracks
 from opir_core.scene import REPORTED_TYPES
 from opir_core.testing.broken import Broken, insist
 

@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import fields_dict
 
+from opir_core.arrays import FloatArray
 from opir_core.plugin.components import Component, Constellation, SensorModel
 from opir_core.plugin.confusion import confusion_complaint, is_probability
 from opir_core.plugin.sensors import MAXIMUM_BANDS
 from opir_core.protocols import Sensor, SensorContext
-from opir_core.records import FloatArray
 from opir_core.scene import TARGET_TYPES
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, bench_scene
 from opir_core.testing.broken import Broken, insist

@@ -6,12 +6,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.plugin.components import AtmosphereModel, BackgroundModel, Component
 from opir_core.protocols import Band
 from opir_core.radiometry.protocols import AtmosphereContext, Background, BackgroundContext, Transmittance
 from opir_core.radiometry.records import Paths, Views
-from opir_core.records import FloatArray
 from opir_core.testing.broken import insist
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows, insist_rows_stand_alone
 from opir_core.testing.contracts.contract import Contract

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from opir_core.arrays import FloatArray, IndexArray
 from opir_core.plugin.components import Component, TargetModel
 from opir_core.protocols import FreeFlight, TargetContext, Trajectories
-from opir_core.records import FloatArray, IndexArray
 from opir_core.scene import EMITTER_TYPES
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
 from opir_core.testing.broken import Broken, insist

@@ -7,9 +7,10 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve, fields, frozen
 
+from opir_core.arrays import IntArray
 from opir_core.plugin.components import Component, TrackerModel
 from opir_core.protocols import Tracker, TrackerContext
-from opir_core.records import Detections, IntArray, Tracks
+from opir_core.records import Detections, Tracks
 from opir_core.testing.bench import bench_scene, planned
 from opir_core.testing.broken import insist
 from opir_core.testing.contracts.alike import insist_pickles, insist_rows_stand_alone

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state, local_axes
 from opir_core.geometry.intersection import intersection_with_ellipsoid
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.arc.fit import STEPS, Arcs, solved
 from opir_core.tracking.ground_points import GroundPoints
 from opir_core.tracking.range_types import burn_s

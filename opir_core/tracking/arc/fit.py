@@ -9,11 +9,11 @@ it stands at that tick, so a tick costs its own detections.
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.columns import Columns
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry.intersection import intersection_with_ellipsoid
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.rays import Rays, emission_s, turned
 
 #: Steps by which slopes are taken: m, m/s. An arc is linear over them to parts in a million.

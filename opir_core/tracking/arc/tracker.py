@@ -7,8 +7,9 @@ are measured against.
 import numpy as np
 from attrs import evolve
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.protocols import Sensor, TrackerContext
-from opir_core.records import Detections, FloatArray, IntArray, Tracks
+from opir_core.records import Detections, Tracks
 from opir_core.tracking.arc import fit as arc_fit
 from opir_core.tracking.arc.ends import expected_looks, impacts, latency_s, launches, shots, states_at
 from opir_core.tracking.arc.fit import Arcs

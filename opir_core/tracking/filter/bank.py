@@ -3,8 +3,8 @@
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.columns import Columns, names_of
-from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.filter.motion import BOOST, COAST
 
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, field, frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.atmosphere_density import LOWEST_HEIGHT_M, density_kg_m3
 from opir_core.flight.ellipsoidal_height import height_m
 from opir_core.flight.forces import Drag
-from opir_core.records import FloatArray
 from opir_core.tracking.filter.motion import COAST, Motion, noises
 from opir_core.tracking.filter.square_root import spread
 from opir_core.tracking.rays import dot

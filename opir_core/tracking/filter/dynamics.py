@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Protocol
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 
 class Dynamics(Protocol):

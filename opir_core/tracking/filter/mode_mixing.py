@@ -9,7 +9,7 @@ from math import expm1
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.filter import single_modes, square_root
 from opir_core.tracking.filter.bank import Bank
 from opir_core.tracking.filter.motion import COAST

@@ -12,9 +12,9 @@ from math import ceil, factorial
 import numpy as np
 from attrs import Factory, field, frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity import Gravity
-from opir_core.records import FloatArray
 from opir_core.tracking.filter import single_states
 from opir_core.tracking.rays import FEW, dot
 

@@ -8,8 +8,8 @@ velocity become less certain than that; where looks keep it there by themselves,
 
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.records import BoolArray, FloatArray
 from opir_core.tracking.filter import square_root
 
 #: The standard deviation of targets' velocities over the ground along any axis, m/s: half as much again as the root

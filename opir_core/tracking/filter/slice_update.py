@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.filter import square_root
 from opir_core.tracking.filter.dynamics import Dynamics
 from opir_core.tracking.filter.motion import followed, weights_at

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 
 def triangular(rows: FloatArray) -> FloatArray:

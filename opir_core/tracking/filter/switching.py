@@ -14,7 +14,7 @@ from math import log
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.tracking.filter import mode_mixing, slice_update, square_root
 from opir_core.tracking.filter.bank import Bank
 from opir_core.tracking.filter.dynamics import Dynamics

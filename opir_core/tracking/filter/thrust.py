@@ -13,9 +13,9 @@ from math import sqrt, tan
 import numpy as np
 from attrs import Factory, field, frozen
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
-from opir_core.records import FloatArray
 from opir_core.tracking.filter import single_states, single_thrust
 from opir_core.tracking.filter.motion import ALONE, BOOST, COAST, Motion, integrator_noise, pieces_of
 from opir_core.tracking.filter.single_states import Pull

@@ -3,8 +3,8 @@
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile import fit, trials, windows
 from opir_core.tracking.profile import hypotheses as hypotheses_of
 from opir_core.tracking.profile.end import Ends, ends_of

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.profile.bank import Fitting
 from opir_core.tracking.profile.strain import Bank
 from opir_core.tracking.rays import Rays

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 from opir_core.tracking.profile.coordinates import BURN, SHAPE, SPEED, Natural, natural
 from opir_core.tracking.profile.family import Priors
 from opir_core.tracking.profile.fit import plausible

@@ -10,8 +10,9 @@ import math
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.columns import Columns
-from opir_core.records import TOLD_CONTAINMENTS, BoolArray, FloatArray, IntArray
+from opir_core.records import TOLD_CONTAINMENTS
 from opir_core.tracking.profile.end import DEVIATES
 from opir_core.tracking.profile.flight import Moments, off_ground, on_ground
 

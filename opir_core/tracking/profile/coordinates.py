@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 
 if TYPE_CHECKING:
     from opir_core.tracking.profile.family import Priors

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.flight.ascent import speed_ratio, vertical_climb_s
-from opir_core.records import FloatArray, IntArray
 
 #: Degree of the series in x.
 _DEGREE = 18

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 from opir_core.tracking.profile.family import LIFT, START, Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses
 

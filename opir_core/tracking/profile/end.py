@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 
 #: How often a sensor stops to see a burning target for a reason of its own, 1/s: once in ten days; notional.
 _LOST_PER_S = 1e-6

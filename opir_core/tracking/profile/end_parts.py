@@ -8,7 +8,7 @@ problem of the whole has there is told by the part's evidence.
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.burnout_speed import Placed
 from opir_core.tracking.profile.family import Family

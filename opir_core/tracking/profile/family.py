@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.columns import Columns
 from opir_core.flight.boost import LaunchSite, launch_site
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile import course
 from opir_core.tracking.profile.coordinates import (
     BURN,

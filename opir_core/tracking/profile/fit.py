@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.columns import Columns
-from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile.coordinates import BURN, SHAPE, SIZE, fitted, natural
 from opir_core.tracking.profile.end import normal_quantiles, normal_rule
 from opir_core.tracking.profile.family import Anchors, Family, Places, Priors

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.columns import Columns
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
-from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile.family import BURN, RADIUS_M, SIZE, START, Family
 
 if TYPE_CHECKING:

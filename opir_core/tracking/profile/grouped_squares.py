@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 
 
 def squares(told: FloatArray, first: IntArray) -> FloatArray:

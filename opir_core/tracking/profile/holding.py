@@ -8,7 +8,8 @@ Statist. 30A, 1988, 150): exact where both are one, and to a hundredth of what i
 
 import numpy as np
 
-from opir_core.records import TOLD_CONTAINMENTS, FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.records import TOLD_CONTAINMENTS
 from opir_core.tracking.profile.flight import Moments
 
 #: Squared distances at which is counted what they hold: of six dimensions, no more than a twentieth lies beyond 120.

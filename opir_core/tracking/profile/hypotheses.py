@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import intersection_with_ellipsoid
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.coordinates import natural
 from opir_core.tracking.profile.family import START, TURN_EAST, TURN_NORTH, Anchors, Family, Priors

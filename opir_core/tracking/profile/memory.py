@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile.family import Family, Priors
 from opir_core.tracking.profile.fit import Hypotheses, Solved

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from attrs import evolve
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.burnout_speed import Placed, moved_by_speed, placed
 from opir_core.tracking.profile.containing import Arcs

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from opir_core.records import BoolArray, FloatArray
+from opir_core.arrays import BoolArray, FloatArray
 from opir_core.tracking.profile.coordinates import BURN, LIFT, PITCH, TURN_EAST, TURN_NORTH, Natural, natural
 from opir_core.tracking.profile.family import STRAIGHT_RAD, Priors
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from opir_core.records import TOLD_CONTAINMENTS, FloatArray, IntArray, Tracks
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.records import TOLD_CONTAINMENTS, Tracks
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.containing import Arcs, containing_sigmas
 from opir_core.tracking.profile.doubts import doubts

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 
 #: The gate's radius, standard deviations of a ray: strays are evenly spread over it.
 GATE = 4.5

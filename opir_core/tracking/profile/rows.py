@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
 from opir_core.geometry import local_axes
-from opir_core.records import FloatArray, IndexArray, IntArray
 from opir_core.tracking.profile.robust_means import Weights, detrended, weights_of
 from opir_core.tracking.rays import Rays
 

@@ -3,8 +3,8 @@
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.columns import Columns
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile.end import Silence
 from opir_core.tracking.profile.rows import Rows
 from opir_core.tracking.stereo.report import STAGED_S

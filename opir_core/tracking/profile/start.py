@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray
+from opir_core.arrays import FloatArray
 from opir_core.tracking.profile.family import START, Priors
 from opir_core.tracking.profile.fit import Hypotheses, Solved
 from opir_core.tracking.profile.seen import Seen

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.tracking.profile.end import gauss_rule
 from opir_core.tracking.profile.family import START, Priors
 from opir_core.tracking.profile.fit import Hypotheses, Solved, plausible, within

@@ -8,7 +8,7 @@ takes: the family then fits the recent past, and the covariance grows. Targets o
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.profile import fit
 from opir_core.tracking.profile import hypotheses as hypotheses_of
 from opir_core.tracking.profile.family import Priors

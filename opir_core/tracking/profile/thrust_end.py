@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.profile import flight
 from opir_core.tracking.profile.end import DEVIATES
 from opir_core.tracking.profile.family import Family

@@ -3,8 +3,9 @@
 import numpy as np
 from attrs import evolve
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.protocols import Sensor, TrackerContext
-from opir_core.records import Detections, FloatArray, IntArray, Tracks
+from opir_core.records import Detections, Tracks
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.configs import BoostProfileConfig
 from opir_core.tracking.profile import hypotheses as hypotheses_of

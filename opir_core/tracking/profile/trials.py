@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import evolve
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.profile.coordinates import LIFT, START, TURN_NORTH
 from opir_core.tracking.profile.family import Priors
 from opir_core.tracking.profile.fit import Hypotheses

@@ -11,7 +11,8 @@ their covariances (Hausman, Econometrica 46, 1978, 1251). Where they differ by f
 import numpy as np
 from attrs import evolve
 
-from opir_core.records import BoolArray, FloatArray, Tracks
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.records import Tracks
 from opir_core.scene import UNKNOWN_TYPE
 from opir_core.tracking.profile.flight import off_ground, on_ground
 from opir_core.tracking.range_types import ranges_m, type_probabilities

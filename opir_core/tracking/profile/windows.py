@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.scene import TARGET_TYPES
 from opir_core.tracking.profile.coordinates import LIFT, SIZE, START, TURN_EAST, TURN_NORTH, natural
 from opir_core.tracking.profile.family import Priors

@@ -11,8 +11,8 @@ rays, summed over all their explanations.
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.columns import Columns
-from opir_core.records import BoolArray, FloatArray, IntArray
 from opir_core.tracking.assignment import ranks
 from opir_core.tracking.joint_association import marginals
 from opir_core.tracking.outlook import Outlook

@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import evolve
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.tracking.assignment import different, lone
 from opir_core.tracking.association import Chances, plain, scan_groups, scan_numbers
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter

@@ -7,8 +7,8 @@ both: two targets are seen in one scan sooner or later, one target never twice.
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.association import scan_numbers
 from opir_core.tracking.rays import Rays
 

@@ -5,7 +5,7 @@ A track's labels begin once it has been seen often enough; with sensors that loo
 
 import numpy as np
 
-from opir_core.records import IntArray
+from opir_core.arrays import IntArray
 from opir_core.tracking.association import associate_nearest, nobody
 from opir_core.tracking.gating import candidates, gated
 from opir_core.tracking.rays import Rays

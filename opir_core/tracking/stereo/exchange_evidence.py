@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.assignment import ranks
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.rays import Sights, along, dot

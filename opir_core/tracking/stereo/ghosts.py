@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.tracking.assignment import nearest
 from opir_core.tracking.association import Chances, scan_groups
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from attrs import Factory, evolve, field, frozen
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.outlook import Outlook
 from opir_core.tracking.rays import Sights, along, axes_across, dot, no_sights

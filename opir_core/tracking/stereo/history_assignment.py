@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve
 
-from opir_core.records import BoolArray, FloatArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.tracking.assignment import different, lone, nearest
 from opir_core.tracking.filter import square_root
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter

@@ -5,10 +5,11 @@ from math import cos, sin
 
 import numpy as np
 
+from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Forces
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, FloatArray, IntArray, Tracks
+from opir_core.records import Tracks
 from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.ground_points import impacts

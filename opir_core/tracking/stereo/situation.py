@@ -7,7 +7,7 @@ that of their having been in time.
 import numpy as np
 from attrs import field, frozen
 
-from opir_core.records import IntArray
+from opir_core.arrays import IntArray
 from opir_core.tracking.filter.bank import Bank
 from opir_core.tracking.rays import Rays, no_rays
 from opir_core.tracking.stereo.doubles import Sightings

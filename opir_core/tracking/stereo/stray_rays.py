@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.records import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.tracking.filter.switching import Bank, SwitchingFilter
 from opir_core.tracking.gating import Pairs
 from opir_core.tracking.outlook import Outlook

@@ -5,8 +5,9 @@ from collections import deque
 import numpy as np
 from attrs import evolve
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.protocols import Sensor, TrackerContext
-from opir_core.records import Detections, FloatArray, IntArray, Tracks
+from opir_core.records import Detections, Tracks
 from opir_core.tracking.configs import StereoFilterConfig
 from opir_core.tracking.rays import Rays
 from opir_core.tracking.rays_of_last import RaysOfLast

@@ -6,9 +6,10 @@ from math import ceil
 import numpy as np
 from attrs import evolve, frozen
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.flight.forces import Forces, forces_of
 from opir_core.protocols import TrackerContext
-from opir_core.records import Detections, FloatArray, IntArray, Tracks
+from opir_core.records import Detections, Tracks
 from opir_core.tracking import initiation
 from opir_core.tracking.association import Chances, associate_nearest, nobody, plain
 from opir_core.tracking.biases import Biases

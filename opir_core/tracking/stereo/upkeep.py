@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.columns import Columns
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.protocols import Sensor
-from opir_core.records import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.tracking.rays import dot
 from opir_core.tracking.stereo.stray_rays import SHARES
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from attrs import frozen
 
-from opir_core.records import BoolArray, Detections, IntArray
+from opir_core.arrays import BoolArray, IntArray
+from opir_core.records import Detections
 
 
 @frozen(kw_only=True)

@@ -15,9 +15,9 @@ from stonesoup.models.measurement.nonlinear import CartesianToElevationBearing
 from stonesoup.models.transition.base import TransitionModel
 from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
 
+from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
 from opir_core.flight.forces import ForceModel, Forces, forces_of
-from opir_core.records import FloatArray
 from opir_core.tracking.filter.motion import BOOST, Motion
 from opir_core.tracking.rays import turned
 

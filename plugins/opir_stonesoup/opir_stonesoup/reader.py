@@ -16,9 +16,10 @@ from stonesoup.types.angle import Bearing, Elevation
 from stonesoup.types.array import StateVector
 from stonesoup.types.detection import Detection
 
+from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
 from opir_core.protocols import Sensor
-from opir_core.records import Detections, FloatArray, Run, Window
+from opir_core.records import Detections, Run, Window
 from opir_core.scene import REPORTED_TYPES
 from opir_stonesoup.models import SightModel, sensor_axes
 

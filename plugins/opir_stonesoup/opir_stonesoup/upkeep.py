@@ -14,8 +14,8 @@ from stonesoup.types.prediction import GaussianStatePrediction
 from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry.intersection import intersection_with_ellipsoid
-from opir_core.records import FloatArray, IntArray
 from opir_core.tracking.initiation import Beginnings
 from opir_core.tracking.near_sensors import FIRST_HEIGHT_M
 from opir_core.tracking.track_priors import (
