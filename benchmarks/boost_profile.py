@@ -39,7 +39,7 @@ import numpy as np
 from boost_profile_flights import MARKS, PARTS, SENSORS, inverse, measured
 from boost_profile_plot import Cell, plot
 
-from opir_core.scene import TARGET_TYPES
+from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import consistency, containment
 
 PAGE = """# The tracker boost-profile on its own family

@@ -7,24 +7,24 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
+from opir_trackers.profile import fit
+from opir_trackers.profile import flight as profile_flight
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.end import ends_of
+from opir_trackers.profile.family import BURN, EAST, SIZE, START, TURN_EAST
+from opir_trackers.profile.fit import Hypotheses
+from opir_trackers.profile.flight import Moments, on_ground
+from opir_trackers.profile.hypotheses import probability
+from opir_trackers.profile.report import Basis, report
+from opir_trackers.profile.rows import means, single
+from opir_trackers.profile.seen import Seen
+from opir_trackers.profile.strain import Bank
+from opir_trackers.sensor_schedule import Watch
 from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 
-from opir_core.scene import TARGET_TYPES
+from opir_core.estimation.lines_of_sight import Rays
+from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees, on_normal_scale
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile import flight as profile_flight
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.end import ends_of
-from opir_core.tracking.profile.family import BURN, EAST, SIZE, START, TURN_EAST
-from opir_core.tracking.profile.fit import Hypotheses
-from opir_core.tracking.profile.flight import Moments, on_ground
-from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import Basis, report
-from opir_core.tracking.profile.rows import means, single
-from opir_core.tracking.profile.seen import Seen
-from opir_core.tracking.profile.strain import Bank
-from opir_core.tracking.rays import Rays
-from opir_core.tracking.watch import Watch
 
 #: Scan period, s, line of sight error, rad, and chance of detection of ICBM, IRBM and SRBM: each model's defaults.
 SENSORS: dict[str, tuple[float, float, tuple[float, ...]]] = {

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.plan import compile_plan
-from opir_core.protocols import Sensor
-from opir_core.reading import scene_from_mapping
-from opir_core.sightlines.visibility import visible_now
+from opir_core.interfaces.protocols import Sensor
+from opir_core.planning.plan import compile_plan
+from opir_core.planning.visibility.margins import visible_now
+from opir_core.scene.reading import scene_from_mapping
 
 FLEETS = {
     "DSP": ["DSP"],

@@ -30,7 +30,7 @@ from discrimination_objects import (
 from discrimination_plots import plots
 from discrimination_statistics import area, area_gain, interval, type_gain
 
-from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 
 PAGE = """# Discrimination and classification
 

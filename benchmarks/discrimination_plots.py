@@ -7,7 +7,7 @@ import numpy as np
 from discrimination_objects import CODES, KINDS, SENSORS, Looks, Population
 from discrimination_statistics import interval, roc
 
-from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 
 
 def plots(people: Population, looks: dict[str, Looks], folder: Path) -> None:

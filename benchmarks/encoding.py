@@ -28,15 +28,20 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.builtin.line_file import LineFile
-from opir_core.events.blocks import window_blocks
-from opir_core.events.forge import ForgeEncoder
-from opir_core.events.identifiers import stream_key, uuid8_words, uuid_text
-from opir_core.events.number_text import rounded, rounded_bearing_deg, rounded_degrees
-from opir_core.events.timestamps import timestamp_text, unix_microseconds
-from opir_core.protocols import Band, EncoderContext, Sensor
-from opir_core.records import Detections, DetectionTruth, Tracks, Window
-from opir_core.scene import REPORTED_TYPES
-from opir_core.sites import AzimuthElevation
+from opir_core.interfaces.protocols import Band, EncoderContext, Sensor
+from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.text import (
+    rounded,
+    rounded_bearing_deg,
+    rounded_degrees,
+    timestamp_text,
+    unix_microseconds,
+)
+from opir_core.planning.sensor_states import AzimuthElevation
+from opir_core.random_streams.detection_ids import stream_key, uuid8_words, uuid_text
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing import stub_sensor
 
 EPOCH_US = 1_775_044_800_000_000

@@ -30,17 +30,17 @@ import numpy as np
 from attrs import evolve
 from boost_profile_flights import AFTER_S, MARKS, SENSORS, marks_at
 from exact_boosts import Looks, effective, impacts_of, sampled, states_of
+from opir_trackers.profile import fit
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.flight import on_ground
+from opir_trackers.profile.hypotheses import probability
+from opir_trackers.profile.report import Basis, report
+from opir_trackers.profile.strain import Bank
 from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 
-from opir_core.records import TOLD_CONTAINMENTS, Tracks
-from opir_core.scene import TARGET_TYPES
+from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
+from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees, on_normal_scale
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.flight import on_ground
-from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import Basis, report
-from opir_core.tracking.profile.strain import Bank
 
 PAGE = """# What boost-profile tells, against exact posteriors
 

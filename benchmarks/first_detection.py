@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from opir_core.engine import Engine
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.looks import Looks, exposures
-from opir_core.plan import Plan, compile_plan
-from opir_core.reading import scene_from_mapping
-from opir_core.scene import Scene
-from opir_core.sites import Sites
+from opir_core.planning.looks import Looks, exposures
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning.sensor_states import Sites
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import Scene
+from opir_core.simulation.engine import Engine
 
 CLIMATES = ("us1976", "tropical", "midlat_summer", "midlat_winter", "subarctic_winter")
 CLOUDS: dict[str, dict[str, Any] | None] = {

@@ -29,10 +29,9 @@ from opir_kafka.carrier import KafkaCarrier
 from opir_kafka.connection import connector
 from opir_kafka.settings import KafkaConfig
 
-from opir_core.spool.backlog import MemoryBacklog
-from opir_core.spool.dispatch import Dispatch, Policy
-from opir_core.spool.journal import Journal
-from opir_core.spool.parcels import Packer
+from opir_core.output.spool.batches import MemoryBacklog, Packer
+from opir_core.output.spool.dispatch import Dispatch, Policy
+from opir_core.output.spool.journal import Journal
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 import kafka_stand

@@ -22,14 +22,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import yaml
 from attrs import evolve
+from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.stereo.tracker import stereo_filter
 
 import opir_core as opir
-from opir_core.plan import Plan, compile_plan
-from opir_core.protocols import TrackerContext
-from opir_core.records import Detections
-from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.rays import axes_across
-from opir_core.tracking.stereo.tracker import stereo_filter
+from opir_core.estimation.lines_of_sight import axes_across
+from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.records import Detections
+from opir_core.planning.plan import Plan, compile_plan
 
 SLOTS_DEG = (-175.0, -155.0, -135.0, -120.0, -100.0)
 DISC_RAD = 0.15

@@ -22,13 +22,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 
 import numpy as np
 from followed_flights import CHANCES, SIGMA_RAD, USUAL_CONFIG, followed, rows_of, sensors_of, usual
+from opir_trackers.configs import BoostProfileConfig
 from other_flights import Flown, away_from, flown
 
 from opir_core.flight.forces import Drag, Forces
-from opir_core.records import Tracks
-from opir_core.scene import TARGET_TYPES
+from opir_core.interfaces.records import Tracks
+from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import containment, nees, on_normal_scale
-from opir_core.tracking.configs import BoostProfileConfig
 
 #: The tracker's gate, standard deviations; from geostationary orbit the Earth is so wide, rad.
 GATE, DISC_RAD = 4.5, 0.15

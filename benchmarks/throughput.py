@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 
 import opir_core as opir
-from opir_core.delivery import deliver
-from opir_core.plan import Plan
-from opir_core.reading import scene_mapping
-from opir_core.run import plan_windows
+from opir_core.output.delivery import deliver
+from opir_core.planning.plan import Plan
+from opir_core.scene.reading import scene_mapping
+from opir_core.simulation.run import plan_windows
 
 
 def raid(duration_s: float = 400.0, targets: int = 100, sensors: int = 10) -> opir.Scene:

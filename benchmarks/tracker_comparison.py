@@ -12,7 +12,7 @@ from pathlib import Path
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from opir_core.cli import main as opir
+from opir_core.cli.main import main as opir
 
 SCENE = "examples/pacific_test_range.yaml"
 SENSORS = "sensors=[{constellation: SBIRS-GEO}]"

@@ -8,11 +8,11 @@ from typing import Any
 from attrs import fields
 from modelled import modelled_page
 
+from opir_core.cli.description import field_rows, shown
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
-from opir_core.plugin.description import field_rows, shown
 from opir_core.plugin.host import Host
-from opir_core.reading.heading import SceneFile
-from opir_core.scene import SceneDrag
+from opir_core.scene.reading.scene_schema import SceneFile
+from opir_core.scene.scene import SceneDrag
 
 DOCS = Path(__file__).resolve().parent
 HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|---|---|---|---|"

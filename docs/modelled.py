@@ -6,12 +6,12 @@ The parts of the chain are told here; the defaults of every component come from 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from opir_core.cli.description import FieldRow, field_rows
+from opir_core.output.spool.settings import SpoolConfig
 from opir_core.plugin.components import CATALOGUE, Component
-from opir_core.plugin.description import FieldRow, field_rows
 from opir_core.plugin.host import Host
-from opir_core.reading.heading import SceneFile
-from opir_core.scene import SceneDrag
-from opir_core.spool.settings import SpoolConfig
+from opir_core.scene.reading.scene_schema import SceneFile
+from opir_core.scene.scene import SceneDrag
 
 
 class Part(NamedTuple):
@@ -70,7 +70,7 @@ PARTS = (
         "tabulated",
         "LOWTRAN7 from heights up to 100 km, by the height to which a straight path would descend, 2.5 km and above:"
         " at 360 places between the table's points 0.008 off at most. Below 2.5 km optical depth grows along the path"
-        " as it does there (`opir_core.radiometry.limb_table`)",
+        " as it does there (`opir_core.radiometry.long_paths`)",
         "refraction below 2.5 km, where rays from afar bend into the ground; the air that paths from above 100 km dip"
         " into",
     ),

@@ -10,35 +10,35 @@ from typing import TYPE_CHECKING, Any
 from opir_core._version import __version__
 
 if TYPE_CHECKING:
-    from opir_core.engine import Engine
     from opir_core.errors import ModelError, OpirError, PluginError, Problem, SceneError, SinkError
-    from opir_core.plan import Plan, compile_plan
+    from opir_core.interfaces.records import Detections, Run, Tracks, Window
+    from opir_core.planning.plan import Plan, compile_plan
     from opir_core.plugin.host import Host
-    from opir_core.reading import load_scene, scene_from_mapping
-    from opir_core.records import Detections, Run, Tracks, Window
-    from opir_core.run import simulate, windows
-    from opir_core.scene import Scene
+    from opir_core.scene.reading import load_scene, scene_from_mapping
+    from opir_core.scene.scene import Scene
+    from opir_core.simulation.engine import Engine
+    from opir_core.simulation.run import simulate, windows
 
 _HOMES = {
-    "Detections": "records",
-    "Engine": "engine",
+    "Detections": "interfaces.records",
+    "Engine": "simulation.engine",
     "Host": "plugin.host",
     "ModelError": "errors",
     "OpirError": "errors",
-    "Plan": "plan",
+    "Plan": "planning.plan",
     "PluginError": "errors",
     "Problem": "errors",
-    "Run": "records",
-    "Scene": "scene",
+    "Run": "interfaces.records",
+    "Scene": "scene.scene",
     "SceneError": "errors",
     "SinkError": "errors",
-    "Tracks": "records",
-    "Window": "records",
-    "compile_plan": "plan",
-    "load_scene": "reading",
-    "scene_from_mapping": "reading",
-    "simulate": "run",
-    "windows": "run",
+    "Tracks": "interfaces.records",
+    "Window": "interfaces.records",
+    "compile_plan": "planning.plan",
+    "load_scene": "scene.reading",
+    "scene_from_mapping": "scene.reading",
+    "simulate": "simulation.run",
+    "windows": "simulation.run",
 }
 
 __all__ = [

@@ -2,6 +2,6 @@
 
 import sys
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 
 sys.exit(main())

@@ -19,11 +19,17 @@ import numpy as np
 from atmosphere_left_out import Model, Way, by_region, left_out
 from timing import median_s, multiply_ns
 
+from opir_core.radiometry.configs import CLIMATES
 from opir_core.radiometry.long_paths import CLIMBS
-from opir_core.radiometry.lowtran import LowtranAtmosphere
-from opir_core.radiometry.lowtran_table import GRID_SHAPE, NodeTable, fine_grid, node_tables, shell_air_mass
+from opir_core.radiometry.lowtran import (
+    GRID_SHAPE,
+    LowtranAtmosphere,
+    NodeTable,
+    fine_grid,
+    node_tables,
+    shell_air_mass,
+)
 from opir_core.radiometry.records import Paths
-from opir_core.radiometry.sky_configs import CLIMATES
 
 #: Where LOWTRAN7's own values between the table's points stand.
 DATA = Path(__file__).parents[2] / "tests" / "data"

@@ -11,9 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from attrs import evolve
 
-from opir_core.radiometry.limb_table import LimbTable
-from opir_core.radiometry.long_paths import RADIUS_M
-from opir_core.radiometry.lowtran_table import NodeTable
+from opir_core.radiometry.long_paths import RADIUS_M, LimbTable
+from opir_core.radiometry.lowtran import NodeTable
 
 #: Returns transmittances by height, m, and sine of elevation; and what makes such a model of a table.
 Model = Callable[[np.ndarray, np.ndarray], np.ndarray]

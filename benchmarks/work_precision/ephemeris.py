@@ -17,9 +17,9 @@ import numpy as np
 from timing import median_s, multiply_ns
 
 from opir_core.flight.aiming import Aim, aim
+from opir_core.flight.boost import boost_profiles
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.profiles import boost_profiles
 from opir_core.flight.trajectory import boost_ephemeris, flight_ephemeris
 from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 

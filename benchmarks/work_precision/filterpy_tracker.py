@@ -3,12 +3,12 @@
 from typing import Any
 
 import numpy as np
+from opir_trackers.stereo.report import earth_fixed
+from opir_trackers.triangulation import meeting_points
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.records import Detections, Tracks
-from opir_core.tracking.rays import Rays, axes_across, emission_s, turned
-from opir_core.tracking.stereo.report import earth_fixed
-from opir_core.tracking.triangulation import meeting_points
+from opir_core.estimation.lines_of_sight import Rays, axes_across, emission_s, turned
+from opir_core.interfaces.records import Detections, Tracks
 
 #: How fast the acceleration wanders, m/s²/√s, and how surely the filter starts: m, m/s, m/s².
 NOISE = 2.0

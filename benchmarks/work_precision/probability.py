@@ -25,11 +25,11 @@ import numpy as np
 import yaml
 
 import opir_core as opir
-from opir_core.engine import Engine
-from opir_core.looks import Looks, blocks, exposures
-from opir_core.plan import Plan
-from opir_core.run import plan_windows
-from opir_core.sites import Sites
+from opir_core.planning.looks import Looks, blocks, exposures
+from opir_core.planning.plan import Plan
+from opir_core.planning.sensor_states import Sites
+from opir_core.simulation.engine import Engine
+from opir_core.simulation.run import plan_windows
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "raid_100.yaml"
 AIR = {"atmosphere": {"model": "lowtran", "climate": "midlat_summer"}, "background": "earth"}

@@ -20,18 +20,18 @@ import numpy as np
 import tracking_peers as peers
 import tracking_scene
 from attrs import evolve
+from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.stereo.histories import Histories
+from opir_trackers.stereo.track_management import Roster
+from opir_trackers.stereo.tracker_state import Situation
+from opir_trackers.stereo.tracking import StereoTracking
 from tracking_page import Line, RaidLines, page, plot, raid_table, single_table
 from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
 from tracking_problems import problem as made
 
-from opir_core.protocols import TrackerContext
+from opir_core.interfaces.protocols import TrackerContext
+from opir_core.scoring.gospa import gospa
 from opir_core.testing.doubles import stub_sensor
-from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.metrics import gospa
-from opir_core.tracking.stereo.histories import Histories
-from opir_core.tracking.stereo.situation import Situation
-from opir_core.tracking.stereo.tracking import StereoTracking
-from opir_core.tracking.stereo.upkeep import Roster
 
 CADENCES_S = (0.1, 1.0, 5.0, 10.0)
 CUTOFF_M = 5000.0

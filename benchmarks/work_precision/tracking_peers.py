@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from tracking_problems import CHANCE, CLUTTER, KEPLER, PRIOR_M, PRIOR_M_S, SENSORS_M, SIGMA_RAD, Problem
 
+from opir_core.estimation.lines_of_sight import axes_across
+from opir_core.estimation.motion import COAST, Motion
 from opir_core.geometry import ecef_to_eci
-from opir_core.tracking.filter.motion import COAST, Motion
-from opir_core.tracking.rays import axes_across
 
 EPOCH = datetime.datetime(2026, 4, 1)
 #: Farther from the expected angles than 4.5 standard deviations of the prior and the noise together, rad.

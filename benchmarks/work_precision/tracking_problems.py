@@ -3,14 +3,14 @@
 from typing import NamedTuple
 
 import numpy as np
+from opir_trackers.filter.switching import Bank, SwitchingFilter
 
+from opir_core.estimation import square_root
+from opir_core.estimation.lines_of_sight import Rays, Sights, axes_across, turned
+from opir_core.estimation.motion import BOOST, COAST, Motion, followed, weights_at
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci, eci_to_ecef
-from opir_core.tracking.filter import square_root
-from opir_core.tracking.filter.motion import BOOST, COAST, Motion, followed, weights_at
-from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.rays import Rays, Sights, axes_across, turned
 
 KEPLER = Forces(zonal=())
 SIGMA_RAD, RATE_HZ, CHANCE, CLUTTER = 2e-5, 10, 0.9, 20

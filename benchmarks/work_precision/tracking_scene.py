@@ -20,15 +20,15 @@ import numpy as np
 from attrs import evolve
 from filterpy_tracker import FilterPyTracker
 
-from opir_core.plan import Plan, compile_plan
-from opir_core.protocols import Tracker
-from opir_core.reading import scene_from_mapping
-from opir_core.run import run_of_plan
+from opir_core.interfaces.protocols import Tracker
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring.comparison import TimedTracker
 from opir_core.scoring.consistency import root_mean_square
 from opir_core.scoring.errors import StateErrors, state_errors
 from opir_core.scoring.evidence import evidence_of_run
 from opir_core.scoring.ownership import ownership
+from opir_core.simulation.run import run_of_plan
 
 #: Errors count from here to the end, s since ignition: from when directions of both sensors tell the place.
 FROM_S = 40.0

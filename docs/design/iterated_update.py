@@ -13,10 +13,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from opir_core.estimation import square_root
+from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.motion import COAST, Motion, followed, weights_at
 from opir_core.flight.forces import Forces
-from opir_core.tracking.filter import square_root
-from opir_core.tracking.filter.motion import COAST, Motion, followed, weights_at
-from opir_core.tracking.rays import Sights, axes_across
 
 SIGMA_RAD, LOOKS = 2e-5, 10
 KEPLER = Forces(zonal=())

@@ -5,7 +5,7 @@
 The flight path angle goes like u^n, u the fraction of the turn, with n from 0.5 to 0.9: no polynomial in u converges
 fast. Told in x = u^(1/q), height and downrange get smoother with q, and need more terms. The table gives the largest
 Chebyshev coefficient beyond a degree, in metres, over all profiles. At q = 4 degree 32 leaves less than a nanometre: it
-settled the series of `opir_core/flight/ascent.py`.
+settled the series of `opir_core/flight/boost.py`.
 """
 
 import math
@@ -13,8 +13,7 @@ import math
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from opir_core.flight.ascent import lean_rad, speed_ratio
-from opir_core.flight.profiles import BoostProfile, boost_profiles
+from opir_core.flight.boost import BoostProfile, boost_profiles, lean_rad, speed_ratio
 
 DEGREES = (16, 20, 24, 28, 32, 40)
 

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConfusionConfig
 from opir_core.errors import ModelError
+from opir_core.interfaces.protocols import Classifier, Dice, ModelContext, Sensor
+from opir_core.interfaces.records import Sightings
 from opir_core.plugin.components import NoConfig
-from opir_core.plugin.confusion import Confusion, confusion_complaint
-from opir_core.plugin.fitness import nearest
-from opir_core.protocols import Classifier, Dice, ModelContext, Sensor
-from opir_core.records import Sightings
-from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.plugin.validation import nearest
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
 #: True types: those of missiles, and one for all that is none.
 _ROWS = len(TARGET_TYPES) + 1

@@ -5,9 +5,9 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.builtin.configs import WeightedConfig
+from opir_core.interfaces.protocols import Confidence, ModelContext
+from opir_core.interfaces.records import Sightings
 from opir_core.plugin.components import NoConfig
-from opir_core.protocols import Confidence, ModelContext
-from opir_core.records import Sightings
 
 #: min(1, log10(1 + n)) for n = 0 to 9, from where on it is 1.
 _COUNT_TERMS = np.log10(1.0 + np.arange(10))

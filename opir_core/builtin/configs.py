@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 from attrs import Factory, frozen
 
-from opir_core.fields import nested, number, text
-from opir_core.plugin.confusion import Confusion, confusion_complaint
-from opir_core.scene import TARGET_TYPES
+from opir_core.scene.fields import nested, number, text
+from opir_core.scene.scene import TARGET_TYPES
+from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
 #: How far the sum of the confidence weights may be from 1.
 WEIGHT_SUM_TOLERANCE = 1e-9

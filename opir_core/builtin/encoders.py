@@ -5,35 +5,35 @@ from typing import TYPE_CHECKING, Any
 from opir_core.plugin.components import EventEncoder
 
 if TYPE_CHECKING:
-    from opir_core.protocols import Encoder, EncoderContext
+    from opir_core.interfaces.protocols import Encoder, EncoderContext
 
 
 def _forge(_config: Any, context: "EncoderContext") -> "Encoder":
-    from opir_core.events.forge import ForgeEncoder
+    from opir_core.output.events.forge import ForgeEncoder
 
     return ForgeEncoder(context)
 
 
 def _forge_bands(_config: Any, context: "EncoderContext") -> "Encoder":
-    from opir_core.events.forge import ForgeEncoder
+    from opir_core.output.events.forge import ForgeEncoder
 
     return ForgeEncoder(context, has_irradiances=True)
 
 
 def _forge_tracks(_config: Any, context: "EncoderContext") -> "Encoder":
-    from opir_core.events.forge import ForgeEncoder
+    from opir_core.output.events.forge import ForgeEncoder
 
     return ForgeEncoder(context, has_tracks=True)
 
 
 def _forge_c2(_config: Any, context: "EncoderContext") -> "Encoder":
-    from opir_core.events.forge_c2 import ForgeC2Encoder
+    from opir_core.output.events.forge_c2 import ForgeC2Encoder
 
     return ForgeC2Encoder(context)
 
 
 def _udl(_config: Any, context: "EncoderContext") -> "Encoder":
-    from opir_core.events.udl import UdlEncoder
+    from opir_core.output.events.udl import UdlEncoder
 
     return UdlEncoder(context)
 

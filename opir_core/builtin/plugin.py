@@ -7,13 +7,7 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.builtin.configs import (
-    BallisticConfig,
-    ConfusionConfig,
-    ConstantConfig,
-    TableConfig,
-    WeightedConfig,
-)
+from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, TableConfig, WeightedConfig
 from opir_core.plugin.components import (
     AtmosphereModel,
     BackgroundModel,

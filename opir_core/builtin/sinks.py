@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING, Any
 
 from attrs import frozen
 
-from opir_core.fields import text
 from opir_core.plugin.components import SinkModel
+from opir_core.scene.fields import text
 
 if TYPE_CHECKING:
-    from opir_core.protocols import Sink, SinkContext
+    from opir_core.interfaces.protocols import Sink, SinkContext
 
 
 @frozen
@@ -36,13 +36,13 @@ def _jsonl(config: JsonlConfig, context: "SinkContext") -> "Sink":
 
 
 def _memory(_config: MemoryConfig, context: "SinkContext") -> "Sink":
-    from opir_core.builtin.memory import Memory
+    from opir_core.builtin.memory_sinks import Memory
 
     return Memory(context.make_encoder)
 
 
 def _null(_config: Any, _context: "SinkContext") -> "Sink":
-    from opir_core.builtin.nowhere import Nowhere
+    from opir_core.builtin.memory_sinks import Nowhere
 
     return Nowhere()
 

@@ -13,12 +13,12 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import TableConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.ephemeris import Ephemeris
-from opir_core.protocols import TargetContext, Trajectories
-from opir_core.scene import TARGET_TYPES
-from opir_core.tables.csv_table import csv_table
-from opir_core.tables.interpolation import interpolant, largest_doubt_m
-from opir_core.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
-from opir_core.tables.records import BadTableError, Table
+from opir_core.flight.tables.csv_table import csv_table
+from opir_core.flight.tables.interpolation import interpolant, largest_doubt_m
+from opir_core.flight.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
+from opir_core.flight.tables.records import BadTableError, Table
+from opir_core.interfaces.protocols import TargetContext, Trajectories
+from opir_core.scene.scene import TARGET_TYPES
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01

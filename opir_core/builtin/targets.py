@@ -12,11 +12,11 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import AimConfig, BallisticConfig, LaunchConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import Aim, aim, surface_range_m
+from opir_core.flight.boost import PROFILES_BY_TYPE, BoostProfile, boost_profile, profile_for_type
 from opir_core.flight.ephemeris import Ephemeris
-from opir_core.flight.profiles import PROFILES_BY_TYPE, BoostProfile, boost_profile, profile_for_type
 from opir_core.geometry import Geodetic, ecef_to_geodetic
-from opir_core.protocols import TargetContext, Trajectories
-from opir_core.scene import TARGET_TYPES
+from opir_core.interfaces.protocols import TargetContext, Trajectories
+from opir_core.scene.scene import TARGET_TYPES
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel

@@ -4,9 +4,9 @@ import numpy as np
 from attrs import define
 
 from opir_core.arrays import IntArray
+from opir_core.interfaces.protocols import Tracker, TrackerContext
+from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import NoConfig
-from opir_core.protocols import Tracker, TrackerContext
-from opir_core.records import Detections, Tracks
 
 
 @define

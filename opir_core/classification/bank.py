@@ -20,10 +20,10 @@ from opir_core.classification.imagined import (
     imagined_sources,
 )
 from opir_core.classification.mixture import Components, Mixture, gathered
-from opir_core.columns import names_of
-from opir_core.protocols import Band, Sensor
-from opir_core.scene import TARGET_TYPES
-from opir_core.sightlines.visibility import visible_now
+from opir_core.interfaces.columns import names_of
+from opir_core.interfaces.protocols import Band, Sensor
+from opir_core.planning.visibility.margins import visible_now
+from opir_core.scene.scene import TARGET_TYPES
 
 #: Densities are kept for parts of the sky, by the sine of the elevation under which a sensor stands there.
 _EDGES = np.array([0.15, 0.35, 0.65])

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 from attrs import Factory, frozen
 
-from opir_core.fields import nested, number
-from opir_core.scene import REPORTED_TYPES
+from opir_core.scene.fields import nested, number
+from opir_core.scene.scene import REPORTED_TYPES
 
 #: How far the sum of the prior may be from 1.
 PRIOR_SUM_TOLERANCE = 1e-9

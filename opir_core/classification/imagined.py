@@ -14,19 +14,18 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.flight.aiming import aim
-from opir_core.flight.boost import BoostPath
-from opir_core.flight.profiles import PROFILES_BY_TYPE, BoostProfile, boost_profile
+from opir_core.flight.boost import PROFILES_BY_TYPE, BoostPath, BoostProfile, boost_profile
 from opir_core.geometry import Geodetic, ecef_to_geodetic, elevation_rad, geodetic_to_ecef
 from opir_core.geometry.vectors import components, vector
-from opir_core.plugin.sensors import MAXIMUM_BANDS
-from opir_core.protocols import Band
+from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.records import Exposures
+from opir_core.planning.targets import Targets
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.plume import plume_signatures
 from opir_core.radiometry.protocols import SignatureContext, Signatures
-from opir_core.records import Exposures
-from opir_core.scene import EMITTER_TYPES, TARGET_TYPES
-from opir_core.targets import Targets
+from opir_core.scene.scene import EMITTER_TYPES, TARGET_TYPES
+from opir_core.sensors.scanning_sensor import MAXIMUM_BANDS
 
 _RADIUS_M = 6.371e6
 

@@ -11,7 +11,7 @@ from opir_core.plugin.components import ClassifierModel
 from opir_core.plugin.hookspecs import hookimpl
 
 if TYPE_CHECKING:
-    from opir_core.protocols import Classifier, ModelContext
+    from opir_core.interfaces.protocols import Classifier, ModelContext
 
 
 def _spectral(config: SpectralConfig, context: "ModelContext") -> "Classifier":

@@ -11,9 +11,9 @@ from opir_core.classification.bank import Bank, bank_of, canonical_radius_m, ele
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.mixture import log_shares, log_sum
 from opir_core.errors import ModelError
-from opir_core.protocols import Dice, ModelContext, Sensor
-from opir_core.records import Sightings
-from opir_core.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.interfaces.protocols import Dice, ModelContext, Sensor
+from opir_core.interfaces.records import Sightings
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 
 #: Rows that are judged at once.
 _ROWS = 256

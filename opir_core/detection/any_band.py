@@ -5,8 +5,8 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.detection.redrawing import tail_normals
 from opir_core.detection.threshold import probit
-from opir_core.detection.truncated import tail_normals
 
 #: Below it, 1 - exp(x) is -x to the last bit.
 _LINEAR = -1e-17

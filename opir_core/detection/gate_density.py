@@ -2,15 +2,141 @@
 
 It is the normal density of y about the signal expected, times the chance that every other band falls through the gate
 that y opens. The product is log-concave: it has one peak, and falls faster than the normal density on either side.
+
+Gauss-Legendre panels laid over intervals, one interval a row, and the inverse of what they integrate.
+
+Integrals of densities that are given by their logarithms, over the panels of rules of ratio gates.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 from attrs import frozen
+from numpy.polynomial import legendre
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.detection.log_integrals import MOST_PANELS, log_between
-from opir_core.detection.panels import Panels
 from opir_core.detection.quick_gates import Gates
+
+#: Nodes in a panel.
+ORDER = 16
+
+_NODES, _WEIGHTS = legendre.leggauss(ORDER)
+
+#: From values at the nodes to Legendre coefficients: exact for polynomials up to the panel's order.
+_TO_COEFFICIENTS = np.array(
+    [legendre.legval(_NODES, unit) * _WEIGHTS * (k + 0.5) for k, unit in enumerate(np.eye(ORDER))]
+)
+#: From values at the nodes to the coefficients of the integral from the panel's start.
+_TO_INTEGRAL = np.array([legendre.legint(column, lbnd=-1.0) for column in _TO_COEFFICIENTS.T]).T
+
+_BISECTIONS = 52
+
+
+@frozen(eq=False)
+class Panels:
+    """Panels between `edges` (n, panels + 1), ascending; nodes are (n, panels · ORDER)."""
+
+    edges: FloatArray
+
+    @classmethod
+    def over(cls, start: FloatArray, stop: FloatArray, count: int, kinks: FloatArray) -> "Panels":
+        """Return `count` panels over intervals (n,), cut once more at each of the kinks (n, k)."""
+        equal = start[:, None] + (stop - start)[:, None] * (np.arange(count + 1) / count)
+        inside = np.clip(kinks, start[:, None], stop[:, None])
+        return cls(np.sort(np.concatenate([equal, inside], axis=1), axis=1))
+
+    def nodes(self) -> FloatArray:
+        """Return the nodes."""
+        width = np.diff(self.edges, axis=1)[:, :, None]
+        nodes: FloatArray = self.edges[:, :-1, None] + width * (0.5 * (_NODES + 1.0))
+        return nodes.reshape(len(self.edges), -1)
+
+    def integral(self, values: FloatArray) -> FloatArray:
+        """Return the integrals (n,) of what has these values (n, panels · ORDER) at the nodes."""
+        parts = self._of_panels(values)
+        total = parts[:, 0].copy()
+        for panel in range(1, parts.shape[1]):
+            total += parts[:, panel]
+        return total
+
+    def inverse(self, values: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return where (n,) the integral of non-negative values has grown to shares (n,) of the whole."""
+        passed = np.cumsum(self._of_panels(values), axis=1)
+        wanted = uniforms * passed[:, -1]
+        panel = np.minimum((wanted[:, None] >= passed).sum(axis=1), passed.shape[1] - 1)
+        rows = np.arange(len(panel))
+        before = np.where(panel > 0, passed[rows, panel - 1], 0.0)
+        inside = values.reshape(len(panel), -1, ORDER)[rows, panel]
+        start, width = self.edges[rows, panel], self.edges[rows, panel + 1] - self.edges[rows, panel]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            place = _solved(inside, (wanted - before) / (0.5 * width))
+        found: FloatArray = start + width * 0.5 * (place + 1.0)
+        return found
+
+    def _of_panels(self, values: FloatArray) -> FloatArray:
+        shaped = values.reshape(len(values), -1, ORDER)
+        total = shaped[:, :, 0] * _WEIGHTS[0]
+        for node in range(1, ORDER):
+            total += shaped[:, :, node] * _WEIGHTS[node]
+        panels: FloatArray = total * (0.5 * np.diff(self.edges, axis=1))
+        return panels
+
+
+def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Return where in [-1, 1] the integral from -1 of what has these values (n, ORDER) is as wanted (n,)."""
+    low, high = np.full(len(wanted), -1.0), np.ones(len(wanted))
+    coefficients = (inside[:, None, :] * _TO_INTEGRAL[None, :, :]).sum(axis=2).T
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        is_below = legendre.legval(middle, coefficients, tensor=False) < wanted
+        low, high = np.where(is_below, middle, low), np.where(is_below, high, middle)
+    place: FloatArray = 0.5 * (low + high)
+    return place
+
+
+#: Beyond so many standard deviations a normal tail is below the last bit of 1.
+FAR = 9.0
+#: Panels for gates no steeper than the noise, and how often they are doubled for steep ones.
+_PANELS, _MOST_DOUBLINGS = 3, 5
+MOST_PANELS = _PANELS << _MOST_DOUBLINGS
+LOG_HALF = float(np.log(0.5))
+
+
+def by_steepness(steepest: FloatArray) -> Iterator[tuple[IntArray, int]]:
+    """Yield rows with the number of panels that follows their steepest gate."""
+    doublings = np.clip(np.ceil(np.log2(steepest)), 0, _MOST_DOUBLINGS).astype(np.int64)
+    for times in range(_MOST_DOUBLINGS + 1):
+        rows = np.flatnonzero(doublings == times)
+        if len(rows):
+            yield rows, _PANELS << times
+
+
+def log_integral(panels: Panels, log_values: FloatArray) -> FloatArray:
+    """Return logarithms of the integrals of values given by theirs."""
+    peak = log_values.max(axis=1)
+    scale = np.where(np.isfinite(peak), peak, 0.0)
+    with np.errstate(divide="ignore"):
+        logarithm: FloatArray = scale + np.log(panels.integral(np.exp(log_values - scale[:, None])))
+    return logarithm
+
+
+def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return ln(Q(low) - Q(high)), of normal tails; -inf where low >= high."""
+    from scipy.special import log_ndtr
+
+    result = np.where(low < high, 0.0, -np.inf)
+    near_edge = np.nonzero((low < high) & ((low > -FAR) | (high < FAR)))
+    low, high = low[near_edge], high[near_edge]
+    is_left = low + high < 0.0
+    near, far = np.where(is_left, high, -low), np.where(is_left, low, -high)
+    log_near = log_ndtr(near)
+    fall = np.full(len(near), -np.inf)
+    close = np.flatnonzero(far > np.minimum(near, 0.0) - FAR)
+    fall[close] = np.minimum(log_ndtr(far[close]) - log_near[close], 0.0)
+    with np.errstate(divide="ignore"):
+        result[near_edge] = log_near + np.where(fall < LOG_HALF, np.log1p(-np.exp(fall)), np.log(-np.expm1(fall)))
+    return result
+
 
 #: By so much, in the exponent, a density may fall before what follows is nothing.
 _DROP = 39.0

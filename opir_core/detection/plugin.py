@@ -11,7 +11,7 @@ from opir_core.plugin.components import DetectionModel
 from opir_core.plugin.hookspecs import hookimpl
 
 if TYPE_CHECKING:
-    from opir_core.protocols import DetectionProbability, ModelContext
+    from opir_core.interfaces.protocols import DetectionProbability, ModelContext
 
 
 def _snr(config: SnrConfig, context: "ModelContext") -> "DetectionProbability":

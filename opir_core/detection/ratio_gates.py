@@ -12,11 +12,10 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.detection.gate_density import GateDensity
-from opir_core.detection.log_integrals import FAR, LOG_HALF, by_steepness, log_integral
+from opir_core.detection.gate_density import FAR, LOG_HALF, GateDensity, by_steepness, log_integral
 from opir_core.detection.quick_gates import quick_chances
+from opir_core.detection.redrawing import tail_normals, truncated_normals
 from opir_core.detection.threshold import probit
-from opir_core.detection.truncated import tail_normals, truncated_normals
 
 #: From such a slack on, the quick way is near enough.
 LEAST_SLACK = 1e-9

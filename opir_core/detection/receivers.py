@@ -1,22 +1,109 @@
-"""Sensors as the detection model `snr` needs them: their bands, their noise, and the rule over their bands."""
+"""Sensors as the detection model `snr` needs them: their bands, their noise, and the rule over their bands.
 
-from collections.abc import Sequence
+Noise at the aperture: the detector's, that of the background's photons, and what clutter leaves; all in W/m².
+
+Calibration: the one factor on a sensor's noise with which it detects the reference target as often as wanted.
+"""
+
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.detection.any_band import AnyBand
-from opir_core.detection.calibration import calibrated
 from opir_core.detection.configs import SnrConfig
-from opir_core.detection.irradiance_noise import noise_w_m2, photon_energy_j
 from opir_core.detection.ratio_gates import RatioGates
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
-from opir_core.plugin.radiometer import Radiometer
-from opir_core.protocols import Sensor
-from opir_core.scenery import Scenery
+from opir_core.interfaces.protocols import Band, Sensor
+from opir_core.radiometry.environment import Scenery
+from opir_core.sensors.radiometer import Radiometer
+
+#: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
+_PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6
+
+#: Noise below it, W/m², is taken for it: a sensor without any would divide by zero.
+LEAST_NOISE_W_M2 = 1e-60
+
+
+def photon_energy_j(band: Band) -> float:
+    """Return the energy of a photon in the middle of a band, J."""
+    return _PHOTON_J_UM / (0.5 * (band.lower_um + band.upper_um))
+
+
+def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> FloatArray:
+    """Return the standard deviation of an irradiance got by counting photons: sqrt(E · hc/λ / (A η t)), W/m².
+
+    `count_w_m2` is that of one count, hc/λ / (A η t), of aperture, efficiency and integration time. The number of
+    counts is E over it, its variance the number itself (Poisson).
+    """
+    noise: FloatArray = np.sqrt(
+        np.asarray(irradiance_w_m2, dtype=np.float64) * np.asarray(count_w_m2, dtype=np.float64)
+    )
+    return noise
+
+
+def noise_w_m2(detector_w_m2: ArrayLike, photons_w_m2: ArrayLike = 0.0, clutter_w_m2: ArrayLike = 0.0) -> FloatArray:
+    """Return the standard deviation of independent noises together, at least `LEAST_NOISE_W_M2`.
+
+    Noises may be as large as 1e150 W/m²; what of them is below 1e-160 is nothing beside the least.
+    """
+    # Squares cost a tenth of what `numpy.hypot` does, which is for numbers that have none.
+    whole = np.square(np.asarray(detector_w_m2, dtype=np.float64))
+    whole = whole + np.square(np.asarray(photons_w_m2, dtype=np.float64))
+    whole = whole + np.square(np.asarray(clutter_w_m2, dtype=np.float64))
+    return np.maximum(np.sqrt(whole), LEAST_NOISE_W_M2)
+
+
+#: The reference range, m: opir-simulator paper (2026), section 2.4.
+REFERENCE_RANGE_M = 3.6e7
+
+#: The factor is sought within so many powers of ten of 1.
+_DECADES = 20.0
+_HALVINGS = 64
+#: Chances nearer to 0 or 1 than this are far from any that is wanted.
+_SLACK = 1e-13
+
+
+def calibrated(
+    radiometer: Radiometer, rule: AnyBand | RatioGates, intensity_w_sr: FloatArray, wanted: float, owner: str
+) -> Radiometer:
+    """Return a radiometer whose noise is scaled so that the reference target is detected with a probability.
+
+    `intensity_w_sr` (B,) are the reference target's in the sensor's bands. Raises `ModelError`, which names the sensor
+    as `owner` does, where no factor does it.
+    """
+    from scipy.special import ndtri
+
+    signal = intensity_w_sr / REFERENCE_RANGE_M**2
+    quantile = float(ndtri(wanted))
+
+    def misses(log_factor: float) -> bool:
+        noise = noise_w_m2(np.array(radiometer.nei_w_m2) * 10.0**log_factor)[None, :]
+        return float(probit(*rule.log_chances(signal[None, :] / noise, noise, _SLACK))[0]) < quantile
+
+    if not misses(_DECADES) or misses(-_DECADES):
+        told = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
+        raise ModelError(
+            f"{owner}: calibrate: paper finds no noise with which the reference ICBM, {told} W/sr in the sensor's"
+            f" bands, is detected with probability {wanted:g}; give it bands and plausible_ratios that do not leave"
+            " the ICBM out, or calibrate: none"
+        )
+    factor = 10.0 ** _turn(misses)
+    return evolve(radiometer, nei_w_m2=tuple(float(nei * factor) for nei in radiometer.nei_w_m2))
+
+
+def _turn(misses: Callable[[float], bool]) -> float:
+    """Return where a condition turns from false to true, by halving."""
+    low, high = -_DECADES, _DECADES
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if misses(middle) else (middle, high)
+    return low
+
 
 Rule = AnyBand | RatioGates
 

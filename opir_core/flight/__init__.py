@@ -8,29 +8,29 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from opir_core.flight.aiming import Aim, aim
+    from opir_core.flight.boost import BoostProfile, boost_profile, boost_profiles
     from opir_core.flight.conic_impact import kepler_impact
     from opir_core.flight.ephemeris import Ephemeris
     from opir_core.flight.forces import Drag, Forces
     from opir_core.flight.impact_event import impact
     from opir_core.flight.kepler import KeplerStatus, kepler_status, propagate_kepler
-    from opir_core.flight.lambert_arc import lambert
-    from opir_core.flight.profiles import BoostProfile, boost_profile, boost_profiles
+    from opir_core.flight.lambert_solver import lambert
     from opir_core.flight.propagation import propagate
 
 _HOMES = {
     "Aim": "aiming",
-    "BoostProfile": "profiles",
+    "BoostProfile": "boost",
     "Drag": "forces",
     "Ephemeris": "ephemeris",
     "Forces": "forces",
     "KeplerStatus": "kepler",
     "aim": "aiming",
-    "boost_profile": "profiles",
-    "boost_profiles": "profiles",
+    "boost_profile": "boost",
+    "boost_profiles": "boost",
     "impact": "impact_event",
     "kepler_impact": "conic_impact",
     "kepler_status": "kepler",
-    "lambert": "lambert_arc",
+    "lambert": "lambert_solver",
     "propagate": "propagation",
     "propagate_kepler": "kepler",
 }

@@ -3,26 +3,250 @@
 Two unknowns, launch azimuth and burnout speed, meet the two coordinates of the aim point. The burnout flight path angle
 is the profile's, shifted with range as that of minimum-energy arcs is, (pi - psi)/4 over a ground angle psi (Bate,
 Mueller and White, Fundamentals of Astrodynamics, 1971, section 6.2): longer ranges fly flatter.
+
+A shot: from launch azimuth and burnout speed to where the free flight comes down on the rotating Earth.
+
+Shooting: launch azimuth and burnout speed are corrected until the free flight comes down at the aim point.
+
+Newton's method, with the derivatives of two-body arcs whatever the forces (they only have to point the way), starts
+from a guess good to a few percent of the range.
 """
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 from numpy.typing import ArrayLike
 
-from opir_core.arrays import BoolArray, FloatArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING
-from opir_core.flight.ascent import ascent
-from opir_core.flight.boost import BoostPath, boost_path, launch_site
-from opir_core.flight.profiles import BoostProfile
-from opir_core.flight.shooting import solved
-from opir_core.flight.shot import Shot
-from opir_core.geometry import Geodetic, ecef_to_eci_state, geodesic_inverse, geodetic_to_ecef
+from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
+from opir_core.flight.boost import Ascent, BoostPath, BoostProfile, LaunchSite, ascent, boost_path, launch_site
+from opir_core.flight.conic_impact import kepler_impact
+from opir_core.geometry import Geodetic, ecef_to_eci, ecef_to_eci_state, eci_to_ecef, geodesic_inverse, geodetic_to_ecef
+from opir_core.geometry.vectors import components, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel, Forces
+
+#: The error of a numerical impact, m: a small share of the tolerances that aiming is asked for.
+_IMPACT_TOLERANCE_M = 1e-3
+
+
+@frozen(eq=False)
+class Landing:
+    """Where flights come down: columns (n,) and (n, 3).
+
+    The miss is split along and across the great circle to the aim point, by polar angles about the launch point: there
+    each of the two unknowns moves mostly its own coordinate. `duration_s` is from burnout to impact.
+    """
+
+    along_m: FloatArray
+    across_m: FloatArray
+    miss_m: FloatArray
+    duration_s: FloatArray
+    impact_ecef_m: FloatArray
+
+    def distance_m(self) -> FloatArray:
+        """Return the length of the miss along and across: how far there is to go, (n,)."""
+        return np.hypot(self.along_m, self.across_m)
+
+
+@frozen(eq=False)
+class Shot:
+    """Launches (n,) and where they aim: ECEF position (n, 3) and height (n,) of the aim points.
+
+    `forces` act in free flight; None is two-body motion.
+    """
+
+    site: LaunchSite
+    course: Ascent
+    aim_ecef_m: FloatArray
+    aim_height_m: FloatArray
+    forces: "Forces | None" = None
+
+    def take(self, rows: RowArray) -> "Shot":
+        """Return some of the shots."""
+        forces = None if self.forces is None else self.forces.take(rows)
+        return Shot(
+            self.site.take(rows), self.course.take(rows), self.aim_ecef_m[rows], self.aim_height_m[rows], forces
+        )
+
+    def in_two_body_motion(self) -> "Shot":
+        """Return the same shots with no force but the point mass."""
+        return self if self.forces is None else evolve(self, forces=None)
+
+    def burnout(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return burnout positions and velocities relative to the Earth, (n, 3), ECEF."""
+        plane = self.site.plane(azimuth_rad)
+        height_m = self.course.burnout_height_m(speed_m_s)
+        swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
+        return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
+
+    def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> Landing:
+        """Return where the flights come down; the inertial frame is ECEF frozen at burnout."""
+        duration_s, point_m = self._impact(*ecef_to_eci_state(*self.burnout(azimuth_rad, speed_m_s), 0.0))
+        impact_m = eci_to_ecef(point_m, duration_s)
+        range_rad, bearing_rad = self.polar_rad(impact_m)
+        aim_range_rad, aim_bearing_rad = self.polar_rad(self.aim_ecef_m)
+        radius_m = length(*components(self.aim_ecef_m))
+        turn_rad = np.remainder(bearing_rad - aim_bearing_rad + np.pi, 2.0 * np.pi) - np.pi
+        miss_m = length(*components(impact_m - self.aim_ecef_m))
+        along_m, across_m = radius_m * (range_rad - aim_range_rad), radius_m * np.sin(aim_range_rad) * turn_rad
+        return Landing(along_m, across_m, miss_m, duration_s, impact_m)
+
+    def _impact(self, position_m: FloatArray, velocity_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        if self.forces is None:
+            return kepler_impact(position_m, velocity_m_s, self.aim_height_m)
+        from opir_core.flight.impact_event import impact
+
+        return impact(position_m, velocity_m_s, self.aim_height_m, self.forces, tolerance_m=_IMPACT_TOLERANCE_M)
+
+    def polar_rad(self, point_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return angle from the launch point and bearing at it, geocentric, of points (n, 3)."""
+        x, y, z = components(point_ecef_m)
+        ex, ey, ez = components(self.site.axes[:, 0])
+        ox, oy, oz = components(self.site.launch_m)
+        radius_m = length(ox, oy, oz)
+        nx, ny, nz = (oy * ez - oz * ey) / radius_m, (oz * ex - ox * ez) / radius_m, (ox * ey - oy * ex) / radius_m
+        east, north = x * ex + y * ey + z * ez, x * nx + y * ny + z * nz
+        outward = (x * ox + y * oy + z * oz) / radius_m
+        return np.arctan2(np.hypot(east, north), outward), np.arctan2(east, north)
+
+
+_ITERATIONS = 60
+
+#: Steps of the finite differences: rad, and a share of the speed.
+_STEP = 1e-5
+
+#: The largest correction at once: rad, and a share of the speed.
+_LARGEST_STEP = 0.2
+
+
+@np.errstate(invalid="ignore", divide="ignore", over="ignore")
+def solved(shot: Shot, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
+    """Return azimuths (rad) and burnout speeds (m/s) whose flights hit the aim points to within the tolerance.
+
+    Where none does, what came nearest. Trials that lead nowhere are nan, and are not followed.
+    """
+    two_body = shot.in_two_body_motion()
+    azimuth_rad, speed_m_s = _corrected(two_body, *_guess(two_body), tolerance_m)
+    if two_body is shot:
+        return azimuth_rad, speed_m_s
+    return _corrected(shot, azimuth_rad, speed_m_s, tolerance_m)
+
+
+def _guess(shot: Shot) -> tuple[FloatArray, FloatArray]:
+    """Return azimuths and burnout speeds that come down near the aim points."""
+    azimuth_rad, speed_m_s = _guess_at_rest(shot)
+    landing = shot.landing(azimuth_rad, speed_m_s)
+    distance_m, duration_s = landing.distance_m(), landing.duration_s
+    for _ in range(2):
+        azimuth, speed = _guess_in_rotation(shot, azimuth_rad, speed_m_s, duration_s)
+        landing = shot.landing(azimuth, speed)
+        nearer = (landing.distance_m() < distance_m) | np.isnan(distance_m)
+        azimuth_rad, speed_m_s = np.where(nearer, azimuth, azimuth_rad), np.where(nearer, speed, speed_m_s)
+        distance_m = np.where(nearer, landing.distance_m(), distance_m)
+        duration_s = np.where(nearer, landing.duration_s, duration_s)
+    return azimuth_rad, speed_m_s
+
+
+def _guess_at_rest(shot: Shot) -> tuple[FloatArray, FloatArray]:
+    """Return azimuths and burnout speeds that hit on a sphere at rest, flown from the ground."""
+    psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
+    radius_m = length(*components(shot.site.launch_m))
+    return azimuth_rad, hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
+
+
+def _guess_in_rotation(
+    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, duration_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return azimuths and burnout speeds nearer to those that hit, from a guess and its time of free flight.
+
+    The aim point is turned on by that time, and hit in the inertial frame from the guess's burnout point at its
+    inertial flight path angle; what the Earth's rotation brings is then taken off again.
+    """
+    position, relative = shot.burnout(azimuth_rad, speed_m_s)
+    _, inertial = ecef_to_eci_state(position, relative, 0.0)
+    aim = ecef_to_eci(shot.aim_ecef_m, np.where(np.isfinite(duration_s), duration_s, 0.0))
+    up, radius_m = _direction(position)
+    ahead, _ = _direction(_level(aim, up))
+    level_m_s = length(*components(_level(inertial, up)))
+    gamma = np.arctan2(_dot(inertial, up), level_m_s)
+    psi = np.arctan2(_dot(aim, ahead), _dot(aim, up))
+    speed = hitting_speed_m_s(radius_m, length(*components(aim)), gamma, psi)[:, None]
+    wanted = speed * (np.sin(gamma)[:, None] * up + np.cos(gamma)[:, None] * ahead) - (inertial - relative)
+    turn = np.arctan2(_dot(np.cross(wanted, relative), up), _dot(_level(wanted, up), relative))
+    return azimuth_rad + turn, length(*components(wanted))
+
+
+def hitting_speed_m_s(start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatArray, psi_rad: FloatArray) -> FloatArray:
+    """Return the speed that takes a two-body arc from one radius at a flight path angle to another radius.
+
+    With the range angle psi, v² = (mu/r1) (1 - cos psi) / (cos gamma ((r1/r2) cos gamma - cos(gamma + psi))), written
+    without cancellation (Bate, Mueller and White, Fundamentals of Astrodynamics, 1971, section 6.2, for r1 = r2).
+    """
+    half_sine = np.sin(0.5 * psi_rad)
+    drop = (start_m - end_m) / end_m * np.cos(gamma_rad) + 2.0 * np.sin(gamma_rad + 0.5 * psi_rad) * half_sine
+    speed: FloatArray = half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
+    return speed
+
+
+def _corrected(
+    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the unknowns after Newton's method, target by target; a step that brings none nearer is halved."""
+    start = shot.landing(azimuth_rad, speed_m_s)
+    # Rows: azimuth, speed, along, across, miss, share of Newton's step to take.
+    now = np.stack([azimuth_rad, speed_m_s, start.along_m, start.across_m, start.miss_m, np.ones_like(azimuth_rad)])
+    for _ in range(_ITERATIONS):
+        rows = np.flatnonzero(now[4] > tolerance_m)
+        if not rows.size:
+            break
+        part, (azimuth, speed, along, across, _, share) = shot.take(rows), now[:, rows]
+        turn, gain = _newton_step(part.in_two_body_motion(), azimuth, speed, along, across)
+        azimuth, speed = azimuth + share * turn, speed * (1.0 + share * gain)
+        trial = part.landing(azimuth, speed)
+        nearer = trial.distance_m() < np.hypot(along, across)
+        now[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)
+        better = np.stack([azimuth, speed, trial.along_m, trial.across_m, trial.miss_m])
+        now[:5, rows[nearer]] = better[:, nearer]
+    return now[0], now[1]
+
+
+def _newton_step(
+    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, along_m: FloatArray, across_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the corrections of azimuth, rad, and of speed, as a share of it, of bounded size."""
+    count = len(azimuth_rad)
+    azimuths = np.concatenate([azimuth_rad, azimuth_rad + _STEP, azimuth_rad])
+    speeds = np.concatenate([speed_m_s, speed_m_s, speed_m_s * (1.0 + _STEP)])
+    landings = shot.take(np.tile(np.arange(count), 3)).landing(azimuths, speeds)
+    (along_by_turn, along_by_gain), (across_by_turn, across_by_gain) = (
+        column.reshape(3, count)[1:] - column[:count] for column in (landings.along_m, landings.across_m)
+    )
+    determinant = along_by_gain * across_by_turn - along_by_turn * across_by_gain
+    turn = _STEP * (across_by_gain * along_m - along_by_gain * across_m) / determinant
+    gain = _STEP * (along_by_turn * across_m - across_by_turn * along_m) / determinant
+    shrink = _LARGEST_STEP / np.maximum(np.hypot(turn, gain), _LARGEST_STEP)
+    return turn * shrink, gain * shrink
+
+
+def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors and lengths."""
+    size = length(*components(vectors))
+    return vectors / size[:, None], size
+
+
+def _level(vectors: FloatArray, up: FloatArray) -> FloatArray:
+    """Return the part of vectors that is at right angles to unit vectors."""
+    return vectors - _dot(vectors, up)[:, None] * up
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    (ax, ay, az), (bx, by, bz) = components(a), components(b)
+    return ax * bx + ay * by + az * bz
+
 
 #: The mean radius of the Earth that turns ranges into angles, m (IUGG: (2 a + b)/3 of WGS 84).
 _MEAN_RADIUS_M = EARTH_EQUATORIAL_RADIUS_M * (1.0 - EARTH_FLATTENING / 3.0)

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, RowArray
+from opir_core.flight.dop853 import Acceleration
 from opir_core.flight.forces import Drag, Forces
 from opir_core.flight.gravity import Gravity
 from opir_core.flight.integration import Integration, Recorder
 from opir_core.flight.levels import Levels, Seams
-from opir_core.flight.stepping import Acceleration
 
 #: Arcs a block: enough to hide numpy's overhead, few enough for the stages of a step to stay in a second-level cache.
 _BLOCK = 1024

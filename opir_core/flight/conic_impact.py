@@ -4,21 +4,186 @@ The Earth turns about the axis of its ellipsoid, so the ellipsoid stands still i
 the two spheres that hold the surface between them, in closed form; between those cuts a steep arc meets the surface
 once. Arcs that graze it are told apart by all their cuts (`grazing_arcs`). Newton's method, held to the bracket found
 either way, ends on the geodetic height.
+
+Two-body arcs as functions of the universal anomaly: point, time, height above the ellipsoid, cuts with spheres.
+
+Arcs that run along the surface: all their cuts with the ellipsoid, and between which of them they come down.
+
+With T the half-angle tangent of the way along a conic, its point is a quadratic in T over 1 + alpha T², so its cuts
+with an ellipsoid of revolution are the roots of a quartic, for any conic. The roots, real or nearly, are where the
+height can change sign; its sign is looked up there and in between, on the true geodetic height.
 """
 
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import NamedTuple
 
-from opir_core.arrays import FloatArray
-from opir_core.constants import (
-    EARTH_EQUATORIAL_RADIUS_M,
-    EARTH_FLATTENING,
-    EARTH_MU_M3_S2,
-    EARTH_POLAR_RADIUS_M,
-)
-from opir_core.flight.conic_arcs import ConicArcs, conic_arcs
-from opir_core.flight.grazing_arcs import grazing_brackets
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2, EARTH_POLAR_RADIUS_M
+from opir_core.flight.column_vectors import cross, dot, length
 from opir_core.flight.kepler import flat_states
+from opir_core.flight.universal_anomaly import universal_functions
+from opir_core.geometry.subsatellite_point import height_along_normal, normal_at_foot
+
+#: Below this alpha T², two terms of the series of the arctangent are exact enough to bracket with.
+_SERIES = 1e-6
+
+
+class ConicArcs(NamedTuple):
+    """Arcs from states at universal anomaly 0, in units of each start (its distance and mu are 1); vectors (3, n)."""
+
+    position: FloatArray
+    velocity: FloatArray
+    sigma: FloatArray  #: position · velocity
+    alpha: FloatArray  #: reciprocal of the semi-major axis
+    momentum: FloatArray  #: angular momentum
+    length_m: FloatArray  #: the unit of length
+    second_s: FloatArray  #: the unit of time
+
+    def at(self, index: NDArray[np.intp]) -> "ConicArcs":
+        """Return the arcs at these indices, in order; of them all, the arcs themselves."""
+        if len(index) == len(self.sigma):
+            return self
+        return ConicArcs(*(column[..., index] for column in self))
+
+    def times_and_positions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return times since the start, s, and positions (3, n), m."""
+        _, g1, g2, g3 = universal_functions(self.alpha, s)
+        positions = ((1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity) * self.length_m
+        return (g1 + self.sigma * g2 + g3) * self.second_s, positions
+
+    def heights_m(self, s: FloatArray) -> FloatArray:
+        """Return geodetic heights, m."""
+        return self.heights_and_slopes(s)[0]
+
+    def heights_and_slopes(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return geodetic heights, m, and their derivatives in the anomaly."""
+        g0, g1, g2, _ = universal_functions(self.alpha, s)
+        x, y, z = ((1.0 - g2) * self.position + (g1 + self.sigma * g2) * self.velocity) * self.length_m
+        rates = ((g0 + self.sigma * g1) * self.velocity - g1 * self.position) * self.length_m
+        rho = np.sqrt(x * x + y * y)
+        sine, cosine = normal_at_foot(rho, z, EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M)
+        heights = height_along_normal(rho, z, sine, cosine, EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M)
+        outward = (x * rates[0] + y * rates[1]) / np.where(rho > 0.0, rho, 1.0)
+        return heights, cosine * outward + sine * rates[2]
+
+    def turns(self) -> FloatArray:
+        """Return the anomaly of a whole turn, `nan` where the arc does not close."""
+        turn: FloatArray = 2.0 * np.pi / np.sqrt(self.alpha)
+        return np.where(np.isfinite(turn), turn, np.nan)
+
+    def radial_squared(self, radius: FloatArray) -> FloatArray:
+        """Return (r·v)² where the arc is at a distance; negative where it never is."""
+        return radius * (2.0 - self.alpha * radius) - self.momentum * self.momentum
+
+    def first_descent(self, radius: FloatArray) -> FloatArray:
+        """Return the first anomaly >= 0 at which the arc descends through a distance; `nan` where it never does.
+
+        The half-angle tangent T of the way there satisfies T (sigma + sigma_end) = r_end - r_start, or equally
+        T (alpha (r_start + r_end) - 2) = sigma_start - sigma_end: the one of the two that does not cancel is taken.
+        """
+        end = -np.sqrt(self.radial_squared(radius))
+        rising = self.sigma > 0.0
+        over = np.where(rising, self.sigma - end, 1.0 - radius)
+        under = np.where(rising, self.alpha * (radius + 1.0) - 2.0, -self.sigma - end)
+        return self.anomalies(over, under)
+
+    def anomalies(self, over: FloatArray, under: FloatArray) -> FloatArray:
+        """Return the anomaly in [0, a turn) whose half-angle tangent G1(s/2) / G0(s/2) is over / under.
+
+        `nan` where an open arc has none ahead.
+        """
+        k = np.sqrt(np.abs(self.alpha))
+        half = np.arctan2(k * over, under)
+        closed = 2.0 * np.where(half < 0.0, half + np.pi, half) / k
+        tangent = over / under
+        z = self.alpha * tangent * tangent
+        series = 2.0 * tangent * (1.0 - z * (1.0 / 3.0))
+        slight = np.where((self.alpha > 0.0) & (series < 0.0), closed, series)
+        open_ = np.where(np.abs(z) < _SERIES, slight, 2.0 * np.arctanh(k * tangent) / k)
+        s = np.where((self.alpha > 0.0) & (np.abs(z) >= _SERIES), closed, open_)
+        return np.where(s >= 0.0, s, np.nan)
+
+
+def conic_arcs(position_m: FloatArray, velocity_m_s: FloatArray, mu_m3_s2: float) -> ConicArcs:
+    """Return the arcs from states (n, 3)."""
+    position, velocity = np.ascontiguousarray(position_m.T), np.ascontiguousarray(velocity_m_s.T)
+    distance = length(position)
+    speed = np.sqrt(mu_m3_s2 / distance)
+    position, velocity = position / distance, velocity / speed
+    momentum, alpha = length(cross(position, velocity)), 2.0 - dot(velocity, velocity)
+    return ConicArcs(position, velocity, dot(position, velocity), alpha, momentum, distance, distance / speed)
+
+
+#: Directions (cos, sin) with T = sin / cos in which the quartic is sampled. It is written in the tangent of the angle
+#: from the one in which it is largest, and so has no root at infinity.
+_ANGLES = np.pi / 5.0 * np.arange(5)
+_FROM_INFINITY = _ANGLES - 0.5 * np.pi
+_COEFFICIENTS = np.linalg.inv(
+    np.stack([np.sin(_FROM_INFINITY) ** k * np.cos(_FROM_INFINITY) ** (4 - k) for k in range(5)], axis=1)
+)
+
+#: A start on the surface is a root itself: it and its double within this anomaly of the start are not looked at.
+_START = 1e-6
+
+
+def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float) -> tuple[FloatArray, FloatArray]:
+    """Return anomalies between which each arc first descends through the surface; `nan` where it never does.
+
+    Both are 0 where the start is on the surface, to `on_surface_m`, and the arc falls from there.
+    """
+    start = arcs.heights_m(np.zeros_like(height_m)) - height_m
+    on_surface = np.abs(start) <= on_surface_m
+    probes = _probes(arcs, _cuts(arcs, height_m), on_surface)
+    outside = np.stack([arcs.heights_m(probe) > height_m for probe in probes])
+    outside[0] = start > on_surface_m
+    falls = outside[:-1] & ~outside[1:]
+    first, column = np.argmax(falls, axis=0), np.arange(start.size)
+    low, high = (np.where(falls.any(axis=0), probes[first + k, column], np.nan) for k in (0, 1))
+    at_once = on_surface & ~outside[1]
+    return np.where(at_once, 0.0, low), np.where(at_once, 0.0, high)
+
+
+def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatArray:
+    """Return rising anomalies, rows: the start, the cuts, the turn's end (or beyond all), the middles between."""
+    turn = arcs.turns()
+    near_start = on_surface & ((cuts < _START) | (cuts > turn - _START))
+    cuts = np.sort(np.where(near_start, np.nan, cuts), axis=0)
+    last = np.where(np.isfinite(turn), turn, 2.0 * np.nanmax(cuts, axis=0, initial=0.5))
+    cuts = np.where(np.isfinite(cuts), cuts, last)
+    marks = np.concatenate([np.zeros_like(last)[None], cuts, last[None]])
+    probes = np.empty((2 * len(marks) - 1, last.size))
+    probes[::2], probes[1::2] = marks, 0.5 * (marks[1:] + marks[:-1])
+    return probes
+
+
+def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
+    """Return the anomalies (4, n) at which each arc meets the ellipsoid of that height, or comes nearest to it."""
+    samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
+    largest, column = np.argmax(np.abs(samples), axis=0), np.arange(height_m.size)
+    turned = np.stack([samples[(largest + k) % 5, column] for k in range(5)])
+    coefficients = [sum(factor * sample for factor, sample in zip(row, turned, strict=True)) for row in _COEFFICIENTS]
+    companions = np.zeros((height_m.size, 4, 4))
+    companions[:, (1, 2, 3), (0, 1, 2)] = 1.0
+    for k in range(4):
+        companions[:, 0, 3 - k] = -coefficients[k] / coefficients[4]
+    companions[~np.isfinite(companions).all(axis=(1, 2))] = 0.0
+    tangents = np.linalg.eigvals(companions).real.T
+    cosine, sine = np.cos(_ANGLES[largest]), np.sin(_ANGLES[largest])
+    return np.stack([arcs.anomalies(cosine - t * sine, -sine - t * cosine) for t in tangents])
+
+
+def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -> FloatArray:
+    """Return the quartic: positive outside the ellipsoid, in the homogeneous T = sine / cosine."""
+    c2, s2 = cosine * cosine, sine * sine
+    x, y, z = (c2 + (arcs.alpha - 2.0) * s2) * arcs.position + 2.0 * (cosine * sine + arcs.sigma * s2) * arcs.velocity
+    equatorial = (EARTH_EQUATORIAL_RADIUS_M + height_m) / arcs.length_m
+    polar = (EARTH_POLAR_RADIUS_M + height_m) / arcs.length_m
+    scale = c2 + arcs.alpha * s2
+    excess: FloatArray = (x * x + y * y) / (equatorial * equatorial) + z * z / (polar * polar) - scale * scale
+    return excess
+
 
 #: A start this near the surface, m, is on it: rounding of its position must not decide whether it has yet to fall.
 ON_SURFACE_M = 1e-6

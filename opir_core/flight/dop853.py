@@ -6,10 +6,24 @@ program DOP853). Applied to r' = v, v' = a(r, v), the stage positions are r + c 
 need the stage velocities, and forces that do not depend on velocity never need them either, which halves the work.
 
 Rows are sparse: pairs (stage, weight), the zeros of the tableau left out.
+
+One DOP853 step of one arc in plain numbers: the arithmetic of `stepping` in its order, so to the same bits.
+
+For a few arcs numpy's calls cost more than its arithmetic; Python's own numbers are then several times as fast.
+
+One DOP853 step of many arcs at once, each with its own length.
+
+The states within steps already taken: DOP853's continuous extension of order 7.
 """
 
 from collections.abc import Mapping
-from math import fsum
+from math import fsum, nan, sqrt
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from opir_core.arrays import FloatArray
+from opir_core.flight.gravity import Alone
 
 Row = tuple[tuple[int, float], ...]
 
@@ -228,3 +242,241 @@ ERROR_3 = _row({j: w - _THIRD_ORDER.get(j, 0.0) for j, w in _VELOCITY[STAGES].it
 #: Weights of the accelerations in the four highest terms of the extension: h·w for velocity, h²·w for position.
 EXTENSION_VELOCITY = tuple(_row(weights) for weights in _EXTENSION)
 EXTENSION_POSITION = tuple(_after_velocity(weights) for weights in _EXTENSION)
+
+
+Vector = tuple[float, float, float]
+
+
+class SingleStep(NamedTuple):
+    """Where a step ends, the accelerations at its stages by component, and the estimated error of velocity, m/s."""
+
+    position: Vector
+    velocity: Vector
+    stages: tuple[list[float], list[float], list[float]]
+    velocity_error: float
+
+
+_LOST = SingleStep((nan,) * 3, (nan,) * 3, ([nan] * 13, [nan] * 13, [nan] * 13), nan)
+
+
+def single_step(
+    acceleration: Alone, needs_velocity: bool, position: Vector, velocity: Vector, first: Vector, h: float
+) -> SingleStep:
+    """Return a step of length h, s, from a state and the acceleration there; all nan where it meets a singularity."""
+    try:
+        return _step(acceleration, needs_velocity, position, velocity, first, h)
+    except (ZeroDivisionError, ValueError):
+        return _LOST
+
+
+def _step(
+    acceleration: Alone, needs_velocity: bool, position: Vector, velocity: Vector, first: Vector, h: float
+) -> SingleStep:
+    stages = [first[0]], [first[1]], [first[2]]
+    hh, drift = h * h, (h * velocity[0], h * velocity[1], h * velocity[2])
+    here, speed = position, velocity
+    for stage in range(1, STAGES + 1):
+        node, weights = NODES[stage], POSITION_WEIGHTS[stage]
+        here = (drift[0] * node + position[0], drift[1] * node + position[1], drift[2] * node + position[2])
+        if weights:
+            here = _moved(here, _sum(weights, stages), hh)
+        if needs_velocity or stage == STAGES:
+            speed = _moved(velocity, _sum(VELOCITY_WEIGHTS[stage], stages), h)
+        for component, value in zip(stages, acceleration(*here, *speed), strict=True):
+            component.append(value)
+    return SingleStep(here, speed, stages, _single_velocity_error(stages, h))
+
+
+def _sum(weights: Row, stages: tuple[list[float], list[float], list[float]]) -> Vector:
+    xs, ys, zs = stages
+    first, weight = weights[0]
+    x, y, z = xs[first] * weight, ys[first] * weight, zs[first] * weight
+    for stage, weight in weights[1:]:
+        x += xs[stage] * weight
+        y += ys[stage] * weight
+        z += zs[stage] * weight
+    return x, y, z
+
+
+def _moved(vector: Vector, change: Vector, factor: float) -> Vector:
+    return vector[0] + change[0] * factor, vector[1] + change[1] * factor, vector[2] + change[2] * factor
+
+
+def _single_velocity_error(stages: tuple[list[float], list[float], list[float]], h: float) -> float:
+    fifth, third = (_single_square(_sum(weights, stages), h) for weights in (ERROR_5, ERROR_3))
+    return fifth / (sqrt(fifth + 0.01 * third) or 1.0)
+
+
+def _single_square(vector: Vector, h: float) -> float:
+    x, y, z = vector[0] * h, vector[1] * h, vector[2] * h
+    return x * x + y * y + z * z
+
+
+class Acceleration(Protocol):
+    """The right side of r'' = a(r, v) over columns of arcs."""
+
+    #: Whether velocities matter; where they do not, `None` stands for them.
+    needs_velocity: bool
+
+    def __call__(self, position: FloatArray, velocity: FloatArray, /) -> FloatArray:
+        """Return accelerations (3, n), m/s², at positions and velocities (3, n)."""
+        ...
+
+    def alone(self, arc: int) -> Alone:
+        """Return the same for one of the arcs, to the same bits."""
+        ...
+
+
+class Start(NamedTuple):
+    """The states that steps begin from, (3, n) each, with the accelerations there."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+class Step(NamedTuple):
+    """Where the steps end, the estimated errors of the velocities there, m/s, and the accelerations at the stages."""
+
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+    velocity_error: FloatArray
+    stages: list[FloatArray]
+
+
+def stepped(right_side: Acceleration, start: Start, h: FloatArray) -> Step:
+    """Return one step of length h (n,), s, of either sign, from every state."""
+    if h.size <= _FEW:
+        return _stepped_one_by_one(right_side, start, h)
+    stages = Stages(right_side, start, h, [start.acceleration])
+    for stage in range(1, STAGES):
+        stages.append(stage)
+    position, velocity = stages.append(STAGES)
+    return Step(position, velocity, stages.accelerations[-1], _velocity_error(stages), stages.accelerations)
+
+
+#: Up to this many arcs are stepped one by one.
+_FEW = 8
+
+
+def _stepped_one_by_one(right_side: Acceleration, start: Start, h: FloatArray) -> Step:
+    states = zip(*(rows.T.tolist() for rows in start), h.tolist(), strict=True)
+    steps = [
+        single_step(right_side.alone(arc), right_side.needs_velocity, position, velocity, acceleration, length)
+        for arc, (position, velocity, acceleration, length) in enumerate(states)
+    ]
+    end, speed = (np.array([step[each] for step in steps]).T.copy() for each in (0, 1))
+    stages = list(np.array([step.stages for step in steps]).transpose(2, 1, 0).copy())
+    return Step(end, speed, stages[-1], np.array([step.velocity_error for step in steps]), stages)
+
+
+class Stages:
+    """The accelerations at the stages of a step, each found from those before it."""
+
+    def __init__(self, right_side: Acceleration, start: Start, h: FloatArray, accelerations: list[FloatArray]) -> None:
+        self.accelerations = accelerations
+        self._right_side, self._start = right_side, start
+        self._h, self._hh, self._drift = h, h * h, h * start.velocity
+        self._scratch = np.empty_like(start.position)
+
+    def append(self, stage: int) -> tuple[FloatArray, FloatArray]:
+        """Add the acceleration at a stage; return the state there, without its velocity where forces do not need it."""
+        position = self._drift * NODES[stage]
+        position += self._start.position
+        if POSITION_WEIGHTS[stage]:
+            position += self.h2_sum(POSITION_WEIGHTS[stage])
+        velocity = self._start.velocity
+        if self._right_side.needs_velocity or stage == STAGES:
+            velocity = velocity + self.h_sum(VELOCITY_WEIGHTS[stage])
+        self.accelerations.append(self._right_side(position, velocity))
+        return position, velocity
+
+    def h_sum(self, weights: Row) -> FloatArray:
+        """Return h times the weighted sum of the accelerations."""
+        total = self._sum(weights)
+        total *= self._h
+        return total
+
+    def h2_sum(self, weights: Row) -> FloatArray:
+        """Return h² times the weighted sum of the accelerations."""
+        total = self._sum(weights)
+        total *= self._hh
+        return total
+
+    def _sum(self, weights: Row) -> FloatArray:
+        """Add up in the order given, whatever the number of arcs."""
+        (first, weight), *rest = weights
+        total = self.accelerations[first] * weight
+        for stage, weight in rest:
+            np.multiply(self.accelerations[stage], weight, out=self._scratch)
+            total += self._scratch
+        return total
+
+
+def _velocity_error(stages: Stages) -> FloatArray:
+    """Return Hairer, Nørsett and Wanner's blend of the estimates of order 5 and 3, e5²/sqrt(e5² + 0.01 e3²), m/s."""
+    fifth = _square(stages.h_sum(ERROR_5))
+    third = _square(stages.h_sum(ERROR_3))
+    scale = np.sqrt(fifth + 0.01 * third)
+    error: FloatArray = fifth / np.where(scale == 0.0, 1.0, scale)
+    return error
+
+
+def _square(rows: FloatArray) -> FloatArray:
+    rows *= rows
+    square: FloatArray = rows[0] + rows[1] + rows[2]
+    return square
+
+
+class Extension(NamedTuple):
+    """Positions and velocities in steps as polynomials: first values, and seven terms of shape (7, 3, n) each.
+
+    With u the fraction of the step and w = 1 - u, a value is first + u (t0 + w (t1 + u (t2 + w (t3 + u (t4 + w (t5 +
+    u t6)))))) (Hairer, Nørsett and Wanner, Solving Ordinary Differential Equations I, 2nd ed., II.6).
+    """
+
+    position: FloatArray
+    velocity: FloatArray
+    position_terms: FloatArray
+    velocity_terms: FloatArray
+
+    def at(self, fraction: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions, m, and velocities, m/s, at fractions (n,) of the steps."""
+        position = nested(self.position_terms, fraction)
+        position += self.position
+        velocity = nested(self.velocity_terms, fraction)
+        velocity += self.velocity
+        return position, velocity
+
+
+def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
+    """Return u (t0 + w (t1 + u (t2 + ...))), the change since the start of the step; terms are (7, ..., n)."""
+    rest = 1.0 - fraction
+    value: FloatArray = terms[6] * fraction
+    for order in (5, 4, 3, 2, 1, 0):
+        value += terms[order]
+        value *= rest if order % 2 else fraction
+    return value
+
+
+def extended(right_side: Acceleration, start: Start, step: Step, h: FloatArray) -> Extension:
+    """Return the extension of steps: three more accelerations each."""
+    stages = Stages(right_side, start, h, list(step.stages))
+    for stage in range(STAGES + 1, len(NODES)):
+        stages.append(stage)
+    moved, gained = step.position - start.position, step.velocity - start.velocity
+    position, velocity = np.empty((7, *moved.shape)), np.empty((7, *moved.shape))
+    position[:3] = _low_terms(moved, h * start.velocity, h * step.velocity)
+    velocity[:3] = _low_terms(gained, h * start.acceleration, h * step.acceleration)
+    for order, weights in enumerate(EXTENSION_POSITION):
+        position[3 + order] = stages.h2_sum(weights)
+    for order, weights in enumerate(EXTENSION_VELOCITY):
+        velocity[3 + order] = stages.h_sum(weights)
+    return Extension(start.position, start.velocity, position, velocity)
+
+
+def _low_terms(
+    change: FloatArray, first_slope: FloatArray, last_slope: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return change, first_slope - change, 2.0 * change - first_slope - last_slope

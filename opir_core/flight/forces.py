@@ -11,7 +11,7 @@ from attrs import cmp_using, evolve, field, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.scene import ZONAL_FORCES, SceneDrag, SceneForces
+from opir_core.scene.scene import ZONAL_FORCES, SceneDrag, SceneForces
 
 #: The one-word force model: a point mass and nothing else, propagated in closed form.
 KEPLER: Literal["kepler"] = "kepler"

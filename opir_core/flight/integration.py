@@ -13,8 +13,8 @@ from attrs import define
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.flight.dop853 import Acceleration, Start, Step, stepped
 from opir_core.flight.levels import Landing, Levels
-from opir_core.flight.stepping import Acceleration, Start, Step, stepped
 
 #: A looser tolerance than this, m, saves next to nothing at order 8; a tighter one than the second is below rounding.
 LOOSEST_TOLERANCE_M = 0.1

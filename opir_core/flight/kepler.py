@@ -4,21 +4,156 @@ Each state is scaled by its own distance and circular speed, solved for its univ
 carried on by Lagrange's f and g (Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9; Battin, An
 Introduction to the Mathematics and Methods of Astrodynamics, revised ed. 1999, §4.5). Hyperbolas that come in from
 afar, where Kepler's equation cancels, are told from their pericentre (`kepler_flyby`).
+
+The start of two-body arcs as Kepler's equation wants it: scaled, without whole turns, followed forward.
+
+Hyperbolas that come in from afar: Kepler's equation is solved from the pericentre, where nothing cancels.
+
+From a distant start, Kepler's equation is a difference of exponentials: solving it loses (r / a e)² where the problem
+only loses r / a e. Counted from the pericentre, all its terms have one sign. The end point then follows from the
+pericentre too, except while the arc is still on its far way in: there the start is the better reference.
 """
 
 from collections.abc import Callable
 from enum import IntEnum
-from math import isfinite
+from math import isfinite, pi
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.kepler_equation import Arcs
-from opir_core.flight.kepler_flyby import flybys
-from opir_core.flight.kepler_start import Start, start_of
-from opir_core.flight.universal_anomaly import solved_quickly, solved_surely
+from opir_core.flight.column_vectors import cross, dot
+from opir_core.flight.universal_anomaly import Arcs, solved_quickly, solved_surely, universal_functions
+
+#: More turns than this leave no digit of the phase.
+_MOST_TURNS = 2.0**50
+
+
+class Start(NamedTuple):
+    """Starts of arcs: columns of the state, and the arc in units of the start's distance and circular speed."""
+
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+    vx: FloatArray
+    vy: FloatArray
+    vz: FloatArray
+    rate: FloatArray  #: circular speed over distance, 1/s
+    back: FloatArray  #: -1 where the arc is followed back in time, its velocity then turned round, else 1
+    sigma: FloatArray
+    alpha: FloatArray
+    time: FloatArray  #: without whole turns, never negative; nan where the turns are too many
+
+    def arcs(self) -> Arcs[np.float64]:
+        """Return what Kepler's equation needs."""
+        return Arcs(np.ones_like(self.sigma), self.sigma, self.alpha, self.time)
+
+    def flies_by(self) -> BoolArray:
+        """Return where the arc comes in on a hyperbola from beyond three times a e, and gets about half way in."""
+        x = -self.alpha
+        eccentricity_squared = 1.0 + x * (2.0 + x - self.sigma * self.sigma)
+        return (x > 1.0) & (self.time * self.sigma < -0.5) & (x * x > 9.0 * eccentricity_squared)
+
+    def scales(self) -> tuple[FloatArray, FloatArray]:
+        """Return each start's distance, m, and what scales its velocity to circular speeds in the sense followed."""
+        distance = np.sqrt(self.x * self.x + self.y * self.y + self.z * self.z)
+        return distance, self.back / (distance * self.rate)
+
+    def is_well(self) -> BoolArray:
+        """Return where all numbers are finite."""
+        return np.isfinite(self.sigma + self.alpha + self.time + self.rate)
+
+    def at(self, index: NDArray[np.intp]) -> "Start":
+        """Return the starts at these indices."""
+        return Start(*(column[index] for column in self))
+
+
+def start_of(position_m: FloatArray, velocity_m_s: FloatArray, duration_s: FloatArray, mu_m3_s2: float) -> Start:
+    """Return the starts of arcs from states (n, 3), to be followed for durations (n,)."""
+    x, y, z = (position_m[:, axis].copy() for axis in range(3))
+    vx, vy, vz = (velocity_m_s[:, axis].copy() for axis in range(3))
+    distance = np.sqrt(x * x + y * y + z * z)
+    speed = np.sqrt(mu_m3_s2 / distance)
+    rate = speed / distance
+    sigma = (x * vx + y * vy + z * vz) / (distance * speed)
+    alpha = 2.0 - (vx * vx + vy * vy + vz * vz) / (speed * speed)
+    time = _without_turns(duration_s * rate, alpha)
+    back = np.copysign(1.0, time)
+    return Start(x, y, z, vx, vy, vz, rate, back, sigma * back, alpha, np.abs(time))
+
+
+def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
+    """Return the time less the whole turns of closed orbits nearest to it: at most half a period, either sign."""
+    per_time = np.abs(alpha) * np.sqrt(np.abs(alpha)) * (0.5 / pi)
+    turns = np.rint(time * per_time)
+    turns[alpha <= 0.0] = 0.0
+    if not turns.any():
+        return time
+    whole = turns / np.where(turns != 0.0, per_time, 1.0)
+    return np.where(np.abs(turns) > _MOST_TURNS, np.nan, time - whole)
+
+
+#: Within so many a e of the centre on the way in, the pericentre is as good a reference as the start.
+_NEAR = 3.0
+
+
+class Flybys(NamedTuple):
+    """Incoming hyperbolas, told from the pericentre; units of each start (distance and mu are 1), vectors (3, n)."""
+
+    position: FloatArray
+    velocity: FloatArray
+    alpha: FloatArray
+    time: FloatArray
+    eccentricity: FloatArray
+    pericentre: FloatArray  #: distance
+    ahead: FloatArray  #: unit vector to the pericentre
+    sideways: FloatArray  #: velocity there times the distance; zero on a straight line
+    approach: FloatArray  #: universal anomaly from the start to the pericentre
+    later: FloatArray  #: time asked for, since the pericentre; negative before it
+
+    def arcs(self) -> Arcs[np.float64]:
+        """Return what Kepler's equation needs; the anomaly counts from the pericentre, without sign."""
+        return Arcs(self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later))
+
+    def states(self, solution: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities, (3, n), at the solved anomalies."""
+        s, g0, g1, g2 = solution
+        g1 = np.copysign(g1, self.later)
+        r = self.pericentre * g0 + g2
+        position = (self.pericentre - g2) * self.ahead + g1 * self.sideways
+        velocity = (g0 * self.sideways - g1 * self.ahead) / r
+        at = np.flatnonzero((self.later < 0.0) & (-self.alpha * r > _NEAR * self.eccentricity))
+        if at.size:
+            position[:, at], velocity[:, at] = self._on_the_way_in(at, s[at], r[at])
+        return position, velocity
+
+    def _on_the_way_in(self, at: NDArray[np.intp], s: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities of some, from their starts by Lagrange's f and g."""
+        _, g1, g2, g3 = universal_functions(self.alpha[at], self.approach[at] - s)
+        position, velocity = self.position[:, at], self.velocity[:, at]
+        moved = (1.0 - g2) * position + (self.time[at] - g3) * velocity
+        return moved, (1.0 - g2 / r) * velocity - g1 / r * position
+
+
+def flybys(position: FloatArray, velocity: FloatArray, alpha: FloatArray, time: FloatArray) -> Flybys:
+    """Return the arcs followed for `time` >= 0 from these states, (3, n), on incoming hyperbolas (`alpha` < 0).
+
+    The vector to the pericentre is v × h - r / |r|: with cross products it keeps its accuracy on nearly straight lines.
+    """
+    momentum = cross(position, velocity)
+    momentum_squared = dot(momentum, momentum)
+    eccentricity = np.sqrt(1.0 - alpha * momentum_squared)
+    ahead = (cross(velocity, momentum) - position) / eccentricity
+    k = np.sqrt(-alpha)
+    rise = -dot(position, velocity) * k
+    approach = np.arcsinh(rise / eccentricity)
+    later = time - (rise - approach) / (k * k * k)
+    pericentre = momentum_squared / (1.0 + eccentricity)
+    sideways = cross(momentum, ahead)
+    return Flybys(position, velocity, alpha, time, eccentricity, pericentre, ahead, sideways, approach / k, later)
+
 
 Solver = Callable[[Arcs[np.float64]], tuple[FloatArray, BoolArray]]
 

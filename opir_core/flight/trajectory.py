@@ -7,9 +7,8 @@ import numpy as np
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.flight.aiming import Aim
 from opir_core.flight.boost import BoostPath
-from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.ephemeris import Ephemeris, Motion
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.pieces import Motion
 from opir_core.geometry import eci_to_ecef_state
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def _two_body(flight: Aim) -> Motion:
 
 def _integrated(flight: Aim, forces: "ForceModel", tolerance_m: float) -> Motion:
     """Return the arcs integrated once, to a hundredth of the tolerance, so that the fit has a smooth motion to meet."""
-    from opir_core.flight.dense import dense_arcs
+    from opir_core.flight.dense_output import dense_arcs
 
     duration_s = flight.impact_s - flight.burnout_s
     states = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s

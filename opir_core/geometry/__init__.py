@@ -20,11 +20,10 @@ from opir_core.geometry.ellipsoid import Ellipsoid
 from opir_core.geometry.frames import ecef_to_eci, ecef_to_eci_state, eci_to_ecef, eci_to_ecef_state
 from opir_core.geometry.geodesics import DistanceBearing, LatitudeLongitude, geodesic_direct, geodesic_inverse
 from opir_core.geometry.geodetic import Geodetic, ecef_to_geodetic, geodetic_to_ecef
-from opir_core.geometry.intersection import intersection_with_ellipsoid
-from opir_core.geometry.occlusion import grazing_height_m, is_occluded
+from opir_core.geometry.occlusion import grazing_height_m, intersection_with_ellipsoid, is_occluded
 
 if TYPE_CHECKING:
-    from opir_core.geometry.sidereal import gmst_rad, julian_date
+    from opir_core.geometry.frames import gmst_rad, julian_date
     from opir_core.geometry.sun import (
         is_sunlit,
         sun_position_ecef_m,
@@ -34,9 +33,9 @@ if TYPE_CHECKING:
     )
 
 _HOMES = {
-    "gmst_rad": "sidereal",
+    "gmst_rad": "frames",
     "is_sunlit": "sun",
-    "julian_date": "sidereal",
+    "julian_date": "frames",
     "sun_position_ecef_m": "sun",
     "sun_position_eci_m": "sun",
     "sun_position_of_date_m": "sun",

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84
-from opir_core.geometry.foot import normal_at_foot
+from opir_core.geometry.subsatellite_point import normal_at_foot
 from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
 #: Half the spacing of doubles at 2 pi: an azimuth less than this short of north would round to a full turn, so it is 0.

@@ -1,6 +1,12 @@
 """From the Earth-fixed frame to the inertial one and back: one rotation about z.
 
 ECI is ECEF frozen at the scene epoch: the frames coincide at `time_s` = 0.
+
+From calendar time to Julian date and to the angle of the turning Earth.
+
+Epochs are `numpy.datetime64` in UTC (arrays, or text without a zone, as `numpy.datetime64` reads it). UTC stands in for
+UT1, from which it never differs by more than 0.9 s: 6.6e-5 rad of Earth rotation. Leap seconds are not counted: a day
+has 86 400 s, as in `numpy`. Not a time: `nan`.
 """
 
 import numpy as np
@@ -8,7 +14,55 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.geometry.vectors import components, floats, vector
+from opir_core.geometry.vectors import components, floats, select, vector
+
+Epoch = ArrayLike | np.datetime64
+
+#: The Julian date of J2000.0, 2000-01-01T12:00:00.
+J2000_JULIAN_DATE = 2451545.0
+
+#: Days of a Julian century.
+DAYS_PER_CENTURY = 36525.0
+
+#: The Julian date of 1970-01-01T00:00:00.
+_UNIX_JULIAN_DATE = 2440587.5
+
+_SECONDS_PER_DAY = 86400.0
+
+
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
+    """Return the Julian date (UTC), days, `time_s` seconds after an epoch.
+
+    One double holds it to 4e-5 s.
+    """
+    day, second = _day_and_second(epoch, time_s)
+    return (day + _UNIX_JULIAN_DATE) + second / _SECONDS_PER_DAY
+
+
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
+    """Return Greenwich mean sidereal time of 1982, rad, in [0, 2 pi), `time_s` seconds after an epoch.
+
+    Source: Aoki et al., Astron. Astrophys. 105 (1982), 359-361; Vallado, section 3.5. Day and second are kept apart, so
+    that rounding costs no more than 1e-12 rad.
+    """
+    day, second = _day_and_second(epoch, time_s)
+    centuries = ((day + (_UNIX_JULIAN_DATE - J2000_JULIAN_DATE)) + second / _SECONDS_PER_DAY) / DAYS_PER_CENTURY
+    # The leading term of the formula, 876600 h a century, is the turn of the day itself: whole days of it fall away.
+    drift = (8640184.812866 + (0.093104 - 6.2e-6 * centuries) * centuries) * centuries
+    seconds = 67310.54841 - 43200.0 + second + drift
+    angle = np.mod(seconds * (np.pi / 43200.0), 2.0 * np.pi)
+    return select(angle < 2.0 * np.pi, angle, angle * 0.0)
+
+
+def _day_and_second(epoch: Epoch, time_s: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return whole days since 1970 and seconds since their midnight."""
+    instant = np.asarray(epoch, dtype="datetime64")
+    midnight = instant.astype("datetime64[D]")
+    second = (instant - midnight) / np.timedelta64(1, "s") + floats(time_s)
+    day = (midnight - np.datetime64(0, "D")) / np.timedelta64(1, "D")
+    return day, second
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84, Ellipsoid
-from opir_core.geometry.foot import normal_at_foot, support_m
+from opir_core.geometry.subsatellite_point import normal_at_foot, support_m
 from opir_core.geometry.vectors import NEVER_ZERO, components, exact_sum, floats, lengths_and_remainders, select, vector
 
 #: pi / 2 as the sum of two doubles.

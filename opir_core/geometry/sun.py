@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84
-from opir_core.geometry.frames import ecef_to_eci
-from opir_core.geometry.sidereal import DAYS_PER_CENTURY, J2000_JULIAN_DATE, Epoch, gmst_rad, julian_date
+from opir_core.geometry.frames import DAYS_PER_CENTURY, J2000_JULIAN_DATE, Epoch, ecef_to_eci, gmst_rad, julian_date
 from opir_core.geometry.vectors import components, floats, length, select, vector
 
 #: The astronomical unit, m (IAU 2012 resolution B2, exact).

@@ -11,9 +11,9 @@ from typing import Any
 from attrs import fields_dict, frozen
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.fields import nested, number, text
 from opir_core.orbits.families import CRITICAL_INCLINATION_RAD, synchronous_semi_major_axis_m, walker_complaint
 from opir_core.orbits.mean_elements import omm_complaint, tle_complaint
+from opir_core.scene.fields import nested, number, text
 
 _RADIUS_KM = EARTH_EQUATORIAL_RADIUS_M * 1e-3
 

@@ -20,7 +20,7 @@ from opir_core.orbits.families import circular_elements, highly_elliptical_eleme
 from opir_core.orbits.mean_elements import omm_complaint, omm_name
 
 if TYPE_CHECKING:
-    from opir_core.protocols import Orbit
+    from opir_core.interfaces.protocols import Orbit
 
 #: How an OMM may be named in a file of several.
 _OMM_NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
@@ -34,14 +34,13 @@ def orbit_of(config: OrbitConfig, epoch_us: int) -> "Orbit":
     """
     slot = config.slot
     if slot is not None and slot.inclination_deg == 0.0 and slot.eccentricity == 0.0:
-        from opir_core.orbits.geostationary import GeostationaryOrbit
+        from opir_core.orbits.moving import GeostationaryOrbit
 
         return GeostationaryOrbit(slot.lon_deg)
     elements = elements_of(config, epoch_us)
     if elements is None:
         return _sgp4_orbit(config, epoch_us)
-    from opir_core.orbits.moving import MovingOrbit
-    from opir_core.orbits.two_body import TwoBodyMotion
+    from opir_core.orbits.moving import MovingOrbit, TwoBodyMotion
 
     return MovingOrbit(TwoBodyMotion(elements))
 

@@ -1,14 +1,60 @@
-"""Orbits that move over the ground: evaluated from polynomials that are fitted once a span of scene time."""
+"""Orbits that move over the ground: evaluated from polynomials that are fitted once a span of scene time.
 
+The motion of a satellite on a Kepler orbit, over the turning Earth.
+
+The ideal geostationary slot.
+"""
+
+import math
 from collections.abc import Iterator
 from typing import Protocol
 
 import numpy as np
-from attrs import define, field
+from attrs import define, field, frozen
 
 from opir_core.arrays import FloatArray, RowArray
+from opir_core.constants import GEOSTATIONARY_RADIUS_M
 from opir_core.errors import ModelError
 from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.geometry import eci_to_ecef, eci_to_ecef_state
+from opir_core.orbits.elements import Elements
+
+
+@frozen
+class TwoBodyMotion:
+    """A Kepler orbit: gravity of a point mass alone, the Earth turning evenly below it (`EARTH_ROTATION_RAD_S`)."""
+
+    elements: Elements
+
+    def state_eci(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions, m, and velocities, m/s, (n, 3) in ECI at scene times (n,)."""
+        position, velocity = (np.array(vector) for vector in self.elements.perigee_state_eci())
+        return propagate_kepler(position, velocity, np.asarray(time_s) - self.elements.perigee_time_s)
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) in ECEF at scene times (n,)."""
+        return eci_to_ecef(self.state_eci(time_s)[0], time_s)
+
+    def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions, m, and velocities relative to the turning Earth, m/s, (n, 3) in ECEF."""
+        return eci_to_ecef_state(*self.state_eci(time_s), time_s)
+
+
+@frozen
+class GeostationaryOrbit:
+    """An ideal geostationary slot: no inclination, no eccentricity, no drift, hence one point in ECEF."""
+
+    #: East longitude of the slot.
+    slot_deg: float
+    is_stationary: bool = field(default=True, init=False)
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,): the same for all, as a read-only view of one row."""
+        slot_rad = math.radians(self.slot_deg)
+        position = (GEOSTATIONARY_RADIUS_M * math.cos(slot_rad), GEOSTATIONARY_RADIUS_M * math.sin(slot_rad), 0.0)
+        return np.broadcast_to(np.array(position), (len(time_s), 3))
+
 
 #: Length of a span, s. A power of two, so that dividing by it is exact and every time has one span.
 SPAN_S = 2048.0

@@ -1,6 +1,5 @@
 """What plugin authors import: the hook marker, the component types, the fields of configuration classes and sensors."""
 
-from opir_core.fields import FieldInfo, flag, nested, number, text
 from opir_core.plugin.api import API_VERSION
 from opir_core.plugin.components import (
     AtmosphereModel,
@@ -18,10 +17,12 @@ from opir_core.plugin.components import (
     SourceModel,
     TargetModel,
     TrackerModel,
+    cited,
+    with_defaults,
 )
-from opir_core.plugin.defaults import cited, with_defaults
 from opir_core.plugin.hookspecs import hookimpl
-from opir_core.plugin.sensors import ScanningSensorConfig, scanning_sensor
+from opir_core.scene.fields import FieldInfo, flag, nested, number, text
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig, scanning_sensor
 
 __all__ = [
     "API_VERSION",

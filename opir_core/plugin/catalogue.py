@@ -1,10 +1,9 @@
 """What the plugins of a host offer, as rows for people and for JSON."""
 
-from opir_core.plugin.complaints import unknown_plugin
-from opir_core.plugin.components import CATALOGUE
+from opir_core.plugin.components import CATALOGUE, ComponentRow, PluginFailure, PluginRow, Provenance
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer, Source
-from opir_core.plugin.provenance import ComponentRow, PluginFailure, PluginRow, Provenance
-from opir_core.plugin.shelf import Shelf
+from opir_core.plugin.error_messages import unknown_plugin
+from opir_core.plugin.registry import Shelf
 
 
 def claims(shelf: Shelf) -> dict[Offer, list[Provenance]]:

@@ -12,13 +12,12 @@ from types import EllipsisType
 from typing import Any, Self, TypeVar, overload
 
 from opir_core.errors import PluginError
-from opir_core.plugin import catalogue, complaints
-from opir_core.plugin.complaints import Search
-from opir_core.plugin.components import CATALOGUE, Component, Constellation
+from opir_core.plugin import catalogue, error_messages
+from opir_core.plugin.components import CATALOGUE, Component, Constellation, PluginFailure, PluginRow, Provenance
+from opir_core.plugin.contributions import Offerings
 from opir_core.plugin.discovery import Selection, Source, core_sources, installed_sources, selected
-from opir_core.plugin.offerings import Offerings
-from opir_core.plugin.provenance import PluginFailure, PluginRow, Provenance
-from opir_core.plugin.shelf import Shelf, outcome_of, warn
+from opir_core.plugin.error_messages import Search
+from opir_core.plugin.registry import Shelf, outcome_of, warn
 
 #: The environment variable that lists the plugins allowed.
 ALLOW_VARIABLE = "OPIR_PLUGINS"
@@ -49,7 +48,7 @@ class Host:
         names = allowed.split(",") if isinstance(allowed, str) else allowed
         selection = selected([*core_sources(), *installed_sources()], names, rule)
         for name in selection.unknown:
-            warn(complaints.unknown_plugin(name, selection))
+            warn(error_messages.unknown_plugin(name, selection))
         return cls(selection)
 
     @classmethod
@@ -126,21 +125,21 @@ class Host:
         where two plugins have the command, or where the one that advertises it failed. Without (for help) all plugins
         with commands are loaded, and what fails is a warning.
         """
-        from opir_core.plugin.commands import added_commands
+        from opir_core.cli.commands import added_commands
 
         return added_commands(self._shelf, commands, name)
 
     def _resolved(self, search: Search) -> tuple[Source, Offerings]:
         claimants = self._shelf.claimants(search.offer)
         if len(claimants) > 1:
-            raise PluginError(complaints.contested(search, [source.provenance for source in claimants]))
+            raise PluginError(error_messages.contested(search, [source.provenance for source in claimants]))
         if not claimants:
             self._shelf.load_all()
             known = catalogue.claims(self._shelf)
-            raise PluginError(complaints.missing(search, known, self.failures, self._shelf.selection))
+            raise PluginError(error_messages.missing(search, known, self.failures, self._shelf.selection))
         outcome = self._shelf.load(claimants[0])
         if isinstance(outcome, PluginFailure):
-            raise PluginError(complaints.unusable(search, outcome))
+            raise PluginError(error_messages.unusable(search, outcome))
         return claimants[0], outcome
 
 

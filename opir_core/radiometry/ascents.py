@@ -6,10 +6,10 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.columns import Columns
 from opir_core.flight.ellipsoidal_height import height_m
 from opir_core.geometry.vectors import length
-from opir_core.targets import Targets
+from opir_core.interfaces.columns import Columns
+from opir_core.planning.targets import Targets
 
 #: Moments of a burn at which heights are sampled, and steps that sharpen a crossing between two of them.
 _SAMPLES, _STEPS = 48, 3

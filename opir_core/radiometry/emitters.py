@@ -18,7 +18,7 @@ from opir_core.radiometry.source_configs import (
     names_complaint,
     own_fields,
 )
-from opir_core.randomness import Stream, normal_pairs, stream_key, uniforms_of
+from opir_core.random_streams.philox import Stream, normal_pairs, stream_key, uniforms_of
 
 #: The most emitters of one block.
 MOST_EMITTERS = 20_000

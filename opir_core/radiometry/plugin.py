@@ -9,8 +9,7 @@ from typing import Any
 
 from opir_core.plugin.components import AtmosphereModel, BackgroundModel, SignatureModel, SourceModel
 from opir_core.plugin.hookspecs import hookimpl
-from opir_core.radiometry.configs import PlumeConfig
-from opir_core.radiometry.sky_configs import EarthConfig, LowtranConfig
+from opir_core.radiometry.configs import EarthConfig, LowtranConfig, PlumeConfig
 from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
 
 

@@ -17,8 +17,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.flight.profiles import PROFILES_BY_TYPE
-from opir_core.protocols import Band
+from opir_core.flight.boost import PROFILES_BY_TYPE
+from opir_core.interfaces.protocols import Band
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import SignatureContext, Signatures

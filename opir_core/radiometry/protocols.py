@@ -3,15 +3,18 @@
 `band` is an index into the `bands` of the context that a model was built with: the distinct bands of the scene's
 sensors. A model that cannot answer for one of them raises `ModelError` when it is built, in words. Results are element
 by element and finite: they do not depend on how rows are grouped into calls.
+
+Several bands asked of a model at once: by its own way where it has one, else one after the other.
 """
 
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
+import numpy as np
 from attrs import field, frozen
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.protocols import Band, Trajectories
+from opir_core.interfaces.protocols import Band, Trajectories
 from opir_core.radiometry.records import Paths, Views
 
 
@@ -74,8 +77,8 @@ class Sources(Protocol):
     """Emitters that are no targets, made by one block of a scene's `sources`: fires, flares, glints, bolides.
 
     The engine adds them to the targets as further rows; `trajectories.type_code` are codes into
-    `opir_core.scene.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine, which may begin
-    before the scene does.
+    `opir_core.scene.scene.EMITTER_TYPES`; `trajectories.ignition_s` and `burnout_s` say when they shine, which may
+    begin before the scene does.
     """
 
     @property
@@ -196,3 +199,36 @@ class BackgroundContext:
     path: str
     epoch_us: int
     make_atmosphere: Callable[[], Transmittance]
+
+
+def intensities_w_sr(
+    signatures: Signatures,
+    bands: Sequence[int],
+    target: IndexArray,
+    time_since_ignition_s: FloatArray,
+    altitude_m: FloatArray,
+    aspect_rad: FloatArray,
+) -> FloatArray:
+    """Return radiant intensities (bands, n) at the source, W/sr."""
+    columns = (target, time_since_ignition_s, altitude_m, aspect_rad)
+    if isinstance(signatures, ManyBandSignatures):
+        return signatures.intensities_w_sr(bands, *columns)
+    return np.array([signatures.intensity_w_sr(band, *columns) for band in bands])
+
+
+def transmittances(atmosphere: Transmittance, bands: Sequence[int], path: Paths) -> FloatArray:
+    """Return in-band transmittances (bands, n)."""
+    if isinstance(atmosphere, ManyBandTransmittance):
+        return atmosphere.transmittances(bands, path)
+    return np.array([atmosphere.transmittance(band, path) for band in bands])
+
+
+def radiances_and_clutter_w_m2_sr(
+    background: Background, bands: Sequence[int], view: Views
+) -> tuple[FloatArray, FloatArray]:
+    """Return in-band radiances and clutter (bands, n), W m⁻² sr⁻¹."""
+    if isinstance(background, ManyBandBackground):
+        return background.radiances_and_clutter_w_m2_sr(bands, view)
+    both = [(background.radiance_w_m2_sr(band, view), background.clutter_w_m2_sr(band, view)) for band in bands]
+    radiance, clutter = zip(*both, strict=True)
+    return np.array(radiance), np.array(clutter)

@@ -1,12 +1,16 @@
-"""The columns that radiometry works on: paths from targets to sensors, and views of what lies behind them."""
+"""The columns that radiometry works on: paths from targets to sensors, and views of what lies behind them.
 
+Columns of the shipped LOWTRAN7 tables: the rows of one sky, found without taking the others apart.
+"""
+
+from pathlib import Path
 from typing import Self
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.columns import Columns
+from opir_core.interfaces.columns import Columns
 
 
 @frozen(eq=False)
@@ -57,3 +61,18 @@ def in_a_row(rows: IntArray) -> "slice | IntArray":
     """Return rising rows as a slice where they follow one another, so that taking them copies nothing."""
     is_run = len(rows) > 0 and int(rows[-1] - rows[0]) == len(rows) - 1
     return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows
+
+
+def sky_columns(table: Path, climate: str, aerosol: str) -> dict[str, list[str]]:
+    """Return the cells of a climate and aerosol by the name of their column; of a sky that is not there, nothing.
+
+    The rows of one sky stand together, below a line of names.
+    """
+    text, beginning = table.read_text(encoding="utf-8"), f"\n{climate},{aerosol},"
+    first, last = text.find(beginning), text.rfind(beginning)
+    if first < 0:
+        return {}
+    head = text.find("\natmosphere,aerosol,") + 1
+    names = text[head : text.find("\n", head)].split(",")
+    cells = text[first + 1 : text.find("\n", last + 1)].replace("\n", ",").split(",")
+    return {name: cells[place :: len(names)] for place, name in enumerate(names)}

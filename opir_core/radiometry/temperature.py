@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.protocols import Band
+from opir_core.interfaces.protocols import Band
 from opir_core.radiometry.planck import band_radiance, band_radiance_slope
 
 _Floats = NDArray[np.float64]

@@ -12,11 +12,11 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
+from opir_core.estimation.lines_of_sight import axes_across
+from opir_core.estimation.motion import BOOST, Motion, weights_at
+from opir_core.estimation.square_root import covariance, moved, triangular
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
-from opir_core.tracking.filter.motion import BOOST, Motion, weights_at
-from opir_core.tracking.filter.square_root import covariance, moved, triangular
-from opir_core.tracking.rays import axes_across
 
 #: Before the first look a state is known this poorly: m, m/s. It keeps the information invertible.
 PRIOR_SIGMA = (1e6, 1e6, 1e6, 1e4, 1e4, 1e4)

@@ -5,8 +5,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.scoring.evidence import Evidence, true_states
+from opir_core.scoring.gospa import gospa
 from opir_core.scoring.ownership import Ownership
-from opir_core.tracking.metrics import gospa
 
 _NS = 1_000_000_000
 

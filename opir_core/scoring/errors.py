@@ -7,10 +7,10 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.columns import Columns
 from opir_core.geometry import east_north_up_axes, geodesic_inverse, geodetic_to_ecef, local_axes
-from opir_core.protocols import Sensor
-from opir_core.records import Tracks
+from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.records import Tracks
 from opir_core.scoring.bound import Seen, free_bound, position_and_velocity, state_bound
 from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.scoring.evidence import Evidence, true_states
@@ -134,7 +134,7 @@ def _bounds(
 def bias_turns(sensors: Sequence[Sensor], sensor: IndexArray, sensor_ecef_m: FloatArray) -> FloatArray:
     """Return the turns (n, p, 3), rad, of looks' sensors (n,) by a standard deviation of each bias of those that saw.
 
-    As `opir_core.bias` has them: about east and north of the place (n, 3) at which the sensor is.
+    As `opir_core.planning.pointing_bias` has them: about east and north of the place (n, 3) at which the sensor is.
     """
     biased = [each for each in np.unique(sensor).tolist() if sensors[each].line_of_sight_bias_sigma_rad > 0.0]
     turns = np.zeros((len(sensor), 2 * len(biased), 3))

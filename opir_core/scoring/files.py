@@ -9,9 +9,9 @@ import numpy as np
 
 from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
-from opir_core.plan import Plan, compile_plan
-from opir_core.reading import scene_from_mapping
-from opir_core.records import Tracks
+from opir_core.interfaces.records import Tracks
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring.evidence import Evidence
 from opir_core.scoring.one_run import (
     read_manifest,

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from opir_core.errors import Problem, SceneError, reason_of
-from opir_core.manifest import MANIFEST_VERSION
-from opir_core.plan import Plan
+from opir_core.planning.plan import Plan
+from opir_core.simulation.manifest import MANIFEST_VERSION
 
 _REST = "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
 #: Truth and plan tell where and when a launch is to this many degrees or seconds.

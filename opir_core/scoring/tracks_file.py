@@ -13,7 +13,7 @@ import numpy as np
 from attrs import NOTHING, fields
 
 from opir_core.errors import unwritable
-from opir_core.records import Tracks
+from opir_core.interfaces.records import Tracks
 from opir_core.scoring.one_run import content, refused
 
 _NAMES = tuple(attribute.name for attribute in fields(Tracks))

@@ -7,15 +7,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from opir_core.testing.broken import Broken, insist
-    from opir_core.testing.contracts.contract import Contract
+    from opir_core.testing.contracts.atmospheres_and_backgrounds import AtmosphereContract, BackgroundContract
+    from opir_core.testing.contracts.confidence_and_classifiers import ClassifierContract, ConfidenceContract
+    from opir_core.testing.contracts.contract import Broken, Contract, insist
     from opir_core.testing.contracts.detection import DetectionContract
     from opir_core.testing.contracts.emitters import SignatureContract, SourceContract
-    from opir_core.testing.contracts.judging import ClassifierContract, ConfidenceContract
     from opir_core.testing.contracts.outputs import EncoderContract, SinkContract
     from opir_core.testing.contracts.scenes import SceneContract
     from opir_core.testing.contracts.sensors import ConstellationContract, SensorContract
-    from opir_core.testing.contracts.skies import AtmosphereContract, BackgroundContract
     from opir_core.testing.contracts.targets import TargetContract
     from opir_core.testing.contracts.trackers import TrackerContract
     from opir_core.testing.doubles import (
@@ -25,20 +24,21 @@ if TYPE_CHECKING:
         FullConfidence,
         NoAnswer,
         SilentTracker,
+        stub_estimates,
         stub_plan,
         stub_scene,
         stub_sensor,
+        stub_window,
     )
-    from opir_core.testing.windows import stub_estimates, stub_window
 
 _HOMES = {
     "AscendingTargets": "doubles",
-    "AtmosphereContract": "contracts.skies",
-    "BackgroundContract": "contracts.skies",
-    "Broken": "broken",
+    "AtmosphereContract": "contracts.atmospheres_and_backgrounds",
+    "BackgroundContract": "contracts.atmospheres_and_backgrounds",
+    "Broken": "contracts.contract",
     "CertainDetection": "doubles",
-    "ClassifierContract": "contracts.judging",
-    "ConfidenceContract": "contracts.judging",
+    "ClassifierContract": "contracts.confidence_and_classifiers",
+    "ConfidenceContract": "contracts.confidence_and_classifiers",
     "ConstellationContract": "contracts.sensors",
     "Contract": "contracts.contract",
     "CountingTracker": "doubles",
@@ -54,12 +54,12 @@ _HOMES = {
     "SourceContract": "contracts.emitters",
     "TargetContract": "contracts.targets",
     "TrackerContract": "contracts.trackers",
-    "insist": "broken",
-    "stub_estimates": "windows",
+    "insist": "contracts.contract",
+    "stub_estimates": "doubles",
     "stub_plan": "doubles",
     "stub_scene": "doubles",
     "stub_sensor": "doubles",
-    "stub_window": "windows",
+    "stub_window": "doubles",
 }
 
 __all__ = [

@@ -12,15 +12,15 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import IntArray
-from opir_core.dice import PairStreams, WindowNumbers
-from opir_core.looks import Looks, exposures, pair_names, seen
-from opir_core.plan import Plan, compile_plan
+from opir_core.interfaces.protocols import Dice, Encoder, EncoderContext
+from opir_core.interfaces.records import Detections, DetectionTruth, Exposures, Sightings
+from opir_core.planning.looks import Looks, exposures, pair_names, seen
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning.sensor_states import Sites
 from opir_core.plugin.host import Host
-from opir_core.protocols import Dice, Encoder, EncoderContext
-from opir_core.reading import scene_from_mapping
-from opir_core.records import Detections, DetectionTruth, Exposures, Sightings
-from opir_core.run import plan_windows
-from opir_core.sites import Sites
+from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.simulation.run import plan_windows
 
 #: What a scene file holds, as plain values.
 SceneFile = Mapping[str, Any]

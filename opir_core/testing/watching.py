@@ -20,7 +20,7 @@ _CLOCK = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_
 _DATES = {"now", "utcnow", "today"}
 #: Modules that may look at the clock or ask for entropy on their own account. Philox draws entropy for a seed sequence
 #: that it then does not use, because the core's streams give it a key.
-_EXEMPT = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", "opir_core.randomness"}
+_EXEMPT = {"logging", "threading", "importlib._bootstrap", "queue", "tempfile", "opir_core.random_streams.philox"}
 #: Seeds of the two global generators while code is watched; nobody would come upon them otherwise.
 _MARK = 0x6F706972
 

@@ -12,10 +12,8 @@ import numpy as np
 import pytest
 
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.ascent import ascent
-from opir_core.flight.boost import BoostPath, LaunchPlane
+from opir_core.flight.boost import BoostPath, LaunchPlane, ascent, boost_profiles
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.profiles import boost_profiles
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "class_profiles.csv"
 RADIUS_M = 6371e3

@@ -12,14 +12,12 @@ import pytest
 from attrs import evolve
 
 import opir_core
-from opir_core.protocols import Band
-from opir_core.radiometry.limb_table import LimbTable
-from opir_core.radiometry.long_paths import RADIUS_M, bent_lowest_m
-from opir_core.radiometry.lowtran import LowtranAtmosphere, lowtran_atmosphere
-from opir_core.radiometry.lowtran_table import fine_grid, node_tables
+from opir_core.interfaces.protocols import Band
+from opir_core.radiometry.configs import CLIMATES, LowtranConfig
+from opir_core.radiometry.long_paths import RADIUS_M, LimbTable, bent_lowest_m
+from opir_core.radiometry.lowtran import LowtranAtmosphere, fine_grid, lowtran_atmosphere, node_tables
 from opir_core.radiometry.protocols import AtmosphereContext
 from opir_core.radiometry.records import Paths
-from opir_core.radiometry.sky_configs import CLIMATES, LowtranConfig
 
 TABLE = Path(opir_core.__file__).parent / "data" / "lowtran7_band_transmittance.csv"
 WEIGHTINGS = {"flat": "tau_flat", "blackbody-1500K": "tau_bb1500"}

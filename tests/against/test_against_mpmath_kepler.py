@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.kepler import kepler_status, propagate_kepler
-from opir_core.flight.lambert_arc import lambert
-from opir_core.flight.stumpff import universal_functions
+from opir_core.flight.lambert_solver import lambert
+from opir_core.flight.universal_anomaly import universal_functions
 
 EPSILON = 2.2e-16
 BAR = 1e-12

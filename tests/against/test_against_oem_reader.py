@@ -11,9 +11,9 @@ import pytest
 from astropy.time import Time
 from oem import OrbitEphemerisMessage
 
-from opir_core.tables.frames import ecef_state
-from opir_core.tables.oem_table import oem_table
-from opir_core.tables.records import BadTableError
+from opir_core.flight.tables.frames import ecef_state
+from opir_core.flight.tables.oem_table import oem_table
+from opir_core.flight.tables.records import BadTableError
 
 EPOCH = np.datetime64("2026-04-01T12:00:00", "us")
 EPOCH_US = int(EPOCH.astype(np.int64))

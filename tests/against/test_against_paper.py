@@ -14,7 +14,7 @@ from attrs import evolve
 from scipy.stats import binom
 
 import opir_core as opir
-from opir_core.engine import Engine
+from opir_core.simulation.engine import Engine
 
 #: Section 3.4: scan period (s) and probability of detection per scan of an ICBM-class target.
 PAPER = {"DSP": (0.200, 0.60), "SBIRS-GEO": (0.100, 0.80), "NEXTGEN-GEO": (0.050, 0.95)}

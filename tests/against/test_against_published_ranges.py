@@ -9,9 +9,8 @@ import pytest
 from attrs import evolve
 
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.aiming import aim
-from opir_core.flight.profiles import boost_profile, boost_profiles
-from opir_core.flight.shooting import hitting_speed_m_s
+from opir_core.flight.aiming import aim, hitting_speed_m_s
+from opir_core.flight.boost import boost_profile, boost_profiles
 from opir_core.geometry import Geodetic, geodesic_direct
 
 CASES = {

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from opir_core.tracking.triangulation import information, meeting_points
+from opir_trackers.triangulation import information, meeting_points
 
 CASES = [
     case

@@ -15,9 +15,7 @@ from scipy.integrate import solve_ivp
 
 import opir_core
 from opir_core.flight.aiming import aim
-from opir_core.flight.ascent import ascent
-from opir_core.flight.boost import boost_path, launch_site
-from opir_core.flight.profiles import boost_profiles
+from opir_core.flight.boost import ascent, boost_path, boost_profiles, launch_site
 from opir_core.geometry import Geodetic
 
 TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "class_profiles.json").read_text(encoding="utf-8"))

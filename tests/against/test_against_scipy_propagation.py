@@ -12,7 +12,7 @@ from scipy.integrate._ivp import dop853_coefficients as theirs
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.flight import dop853
 from opir_core.flight.atmosphere_density import density_kg_m3
-from opir_core.flight.dense import dense_arcs
+from opir_core.flight.dense_output import dense_arcs
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
 from opir_core.flight.impact_event import impact_states
 from opir_core.flight.propagation import propagate

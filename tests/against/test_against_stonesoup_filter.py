@@ -8,12 +8,12 @@ import datetime
 from typing import Any
 
 import numpy as np
+from opir_trackers.filter.switching import SwitchingFilter
 
+from opir_core.estimation import square_root
+from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.motion import BOOST, Motion
 from opir_core.flight.forces import Forces, ZonalField
-from opir_core.tracking.filter import square_root
-from opir_core.tracking.filter.motion import BOOST, Motion
-from opir_core.tracking.filter.switching import SwitchingFilter
-from opir_core.tracking.rays import Sights, axes_across
 
 STEP_S, SIGMA_RAD, NOISE = 0.5, 2e-5, 0.3
 WEIGHTLESS = Forces(zonal=(), gravity=ZonalField(mu_m3_s2=0.0))

@@ -5,7 +5,7 @@ import datetime
 import numpy as np
 import pytest
 
-from opir_core.tracking.metrics import gospa, ospa
+from opir_core.scoring.gospa import gospa, ospa
 
 CASES = [
     (seed, estimates, truths)

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 from opir_core.plugin.components import CATALOGUE
-from opir_core.testing.checking import contract_for, verdicts
-from opir_core.testing.conforming import faults_in
+from opir_core.testing.contract_runner import contract_for, verdicts
 from opir_core.testing.contracts import HOMES, contract_of
 from opir_core.testing.contracts.contract import test_names as names_of
+from opir_core.testing.json_schema import faults_in
 
 pytest_plugins = ["pytester"]
 
@@ -22,7 +22,7 @@ UNEVEN = "test_draws_of_others_are_left_alone"
 
 def opir(*words: str) -> subprocess.CompletedProcess[str]:
     # Without pytest: importing it would fail.
-    code = "import sys; sys.modules['pytest'] = None; from opir_core.cli import main; sys.exit(main())"
+    code = "import sys; sys.modules['pytest'] = None; from opir_core.cli.main import main; sys.exit(main())"
     return subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
 
 

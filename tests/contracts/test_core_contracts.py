@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
-from opir_core.protocols import Band
+from opir_core.interfaces.protocols import Band
 from opir_core.testing import (
     AtmosphereContract,
     BackgroundContract,

@@ -4,7 +4,7 @@ import mutants
 import pytest
 
 from opir_core.testing import Broken
-from opir_core.testing.checking import contract_for
+from opir_core.testing.contract_runner import contract_for
 from opir_core.testing.contracts.contract import Contract
 
 MUTANTS = sorted((mutant, test) for mutant, test in mutants.CAUGHT_BY.items() if mutant not in mutants.SOUND)
@@ -46,7 +46,7 @@ RAISING = {
 
 def test_what_the_mutants_are_made_of_is_sound() -> None:
     """The trackers, sinks and models that mutants inherit keep their contracts, so each fault is the mutation's own."""
-    from opir_core.testing.checking import verdicts
+    from opir_core.testing.contract_runner import verdicts
 
     for hook, name in sorted(mutants.SOUND):
         bad = [row for row in verdicts(contract_of_mutant(hook, name)) if row.state != "kept"]

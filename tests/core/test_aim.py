@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.aiming import aim, surface_range_m
+from opir_core.flight.boost import boost_profile, boost_profiles
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.forces import Forces, ZonalField
-from opir_core.flight.profiles import boost_profile, boost_profiles
 from opir_core.geometry import (
     Geodetic,
     ecef_to_geodetic,

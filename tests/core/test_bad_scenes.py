@@ -7,7 +7,7 @@ import yaml
 from fake_components import fake_host
 
 from opir_core.errors import SceneError
-from opir_core.reading import load_scene, strict_yaml
+from opir_core.scene.reading import load_scene, strict_yaml
 
 FOLDER = Path(__file__).parent.parent / "data" / "bad_scenes"
 SCENES = sorted(path.name for path in FOLDER.glob("*.yaml"))

@@ -8,9 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.flight.ascent import ascent, vertical_climb_s
-from opir_core.flight.boost import boost_path, launch_site
-from opir_core.flight.profiles import boost_profile, boost_profiles
+from opir_core.flight.boost import ascent, boost_path, boost_profile, boost_profiles, launch_site, vertical_climb_s
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
 
 PROFILES = tuple(boost_profiles().values())

@@ -3,22 +3,21 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.profile import fit
+from opir_trackers.profile import flight as profile_flight
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.family import BURN, LIFT, SIZE, SPEED, TURN_EAST, TURN_NORTH, fitted
+from opir_trackers.profile.hypotheses import probability
+from opir_trackers.profile.report import Basis, report
+from opir_trackers.profile.rows import axes_about
+from opir_trackers.profile.strain import Bank
 from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 
 from opir_core import simulate
-from opir_core.plan import compile_plan
-from opir_core.reading import scene_from_mapping
-from opir_core.scene import TARGET_TYPES
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees, on_normal_scale
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile import flight as profile_flight
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.coordinates import fitted
-from opir_core.tracking.profile.family import BURN, LIFT, SIZE, SPEED, TURN_EAST, TURN_NORTH
-from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import Basis, report
-from opir_core.tracking.profile.rows import axes_about
-from opir_core.tracking.profile.strain import Bank
 
 
 def scene(**settings):

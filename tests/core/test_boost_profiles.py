@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from opir_core.flight.profiles import PROFILES_BY_TYPE, boost_profile, boost_profiles, profile_for_type
-from opir_core.scene import TARGET_TYPES
+from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile, boost_profiles, profile_for_type
+from opir_core.scene.scene import TARGET_TYPES
 
 
 def test_every_target_type_has_profiles_that_exist():

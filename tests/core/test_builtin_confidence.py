@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from opir_core.builtin.confidence import full_confidence, no_confidence, weighted_confidence
 from opir_core.builtin.configs import WeightedConfig
+from opir_core.interfaces.protocols import ModelContext
+from opir_core.interfaces.records import Sightings
 from opir_core.plugin import NoConfig
-from opir_core.protocols import ModelContext
-from opir_core.records import Sightings
 
 CONTEXT = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
 

@@ -12,10 +12,10 @@ from scipy.stats import binom
 from opir_core.builtin.configs import ConstantConfig
 from opir_core.builtin.detection import always_detection, constant_detection, never_detection
 from opir_core.errors import ModelError
+from opir_core.interfaces.protocols import Band, ModelContext, SensorContext
+from opir_core.interfaces.records import Exposures
 from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
-from opir_core.protocols import Band, ModelContext, SensorContext
-from opir_core.records import Exposures
-from opir_core.scene import TARGET_TYPES
+from opir_core.scene.scene import TARGET_TYPES
 
 
 class FakeDice:

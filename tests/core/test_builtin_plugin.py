@@ -10,11 +10,11 @@ from attrs import fields, has
 
 from opir_core.builtin import plugin
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
-from opir_core.fields import info_of
+from opir_core.interfaces.protocols import ModelContext, Tracker, TrackerContext
+from opir_core.interfaces.records import Detections
 from opir_core.plugin import NoConfig, ScanningSensorConfig
 from opir_core.plugin.components import CATALOGUE
-from opir_core.protocols import ModelContext, Tracker, TrackerContext
-from opir_core.records import Detections
+from opir_core.scene.fields import info_of
 
 ROOT = Path(__file__).parents[2]
 HEAVY = ("numpy", "scipy", "cattrs", "msgspec", "yaml")

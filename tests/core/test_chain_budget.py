@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 
 import opir_core as opir
-from opir_core.columns import Columns
 from opir_core.detection import snr
-from opir_core.run import plan_windows
-from opir_core.summary import Tally
+from opir_core.interfaces.columns import Columns
+from opir_core.simulation.run import plan_windows
+from opir_core.simulation.summary import Tally
 
 SCENE: dict[str, Any] = {
     "scene": "chain",

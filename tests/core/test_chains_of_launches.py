@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from opir_trackers.footprint_splitting import parted, unlikelihood
+from opir_trackers.triangulation import Fixes
 
 import opir_core as opir
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.run import run_of_plan
-from opir_core.tracking.rays import Rays
-from opir_core.tracking.triangulation import Fixes
-from opir_core.tracking.wide_spots import parted, unlikelihood
+from opir_core.estimation.lines_of_sight import Rays
+from opir_core.simulation.run import run_of_plan
 
 AIMS = {"ICBM": (9.0, 167.7), "IRBM": (20.0, -150.0), "SRBM": (34.0, -124.0)}
 TWO = [{"model": "SBIRS-GEO", "id": f"S{slot}", "orbital_slot_deg": slot} for slot in (-150.0, -90.0)]

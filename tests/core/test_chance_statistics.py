@@ -14,10 +14,10 @@ from scipy.integrate import quad
 from scipy.stats import chi2, norm, poisson
 
 import opir_core as opir
-from opir_core.engine import Engine
-from opir_core.looks import Looks, exposures
-from opir_core.records import Detections, DetectionTruth
-from opir_core.sites import Sites
+from opir_core.interfaces.records import Detections, DetectionTruth
+from opir_core.planning.looks import Looks, exposures
+from opir_core.planning.sensor_states import Sites
+from opir_core.simulation.engine import Engine
 
 TARGETS = int(os.environ.get("OPIR_CHANCE_TARGETS", "40"))
 RISK = 0.001

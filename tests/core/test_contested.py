@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.stereo.ambiguous_histories import turned
+from opir_trackers.stereo.ambiguous_measurements import Contested
+from opir_trackers.stereo.histories import Histories, weighed
+from opir_trackers.stereo.swap_likelihood import settled_exchanges
 
+from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
-from opir_core.tracking.filter.motion import BOOST, COAST, Motion
-from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.rays import Sights, axes_across
-from opir_core.tracking.stereo.contested import Contested
-from opir_core.tracking.stereo.contested_histories import turned
-from opir_core.tracking.stereo.exchange_evidence import settled_exchanges
-from opir_core.tracking.stereo.histories import Histories, weighed
 
 KEPLER = Forces(zonal=())
 COASTING = Motion(COAST, 0.0, KEPLER)

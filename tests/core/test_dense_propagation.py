@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from opir_core.flight.dense import dense_arcs
+from opir_core.flight.dense_output import dense_arcs
 from opir_core.flight.forces import Drag, Forces
 from opir_core.flight.impact_event import impact_states
 from opir_core.flight.propagation import propagate

@@ -7,8 +7,7 @@ from scipy.stats import kstest, norm
 
 from opir_core.detection.any_band import AnyBand
 from opir_core.detection.ratio_gates import RatioGates
-from opir_core.detection.redrawing import LEAST_PASSING, measured_to_pass
-from opir_core.detection.truncated import tail_normals, truncated_normals
+from opir_core.detection.redrawing import LEAST_PASSING, measured_to_pass, tail_normals, truncated_normals
 
 INF = np.inf
 TRIPLE = RatioGates(5.0, 3.0, 0, np.array([-INF, 0.3, 0.01]), np.array([INF, 3.0, 0.5]))

@@ -16,10 +16,10 @@ from attrs import fields
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from opir_core.flight.profiles import boost_profile
+from opir_core.flight.boost import boost_profile
 from opir_core.plugin.host import Host
-from opir_core.plugin.radiometer import RadiometerConfig
-from opir_core.scene import TARGET_TYPES
+from opir_core.scene.scene import TARGET_TYPES
+from opir_core.sensors.radiometer import RadiometerConfig
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 FLOATS = NDArray[np.float64]

@@ -1,9 +1,9 @@
 """Which of two tracks that follow one target is let go, and which two follow two."""
 
 import numpy as np
+from opir_trackers.stereo.duplicate_tracks import Sightings, doubles, remembered_s
 
-from opir_core.tracking.rays import no_rays
-from opir_core.tracking.stereo.doubles import Sightings, doubles, remembered_s
+from opir_core.estimation.lines_of_sight import no_rays
 
 NUMBER = np.array([3, 7])
 HITS = np.array([40, 12])

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.filter.dragged_fall import DraggedFall
+from opir_trackers.filter.mixtures import Bank
+from opir_trackers.track_priors import filter_of
 
+from opir_core.estimation.motion import COAST, Motion
 from opir_core.flight import Drag, Forces, propagate
-from opir_core.protocols import TrackerContext
-from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.filter.bank import Bank
-from opir_core.tracking.filter.dragged_fall import DraggedFall
-from opir_core.tracking.filter.motion import COAST, Motion
-from opir_core.tracking.track_priors import filter_of
+from opir_core.interfaces.protocols import TrackerContext
 
 FORCES = Forces(("j2",), Drag(5000.0))
 

@@ -10,12 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.engine import Engine
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range, is_occluded
-from opir_core.plugin.scan_patterns import AlignedScan
-from opir_core.records import Detections, Window
-from opir_core.sightlines import Blocked
+from opir_core.interfaces.records import Detections, Window
+from opir_core.planning.visibility import Blocked
+from opir_core.sensors.scan_patterns import AlignedScan
+from opir_core.simulation.engine import Engine
+from opir_core.simulation.run import window_edges_ns
 from opir_core.testing import (
     AscendingTargets,
     CertainDetection,
@@ -25,7 +26,6 @@ from opir_core.testing import (
     stub_scene,
     stub_sensor,
 )
-from opir_core.windowing import window_edges_ns
 
 
 def targets(count: int = 3, seed: int = 5) -> AscendingTargets:

@@ -9,13 +9,13 @@ import jsonschema
 import numpy as np
 import pytest
 
-from opir_core.events import detection_schema
-from opir_core.events.forge import ForgeEncoder
-from opir_core.events.identifiers import stream_key, uuid8_words
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.protocols import Band, EncoderContext
+from opir_core.interfaces.protocols import Band, EncoderContext
+from opir_core.output.events import detection_schema
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.random_streams.detection_ids import stream_key, uuid8_words
 from opir_core.testing import stub_sensor
-from opir_core.testing.windows import stub_estimates, stub_window
+from opir_core.testing.doubles import stub_estimates, stub_window
 
 PAGE = Path(__file__).parents[2].joinpath("docs", "reference", "detection-event.md").read_text(encoding="utf-8")
 SCHEMA = detection_schema()

@@ -15,16 +15,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from opir_core.errors import ModelError
-from opir_core.events import SCHEMA_VERSION, detection_schema
-from opir_core.events.blocks import window_blocks
-from opir_core.events.forge import ForgeEncoder
-from opir_core.events.identifiers import uuid8_words, uuid_text
-from opir_core.events.timestamps import timestamp_text, unix_microseconds
 from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
-from opir_core.protocols import EncoderContext
-from opir_core.records import Detections, DetectionTruth, Tracks, Window
-from opir_core.scene import REPORTED_TYPES
-from opir_core.testing.windows import stub_estimates, stub_window
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.output.events import SCHEMA_VERSION, detection_schema
+from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.text import timestamp_text, unix_microseconds
+from opir_core.random_streams.detection_ids import uuid8_words, uuid_text
+from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.testing.doubles import stub_estimates, stub_window
 
 VALIDATOR = jsonschema.Draft202012Validator(
     detection_schema(), format_checker=jsonschema.Draft202012Validator.FORMAT_CHECKER
@@ -225,9 +225,9 @@ def test_blocks_of_a_window_are_the_window() -> None:
 def test_naming_the_encoder_imports_no_msgspec() -> None:
     program = (
         "import sys; from opir_core.builtin.encoders import ENCODERS; from opir_core.builtin.sinks import SINKS;"
-        "import opir_core.events.identifiers, opir_core.events.timestamps;"
+        "import opir_core.random_streams.detection_ids, opir_core.output.events.text;"
         "assert 'msgspec' not in sys.modules, 'named';"
-        "from opir_core.protocols import EncoderContext;"
+        "from opir_core.interfaces.protocols import EncoderContext;"
         "ENCODERS[0].build(ENCODERS[0].config(), EncoderContext(sensors=(), epoch_us=0));"
         "assert 'msgspec' in sys.modules, 'built'"
     )

@@ -7,11 +7,11 @@ import pytest
 from forge_events import ENCODER, SENSORS, events_of
 
 from opir_core.errors import ModelError, SinkError
-from opir_core.events.forge import ForgeEncoder
-from opir_core.events.number_text import rounded_bearing_deg, rounded_degrees
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.protocols import EncoderContext
-from opir_core.testing.windows import stub_estimates, stub_window
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.text import rounded_bearing_deg, rounded_degrees
+from opir_core.testing.doubles import stub_estimates, stub_window
 
 
 def test_until_a_track_is_estimated_its_fields_are_null() -> None:

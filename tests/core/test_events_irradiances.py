@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import opir_core as opir
-from opir_core.events import detection_schema
-from opir_core.events.blocks import window_blocks
-from opir_core.events.forge import ForgeEncoder
-from opir_core.events.number_text import number_texts, significant
-from opir_core.protocols import Band, EncoderContext
-from opir_core.records import Window
-from opir_core.run import plan_windows
+from opir_core.interfaces.protocols import Band, EncoderContext
+from opir_core.interfaces.records import Window
+from opir_core.output.events import detection_schema
+from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.text import number_texts, significant
+from opir_core.simulation.run import plan_windows
 from opir_core.testing import stub_sensor
 from opir_core.testing.bench import encoder_of
-from opir_core.testing.windows import stub_window
+from opir_core.testing.doubles import stub_window
 
 SENSORS = (
     stub_sensor("TWO", -75.5, bands=(Band("SWIR", 2.5, 3.0), Band('"M"', 4.2, 4.45))),

@@ -13,19 +13,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 from opir_core.errors import ModelError
-from opir_core.events import SCHEMAS, schema
-from opir_core.events.blocks import window_blocks
-from opir_core.events.forge_c2 import ForgeC2Encoder
-from opir_core.events.identifiers import uuid_text
-from opir_core.events.udl import UdlEncoder
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, grazing_height_m
-from opir_core.protocols import Band, EncoderContext
-from opir_core.records import Tracks, Window
-from opir_core.scene import REPORTED_TYPES
+from opir_core.interfaces.protocols import Band, EncoderContext
+from opir_core.interfaces.records import Tracks, Window
+from opir_core.output.events import SCHEMAS, schema
+from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.forge_c2 import ForgeC2Encoder
+from opir_core.output.events.udl import UdlEncoder
+from opir_core.random_streams.detection_ids import uuid_text
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing import stub_sensor
-from opir_core.testing.windows import stub_estimates, stub_window
+from opir_core.testing.doubles import stub_estimates, stub_window
 
 EPOCH_US = 1_775_044_800_000_000
 SENSORS = (

@@ -6,15 +6,14 @@ from typing import Any
 import jsonschema
 import pytest
 
-from opir_core.events import SCHEMA_VERSION, detection_schema, schema_text
-from opir_core.events.ellipse import CONTAINMENT, OTHER_CONTAINMENTS
-from opir_core.events.forge import ForgeEncoder
-from opir_core.events.points import EstimatedPoint, UncertaintyEllipse
-from opir_core.events.track_texts import TrackState
-from opir_core.protocols import EncoderContext
-from opir_core.scene import REPORTED_TYPES
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.output.events import SCHEMA_VERSION, detection_schema, schema_text
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.points import CONTAINMENT, OTHER_CONTAINMENTS, EstimatedPoint, UncertaintyEllipse
+from opir_core.output.events.track_texts import TrackState
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing import stub_sensor
-from opir_core.testing.windows import stub_estimates, stub_window
+from opir_core.testing.doubles import stub_estimates, stub_window
 
 SCHEMA = detection_schema()
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from opir_core.errors import SinkError
-from opir_core.events.timestamps import (
+from opir_core.output.events.text import (
     END_UNIX_US,
     FIRST_UNIX_US,
     timestamp_characters,

@@ -12,16 +12,16 @@ from hypothesis.extra.numpy import arrays
 
 import opir_core as opir
 from opir_core.arrays import FloatArray
-from opir_core.events import detection_schema
-from opir_core.events.blocks import window_blocks
-from opir_core.events.forge import ForgeEncoder
-from opir_core.protocols import EncoderContext
-from opir_core.records import Window
-from opir_core.run import plan_windows
-from opir_core.scene import REPORTED_TYPES
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.records import Window
+from opir_core.output.events import detection_schema
+from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.simulation.run import plan_windows
 from opir_core.testing import stub_sensor
 from opir_core.testing.bench import encoder_of
-from opir_core.testing.windows import stub_estimates, stub_window
+from opir_core.testing.doubles import stub_estimates, stub_window
 
 CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=1_775_044_800_000_000)
 PLAIN, WITH_TRACKS = ForgeEncoder(CONTEXT), ForgeEncoder(CONTEXT, has_tracks=True)

@@ -1,15 +1,15 @@
 """Two tracks that each hold one sensor's rays of the other's target are put right."""
 
 import numpy as np
+from opir_trackers.association import Chances
+from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.gating import candidates, gated
+from opir_trackers.stereo.ghosts import Slice, without_ghosts
 
+from opir_core.estimation.lines_of_sight import Rays, axes_across
+from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.geometry import eci_to_ecef
-from opir_core.tracking.association import Chances
-from opir_core.tracking.filter.motion import BOOST, COAST, Motion
-from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.gating import candidates, gated
-from opir_core.tracking.rays import Rays, axes_across
-from opir_core.tracking.stereo.ghosts import Slice, without_ghosts
 
 KEPLER = Forces(zonal=())
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians([10.0, 80.0])])

@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
+from opir_trackers.ground_points import GroundPoints, impacts, renewed
+from opir_trackers.launch_points import launches
+from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.stereo.report import evidence_of, type_posterior
 
+from opir_core.estimation.lines_of_sight import turned
 from opir_core.flight.forces import J2, Forces
 from opir_core.flight.impact_event import impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
-from opir_core.scene import REPORTED_TYPES
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing.doubles import stub_sensor
-from opir_core.tracking.ground_points import GroundPoints, impacts, renewed
-from opir_core.tracking.launch_points import launches
-from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import turned
-from opir_core.tracking.stereo.report import evidence_of, type_posterior
 
 STATE = np.array([4.1e6, 3.9e6, 3.3e6, 500.0, 2500.0, 4500.0])
 

@@ -5,15 +5,15 @@ from itertools import permutations
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.stereo.histories import Histories, lasting_s, mean_sights, with_biases
+from opir_trackers.stereo.history_assignment import decided
 
+from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
-from opir_core.reading import scene_from_mapping
-from opir_core.run import simulate
-from opir_core.tracking.filter.motion import BOOST, COAST, Motion
-from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.rays import Sights, axes_across
-from opir_core.tracking.stereo.histories import Histories, lasting_s, mean_sights, with_biases
-from opir_core.tracking.stereo.history_assignment import decided
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.simulation.run import simulate
 
 KEPLER = Forces(zonal=())
 COASTING = Motion(COAST, 0.0, KEPLER)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from opir_core.events.identifiers import stream_key, stream_key_words, uuid8_words, uuid_characters, uuid_text
+from opir_core.random_streams.detection_ids import stream_key, stream_key_words, uuid8_words, uuid_characters, uuid_text
 from opir_core.testing import stub_scene
 
 WORD = st.integers(0, 2**64 - 1)

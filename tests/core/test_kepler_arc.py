@@ -2,20 +2,20 @@
 
 import numpy as np
 import pytest
+from opir_trackers.arc import fit as arc_fit
+from opir_trackers.arc.ends import impacts, launches, shots, states_at
+from opir_trackers.arc.fit import Arcs
+from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilities
+from opir_trackers.sensor_schedule import Watch
 from scipy.optimize import least_squares
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.estimation.lines_of_sight import Rays
 from opir_core.flight import propagate_kepler
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.geometry import ecef_to_eci, ecef_to_geodetic, eci_to_ecef, geodetic_to_ecef
-from opir_core.geometry.intersection import intersection_with_ellipsoid
+from opir_core.geometry.occlusion import intersection_with_ellipsoid
 from opir_core.testing.doubles import stub_sensor
-from opir_core.tracking.arc import fit as arc_fit
-from opir_core.tracking.arc.ends import impacts, launches, shots, states_at
-from opir_core.tracking.arc.fit import Arcs
-from opir_core.tracking.range_types import likeliest_types, ranges_m, type_probabilities
-from opir_core.tracking.rays import Rays
-from opir_core.tracking.watch import Watch
 
 SLOTS_DEG = np.array([-150.0, -90.0])
 SIGMA_RAD = 2e-5

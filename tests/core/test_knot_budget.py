@@ -10,14 +10,14 @@ from scipy.special import ndtr
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.knots import Knots
-from opir_core.looks import Looks, exposures
-from opir_core.radiometry.at_once import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
+from opir_core.planning.looks import Looks, exposures
+from opir_core.planning.sensor_states import Sites
 from opir_core.radiometry.earth import EarthBackground
 from opir_core.radiometry.lowtran import LowtranAtmosphere
 from opir_core.radiometry.plume import PlumeSignatures
-from opir_core.sites import Sites
-from opir_core.weaving import KNOTS, Weaver, sure_beyond
+from opir_core.radiometry.protocols import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
+from opir_core.simulation.interpolation.probability import Knots
+from opir_core.simulation.interpolation.refinement import KNOTS, Weaver, sure_beyond
 
 AIR = {"atmosphere": "lowtran", "background": "earth"}
 

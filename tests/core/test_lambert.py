@@ -5,7 +5,7 @@ import pytest
 
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.lambert_arc import lambert
+from opir_core.flight.lambert_solver import lambert
 
 pytestmark = pytest.mark.filterwarnings("error")
 

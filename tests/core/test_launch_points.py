@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from opir_trackers.launch_points import _add_noise, _covariances, _on_ground, _turned, _whitened
+from opir_trackers.predicted_measurements import Outlook
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.estimation.motion import BOOST, weights_at
 from opir_core.flight.ellipsoidal_height import height_and_up
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
-from opir_core.tracking.filter.motion import BOOST, weights_at
-from opir_core.tracking.launch_points import _add_noise, _covariances, _on_ground, _turned, _whitened
-from opir_core.tracking.outlook import Outlook
 
 TIMES_S = np.linspace(-80.0, 0.0, 9)
 

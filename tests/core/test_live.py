@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from live_scene import LATER, NS, batch, lines, mapping
 
-from opir_core.engine import Engine
 from opir_core.errors import SceneError
-from opir_core.live.drafting import RestartError, drafted_launch, drafted_settings
-from opir_core.live.growth import without_those_over
-from opir_core.plan import compile_plan
+from opir_core.live.change_validation import RestartError, drafted_launch, drafted_settings
+from opir_core.live.plan_updates import without_those_over
+from opir_core.planning.plan import compile_plan
 from opir_core.plugin.host import Host
-from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene import Scene
+from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.scene.scene import Scene
+from opir_core.simulation.engine import Engine
 
 
 @pytest.fixture(scope="module")

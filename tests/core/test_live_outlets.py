@@ -9,17 +9,16 @@ import pytest
 from attrs import evolve
 from waiting import until
 
-from opir_core.engine import Engine
 from opir_core.errors import SinkError
-from opir_core.live.outlets import QUEUED_WINDOWS, Outlet
-from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.live.telling import LiveWindow
-from opir_core.plan import compile_plan
+from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.records import Window
+from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
+from opir_core.live.sink_thread import QUEUED_WINDOWS, Outlet
+from opir_core.planning.plan import compile_plan
 from opir_core.plugin.host import Host
-from opir_core.protocols import Delivery
-from opir_core.reading import scene_from_mapping
-from opir_core.records import Window
-from opir_core.scene import Scene
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import Scene
+from opir_core.simulation.engine import Engine
 
 NS = 1_000_000_000
 SCENE: Mapping[str, Any] = {

@@ -9,17 +9,17 @@ from attrs import evolve
 from live_scene import LATER, NS, batch, lines, mapping
 from waiting import until
 
-from opir_core.engine import Engine
 from opir_core.errors import SceneError
+from opir_core.interfaces.records import Tracks
 from opir_core.live import running
-from opir_core.live.drafting import Draft, drafted_launch
+from opir_core.live.change_lock import BusyError, PastError, RefusedError
+from opir_core.live.change_validation import Draft, drafted_launch
 from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.live.turns import BusyError, PastError, RefusedError
-from opir_core.plan import Plan, compile_plan
+from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
-from opir_core.reading import scene_from_mapping
-from opir_core.records import Tracks
-from opir_core.scene import Scene
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import Scene
+from opir_core.simulation.engine import Engine
 
 
 @pytest.fixture(scope="module")

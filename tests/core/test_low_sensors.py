@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from opir_trackers.low_orbit_ranges import from_afar, near_ground
 
 import opir_core as opir
-from opir_core.plan import compile_plan
-from opir_core.records import Tracks
-from opir_core.run import run_of_plan
-from opir_core.tracking.near_sensors import from_afar, near_ground
-from opir_core.tracking.rays import Rays
+from opir_core.estimation.lines_of_sight import Rays
+from opir_core.interfaces.records import Tracks
+from opir_core.planning.plan import compile_plan
+from opir_core.simulation.run import run_of_plan
 
 GEO_M = 42164e3
 

@@ -9,18 +9,18 @@ import pytest
 from attrs import evolve, frozen
 
 import opir_core as opir
-from opir_core.bias import Bias
-from opir_core.engine import Engine
 from opir_core.errors import ModelError
-from opir_core.events.forge import ForgeEncoder
 from opir_core.geometry import local_axes
-from opir_core.protocols import Band, Dice, EncoderContext, Measured
-from opir_core.records import Detections, Exposures, Window
-from opir_core.run import plan_windows
-from opir_core.summary import Tally
+from opir_core.interfaces.protocols import Band, Dice, EncoderContext, Measured
+from opir_core.interfaces.records import Detections, Exposures, Window
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.truth_file import TruthFile
+from opir_core.planning.pointing_bias import Bias
+from opir_core.simulation.engine import Engine
+from opir_core.simulation.run import plan_windows
+from opir_core.simulation.summary import Tally
 from opir_core.testing import AscendingTargets, CertainDetection, stub_plan, stub_scene, stub_sensor
-from opir_core.testing.windows import stub_window
-from opir_core.truth import TruthFile
+from opir_core.testing.doubles import stub_window
 
 BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0))
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "pacific_test_range.yaml"
@@ -146,7 +146,7 @@ def test_truth_and_manifest_tell_the_bias(tmp_path: Path) -> None:
     told = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]
     east = {row["sensor_id"]: row["line_of_sight_bias_east_rad"] for row in told if row["record"] == "sensor"}
     assert list(east.values()) == plan.bias.east_rad.tolist()
-    from opir_core.manifest import run_manifest
+    from opir_core.simulation.manifest import run_manifest
 
     manifest = run_manifest(plan, {})["sensors"]
     assert {row["sensor_id"]: row["line_of_sight_bias_east_rad"] for row in manifest} == east

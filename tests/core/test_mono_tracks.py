@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from opir_trackers.stereo.track_management import are_low, came_down
 
-from opir_core.plan import compile_plan
-from opir_core.reading import load_scene
-from opir_core.run import run_of_plan
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import load_scene
 from opir_core.scoring import evidence_of_run
 from opir_core.scoring.consistency import nees
 from opir_core.scoring.evidence import true_states
 from opir_core.scoring.ownership import ownership
-from opir_core.tracking.stereo.upkeep import are_low, came_down
+from opir_core.simulation.run import run_of_plan
 
 SCENE = Path(__file__).parents[2] / "examples" / "pacific_test_range.yaml"
 ALONE = "sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: -150}]"

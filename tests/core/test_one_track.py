@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.thrust import THRUST, Thrust
+from opir_trackers.gating import candidates, gated
 
-from opir_core.columns import names_of
+from opir_core.estimation.lines_of_sight import Rays, Sights, axes_across, both_turned, turn_slightly, turned
+from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
-from opir_core.tracking.filter.motion import BOOST, COAST, Motion
-from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.filter.thrust import THRUST, Thrust
-from opir_core.tracking.gating import candidates, gated
-from opir_core.tracking.rays import Rays, Sights, axes_across, both_turned, turn_slightly, turned
+from opir_core.interfaces.columns import names_of
 
 FORCES, COUNT, END_S = Forces(), 30, 40.0
 FALL = Motion(COAST, 0.01, FORCES)

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from opir_core.plan import compile_plan
-from opir_core.reading import load_scene
-from opir_core.run import run_of_plan
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import load_scene
 from opir_core.scoring import evidence_of_run
 from opir_core.scoring.ownership import ownership
+from opir_core.simulation.run import run_of_plan
 
 SCENE = Path(__file__).parents[2] / "examples" / "pacific_test_range.yaml"
 

@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import ecef_to_eci_state
 from opir_core.orbits import Elements, OrbitConfig, SlotConfig, circular_elements, elements_of, orbit_block, orbit_of
-from opir_core.orbits.geostationary import GeostationaryOrbit
-from opir_core.orbits.moving import FARTHEST_S, KEPT_SPANS, SPAN_S, MovingOrbit
-from opir_core.orbits.two_body import TwoBodyMotion
+from opir_core.orbits.moving import FARTHEST_S, KEPT_SPANS, SPAN_S, GeostationaryOrbit, MovingOrbit, TwoBodyMotion
 
 angles = st.floats(-6.3, 6.3)
 EPOCH_US = 1_775_044_800_000_000
@@ -187,8 +185,8 @@ def test_the_block_of_elements_makes_the_same_orbit(elements):
 
 def orbit_config_block(block):
     """Return keyword arguments of an `OrbitConfig` from a block of plain data."""
-    from opir_core.fields import field_infos
     from opir_core.orbits import CircularConfig, KeplerConfig
+    from opir_core.scene.fields import field_infos
 
     ((kind, settings_),) = block.items()
     config_class = {"circular": CircularConfig, "kepler": KeplerConfig}[kind]

@@ -10,15 +10,7 @@ import pytest
 
 from opir_core.errors import PluginError, SceneError
 from opir_core.geometry import gmst_rad
-from opir_core.orbits import (
-    CircularConfig,
-    KeplerConfig,
-    OmmFileConfig,
-    OrbitConfig,
-    SlotConfig,
-    elements_of,
-    orbit_of,
-)
+from opir_core.orbits import CircularConfig, KeplerConfig, OmmFileConfig, OrbitConfig, SlotConfig, elements_of, orbit_of
 
 EPOCH_US = 1_775_044_800_000_000
 OMM = {

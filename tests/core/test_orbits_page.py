@@ -8,10 +8,10 @@ from typing import Any, get_args, get_type_hints
 import pytest
 from attrs import NOTHING, Factory, fields, frozen, has
 
-from opir_core.fields import nested
 from opir_core.orbits import OrbitConfig
-from opir_core.reading.strict_yaml import node_of_yaml
-from opir_core.reading.structuring import class_reader
+from opir_core.scene.fields import nested
+from opir_core.scene.reading.strict_yaml import node_of_yaml
+from opir_core.scene.reading.structuring import class_reader
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "orbits.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)

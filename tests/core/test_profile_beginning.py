@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.beginning import caught_up
+from opir_trackers.profile.strain import Bank
 from profile_flights import PRIORS, flights, lines_of_sight, watch_of
 from scipy.stats import chi2
 
 import opir_core as opir
-from opir_core.plan import compile_plan
-from opir_core.run import run_of_plan
+from opir_core.planning.plan import compile_plan
 from opir_core.scoring.consistency import nees
 from opir_core.scoring.evidence import true_states
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.beginning import caught_up
-from opir_core.tracking.profile.strain import Bank
+from opir_core.simulation.run import run_of_plan
 
 
 def test_a_track_that_catches_up_stands_where_it_would_have_stood() -> None:

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from opir_trackers.profile.burnout_speed import moved_by_speed, placed
+from opir_trackers.profile.family import BURN, SHAPE, SPEED, natural
 from profile_flights import PRIORS
 
-from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.profile.burnout_speed import moved_by_speed, placed
-from opir_core.tracking.profile.coordinates import BURN, SHAPE, SPEED, natural
+from opir_core.scene.scene import TARGET_TYPES
 
 kinds = st.sampled_from(range(len(TARGET_TYPES)))
 seeds = st.integers(0, 2**32 - 1)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from attrs import evolve
 from followed_flights import followed, rows_of, usual
+from opir_trackers.configs import BoostProfileConfig
+from opir_trackers.profile.seen import Seen
 from other_flights import Flown, away_from, flown
 from profile_flights import watch_of
 
 from opir_core.scoring.consistency import nees, on_normal_scale
-from opir_core.tracking.configs import BoostProfileConfig
-from opir_core.tracking.profile.seen import Seen
 
 SEED, AFTER_S = 41, 6
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from opir_trackers.profile.containing import Arcs, containing_sigmas, factors
+from opir_trackers.profile.end import DEVIATES, normal_quantiles, normal_rule
+from opir_trackers.profile.flight import Moments, off_ground
 
-from opir_core.events.forge import ForgeEncoder
-from opir_core.protocols import EncoderContext
-from opir_core.records import TOLD_CONTAINMENTS
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.records import TOLD_CONTAINMENTS
+from opir_core.output.events.forge import ForgeEncoder
 from opir_core.testing import stub_sensor
-from opir_core.testing.windows import stub_estimates, stub_window
-from opir_core.tracking.profile.containing import Arcs, containing_sigmas, factors
-from opir_core.tracking.profile.end import DEVIATES, normal_quantiles, normal_rule
-from opir_core.tracking.profile.flight import Moments, off_ground
+from opir_core.testing.doubles import stub_estimates, stub_window
 
 SHARES = np.array(TOLD_CONTAINMENTS)
 USUAL = np.sqrt(-2.0 * np.log1p(-SHARES))

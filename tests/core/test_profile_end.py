@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from opir_core.tracking.profile.end import DEVIATES, Silence, ends_of
+from opir_trackers.profile.end import DEVIATES, Silence, ends_of
 
 
 def silence(last, until, chance=0.5, period=0.1):

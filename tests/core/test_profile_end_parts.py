@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from attrs import evolve
 from exact_boosts import Looks, effective, impacts_of, sampled
+from opir_trackers.profile import fit
+from opir_trackers.profile import report as report_module
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.end_parts import given_ends
+from opir_trackers.profile.flight import on_ground
+from opir_trackers.profile.hypotheses import probability
+from opir_trackers.profile.open_impacts import open_impacts
+from opir_trackers.profile.report import Basis, report
 from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 
-from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile import report as report_module
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.end_parts import given_ends
-from opir_core.tracking.profile.flight import on_ground
-from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.open_impacts import open_impacts
-from opir_core.tracking.profile.report import Basis, report
+from opir_core.scene.scene import TARGET_TYPES
 
 TICKS = 76
 

@@ -5,19 +5,13 @@ import pytest
 from attrs import evolve
 from hypothesis import given
 from hypothesis import strategies as st
-from profile_flights import GEO_M, PRIORS, flights, lines_of_sight
-
-from opir_core.flight.aiming import aim
-from opir_core.flight.profiles import PROFILES_BY_TYPE, boost_profile, boost_profiles
-from opir_core.geometry import Geodetic
-from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.configs import BoostProfileConfig
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile.coordinates import REFERENCE, fitted, natural
-from opir_core.tracking.profile.family import (
+from opir_trackers.configs import BoostProfileConfig
+from opir_trackers.profile import fit
+from opir_trackers.profile.family import (
     BURN,
     LIFT,
     PITCH,
+    REFERENCE,
     SIZE,
     SPEED,
     TURN_EAST,
@@ -25,13 +19,21 @@ from opir_core.tracking.profile.family import (
     Anchors,
     Family,
     Priors,
+    fitted,
+    natural,
 )
-from opir_core.tracking.profile.prior_squares import SPACING
-from opir_core.tracking.profile.priors import priors_of
-from opir_core.tracking.profile.report import Basis, report
-from opir_core.tracking.profile.rows import compressed, normal_points, single
-from opir_core.tracking.profile.windows import windowed
-from opir_core.tracking.rays import Rays
+from opir_trackers.profile.fit import SPACING
+from opir_trackers.profile.priors import priors_of
+from opir_trackers.profile.report import Basis, report
+from opir_trackers.profile.rows import compressed, normal_points, single
+from opir_trackers.profile.windows import windowed
+from profile_flights import GEO_M, PRIORS, flights, lines_of_sight
+
+from opir_core.estimation.lines_of_sight import Rays
+from opir_core.flight.aiming import aim
+from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile, boost_profiles
+from opir_core.geometry import Geodetic
+from opir_core.scene.scene import TARGET_TYPES
 
 
 @pytest.mark.parametrize("profile", boost_profiles().values(), ids=lambda profile: profile.name)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.profile.flight import Moments
+from opir_trackers.profile.holding import holding_sigmas
 from scipy.stats import chi2, kstest, ncx2
 
-from opir_core.records import TOLD_CONTAINMENTS
+from opir_core.interfaces.records import TOLD_CONTAINMENTS
 from opir_core.scoring.consistency import nees, on_normal_scale
-from opir_core.tracking.profile.flight import Moments
-from opir_core.tracking.profile.holding import holding_sigmas
 
 SHARES = np.array(TOLD_CONTAINMENTS)
 

@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from profile_flights import PRIORS
-
-from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.profile import fit, flight
-from opir_core.tracking.profile.coordinates import natural
-from opir_core.tracking.profile.family import (
+from opir_trackers.profile import fit, flight
+from opir_trackers.profile.family import (
     BURN,
     EAST,
     LIFT,
@@ -19,8 +15,12 @@ from opir_core.tracking.profile.family import (
     START,
     TURN_EAST,
     TURN_NORTH,
+    natural,
 )
-from opir_core.tracking.profile.report import Basis, report
+from opir_trackers.profile.report import Basis, report
+from profile_flights import PRIORS
+
+from opir_core.scene.scene import TARGET_TYPES
 
 #: Standard deviations in mid-boost as two sensors of 50 µrad leave them: of an end that is open and a speed that is not
 #: known, beside what is.

@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 from attrs import evolve
 from followed_flights import followed, last_told, rows_of, usual
+from opir_trackers.profile import fit as profile_fit
+from opir_trackers.profile import flight as profile_flight
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.family import SIZE
+from opir_trackers.profile.rows import Rows
+from opir_trackers.profile.seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
+from opir_trackers.profile.strain import KEPT, TURNS, Bank, judged
+from opir_trackers.profile.trust import apart, blended, chances, typed
 from other_flights import Flown, away_from, flown
 from profile_flights import PRIORS, flights, lines_of_sight, watch_of
 
 from opir_core.flight import Drag, Forces, propagate
 from opir_core.geometry import ecef_to_eci_state, eci_to_ecef_state
-from opir_core.records import Tracks
-from opir_core.scene import TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.interfaces.records import Tracks
+from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.scoring.consistency import nees
-from opir_core.tracking.profile import fit as profile_fit
-from opir_core.tracking.profile import flight as profile_flight
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.family import SIZE
-from opir_core.tracking.profile.rows import Rows
-from opir_core.tracking.profile.seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
-from opir_core.tracking.profile.strain import KEPT, TURNS, Bank, judged
-from opir_core.tracking.profile.trust import apart, blended, chances, typed
 
 
 def rows_at(time_s, sensors, tracks=1):

@@ -5,19 +5,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.profile import fit, flight
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.family import START, TURN_EAST, TURN_NORTH
+from opir_trackers.profile.fit import with_priors
+from opir_trackers.profile.hypotheses import probability
+from opir_trackers.profile.report import Basis, report
+from opir_trackers.profile.start import starts_of
 from profile_flights import PRIORS, bank_after, flights, hidden, lines_of_sight, watch_of
 from scipy.integrate import quad
 from scipy.stats import halfnorm, norm
 
-from opir_core.scene import TARGET_TYPES
+from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees
-from opir_core.tracking.profile import fit, flight
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.family import START, TURN_EAST, TURN_NORTH
-from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.prior_squares import with_priors
-from opir_core.tracking.profile.report import Basis, report
-from opir_core.tracking.profile.start import starts_of
 
 
 @pytest.mark.parametrize(

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from attrs import evolve
 from exact_boosts import Looks, effective, sampled, states_of
+from opir_trackers.profile import fit
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.family import SHAPE, START
+from opir_trackers.profile.fit import Solved
+from opir_trackers.profile.hypotheses import probability
+from opir_trackers.profile.report import Basis, report
+from opir_trackers.profile.start_parts import parted, parts_of
 from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 from scipy.integrate import quad
 from scipy.stats import halfnorm, norm
 
-from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.family import SHAPE, START
-from opir_core.tracking.profile.fit import Solved
-from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import Basis, report
-from opir_core.tracking.profile.start_parts import parted, parts_of
+from opir_core.scene.scene import TARGET_TYPES
 
 
 def linear(mean, sigma, count=1):

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.profile import fit, flight
+from opir_trackers.profile.end import Silence, ends_of
+from opir_trackers.profile.family import BURN, SIZE, START
+from opir_trackers.profile.report import Basis, report
+from opir_trackers.profile.thrust_end import with_ends
 from profile_flights import PRIORS, flights
-
-from opir_core.tracking.profile import fit, flight
-from opir_core.tracking.profile.end import Silence, ends_of
-from opir_core.tracking.profile.family import BURN, SIZE, START
-from opir_core.tracking.profile.report import Basis, report
-from opir_core.tracking.profile.thrust_end import with_ends
 
 COUNT, PERIOD_S, CHANCE, KNOWN = 4, 0.1, 0.6, 0.02
 

@@ -2,16 +2,16 @@
 
 import numpy as np
 from attrs import evolve
+from opir_trackers.profile import fit
+from opir_trackers.profile import flight as profile_flight
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.hypotheses import probability
+from opir_trackers.profile.report import Basis, report
 from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 from scipy.stats import chi2
 
-from opir_core.scene import TARGET_TYPES
+from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile import flight as profile_flight
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.hypotheses import probability
-from opir_core.tracking.profile.report import Basis, report
 
 #: A sharp sensor: looks every 50 ms, with errors of 10 µrad, that nearly all detect.
 SEEING = {"sensors": 1, "period_s": 0.05, "chance": 0.95}

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.profile import fit
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.family import BURN, SIZE, START, TURN_EAST, TURN_NORTH
+from opir_trackers.profile.fit import SPACING
+from opir_trackers.profile.hypotheses import GIVEN_UP, probability
+from opir_trackers.profile.windows import anew, laid, straightened, windowed
 from profile_flights import PRIORS, bank_after, flights, hidden, lines_of_sight, watch_of
 
-from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile.bank import Fitting
-from opir_core.tracking.profile.family import BURN, SIZE, START, TURN_EAST, TURN_NORTH
-from opir_core.tracking.profile.hypotheses import GIVEN_UP, probability
-from opir_core.tracking.profile.prior_squares import SPACING
-from opir_core.tracking.profile.windows import anew, laid, straightened, windowed
+from opir_core.scene.scene import TARGET_TYPES
 
 #: The lean of all ridges here, rad, and how well it is known along them.
 LEAN_RAD, ALONG_RAD = 0.7, 0.1

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from opir_core.errors import ModelError, SinkError
-from opir_core.protocols import Delivery
-from opir_core.pump import Outlets, PumpReport, SinkReport, pump
-from opir_core.records import Window
-from opir_core.testing.windows import stub_window
+from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.records import Window
+from opir_core.output.pump import Outlets, PumpReport, SinkReport, pump
+from opir_core.testing.doubles import stub_window
 
 
 class Recorder:

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from opir_core.cli import main
-from opir_core.protocols import Band
+from opir_core.cli.main import main
+from opir_core.interfaces.protocols import Band
 from opir_core.radiometry.aperture import (
     clutter_intensity_w_sr,
     irradiance_of_projected_area,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
+from opir_core.interfaces.protocols import Band
 from opir_core.plugin.host import Host
-from opir_core.protocols import Band
 from opir_core.radiometry.aperture import irradiance_w_m2, minimum_detectable_intensity_w_sr
 from opir_core.radiometry.protocols import AtmosphereContext, BackgroundContext, SignatureContext, SourceContext
 from opir_core.radiometry.records import Paths

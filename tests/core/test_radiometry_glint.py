@@ -6,13 +6,12 @@ from hot_sources import HERE, MWIR, NOON_US, SWIR, context, intensity
 from scipy import integrate
 
 from opir_core.geometry import local_axes, sun_position_ecef_m
-from opir_core.protocols import Band
-from opir_core.radiometry.glint import reflectance, slope_density, sunlight_w_m2
+from opir_core.interfaces.protocols import Band
+from opir_core.radiometry.configs import LowtranConfig
 from opir_core.radiometry.lowtran import lowtran_atmosphere
 from opir_core.radiometry.protocols import AtmosphereContext
-from opir_core.radiometry.sky_configs import LowtranConfig
 from opir_core.radiometry.source_configs import GlintConfig
-from opir_core.radiometry.sources import glint_sources
+from opir_core.radiometry.sources import glint_sources, reflectance, slope_density, sunlight_w_m2
 
 
 class TestGlint:

@@ -10,8 +10,8 @@ from opir_core.plugin.host import Host
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig
 from opir_core.radiometry.sources import bolide_sources, fire_sources, flare_sources
-from opir_core.reading import scene_from_mapping, scene_mapping
-from opir_core.scene import EMITTER_TYPES
+from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.scene.scene import EMITTER_TYPES
 
 HOST = Host.of(opir_dsp.plugin)
 

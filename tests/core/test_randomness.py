@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from opir_core.dice import PairStreams, WindowNumbers
-from opir_core.randomness import Reader, Stream, further_words, normal_pairs, stream_key, uniforms_of
+from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
+from opir_core.random_streams.philox import Reader, Stream, further_words, normal_pairs, stream_key, uniforms_of
 
 
 def raw(count: int, seed: int = 1) -> np.ndarray:

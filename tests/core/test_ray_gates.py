@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from opir_trackers.gating import candidates, gated
+from opir_trackers.predicted_measurements import Outlook
 
-from opir_core.tracking.filter.motion import BOOST
-from opir_core.tracking.gating import candidates, gated
-from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import Rays, turned
+from opir_core.estimation.lines_of_sight import Rays, turned
+from opir_core.estimation.motion import BOOST
 
 COUNT, END_S, SPAN_S, GATE = 60, 5000.0, 1.0, 4.5
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in (0.2, 1.7)])

@@ -14,8 +14,8 @@ from fake_components import fake_host, good_mapping
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
-from opir_core.scene import Scene
+from opir_core.scene.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
+from opir_core.scene.scene import Scene
 
 HOST = fake_host()
 

@@ -26,8 +26,8 @@ from spoilt_scenes import (
 )
 
 from opir_core.errors import OpirError
-from opir_core.reading import load_scene, scene_from_mapping, scene_mapping, strict_yaml
-from opir_core.scene import Scene
+from opir_core.scene.reading import load_scene, scene_from_mapping, scene_mapping, strict_yaml
+from opir_core.scene.scene import Scene
 
 HOST = fake_host()
 

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, are_loose, restrained
 
 import opir_core as opir
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.plan import compile_plan
-from opir_core.run import run_of_plan
+from opir_core.estimation import square_root
+from opir_core.planning.plan import compile_plan
 from opir_core.scoring.consistency import nees
 from opir_core.scoring.evidence import true_states
-from opir_core.tracking.filter import square_root
-from opir_core.tracking.filter.restraint import SPEED_SIGMA_M_S, are_loose, restrained
+from opir_core.simulation.run import run_of_plan
 
 
 def test_only_what_is_too_long_of_a_velocity_shrinks() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from opir_core.constants import GEOSTATIONARY_RADIUS_M
-from opir_core.plugin.scan_patterns import AlignedScan, RandomScan, SpinSweep, StepStareSweep, scan_pattern
+from opir_core.sensors.scan_patterns import AlignedScan, RandomScan, SpinSweep, StepStareSweep, scan_pattern
 
 PERIOD_NS = 200_000_000
 HALF_ANGLE_RAD = math.radians(10.0)

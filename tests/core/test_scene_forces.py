@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from fake_components import fake_host, good_mapping
 
-from opir_core.explanation import explained
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
-from opir_core.plan import compile_plan
+from opir_core.interfaces.protocols import TrackerContext
+from opir_core.planning.explanation import explained
+from opir_core.planning.plan import compile_plan
 from opir_core.plugin import NoConfig, TrackerModel, hookimpl
 from opir_core.plugin.host import Host
-from opir_core.protocols import TrackerContext
-from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
-from opir_core.run import simulate
-from opir_core.scene import ExponentialAir, SceneDrag, SceneForces
+from opir_core.scene.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
+from opir_core.scene.scene import ExponentialAir, SceneDrag, SceneForces
+from opir_core.simulation.run import simulate
 from opir_core.testing import SilentTracker
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "pacific_test_range.yaml"

@@ -7,13 +7,13 @@ from scipy.stats import chi2
 from scored_scene import SCENE
 
 import opir_core as opir
-from opir_core.plan import compile_plan
-from opir_core.reading import scene_from_mapping
-from opir_core.run import run_of_plan
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run
 from opir_core.scoring.consistency import (
     consistency,
     containment,
+    innovations,
     nees,
     on_normal_scale,
     proportion,
@@ -21,8 +21,8 @@ from opir_core.scoring.consistency import (
 )
 from opir_core.scoring.errors import ground_error
 from opir_core.scoring.evidence import true_states
-from opir_core.scoring.innovations import innovations
 from opir_core.scoring.ownership import ownership
+from opir_core.simulation.run import run_of_plan
 
 RNG = np.random.default_rng(11)
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from opir_core.bias import Bias
 from opir_core.flight import propagate_kepler
 from opir_core.geometry import eci_to_ecef, local_axes
+from opir_core.planning.pointing_bias import Bias
 from opir_core.scoring.bound import (
     FREE_PRIOR_SIGMA,
     JERK_NOISE_M_S3,

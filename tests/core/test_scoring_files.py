@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scored_scene import SCENE
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 from opir_core.errors import SceneError
 from opir_core.scoring.files import evidence_of_files
 

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 from scored_scene import SCENE
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 from opir_core.errors import OpirError, Problem, SceneError
-from opir_core.plan import compile_plan
-from opir_core.reading import scene_from_mapping
-from opir_core.run import run_of_plan
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.comparison import compared
 from opir_core.scoring.evidence import Evidence
@@ -21,7 +20,8 @@ from opir_core.scoring.files import evidence_of_files
 from opir_core.scoring.ownership import ownership
 from opir_core.scoring.scorecard import ScoreSettings
 from opir_core.scoring.tracks_file import TracksFile, read_tracks
-from opir_core.testing.windows import stub_estimates
+from opir_core.simulation.run import run_of_plan
+from opir_core.testing.doubles import stub_estimates
 
 
 def synthetic(track, target):

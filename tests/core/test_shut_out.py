@@ -2,14 +2,14 @@
 
 import numpy as np
 from attrs import evolve
+from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.thrust import THRUST, Thrust
 
-from opir_core.columns import names_of
+from opir_core.estimation import square_root
+from opir_core.estimation.lines_of_sight import Sights, axes_across, no_sights
+from opir_core.estimation.motion import COAST, Motion
 from opir_core.flight.forces import Forces
-from opir_core.tracking.filter import square_root
-from opir_core.tracking.filter.motion import COAST, Motion
-from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.filter.thrust import THRUST, Thrust
-from opir_core.tracking.rays import Sights, axes_across, no_sights
+from opir_core.interfaces.columns import names_of
 
 FORCES, COUNT, END_S = Forces(), 12, 40.0
 FILTER = SwitchingFilter(

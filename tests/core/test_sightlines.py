@@ -7,12 +7,12 @@ from attrs import evolve, frozen
 import opir_core as opir
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2, SPEED_OF_LIGHT_M_S
-from opir_core.engine import Engine
 from opir_core.geometry import elevation_rad, is_occluded
-from opir_core.looks import look_times_s
-from opir_core.plan import Plan, compile_plan
-from opir_core.protocols import Sensor
-from opir_core.sightlines import Sight, compile_pairs, visible_now
+from opir_core.interfaces.protocols import Sensor
+from opir_core.planning.looks import look_times_s
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning.visibility import Sight, compile_pairs, visible_now
+from opir_core.simulation.engine import Engine
 
 
 @frozen

@@ -11,10 +11,10 @@ from file_sinks import encoder, python, sink
 from opir_core.builtin.encoders import ENCODERS
 from opir_core.builtin.line_file import LineFile
 from opir_core.builtin.sinks import SINKS
-from opir_core.events import blocks
-from opir_core.fields import field_infos
-from opir_core.protocols import Delivery, Encoder
-from opir_core.testing.windows import stub_window
+from opir_core.interfaces.protocols import Delivery, Encoder
+from opir_core.output.events import blocks
+from opir_core.scene.fields import field_infos
+from opir_core.testing.doubles import stub_window
 
 
 def never() -> Encoder:

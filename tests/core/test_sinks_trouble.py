@@ -13,8 +13,8 @@ import pytest
 from file_sinks import encoder, python, sink
 
 from opir_core.errors import ModelError, SinkError
-from opir_core.protocols import Delivery
-from opir_core.testing.windows import stub_window
+from opir_core.interfaces.protocols import Delivery
+from opir_core.testing.doubles import stub_window
 
 FULL = Path("/dev/full")
 needs_full = pytest.mark.skipif(not FULL.exists(), reason="this system has no /dev/full")

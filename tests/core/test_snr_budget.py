@@ -5,9 +5,9 @@ import pytest
 from scipy.constants import c, h
 
 import opir_core as opir
-from opir_core.looks import Looks, exposures
-from opir_core.reading.canonical import scene_mapping
-from opir_core.sites import Sites
+from opir_core.planning.looks import Looks, exposures
+from opir_core.planning.sensor_states import Sites
+from opir_core.scene.reading.canonical import scene_mapping
 
 SENSORS = [
     {"model": "DSP", "id": "D", "orbital_slot_deg": -135.0},

@@ -10,14 +10,14 @@ from scipy.stats import chi2, norm, poisson, spearmanr
 from snr_scene import DSP, SBIRS, joined, scene, windows_of
 
 import opir_core as opir
-from opir_core import exceedances
 from opir_core.detection import snr
 from opir_core.detection.gate_density import GateDensity
-from opir_core.engine import Engine
-from opir_core.randomness import Reader
-from opir_core.records import Detections, DetectionTruth
-from opir_core.responses import Response
-from opir_core.scenery import REFERENCE_ALTITUDE_M
+from opir_core.interfaces.records import Detections, DetectionTruth
+from opir_core.interfaces.signal_models import Response
+from opir_core.radiometry.environment import REFERENCE_ALTITUDE_M
+from opir_core.random_streams.philox import Reader
+from opir_core.simulation import false_alarms
+from opir_core.simulation.engine import Engine
 
 
 def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = ()) -> None:
@@ -131,11 +131,11 @@ def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geomet
     plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}, duration_s=220))
     whole = Engine(plan).advance(plan.end_ns)
     measured, again, placed = [], [], []
-    inner, to_pass, directions = type(plan.detection).measure_response, snr.measured_to_pass, exceedances._directions
+    inner, to_pass, directions = type(plan.detection).measure_response, snr.measured_to_pass, false_alarms._directions
     monkeypatch.setattr(type(plan.detection), "measure_response", lambda *g: measured.append(len(g[2])) or inner(*g))
     monkeypatch.setattr(snr, "measured_to_pass", lambda *given: again.append(len(given[1])) or to_pass(*given))
-    monkeypatch.setattr(exceedances, "_directions", lambda *given: placed.append(len(given[0])) or directions(*given))
-    monkeypatch.setattr("opir_core.looks.BLOCK_ROWS", 100)
+    monkeypatch.setattr(false_alarms, "_directions", lambda *given: placed.append(len(given[0])) or directions(*given))
+    monkeypatch.setattr("opir_core.planning.looks.BLOCK_ROWS", 100)
     parted = Engine(plan).advance(plan.end_ns)
     seen, kinds = int((whole.truth.target >= 0).sum()), len(set(plan.detection.alike.tolist()))
     assert measured == [seen]

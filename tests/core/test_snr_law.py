@@ -9,12 +9,12 @@ from scipy.special import ndtr
 from snr_scene import DSP, NEXTGEN, joined, scene, windows_of
 
 import opir_core as opir
-from opir_core.engine import Engine
 from opir_core.errors import ModelError
-from opir_core.knots import Knots
-from opir_core.looks import Looks, exposures
-from opir_core.sites import Sites
-from opir_core.weaving import SIGNAL_SHARE, SIGNAL_SIGMA
+from opir_core.planning.looks import Looks, exposures
+from opir_core.planning.sensor_states import Sites
+from opir_core.simulation.engine import Engine
+from opir_core.simulation.interpolation.probability import Knots
+from opir_core.simulation.interpolation.refinement import SIGNAL_SHARE, SIGNAL_SIGMA
 
 SKIES = {
     "empty space": {},
@@ -109,7 +109,7 @@ def test_a_sensor_that_says_nothing_of_light_is_refused() -> None:
     mute = evolve(plan.sensors[0], radiometer=None)
     from opir_core.detection.configs import SnrConfig
     from opir_core.detection.snr import snr_detection
-    from opir_core.protocols import ModelContext
+    from opir_core.interfaces.protocols import ModelContext
 
     context = ModelContext(
         sensors=(mute,), target_type_code=plan.targets.type_code, make_scenery=lambda: plan.detection.scenery

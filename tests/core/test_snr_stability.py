@@ -12,11 +12,11 @@ import pytest
 from scipy.special import log_ndtr, ndtr
 
 import opir_core as opir
-from opir_core.engine import Engine
 from opir_core.errors import SceneError
 from opir_core.geometry import ecef_to_geodetic, elevation_rad, geodetic_to_ecef
+from opir_core.interfaces.records import Exposures
 from opir_core.radiometry.lowtran import LowtranAtmosphere
-from opir_core.records import Exposures
+from opir_core.simulation.engine import Engine
 
 SENSORS = {
     "DSP": {"model": "DSP", "id": "D", "orbital_slot_deg": 0.0},

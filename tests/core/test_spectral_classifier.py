@@ -13,19 +13,19 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 import opir_core as opir
-from opir_core.assembly import with_tracks
 from opir_core.classification.bank import Bank, elevation_bin
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.imagined import evenly_spread
 from opir_core.classification.mixture import Components, Mixture
 from opir_core.classification.spectral import SpectralClassifier
 from opir_core.errors import ModelError
-from opir_core.events import detection_schema
-from opir_core.plan import compile_plan
-from opir_core.records import Sightings, Tracks
-from opir_core.scene import REPORTED_TYPES, UNKNOWN_TYPE
+from opir_core.interfaces.records import Sightings, Tracks
+from opir_core.output.events import detection_schema
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
+from opir_core.simulation.measurement import with_tracks
 from opir_core.testing.bench import bench_scene, encoder_of
-from opir_core.testing.windows import stub_window
+from opir_core.testing.doubles import stub_window
 
 #: Apparent intensities are irradiances times the square of this, m.
 RANGE_M = 1e3

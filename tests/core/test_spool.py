@@ -24,18 +24,18 @@ from spool_stand import (
 )
 from waiting import until
 
-from opir_core.builtin.memory import Memory
+from opir_core.builtin.memory_sinks import Memory
 from opir_core.errors import SinkError
-from opir_core.protocols import Delivery
-from opir_core.pump import pump
-from opir_core.records import Tracks
-from opir_core.spool import parcels
-from opir_core.spool.carriers import Carrier
-from opir_core.spool.dispatch import AHEAD_BYTES, Dispatch, Policy
-from opir_core.spool.journal import Journal
-from opir_core.spool.parcels import PARCEL_EVENTS, Packer
-from opir_core.spool.windows import WindowCarrier, WindowPacker
-from opir_core.testing.windows import stub_estimates, stub_window
+from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.records import Tracks
+from opir_core.output.pump import pump
+from opir_core.output.spool import batches
+from opir_core.output.spool.batches import PARCEL_EVENTS, Packer
+from opir_core.output.spool.dispatch import AHEAD_BYTES, Dispatch, Policy
+from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.transport import Carrier
+from opir_core.output.spool.windows import WindowCarrier, WindowPacker
+from opir_core.testing.doubles import stub_estimates, stub_window
 
 
 def test_the_stand_keeps_the_protocol() -> None:
@@ -125,7 +125,7 @@ def test_a_carrier_that_fails_at_the_end_is_told_by_closing(tmp_path: Path) -> N
 
 def test_a_defect_of_a_carrier_is_passed_on(tmp_path: Path) -> None:
     class Broken(Holding):
-        def carry(self, parcel: parcels.Parcel) -> "Future[None]":
+        def carry(self, parcel: batches.Parcel) -> "Future[None]":
             raise ZeroDivisionError
 
     sink = spooled(tmp_path / "spool", Broken())

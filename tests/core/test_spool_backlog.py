@@ -17,12 +17,11 @@ from spool_stand import (
 )
 
 from opir_core.errors import SinkError
-from opir_core.protocols import Delivery
-from opir_core.spool import parcels
-from opir_core.spool.backlog import FullError
-from opir_core.spool.dispatch import Dispatch
-from opir_core.spool.journal import Journal
-from opir_core.spool.parcels import Packer
+from opir_core.interfaces.protocols import Delivery
+from opir_core.output.spool import batches
+from opir_core.output.spool.batches import FullError, Packer
+from opir_core.output.spool.dispatch import Dispatch
+from opir_core.output.spool.journal import Journal
 
 
 @pytest.mark.parametrize("is_spooled", [True, False])
@@ -110,6 +109,6 @@ def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
     assert carrier.ids == ids_of(window(told.delivered))
 
 
-def put_for_ever(journal: Journal, parcel: parcels.Parcel) -> None:
+def put_for_ever(journal: Journal, parcel: batches.Parcel) -> None:
     while True:
         journal.put(parcel)

@@ -16,12 +16,12 @@ from spool_stand import (
     window,
 )
 
-from opir_core.builtin.memory import Memory
+from opir_core.builtin.memory_sinks import Memory
 from opir_core.errors import SinkError
-from opir_core.spool.dispatch import Dispatch
-from opir_core.spool.journal import Journal
-from opir_core.spool.parcels import Packer
-from opir_core.spool.windows import WindowCarrier, WindowPacker
+from opir_core.output.spool.batches import Packer
+from opir_core.output.spool.dispatch import Dispatch
+from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.windows import WindowCarrier, WindowPacker
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")

@@ -6,16 +6,16 @@ from typing import Any
 
 import pytest
 
-from opir_core.cli import main
-from opir_core.delivery import deliver
+from opir_core.cli.main import main
 from opir_core.errors import PluginError, SceneError, SinkError
-from opir_core.fields import text
-from opir_core.plan import compile_plan
+from opir_core.output.delivery import deliver
+from opir_core.output.spool.journal import Journal
+from opir_core.planning.plan import compile_plan
 from opir_core.plugin.components import SinkModel
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.plugin.host import Host
-from opir_core.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
-from opir_core.spool.journal import Journal
+from opir_core.scene.fields import text
+from opir_core.scene.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 
 SCENE = str(Path(__file__).resolve().parents[2] / "examples" / "first_light.yaml")
 

@@ -6,18 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
+from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.stereo.tracker import StereoTracker, stereo_filter
 
+from opir_core.estimation.lines_of_sight import axes_across
+from opir_core.estimation.motion import BOOST, COAST, Motion, followed, weights_at
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.protocols import TrackerContext
-from opir_core.records import Detections, Tracks
-from opir_core.testing.doubles import stub_sensor
-from opir_core.testing.windows import stub_window
-from opir_core.tracking.configs import StereoFilterConfig
-from opir_core.tracking.filter.motion import BOOST, COAST, Motion, followed, weights_at
-from opir_core.tracking.outlook import Outlook
-from opir_core.tracking.rays import axes_across
-from opir_core.tracking.stereo.tracker import StereoTracker, stereo_filter
+from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.records import Detections, Tracks
+from opir_core.testing.doubles import stub_sensor, stub_window
 
 SENSORS = (stub_sensor("WEST", -30.0), stub_sensor("EAST", 40.0), stub_sensor("FAR", 70.0))
 KEPLER = Forces(zonal=())

@@ -6,11 +6,11 @@ from attrs import evolve
 from followed_flights import followed, rows_of, usual
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from opir_trackers.gating import Pairs
+from opir_trackers.stereo.outlier_fraction import SHARES, Strays, doubtful, shares_told, unsuspected
 from other_flights import flown
 
 from opir_core.scoring.consistency import nees
-from opir_core.tracking.gating import Pairs
-from opir_core.tracking.stereo.stray_rays import SHARES, Strays, doubtful, shares_told, unsuspected
 
 GATE = 4.5
 

@@ -11,10 +11,10 @@ from opir_core.builtin.table_targets import table_targets
 from opir_core.errors import SceneError
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef_state
-from opir_core.plan import compile_plan
-from opir_core.protocols import FreeFlight, TargetContext
-from opir_core.reading import load_scene, scene_from_mapping
-from opir_core.run import simulate
+from opir_core.interfaces.protocols import FreeFlight, TargetContext
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import load_scene, scene_from_mapping
+from opir_core.simulation.run import simulate
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "pacific_test_range.yaml"
 

@@ -1,17 +1,17 @@
 """The stereo filter's boost along the velocity on drawn flights of the classes: smaller errors, and honest ones."""
 
 import numpy as np
+from opir_trackers.filter.dynamics import Dynamics
+from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.thrust import Thrust
+from opir_trackers.profile import fit
 from profile_flights import GEO_M, PRIORS, SLOTS_RAD, flights
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
-from opir_core.tracking.filter.dynamics import Dynamics
-from opir_core.tracking.filter.motion import BOOST, COAST, Motion
-from opir_core.tracking.filter.switching import Bank, SwitchingFilter
-from opir_core.tracking.filter.thrust import Thrust
-from opir_core.tracking.profile import fit
-from opir_core.tracking.rays import Sights, axes_across
 
 FREE, SIGMA_RAD, FLIGHTS = Forces(), 2e-5, 40
 TICKS_S = np.arange(10.0, 66.0)

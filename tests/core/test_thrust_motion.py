@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from opir_trackers.filter.thrust import THRUST, Thrust
 from scipy.integrate import solve_ivp
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.estimation.motion import COAST, Motion, followed, weights_at
 from opir_core.flight.forces import Forces
-from opir_core.tracking.filter.motion import COAST, Motion, followed, weights_at
-from opir_core.tracking.filter.thrust import THRUST, Thrust
 
 SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 TILT_S = 15.0

@@ -10,8 +10,8 @@ from attrs import evolve
 
 import opir_core as opir
 from opir_core.arrays import IntArray
-from opir_core.records import Detections, Tracks
-from opir_core.run import run_of_plan
+from opir_core.interfaces.records import Detections, Tracks
+from opir_core.simulation.run import run_of_plan
 
 SCENE = {
     "scene": "budget",

@@ -3,10 +3,10 @@
 import numpy as np
 from attrs import evolve, fields
 
-from opir_core.plan import compile_plan
-from opir_core.reading import scene_from_mapping
-from opir_core.records import Detections, Tracks
-from opir_core.run import run_of_plan
+from opir_core.interfaces.records import Detections, Tracks
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.simulation.run import run_of_plan
 
 SCENE = {
     "scene": "shown",

@@ -8,9 +8,9 @@ from attrs import evolve, frozen
 
 import opir_core as opir
 from opir_core.errors import ModelError, OpirError
+from opir_core.interfaces.records import Tracks
 from opir_core.plugin import TrackerModel, hookimpl, text
-from opir_core.records import Tracks
-from opir_core.run import run_of_plan
+from opir_core.simulation.run import run_of_plan
 
 SCENE = {
     "scene": "answers",
@@ -63,8 +63,8 @@ FAULTS = {
     ],
     "step": [
         (fail, "step at 1 s raised KeyError: 'no such thing' (core/test_tracker_answers.py, line"),
-        (lambda *_: None, "step at 1 s returned None, no opir_core.records.Tracks"),
-        (lambda *_: [], "step at 1 s returned a list, no opir_core.records.Tracks"),
+        (lambda *_: None, "step at 1 s returned None, no opir_core.interfaces.records.Tracks"),
+        (lambda *_: [], "step at 1 s returned a list, no opir_core.interfaces.records.Tracks"),
         (lambda tick_s, _: told(tick_s, track=np.array([1, 0])), "step at 1 s told tracks numbered [1, 0]"),
         (lambda tick_s, _: told(tick_s, track=np.array([1, 1])), "step at 1 s told tracks numbered [1, 1]"),
         (lambda tick_s, _: told(tick_s, track=np.array([-1, 1])), "step at 1 s told tracks numbered [-1, 1]"),
@@ -153,7 +153,7 @@ def test_the_line_told_is_the_trackers_and_no_librarys():
 
 
 def test_of_the_cores_own_parts_the_innermost_line_is_told(monkeypatch):
-    monkeypatch.setattr("opir_core.tracking.stereo.tracking.nobody", np.linalg.inv)
+    monkeypatch.setattr("opir_trackers.stereo.tracking.nobody", np.linalg.inv)
     with pytest.raises(ModelError, match=r"of opir-core .*LinAlgError: .* \(stereo/tracking.py, line \d+\)"):
         opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "stereo-filter"}))
 

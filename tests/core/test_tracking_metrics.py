@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from opir_core.tracking.metrics import gospa, ospa
+from opir_core.scoring.gospa import gospa, ospa
 
 counts = st.integers(0, 5)
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-
-from opir_core.tracking.triangulation import meeting_points
+from opir_trackers.triangulation import meeting_points
 
 
 @pytest.mark.filterwarnings("error")

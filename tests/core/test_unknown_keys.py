@@ -5,13 +5,13 @@ from collections.abc import Iterable
 import pytest
 from attrs import evolve, field, frozen
 from fake_components import fake_host, good_mapping
+from opir_trackers.configs import BoostProfileConfig
 
+from opir_core.cli.description import field_rows
 from opir_core.errors import SceneError
 from opir_core.plugin import AtmosphereModel, NoConfig, SensorModel, hookimpl, nested, number
-from opir_core.plugin.description import field_rows
 from opir_core.plugin.host import Host
-from opir_core.reading import scene_from_mapping
-from opir_core.tracking.configs import BoostProfileConfig
+from opir_core.scene.reading import scene_from_mapping
 
 
 @frozen(kw_only=True)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from opir_core.geometry import azimuth_elevation_range, azimuth_elevation_range_in_axes, local_axes
-from opir_core.records import Detections
-from opir_core.sites import Viewpoints
-from opir_core.testing.windows import stub_window
+from opir_core.interfaces.records import Detections
+from opir_core.planning.sensor_states import Viewpoints
+from opir_core.testing.doubles import stub_window
 
 
 def seen(count: int = 400, share_moving: float = 0.3) -> Detections:
@@ -77,6 +77,6 @@ def test_seconds_are_the_nanoseconds() -> None:
 
 
 def test_records_import_no_geometry() -> None:
-    program = "import sys; import opir_core.records; assert 'opir_core.geometry' not in sys.modules"
+    program = "import sys; import opir_core.interfaces.records; assert 'opir_core.geometry' not in sys.modules"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

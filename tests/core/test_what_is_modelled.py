@@ -9,16 +9,16 @@ from typing import Any, get_type_hints
 import pytest
 from attrs import fields, has
 
-from opir_core.fields import METADATA_KEY
+from opir_core.cli.description import FieldRow, field_rows, nested_config
+from opir_core.output.spool.settings import SpoolConfig
 from opir_core.plugin.components import CATALOGUE, Component
-from opir_core.plugin.description import FieldRow, field_rows, nested_config
 from opir_core.plugin.host import Host
-from opir_core.plugin.radiometer import RadiometerConfig
-from opir_core.plugin.sensors import ScanningSensorConfig
 from opir_core.radiometry.source_configs import SourceConfig
-from opir_core.reading.heading import SceneFile
-from opir_core.scene import SceneDrag
-from opir_core.spool.settings import SpoolConfig
+from opir_core.scene.fields import METADATA_KEY
+from opir_core.scene.reading.scene_schema import SceneFile
+from opir_core.scene.scene import SceneDrag
+from opir_core.sensors.radiometer import RadiometerConfig
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "what-is-modelled.md"
 PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "kafka", "stonesoup")

@@ -27,7 +27,7 @@ def modules_of(code: str, folder: Path) -> set[str]:
 
 def command(*words: str) -> str:
     return (
-        "from opir_core.cli import main\n"
+        "from opir_core.cli.main import main\n"
         f"try:\n    code = main({list(words)!r})\nexcept SystemExit as stop:\n    code = stop.code\n"
         "assert not code, code"
     )
@@ -81,4 +81,4 @@ def test_a_sink_that_encodes_nothing_imports_no_encoder(tmp_path: Path, sink: st
     scene = str(EXAMPLES / "first_light.yaml")
     loaded = modules_of(command("run", scene, "--sink", sink, "--quiet"), tmp_path)
     assert "msgspec" not in loaded
-    assert "opir_core.events.forge" not in loaded
+    assert "opir_core.output.events.forge" not in loaded

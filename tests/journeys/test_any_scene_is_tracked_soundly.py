@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import opir_core as opir
-from opir_core.records import Tracks
+from opir_core.interfaces.records import Tracks
 
 SEEN = {"launch": "launch_covariance", "impact": "impact_covariance", "burnout": "burnout_covariance"}
 

@@ -30,8 +30,8 @@ def test_text_has_every_field_with_unit_range_default_meaning_and_source() -> No
 
 
 def test_json_of_every_component_of_the_core_has_every_field() -> None:
-    from opir_core.plugin.description import described
-    from opir_core.plugin.named import HOOK_BY_KIND, components_named
+    from opir_core.cli.description import described
+    from opir_core.cli.lookup import HOOK_BY_KIND, components_named
 
     host = Host.of()
     for kind, hook in HOOK_BY_KIND.items():
@@ -74,7 +74,9 @@ def test_a_missing_setting_is_told_with_what_it_is_to_hold(tmp_path: Path) -> No
 
 
 def test_listing_plugins_imports_no_numpy() -> None:
-    code = "from opir_core.cli import main; import sys; main(['plugins', '--json']); sys.exit('numpy' in sys.modules)"
+    code = (
+        "from opir_core.cli.main import main; import sys; main(['plugins', '--json']); sys.exit('numpy' in sys.modules)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert {row["plugin"] for row in json.loads(done.stdout)} >= {"builtin", "dsp"}

@@ -16,7 +16,7 @@ from http_stand import serving
 from opir_http.openapi import document
 from opir_http.tracks import TrackBook
 
-from opir_core.testing.windows import stub_estimates
+from opir_core.testing.doubles import stub_estimates
 
 LAUNCH, AIM = (34.73, -120.57), (32.0, -124.0)
 

@@ -9,10 +9,10 @@ import pytest
 import yaml
 
 import opir_core as opir
-from opir_core.events.forge import ForgeEncoder
-from opir_core.plan import compile_plan
-from opir_core.protocols import EncoderContext
-from opir_core.run import plan_windows
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.planning.plan import compile_plan
+from opir_core.simulation.run import plan_windows
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "pacific_test_range.yaml"
 SCENE: Mapping[str, Any] = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
@@ -64,7 +64,7 @@ def test_one_more_target_leaves_the_other_targets_events_alone(whole: bytes, pla
 
 def of_target(scene: Mapping[str, Any], target_id: str) -> set[str]:
     """Return the ids of the detections of a target, from the truth."""
-    from opir_core.events.identifiers import uuid_text
+    from opir_core.random_streams.detection_ids import uuid_text
 
     run = opir.simulate(opir.scene_from_mapping(dict(scene)))
     rows = run.truth.target == run.target_ids.index(target_id)

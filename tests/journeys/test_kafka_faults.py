@@ -31,8 +31,8 @@ from opir_kafka.failures import FATAL_CODES
 from spool_stand import SENSORS, fill, window
 
 from opir_core.errors import SinkError
-from opir_core.protocols import Delivery
-from opir_core.pump import Outlets
+from opir_core.interfaces.protocols import Delivery
+from opir_core.output.pump import Outlets
 
 #: Codes that the protocol's table gives for taking messages and that may pass. 46 (DUPLICATE_SEQUENCE_NUMBER) is not
 #: among them: it says that the message is there.

@@ -11,7 +11,7 @@ from waiting import until
 
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.plugin.host import Host
-from opir_core.reading import load_scene
+from opir_core.scene.reading import load_scene
 
 SCENE = str(Path(__file__).resolve().parents[2] / "examples" / "first_light.yaml")
 STOP_S = 5.0

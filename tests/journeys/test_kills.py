@@ -19,12 +19,12 @@ from kafka_stand import messages
 from served import Nursery, nursery
 from waiting import until
 
-from opir_core.engine import Engine
-from opir_core.events.forge import ForgeEncoder
-from opir_core.plan import compile_plan
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.planning.plan import compile_plan
 from opir_core.plugin.host import Host
-from opir_core.protocols import EncoderContext
-from opir_core.reading import load_scene
+from opir_core.scene.reading import load_scene
+from opir_core.simulation.engine import Engine
 
 KILLS, RUNS = 20, 8
 

@@ -14,8 +14,8 @@ import yaml
 
 from opir_core.plugin.discovery import CORE_PLUGINS
 from opir_core.plugin.host import Host
-from opir_core.reading import scene_from_mapping
-from opir_core.run import plan_windows, simulate
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.simulation.run import plan_windows, simulate
 from opir_core.testing.bench import encoder_of, planned
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from opir_core.cli import main
-from opir_core.plugin.writing import KINDS
+from opir_core.cli.main import main
+from opir_core.cli.scaffold import KINDS
 
 NAMES = {kind: f"brand-new-{kind}" for kind in KINDS}
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 
 SCENE = str(Path(__file__).parents[2] / "examples" / "photons.yaml")
 NARROW = "sensors[1].bands={SWIR: [2.5, 3.0], MWIR: [3.4, 4.1]}"

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import opir_core as opir
-from opir_core.plan import compile_plan
-from opir_core.records import Tracks
-from opir_core.run import plan_windows, run_of_plan
+from opir_core.interfaces.records import Tracks
+from opir_core.planning.plan import compile_plan
+from opir_core.simulation.run import plan_windows, run_of_plan
 
 SCENE: Mapping[str, Any] = {
     "scene": "two-launches",

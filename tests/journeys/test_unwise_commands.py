@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "first_light.yaml"
 

@@ -11,10 +11,9 @@ import pytest
 
 from opir_core.errors import PluginError
 from opir_core.plugin import discovery
-from opir_core.plugin.components import DetectionModel, NoConfig
+from opir_core.plugin.components import DetectionModel, NoConfig, PluginFailure
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.plugin.host import Host
-from opir_core.plugin.provenance import PluginFailure
 
 HEADER = "from attrs import frozen\nfrom opir_core.plugin import *\n"
 

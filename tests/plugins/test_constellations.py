@@ -18,14 +18,14 @@ import opir_core.plugin
 from opir_core.builtin.classification import confusion_classifier
 from opir_core.builtin.configs import ConfusionConfig, ConstantConfig
 from opir_core.builtin.detection import constant_detection
-from opir_core.fields import field_infos
-from opir_core.plugin import scan_patterns
+from opir_core.interfaces.protocols import ModelContext, SensorContext
+from opir_core.interfaces.records import Sightings
 from opir_core.plugin.components import CATALOGUE
 from opir_core.plugin.host import Host
-from opir_core.protocols import ModelContext, SensorContext
-from opir_core.reading import scene_from_mapping
-from opir_core.records import Sightings
-from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.scene.fields import field_infos
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.sensors import scan_patterns
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = {"DSP": "opir_dsp", "SBIRS-GEO": "opir_sbirs", "NEXTGEN-GEO": "opir_nextgen"}

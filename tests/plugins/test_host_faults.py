@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from opir_core.errors import PluginError
+from opir_core.plugin.components import PluginFailure
 from opir_core.plugin.host import Host
-from opir_core.plugin.provenance import PluginFailure
 
 FAULTS = {
     "a missing dependency": (

@@ -4,8 +4,8 @@ import warnings
 
 import pytest
 
+from opir_core.plugin.contributions import MOST_COMPONENTS
 from opir_core.plugin.host import Host
-from opir_core.plugin.offerings import MOST_COMPONENTS
 
 NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
 

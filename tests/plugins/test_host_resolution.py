@@ -9,10 +9,9 @@ import pytest
 
 import opir_core
 from opir_core.errors import PluginError
-from opir_core.plugin.components import Constellation, EventEncoder, SensorModel, TrackerModel
+from opir_core.plugin.components import Constellation, EventEncoder, Provenance, SensorModel, TrackerModel
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.plugin.host import Host
-from opir_core.plugin.provenance import Provenance
 
 DSP = """
 @frozen

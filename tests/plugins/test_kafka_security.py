@@ -20,10 +20,10 @@ from opir_kafka.failures import FATAL_CODES, is_fatal, words
 from opir_kafka.settings import KafkaConfig, SecurityConfig
 from spool_stand import ENCODER, SENSORS, window
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 from opir_core.errors import SceneError, SinkError
-from opir_core.reading import load_scene
-from opir_core.spool.parcels import Packer
+from opir_core.output.spool.batches import Packer
+from opir_core.scene.reading import load_scene
 
 SCENE = str(Path(__file__).resolve().parents[2] / "examples" / "first_light.yaml")
 SECRET = "correct horse battery staple"

@@ -17,14 +17,14 @@ from opir_kafka.lanes import Shipment
 from opir_kafka.settings import KafkaConfig
 from spool_stand import ENCODER, SENSORS, window
 
-from opir_core.cli import main
-from opir_core.delivery import deliver
+from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.plan import compile_plan
-from opir_core.reading import load_scene
-from opir_core.spool.carriers import Carrier
-from opir_core.spool.dispatch import Policy
-from opir_core.spool.parcels import Packer
+from opir_core.output.delivery import deliver
+from opir_core.output.spool.batches import Packer
+from opir_core.output.spool.dispatch import Policy
+from opir_core.output.spool.transport import Carrier
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import load_scene
 
 SCENE = str(Path(__file__).resolve().parents[2] / "examples" / "first_light.yaml")
 

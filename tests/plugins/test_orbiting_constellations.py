@@ -12,12 +12,12 @@ import pytest
 from sgp4.api import Satrec
 
 from opir_core import simulate
-from opir_core.fields import field_infos
 from opir_core.geometry import ecef_to_geodetic
+from opir_core.interfaces.protocols import SensorContext
 from opir_core.orbits import OrbitConfig
-from opir_core.protocols import SensorContext
-from opir_core.reading import scene_from_mapping
-from opir_core.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.scene.fields import field_infos
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("opir_heo", "opir_leo")

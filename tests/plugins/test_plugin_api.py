@@ -8,8 +8,8 @@ import pytest
 from opir_core._version import __version__
 from opir_core.errors import PluginError
 from opir_core.plugin.api import API_VERSION, ApiRange
+from opir_core.plugin.components import PluginRow
 from opir_core.plugin.host import Host
-from opir_core.plugin.provenance import PluginRow
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from opir_stonesoup.models import EarthFixedMotion, SightModel, sensor_axes
 from opir_stonesoup.reader import OpirDetectionReader
 from opir_stonesoup.tracker import StoneSoupTracker
 from opir_stonesoup.upkeep import SilenceDeleter, ground_prior
+from opir_trackers.low_orbit_ranges import FIRST_HEIGHT_M
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor
 from stonesoup.predictor.particle import ParticlePredictor
 from stonesoup.tracker.simple import MultiTargetTracker
@@ -23,15 +24,14 @@ from stonesoup.types.update import GaussianStateUpdate, ParticleStateUpdate
 from stonesoup.updater.kalman import ExtendedKalmanUpdater
 
 import opir_core as opir
-from opir_core.cli import main
+from opir_core.cli.main import main
 from opir_core.errors import SceneError
 from opir_core.geometry import intersection_with_ellipsoid
-from opir_core.plan import compile_plan
-from opir_core.protocols import TrackerContext
-from opir_core.records import Detections
-from opir_core.run import plan_windows, run_of_plan
+from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.records import Detections
+from opir_core.planning.plan import compile_plan
 from opir_core.scoring.comparison import compared
-from opir_core.tracking.near_sensors import FIRST_HEIGHT_M
+from opir_core.simulation.run import plan_windows, run_of_plan
 
 SCENE = "examples/first_light.yaml"
 SENSORS = "sensors=[{model: DSP, id: A, orbital_slot_deg: -135.0, scan_period_ms: 1000}, {model: SBIRS-GEO, id: B, orbital_slot_deg: -100.0, scan_period_ms: 500}]"  # noqa: E501

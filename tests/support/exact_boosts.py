@@ -7,13 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
+from opir_trackers.profile import fit, flight
+from opir_trackers.profile.family import BURN, EAST, LIFT, NORTH, SPEED, START, TURN_EAST, TURN_NORTH, natural
+from opir_trackers.profile.fit import Hypotheses
+from opir_trackers.profile.hypotheses import joined, probability
 from profile_flights import PRIORS
-
-from opir_core.tracking.profile import fit, flight
-from opir_core.tracking.profile.coordinates import natural
-from opir_core.tracking.profile.family import BURN, EAST, LIFT, NORTH, SPEED, START, TURN_EAST, TURN_NORTH
-from opir_core.tracking.profile.fit import Hypotheses
-from opir_core.tracking.profile.hypotheses import joined, probability
 
 #: Degrees of freedom and widening of the mixture that is drawn from; by how much shares of its parts are evened out.
 FREEDOM, WIDER, EVENER = 6.0, 1.2, 0.6

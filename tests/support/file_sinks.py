@@ -8,7 +8,7 @@ from typing import Any
 
 from opir_core.builtin.encoders import ENCODERS
 from opir_core.builtin.sinks import SINKS
-from opir_core.protocols import Encoder, EncoderContext, SinkContext
+from opir_core.interfaces.protocols import Encoder, EncoderContext, SinkContext
 from opir_core.testing import stub_sensor
 
 
@@ -27,10 +27,10 @@ def python(program: str, *arguments: str) -> "subprocess.CompletedProcess[bytes]
         "import sys, os, signal\n"
         "from opir_core.builtin.line_file import LineFile\n"
         "from opir_core.errors import SinkError\n"
-        "from opir_core.events.forge import ForgeEncoder\n"
-        "from opir_core.protocols import EncoderContext\n"
+        "from opir_core.output.events.forge import ForgeEncoder\n"
+        "from opir_core.interfaces.protocols import EncoderContext\n"
         "from opir_core.testing import stub_sensor\n"
-        "from opir_core.testing.windows import stub_window\n"
+        "from opir_core.testing.doubles import stub_window\n"
         "encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))\n"
     )
     # As for a user: what is printed waits in Python's buffer.

@@ -4,17 +4,17 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
+from opir_trackers.configs import BoostProfileConfig, StereoFilterConfig
+from opir_trackers.profile.tracker import ProfileTracker, boost_profile_tracker
+from opir_trackers.stereo.tracker import stereo_filter
 from other_flights import Seeing, seen
 from profile_flights import SLOTS_RAD
 
-from opir_core.plan import compile_plan
-from opir_core.protocols import TrackerContext
-from opir_core.reading import scene_from_mapping
-from opir_core.records import Detections, Tracks
-from opir_core.scene import TARGET_TYPES, UNKNOWN_TYPE
-from opir_core.tracking.configs import BoostProfileConfig, StereoFilterConfig
-from opir_core.tracking.profile.tracker import ProfileTracker, boost_profile_tracker
-from opir_core.tracking.stereo.tracker import stereo_filter
+from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.records import Detections, Tracks
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 
 #: SBIRS-GEO: scan period, s, error, rad, and chance of detection by type.
 PERIOD_S, SIGMA_RAD = 0.1, 20e-6

@@ -3,9 +3,9 @@
 import json
 from typing import Any
 
-from opir_core.events.forge import ForgeEncoder
-from opir_core.protocols import Band, EncoderContext
-from opir_core.records import Window
+from opir_core.interfaces.protocols import Band, EncoderContext
+from opir_core.interfaces.records import Window
+from opir_core.output.events.forge import ForgeEncoder
 from opir_core.testing import stub_sensor
 
 EPOCH_US = 1_775_044_800_000_000

@@ -3,7 +3,7 @@
 import numpy as np
 
 from opir_core.geometry import ecef_to_geodetic, local_axes
-from opir_core.protocols import Band
+from opir_core.interfaces.protocols import Band
 from opir_core.radiometry.protocols import SourceContext
 from opir_core.radiometry.source_configs import FieldConfig, RegionConfig
 

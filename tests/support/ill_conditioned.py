@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
+from opir_trackers.filter.switching import SwitchingFilter
 
+from opir_core.estimation import square_root
+from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.motion import BOOST, COAST, Motion, followed, weights_at
 from opir_core.flight.forces import Forces
-from opir_core.tracking.filter import square_root
-from opir_core.tracking.filter.motion import BOOST, COAST, Motion, followed, weights_at
-from opir_core.tracking.filter.switching import SwitchingFilter
-from opir_core.tracking.rays import Sights, axes_across
 
 DIGITS = 50
 KEPLER = Forces(zonal=())

@@ -20,11 +20,10 @@ from opir_kafka.connection import connector
 from opir_kafka.settings import KafkaConfig
 from spool_stand import ENCODER, SENSORS, take_for_ever, window
 
-from opir_core.protocols import Delivery
-from opir_core.spool.backlog import MemoryBacklog
-from opir_core.spool.dispatch import Dispatch, Policy
-from opir_core.spool.journal import Journal
-from opir_core.spool.parcels import Packer
+from opir_core.interfaces.protocols import Delivery
+from opir_core.output.spool.batches import MemoryBacklog, Packer
+from opir_core.output.spool.dispatch import Dispatch, Policy
+from opir_core.output.spool.journal import Journal
 
 #: A broker to test against instead of the mock one; what has to spoil the broker is then left out.
 BOOTSTRAP = os.environ.get("KAFKA_BOOTSTRAP")

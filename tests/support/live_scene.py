@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from opir_core.engine import Engine
-from opir_core.events.forge import ForgeEncoder
-from opir_core.plan import Plan, compile_plan
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.records import Window
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
-from opir_core.protocols import EncoderContext
-from opir_core.records import Window
-from opir_core.scene import Scene
+from opir_core.scene.scene import Scene
+from opir_core.simulation.engine import Engine
 
 NS = 1_000_000_000
 LATER = {

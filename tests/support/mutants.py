@@ -19,7 +19,9 @@ from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, Weighted
 from opir_core.builtin.detection import ConstantDetection, always_detection
 from opir_core.builtin.scanner import ScannerConfig
 from opir_core.builtin.targets import ballistic_targets
-from opir_core.events.forge import ForgeEncoder
+from opir_core.interfaces.protocols import Band, Delivery, Dice, Measured
+from opir_core.interfaces.records import Detections, Exposures, Sightings, Tracks, Window
+from opir_core.output.events.forge import ForgeEncoder
 from opir_core.plugin import (
     ClassifierModel,
     ConfidenceModel,
@@ -32,8 +34,6 @@ from opir_core.plugin import (
     hookimpl,
     scanning_sensor,
 )
-from opir_core.protocols import Band, Delivery, Dice, Measured
-from opir_core.records import Detections, Exposures, Sightings, Tracks, Window
 
 #: The contract test that is to find each mutant: (kind, name) to the test's name.
 CAUGHT_BY: dict[tuple[str, str], str] = {}

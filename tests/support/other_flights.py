@@ -8,17 +8,17 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
+from opir_trackers.profile import fit
+from opir_trackers.profile.flight import on_ground
+from opir_trackers.profile.rows import axes_about
 from profile_flights import GEO_M, PRIORS, SLOTS_RAD, flights
 
-from opir_core.columns import Columns
 from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.estimation.lines_of_sight import Rays
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile.flight import on_ground
-from opir_core.tracking.profile.rows import axes_about
-from opir_core.tracking.rays import Rays
+from opir_core.interfaces.columns import Columns
 
 #: Rows of a table, evenly over the burn.
 ROWS = 2001

@@ -2,19 +2,18 @@
 
 import numpy as np
 from attrs import evolve
+from opir_trackers.configs import BoostProfileConfig
+from opir_trackers.profile import fit
+from opir_trackers.profile import flight as profile_flight
+from opir_trackers.profile.family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH, fitted
+from opir_trackers.profile.priors import priors_of
+from opir_trackers.profile.rows import axes_about
+from opir_trackers.profile.strain import Bank
+from opir_trackers.sensor_schedule import Watch
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.scene import TARGET_TYPES
-from opir_core.tracking.configs import BoostProfileConfig
-from opir_core.tracking.profile import fit
-from opir_core.tracking.profile import flight as profile_flight
-from opir_core.tracking.profile.coordinates import fitted
-from opir_core.tracking.profile.family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH
-from opir_core.tracking.profile.priors import priors_of
-from opir_core.tracking.profile.rows import axes_about
-from opir_core.tracking.profile.strain import Bank
-from opir_core.tracking.rays import Rays
-from opir_core.tracking.watch import Watch
+from opir_core.estimation.lines_of_sight import Rays
+from opir_core.scene.scene import TARGET_TYPES
 
 GEO_M = 4.2164e7
 SLOTS_RAD = (-0.4, 0.6)

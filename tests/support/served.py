@@ -11,7 +11,7 @@ from pathlib import Path
 import opir_http.serving
 import opir_kafka.carrier
 
-from opir_core.cli import main
+from opir_core.cli.main import main
 
 IMPORTED = (opir_http.serving, opir_kafka.carrier)
 

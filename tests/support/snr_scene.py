@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import opir_core as opir
-from opir_core.engine import Engine
-from opir_core.records import Detections, DetectionTruth, Window
+from opir_core.interfaces.records import Detections, DetectionTruth, Window
+from opir_core.simulation.engine import Engine
 
 LAUNCHES = (
     {"id": "I", "type": "ICBM", "lat": 5.0, "lon": -150.0, "at": 3.0, "aim": (-50.0, -110.0)},

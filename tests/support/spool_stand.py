@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 
 from opir_core.errors import SinkError
-from opir_core.events.forge import ForgeEncoder
-from opir_core.protocols import EncoderContext, Sink
-from opir_core.records import Window
-from opir_core.spool.backlog import MemoryBacklog
-from opir_core.spool.dispatch import Dispatch, Policy
-from opir_core.spool.journal import Journal
-from opir_core.spool.parcels import Packer, Parcel
+from opir_core.interfaces.protocols import EncoderContext, Sink
+from opir_core.interfaces.records import Window
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.spool.batches import MemoryBacklog, Packer, Parcel
+from opir_core.output.spool.dispatch import Dispatch, Policy
+from opir_core.output.spool.journal import Journal
 from opir_core.testing import stub_sensor
-from opir_core.testing.windows import stub_window
+from opir_core.testing.doubles import stub_window
 
 SENSORS = tuple(stub_sensor(f"S-{number}") for number in range(5))
 ENCODER = ForgeEncoder(EncoderContext(sensors=SENSORS, epoch_us=0))

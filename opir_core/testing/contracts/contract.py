@@ -1,4 +1,7 @@
-"""A contract: the component it is about, and what all its tests start from."""
+"""A contract: the component it is about, and what all its tests start from.
+
+The verdict of a contract's test: what a component does, and what to change.
+"""
 
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -6,11 +9,25 @@ from typing import Any, ClassVar
 
 from opir_core.plugin.components import Component
 from opir_core.plugin.host import Host
-from opir_core.reading.nodes import Node, Refused
-from opir_core.reading.plain_data import node_of_data
-from opir_core.reading.structuring import class_reader
+from opir_core.scene.reading.nodes import Node, Refused
+from opir_core.scene.reading.plain_data import node_of_data
+from opir_core.scene.reading.structuring import class_reader
 from opir_core.testing.bench import BenchRun, bench_host, bench_run
-from opir_core.testing.broken import Broken
+
+
+class Broken(AssertionError):  # noqa: N818 - a verdict, as pytest.Failed
+    """A promise that a component does not keep; `seen` says what was seen, `change` what to change."""
+
+    def __init__(self, seen: str, change: str) -> None:
+        self.seen = seen
+        self.change = change
+        super().__init__(f"{seen}\n{change}")
+
+
+def insist(kept: object, seen: str, change: str) -> None:
+    """Raise `Broken` unless a promise is kept."""
+    if not kept:
+        raise Broken(seen, change)
 
 
 class Contract:

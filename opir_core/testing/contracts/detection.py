@@ -7,13 +7,13 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray
+from opir_core.interfaces.protocols import DetectionProbability, Dice
+from opir_core.interfaces.signal_models import Exceedances
 from opir_core.plugin.components import Component, DetectionModel
-from opir_core.protocols import DetectionProbability, Dice
-from opir_core.responses import Exceedances
 from opir_core.testing.bench import LookTable, bench_scene
-from opir_core.testing.broken import insist
 from opir_core.testing.chance import excess_of_count, excess_of_rate
-from opir_core.testing.contracts.alike import insist_pickles, insist_rows, insist_rows_stand_alone
+from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows, insist_rows_stand_alone
+from opir_core.testing.contracts.contract import insist
 from opir_core.testing.contracts.scenes import SceneContract
 from opir_core.testing.steps import LOOP_STEPS, steps_per_row
 
@@ -166,7 +166,7 @@ class DetectionContract(SceneContract):
         insist(
             isinstance(self.model(), Exceedances),
             "rate_per_scan says how often noise crosses, and nothing says as what",
-            "Add words and measure_noise (opir_core.responses.Exceedances), or leave rate_per_scan out.",
+            "Add words and measure_noise (opir_core.interfaces.signal_models.Exceedances), or leave rate_per_scan out.",
         )
         run = self.run_of(self.scene(targets=[]))
         scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]

@@ -11,22 +11,21 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve, fields_dict
 
-from opir_core.delivery import opened_sink
-from opir_core.events import SCHEMA_VERSION, detection_schema
-from opir_core.events.blocks import only_encodable
-from opir_core.plan import Plan
+from opir_core.interfaces.protocols import Delivery, Encoder, EncoderContext, Sink
+from opir_core.interfaces.records import Tracks, Window
+from opir_core.output.delivery import opened_sink
+from opir_core.output.events import SCHEMA_VERSION, detection_schema
+from opir_core.output.events.blocks import only_encodable
+from opir_core.planning.plan import Plan
 from opir_core.plugin.components import Component, EventEncoder, SinkModel
-from opir_core.protocols import Delivery, Encoder, EncoderContext, Sink
-from opir_core.records import Tracks, Window
-from opir_core.run import plan_windows
-from opir_core.scene import Choice
+from opir_core.scene.scene import Choice
+from opir_core.simulation.run import plan_windows
 from opir_core.testing.bench import bench_scene, encoder_of, planned
-from opir_core.testing.broken import Broken, insist
-from opir_core.testing.conforming import faults_in
-from opir_core.testing.contracts.alike import insist_pickles
-from opir_core.testing.contracts.contract import Contract
+from opir_core.testing.contracts.comparisons import insist_pickles
+from opir_core.testing.contracts.contract import Broken, Contract, insist
+from opir_core.testing.doubles import stub_estimates, stub_window
+from opir_core.testing.json_schema import faults_in
 from opir_core.testing.watching import asked_of_the_world
-from opir_core.testing.windows import stub_estimates, stub_window
 
 
 def awkward_windows() -> Mapping[str, Window]:

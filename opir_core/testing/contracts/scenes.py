@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from attrs import fields
 
-from opir_core.events import detection_schema
-from opir_core.fields import info_of
-from opir_core.plan import Plan
+from opir_core.output.events import detection_schema
+from opir_core.planning.plan import Plan
+from opir_core.scene.fields import info_of
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun, planned
-from opir_core.testing.broken import Broken, insist
-from opir_core.testing.conforming import faults_in
-from opir_core.testing.contracts.alike import insist_same_lines
-from opir_core.testing.contracts.contract import Contract
+from opir_core.testing.contracts.comparisons import insist_same_lines
+from opir_core.testing.contracts.contract import Broken, Contract, insist
+from opir_core.testing.json_schema import faults_in
 from opir_core.testing.other_process import lines_elsewhere
 from opir_core.testing.watching import asked_of_the_world
 

@@ -10,15 +10,15 @@ import numpy as np
 from attrs import fields_dict
 
 from opir_core.arrays import FloatArray
+from opir_core.interfaces.protocols import Sensor, SensorContext
 from opir_core.plugin.components import Component, Constellation, SensorModel
-from opir_core.plugin.confusion import confusion_complaint, is_probability
-from opir_core.plugin.sensors import MAXIMUM_BANDS
-from opir_core.protocols import Sensor, SensorContext
-from opir_core.scene import TARGET_TYPES
+from opir_core.scene.scene import TARGET_TYPES
+from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
+from opir_core.sensors.scanning_sensor import MAXIMUM_BANDS
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, bench_scene
-from opir_core.testing.broken import Broken, insist
 from opir_core.testing.chance import excess_of_count, excess_of_distribution
-from opir_core.testing.contracts.alike import insist_pickles, insist_rows_stand_alone, insist_same_lines
+from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows_stand_alone, insist_same_lines
+from opir_core.testing.contracts.contract import Broken, insist
 from opir_core.testing.contracts.scenes import SceneContract
 
 #: The id of the sensor under test in the bench's scene.
@@ -26,7 +26,7 @@ SUBJECT = "SUBJECT"
 
 _EPOCH_US = 1_775_044_800_000_000
 _SPEED_LIMIT_M_S = 1.2e4
-#: What the core's lines of sight are certain for (`opir_core.sightlines`).
+#: What the core's lines of sight are certain for (`opir_core.planning.visibility`).
 _ACCELERATION_LIMIT_M_S2 = 100.0
 _LEAST_RADIUS_M = 6.4e6
 

@@ -8,18 +8,17 @@ from typing import Any, ClassVar
 import numpy as np
 
 from opir_core.arrays import FloatArray, IndexArray
+from opir_core.interfaces.protocols import FreeFlight, TargetContext, Trajectories
 from opir_core.plugin.components import Component, TargetModel
-from opir_core.protocols import FreeFlight, TargetContext, Trajectories
-from opir_core.scene import EMITTER_TYPES
+from opir_core.scene.scene import EMITTER_TYPES
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
-from opir_core.testing.broken import Broken, insist
-from opir_core.testing.contracts.alike import insist_pickles, insist_rows_stand_alone, insist_same_lines
-from opir_core.testing.contracts.contract import read_config
+from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows_stand_alone, insist_same_lines
+from opir_core.testing.contracts.contract import Broken, insist, read_config
 from opir_core.testing.contracts.scenes import SceneContract
 from opir_core.testing.steps import LOOP_STEPS, steps_per_row
 
 _SPEED_LIMIT_M_S = 1.2e4
-#: What the core's lines of sight are certain for (`opir_core.sightlines`).
+#: What the core's lines of sight are certain for (`opir_core.planning.visibility`).
 _ACCELERATION_LIMIT_M_S2 = 100.0
 _LEAST_RADIUS_M = 6.35e6
 

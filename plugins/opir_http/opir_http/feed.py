@@ -9,12 +9,12 @@ from typing import Any
 
 import msgspec
 
-from opir_core.events.forge import ForgeEncoder
-from opir_core.events.timestamps import unix_microseconds
+from opir_core.interfaces.protocols import EncoderContext, Sensor
+from opir_core.interfaces.records import Window
 from opir_core.live.broadcast import Viewer
-from opir_core.live.telling import LiveWindow
-from opir_core.protocols import EncoderContext, Sensor
-from opir_core.records import Window
+from opir_core.live.running import LiveWindow
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.text import unix_microseconds
 from opir_http.history import History
 from opir_http.tracks import TrackBook
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from typing import Any
 
-from opir_core.live.outlets import OutletStatus
-from opir_core.live.telling import LATE_EDGES_S, LiveStatus
+from opir_core.live.running import LATE_EDGES_S, LiveStatus
+from opir_core.live.sink_thread import OutletStatus
 from opir_http.service import Service
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"

@@ -11,7 +11,7 @@ from litestar import HttpMethod, Litestar, Request, Response, get, post, route
 from litestar.exceptions import HTTPException
 from litestar.response import Stream
 
-from opir_core.scene import REPORTED_TYPES
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_http.feed import Client
 from opir_http.fresh import Fresh
 from opir_http.history import Wanted

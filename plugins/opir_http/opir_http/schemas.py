@@ -6,10 +6,10 @@ from typing import Any
 from attrs import fields
 
 from opir_core.builtin.configs import BallisticConfig
-from opir_core.events import detection_schema
-from opir_core.fields import FieldInfo, info_of
-from opir_core.reading.identifying import ID_RULE
-from opir_core.scene import REPORTED_TYPES
+from opir_core.output.events import detection_schema
+from opir_core.scene.fields import FieldInfo, info_of
+from opir_core.scene.reading.targets import ID_RULE
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_http.settings import HttpSettings
 
 Schema = dict[str, Any]

@@ -12,10 +12,9 @@ import numpy as np
 from attrs import asdict, evolve, fields
 
 from opir_core.errors import OpirError
-from opir_core.events.timestamps import timestamp_text
-from opir_core.live.outlets import OutletStatus
-from opir_core.live.running import LiveRun
-from opir_core.live.telling import LiveStatus
+from opir_core.live.running import LiveRun, LiveStatus
+from opir_core.live.sink_thread import OutletStatus
+from opir_core.output.events.text import timestamp_text
 from opir_http.confined import refuse_names, refuse_other_names
 from opir_http.feed import Feed
 from opir_http.problems import ProblemError, problem_of

@@ -11,11 +11,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from opir_core.commands.scene_arguments import scene_of
+from opir_core.cli.scene_arguments import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError
-from opir_core.live.running import LiveRun, LiveSettings
-from opir_core.live.steady import steady_process
-from opir_core.live.telling import LiveStatus
+from opir_core.live.pace import steady_process
+from opir_core.live.running import LiveRun, LiveSettings, LiveStatus
 from opir_core.plugin.host import Host
 from opir_http.gate import LOOPBACK, Gate
 from opir_http.routes import application

@@ -13,7 +13,7 @@ from aiokafka import AIOKafkaProducer
 from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
-from opir_core.spool.parcels import Parcel
+from opir_core.output.spool.batches import Parcel
 from opir_kafka.connection import OURS, Connector, goodbye
 from opir_kafka.failures import is_fatal, words
 from opir_kafka.lanes import Lane, Shipment

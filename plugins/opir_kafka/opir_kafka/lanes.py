@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.spool.parcels import Parcel
+from opir_core.output.spool.batches import Parcel
 
 Rows = list[int]
 

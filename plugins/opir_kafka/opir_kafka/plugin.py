@@ -7,8 +7,8 @@ from opir_core.plugin import SinkModel, hookimpl
 from opir_kafka.settings import KafkaConfig
 
 if TYPE_CHECKING:
-    from opir_core.protocols import SinkContext
-    from opir_core.spool.carriers import Carrier
+    from opir_core.interfaces.protocols import SinkContext
+    from opir_core.output.spool.transport import Carrier
 
 
 def _kafka(config: KafkaConfig, _context: "SinkContext") -> "Carrier":

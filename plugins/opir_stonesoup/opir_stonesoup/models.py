@@ -17,9 +17,9 @@ from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
+from opir_core.estimation.lines_of_sight import turned
+from opir_core.estimation.motion import BOOST, Motion
 from opir_core.flight.forces import ForceModel, Forces, forces_of
-from opir_core.tracking.filter.motion import BOOST, Motion
-from opir_core.tracking.rays import turned
 
 #: Size of the state of each motion.
 SIZES = {"two-body": 6, "acceleration": 9, "jerk": 12}
@@ -31,7 +31,7 @@ class EarthFixedMotion(TransitionModel, GaussianModel, TimeVariantModel):  # typ
     """Motion under gravity over the turning Earth, driven by white noise in the state's last derivative.
 
     Two-body motion (6; with the zonal harmonics that `forces` has), a nearly constant specific force (9), or a nearly
-    constant rate of it (12): `opir_core.tracking.filter.motion`, carried from the inertial frame to ECEF. Drag is left
+    constant rate of it (12): `opir_core.estimation.motion`, carried from the inertial frame to ECEF. Drag is left
     out.
     """
 

@@ -14,8 +14,8 @@ from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTrack
 from stonesoup.updater.kalman import ExtendedKalmanUpdater, UnscentedKalmanUpdater
 
 from opir_core.arrays import IntArray
-from opir_core.protocols import Tracker, TrackerContext
-from opir_core.records import Detections, Tracks
+from opir_core.interfaces.protocols import Tracker, TrackerContext
+from opir_core.interfaces.records import Detections, Tracks
 from opir_stonesoup.models import SIZES, EarthFixedMotion
 from opir_stonesoup.reader import OpirDetectionReader, sights_of
 from opir_stonesoup.settings import StoneSoupConfig

@@ -5,6 +5,15 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+from opir_trackers.initiation import Beginnings
+from opir_trackers.low_orbit_ranges import FIRST_HEIGHT_M
+from opir_trackers.track_priors import (
+    FIRST_FORCE_M_S2,
+    FIRST_FORCE_SIGMA_M_S2,
+    FIRST_JERK_SIGMA_M_S3,
+    prior_axes,
+    prior_sides,
+)
 from ordered_set import OrderedSet
 from stonesoup.base import Property
 from stonesoup.deleter.base import Deleter
@@ -15,16 +24,7 @@ from stonesoup.types.track import Track
 from stonesoup.types.update import Update
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.geometry.intersection import intersection_with_ellipsoid
-from opir_core.tracking.initiation import Beginnings
-from opir_core.tracking.near_sensors import FIRST_HEIGHT_M
-from opir_core.tracking.track_priors import (
-    FIRST_FORCE_M_S2,
-    FIRST_FORCE_SIGMA_M_S2,
-    FIRST_JERK_SIGMA_M_S3,
-    prior_axes,
-    prior_sides,
-)
+from opir_core.geometry.occlusion import intersection_with_ellipsoid
 
 
 class GroundInitiator(GaussianInitiator):  # type: ignore[misc]

@@ -17,11 +17,11 @@ from opir_http import service
 from opir_http.openapi import document
 from waiting import until
 
-from opir_core.engine import Engine
-from opir_core.events.forge import ForgeEncoder
-from opir_core.plan import compile_plan
-from opir_core.protocols import EncoderContext
-from opir_core.reading import scene_from_mapping, scene_mapping
+from opir_core.interfaces.protocols import EncoderContext
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.simulation.engine import Engine
 
 
 def test_every_answer_is_what_the_document_says(stand: Stand) -> None:

@@ -1,0 +1,58 @@
+"""The arguments of every command that reads a scene."""
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from opir_core.planning.plan import Plan
+    from opir_core.plugin.host import Host
+    from opir_core.scene.scene import Scene
+
+
+def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene's path and the settings that override it."""
+    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
+    parser.add_argument("--seed", metavar="N", help="seed of all random numbers, instead of the scene's")
+    parser.add_argument("--tracker", metavar="NAME", help="tracker, instead of the scene's")
+    add_overrides(parser)
+
+
+def add_overrides(parser: argparse.ArgumentParser) -> None:
+    """Add the settings that override a scene's."""
+    parser.add_argument(
+        "--set",
+        metavar="PATH=VALUE",
+        action="append",
+        default=[],
+        dest="overrides",
+        help="set one value, e.g. sensors[0].scan_period_ms=50; may be given again",
+    )
+
+
+def scene_of(
+    arguments: argparse.Namespace, host: "Host", *, first: Sequence[str] = (), otherwise: Sequence[str] = ()
+) -> "Scene":
+    """Return the scene that the arguments name, with their settings.
+
+    `first` are settings to make before those of the user; `otherwise` those for a scene that has no outputs.
+    """
+    from opir_core.scene.reading import load_scene
+
+    shorthand = {"seed": arguments.seed, "tracker": arguments.tracker}
+    given = [*first, *(f"{key}={value}" for key, value in shorthand.items() if value is not None)]
+    scene = load_scene(arguments.scene, overrides=[*given, *arguments.overrides], host=host)
+    if scene.outputs or not otherwise:
+        return scene
+    return load_scene(arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host)
+
+
+def plan_of(arguments: argparse.Namespace, scene: "Scene", host: "Host") -> "Plan":
+    """Return the scene's plan; what is wrong with its flights is told with the scene's file."""
+    from opir_core.errors import SceneError
+    from opir_core.planning.plan import compile_plan
+
+    try:
+        return compile_plan(scene, host)
+    except SceneError as error:
+        raise SceneError(error.problems, source=arguments.scene) from error

@@ -1,0 +1,259 @@
+"""What the parts of a simulation must do: arrays in, arrays out.
+
+A component's `build` returns one of these. Element-wise results must not depend on how rows are grouped into calls: the
+engine may hand over any slice of a run, and the bytes of the events must be the same.
+
+The contexts that components are built with stand in `opir_core.interfaces.contexts` and are offered here too. What
+signature, source, atmosphere and background models must do stands in `opir_core.radiometry.protocols`, which is
+imported only for scenes whose detection model looks at them.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+from attrs import field, frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.contexts import EncoderContext as EncoderContext
+from opir_core.interfaces.contexts import ModelContext as ModelContext
+from opir_core.interfaces.contexts import SensorContext as SensorContext
+from opir_core.interfaces.contexts import SinkContext as SinkContext
+from opir_core.interfaces.contexts import TargetContext as TargetContext
+from opir_core.interfaces.contexts import TrackerContext as TrackerContext
+from opir_core.interfaces.records import Detections, Exposures, Sightings, Tracks, Window
+
+if TYPE_CHECKING:
+    from opir_core.sensors.radiometer import Radiometer
+
+
+@frozen
+class Band:
+    """A spectral band, in µm."""
+
+    name: str
+    lower_um: float
+    upper_um: float
+
+
+class Orbit(Protocol):
+    """Where a satellite is."""
+
+    @property
+    def is_stationary(self) -> bool:
+        """Whether the position in ECEF does not change."""
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,)."""
+
+
+class ScanPattern(Protocol):
+    """When, within its period, a sensor looks at a direction."""
+
+    @property
+    def period_ns(self) -> int:
+        """Time between two looks at one target, ns (a positive integer, so that look times are exact)."""
+
+    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
+        """Return offsets (n,) in [0, period) of the looks at targets (n, 3); scan k looks at phase + k · period.
+
+        `uniform` is this sensor's own random number in [0, 1), for patterns whose start is random.
+        """
+
+
+@frozen(eq=False, kw_only=True)
+class Sensor:
+    """A sensor as the engine needs it: what a sensor model builds from a scene's block.
+
+    `detection_probability` is the chance of detection per look, by target type, that constant models use; `confusion`
+    gives, by true type, the chances of each reported type, or is empty. `minimum_elevation_rad` bounds the sensor's
+    elevation above the target's horizon and is -pi/2 where anything unobstructed is seen. `settings` is what the
+    sensor's block came to, for `opir explain` and the manifest.
+
+    `line_of_sight_sigma_rad` is the spread of single lines of sight, per axis. `line_of_sight_bias_sigma_rad` is that
+    of the one bias, per axis, that a sensor has throughout a run (`opir_core.planning.pointing_bias`). A sensor that
+    `follows_bodies` goes on looking at targets after burnout, to impact.
+    """
+
+    id: str
+    type: str
+    orbital_slot_deg: float | None
+    bands: tuple[Band, ...]
+    orbit: Orbit
+    scan: ScanPattern
+    field_of_regard_half_angle_rad: float
+    minimum_elevation_rad: float
+    line_of_sight_sigma_rad: float
+    detection_probability: Mapping[str, float]
+    confusion: Mapping[str, Mapping[str, float]] = field(factory=dict)
+    line_of_sight_bias_sigma_rad: float = 0.0
+    false_alarm_susceptibility: str = "moderate"
+    spectral_discrimination: str = "none"
+    follows_bodies: bool = False
+    radiometer: "Radiometer | None" = None
+    settings: Mapping[str, Any] = field(factory=dict)
+
+
+class Trajectories(Protocol):
+    """All targets of one model; made of files, it has these in `files`, mappings of `path` and `sha256`, too."""
+
+    @property
+    def type_code(self) -> NDArray[np.uint8]:
+        """Codes into `EMITTER_TYPES`, of which the `TARGET_TYPES` are the first, (n,)."""
+
+    @property
+    def ignition_s(self) -> FloatArray:
+        """Scene times from which the plumes radiate, (n,) s."""
+
+    @property
+    def burnout_s(self) -> FloatArray:
+        """Scene times to which the plumes radiate, (n,) s."""
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (m, 3) of targets (m,) at scene times (m,); nan before ignition and after the end."""
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return one mapping a target, of plain values, for the truth file."""
+
+
+@runtime_checkable
+class FreeFlight(Protocol):
+    """What `Trajectories` also have whose targets can be followed after burnout."""
+
+    @property
+    def end_s(self) -> FloatArray:
+        """Scene times to which positions are known, (n,) s: at impact, or burnout where nobody follows the bodies."""
+
+
+class Dice(Protocol):
+    """Random numbers for a batch of rows, each from the stream of its (sensor, target, purpose), addressed by scan.
+
+    The numbers of a row depend on the seed, the two ids, the purpose and the scan alone.
+    """
+
+    def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
+        """Return (rows, words) numbers in [0, 1), fresh for each scan."""
+
+    def normals(self, purpose: str, count: int = 1) -> FloatArray:
+        """Return (rows, count) standard normal numbers, fresh for each scan."""
+
+    def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
+        """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
+
+    def take(self, rows: Any) -> "Dice":
+        """Return the dice of some of the rows."""
+
+
+@frozen(eq=False)
+class Measured(Columns):
+    """Of looks that detected: as in `Detections`, `Sightings`; None for sensors' own sigmas, and where not measured."""
+
+    bands: NDArray[np.uint8]
+    snr: FloatArray
+    line_of_sight_sigma_rad: FloatArray | None = None
+    band_irradiance_w_m2: FloatArray | None = None
+    band_noise_w_m2: FloatArray | None = None
+
+
+class DetectionProbability(Protocol):
+    """Exposures to probability of detection; some models have `opir_core.interfaces.signal_models` beside."""
+
+    @property
+    def needs_geometry(self) -> bool:
+        """Whether `probability` reads the geometry columns of its exposures."""
+
+    def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
+        """Return probabilities (n,) that hold for all looks of the pairs, or None where they vary from look to look."""
+
+    def probability(self, exposures: Exposures) -> FloatArray:
+        """Return the probability of detection of each look, in [0, 1]."""
+
+    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+        """Return what is measured in the looks that detected."""
+
+
+class Classifier(Protocol):
+    """Measurements to the reported target type."""
+
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8] | None:
+        """Return codes (n,) that hold for all detections of the pairs, or None where they vary; rows are pairs."""
+
+    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+        """Return codes (n,) into `REPORTED_TYPES`."""
+
+
+class Confidence(Protocol):
+    """Detections and their history to confidence."""
+
+    def confidence(self, sightings: Sightings) -> FloatArray:
+        """Return confidences (n,) in [0, 1]."""
+
+
+@runtime_checkable
+class Tracker(Protocol):
+    """Detections to tracks; stepped on ticks of scene time, never on window edges.
+
+    One that cares what its sensors promise has `sees_with(sensors)` too: a running scene had their settings changed.
+    """
+
+    @property
+    def cadence_s(self) -> float | None:
+        """Time between ticks, s, or None for a tracker that never steps."""
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Take in the detections since the last tick and return the estimates at this one, sorted by track."""
+
+
+class Encoder(Protocol):
+    """Detections to message bytes.
+
+    An encoder that has no message for some detections has `encodable(window)` too: which rows, (n,), it has one for.
+    """
+
+    @property
+    def content_type(self) -> str:
+        """The media type of a message."""
+
+    @property
+    def schema_version(self) -> str:
+        """The version of the schema that the messages follow."""
+
+    def encode(self, window: Window) -> bytes:
+        """Return the window's detections as messages, each ended by a newline and none containing one."""
+
+
+@frozen
+class Delivery:
+    """What became of a sink's events: delivered + spooled + dropped + withheld = those taken + recovered.
+
+    `spooled` wait in a spool, `withheld` are those the encoder has no message for, `recovered` those that an earlier
+    run had left in the spool. `complaint` says why not all was delivered, where that is a failure.
+    """
+
+    delivered: int
+    spooled: int = 0
+    dropped: int = 0
+    withheld: int = 0
+    recovered: int = 0
+    complaint: str | None = None
+
+
+class Sink(Protocol):
+    """Where events go. A sink that fails raises `SinkError`; the other sinks go on.
+
+    A sink's `build` may return an `opir_core.output.spool.transport.Carrier` instead, of which the core makes a sink.
+    A sink that can be asked how it stands while it is open has `standing() -> Delivery` too, callable from any thread:
+    there `spooled` are all that are taken and not yet delivered, wherever they wait. One that may be long in closing
+    has `hurry(end_at_s)`, which gives it until then by the steady clock.
+    """
+
+    def write(self, window: Window) -> None:
+        """Take a window's events."""
+
+    def close(self) -> Delivery:
+        """Let go of everything held and say what became of the events; called once, also after a failure."""

@@ -1,0 +1,290 @@
+"""The columns that flow through a run: numpy arrays of one length, one row a look, a detection or a track.
+
+Records are `eq=False` and their arrays are to be read, not written: a record that leaves the engine has read-only
+buffers.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+import numpy as np
+from attrs import Factory, field, frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.interfaces.columns import Columns, names_of
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.protocols import Sensor
+    from opir_core.planning.sensor_states import AzimuthElevation
+
+
+@frozen(eq=False)
+class Exposures(Columns):
+    """Looks at radiating, visible targets, as a detection model sees them; one row a look.
+
+    `sensor` and `target` are indices into the plan's sensors and targets. Geometry columns are filled where the model
+    has `needs_geometry`, else they are empty arrays: `range_m` from sensor to target, `elevation_sine` of the sensor
+    above the target's horizon, `target_ecef_m` the target at the time of emission, `sensor_ecef_m` the sensor at the
+    time of the look.
+    """
+
+    time_s: FloatArray
+    emission_time_s: FloatArray
+    scan: IntArray
+    sensor: IndexArray
+    target: IndexArray
+    range_m: FloatArray
+    elevation_sine: FloatArray
+    target_ecef_m: FloatArray
+    sensor_ecef_m: FloatArray
+
+    @property
+    def elevation_rad(self) -> FloatArray:
+        """Return the sensor's elevation above the target's horizon, (n,) rad."""
+        return np.arcsin(self.elevation_sine)
+
+
+@frozen(eq=False)
+class Sightings(Columns):
+    """Looks that detected, as classifiers and confidence models see them; one row a detection.
+
+    `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of the sensor's elevation
+    above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is how often this sensor
+    has detected this target so far, this one included; `snr` is nan where the detection model has none;
+    `band_irradiance_w_m2` (n, B) as in `Detections`, and `band_noise_w_m2` its standard deviation, of no account beyond
+    the sensor's own bands, (n, 0) where the detection model does not say it or the scene's classifier goes by pairs.
+    """
+
+    time_s: FloatArray
+    sensor: IndexArray
+    target: IndexArray
+    range_m: FloatArray
+    elevation_sine: FloatArray
+    bands: NDArray[np.uint8]
+    band_count: IntArray
+    band_total: IntArray
+    detection_count: IndexArray
+    snr: FloatArray
+    band_irradiance_w_m2: FloatArray
+    band_noise_w_m2: FloatArray = field(default=Factory(lambda rows: np.empty((len(rows.time_s), 0)), takes_self=True))
+
+    @property
+    def elevation_rad(self) -> FloatArray:
+        """Return the sensor's elevation above the target's horizon, (n,) rad."""
+        return np.arcsin(self.elevation_sine)
+
+
+@frozen(eq=False)
+class Detections(Columns):
+    """What sensors report; one row a detection, sorted by time, then sensor, then look. No truth is in it.
+
+    `time_ns` is the scene time of the look, exact; `sensor` an index into the run's sensors; `scan` counts the sensor's
+    scans from the scene's epoch; `detection_id` (n, 2) holds the two 64-bit halves of a UUID; `reported_type` is a code
+    into `REPORTED_TYPES`; `bands` a bit mask over the sensor's bands; `detection_count` how often this sensor has
+    detected this object so far; `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object;
+    `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan where the model has none; `track` is the track's number
+    or -1; `estimate` the row of the window's `estimates` that holds the track's state at the last tick before the
+    detection, or -1.
+
+    `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis across it, apart from
+    the bias that all lines of sight of a sensor share. `band_irradiance_w_m2` (n, B) is measured at the aperture, nan
+    beyond the sensor's own bands; B is the largest number of bands of the run's sensors where the detection model
+    measures irradiance, and 0 where it does not or where there are no rows. `type_log_probability` (n, 4) is over
+    `REPORTED_TYPES`, (n, 0) where the classifier gives no probabilities.
+
+    `time_s`, `azimuth_rad` and `elevation_rad` are not stored: each is computed anew whenever it is asked for, so a run
+    that never asks never pays. Who wants both angles asks once, for `angles()`.
+    """
+
+    time_ns: IntArray
+    sensor: IndexArray
+    scan: IntArray
+    detection_id: NDArray[np.uint64]
+    reported_type: NDArray[np.uint8]
+    bands: NDArray[np.uint8]
+    detection_count: IndexArray
+    confidence: FloatArray
+    line_of_sight_ecef: FloatArray
+    sensor_ecef_m: FloatArray
+    snr: FloatArray
+    track: IntArray
+    estimate: IntArray
+    line_of_sight_sigma_rad: FloatArray
+    band_irradiance_w_m2: FloatArray
+    type_log_probability: FloatArray = field(
+        default=Factory(lambda rows: np.empty((len(rows.time_ns), 0)), takes_self=True)
+    )
+
+    @property
+    def type_probability(self) -> FloatArray:
+        """Return the probabilities (n, 4) over `REPORTED_TYPES`, or (n, 0); computed at each call."""
+        return np.exp(self.type_log_probability)
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Return the scene times of the looks, (n,) s; computed at each call."""
+        return self.time_ns.astype(np.float64) * 1e-9
+
+    @property
+    def azimuth_rad(self) -> FloatArray:
+        """Return the azimuths of `angles()`, (n,) rad; both angles are computed at each call."""
+        return self.angles().azimuth_rad
+
+    @property
+    def elevation_rad(self) -> FloatArray:
+        """Return the elevations of `angles()`, (n,) rad; both angles are computed at each call."""
+        return self.angles().elevation_rad
+
+    def angles(self) -> "AzimuthElevation":
+        """Return the measured lines of sight as azimuth in [0, 2 pi) and elevation, (n,) rad; computed at each call.
+
+        Azimuth is clockwise from true north, elevation above the geodetic horizontal, both at the sensor; nan where the
+        direction or the sensor's position is.
+        """
+        from opir_core.planning.sensor_states import Viewpoints
+
+        return Viewpoints.of(self.sensor, self.sensor_ecef_m).angles(self.line_of_sight_ecef)
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no detections."""
+        return _no_rows(cls, _DETECTION_SHAPES)
+
+
+@frozen(eq=False)
+class DetectionTruth(Columns):
+    """What was really seen, row by row beside `Detections`: kept apart from it, and never encoded into an event.
+
+    `target` is an index into the run's targets, or -1 where noise alone crossed the threshold; `emission_time_s` when
+    the detected light left it; `range_m` the true distance; `target_elevation_sine` of the sensor's elevation above the
+    target's horizon; `probability` the look's probability of detection. Where there is no target these are nan.
+    """
+
+    target: IndexArray
+    emission_time_s: FloatArray
+    range_m: FloatArray
+    target_elevation_sine: FloatArray
+    probability: FloatArray
+
+    @property
+    def target_elevation_rad(self) -> FloatArray:
+        """Return the sensor's elevation above the target's horizon, (n,) rad."""
+        return np.arcsin(self.target_elevation_sine)
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no rows."""
+        return _no_rows(cls, _TRUTH_SHAPES)
+
+
+#: The probabilities with which states and impacts lie in the ellipsoids and ellipses whose radii tracks tell.
+TOLD_CONTAINMENTS = (0.5, 0.9, 0.95)
+
+
+@frozen(eq=False)
+class Tracks(Columns):
+    """Estimates of a tracker, one row a track and tick, sorted by tick, then track.
+
+    Unknown quantities are nan. `launch` and `impact` (n, 3) are latitude_rad, longitude_rad and time_s;
+    `launch_covariance` and `impact_covariance` (n, 3, 3) are over east, north (m) and time (s); `state` (n, 6) is ECEF
+    position and velocity at the tick, `state_covariance` (n, 6, 6) its covariance; `burnout` (n, 7) is ECEF position
+    and velocity at the end of the burn and its time_s, with `burnout_covariance` (n, 7, 7); `type_probability` (n, 4)
+    is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the ellipses that hold the impact with the
+    probabilities `TOLD_CONTAINMENTS`, in standard deviations of its covariance, and `state_sigmas` (n, 3) those of the
+    ellipsoids that hold the state; nan says those of a normal distribution.
+    """
+
+    tick_s: FloatArray
+    track: IntArray
+    state: FloatArray
+    state_covariance: FloatArray
+    launch: FloatArray
+    launch_covariance: FloatArray
+    impact: FloatArray
+    impact_covariance: FloatArray
+    type_probability: FloatArray
+    burnout: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7), takes_self=True))
+    burnout_covariance: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7, 7), takes_self=True))
+    impact_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
+    state_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no tracks."""
+        return _no_rows(cls, _TRACK_SHAPES)
+
+
+@frozen(eq=False)
+class Window:
+    """What happened in a slice of scene time [start_s, end_s).
+
+    `truth` lies row by row beside `detections`; `tracks` are the rows of the ticks in the window; `estimates` the rows
+    in force that `detections.estimate` points to.
+    """
+
+    start_s: float
+    end_s: float
+    looks: int
+    detections: Detections
+    truth: DetectionTruth
+    tracks: Tracks
+    estimates: Tracks
+
+
+@frozen(eq=False)
+class Run:
+    """A finished run: its columns, its summary and what is needed to repeat it."""
+
+    detections: Detections
+    truth: DetectionTruth
+    tracks: Tracks
+    estimates: Tracks
+    sensors: "Sequence[Sensor]"
+    target_ids: Sequence[str]
+    summary: Mapping[str, Any]
+    manifest: Mapping[str, Any]
+
+
+_Record = TypeVar("_Record")
+_Shapes = Mapping[str, tuple[Any, tuple[int, ...]]]
+
+_DETECTION_SHAPES: _Shapes = {
+    "time_ns": (np.int64, ()),
+    "sensor": (np.int32, ()),
+    "scan": (np.int64, ()),
+    "detection_id": (np.uint64, (2,)),
+    "reported_type": (np.uint8, ()),
+    "bands": (np.uint8, ()),
+    "detection_count": (np.int32, ()),
+    "line_of_sight_ecef": (np.float64, (3,)),
+    "sensor_ecef_m": (np.float64, (3,)),
+    "track": (np.int64, ()),
+    "estimate": (np.int64, ()),
+    "band_irradiance_w_m2": (np.float64, (0,)),
+    "type_log_probability": (np.float64, (0,)),
+}
+_TRUTH_SHAPES: _Shapes = {"target": (np.int32, ())}
+_TRACK_SHAPES: _Shapes = {
+    "track": (np.int64, ()),
+    "state": (np.float64, (6,)),
+    "state_covariance": (np.float64, (6, 6)),
+    "launch": (np.float64, (3,)),
+    "launch_covariance": (np.float64, (3, 3)),
+    "impact": (np.float64, (3,)),
+    "impact_covariance": (np.float64, (3, 3)),
+    "impact_sigmas": (np.float64, (3,)),
+    "state_sigmas": (np.float64, (3,)),
+    "burnout": (np.float64, (7,)),
+    "burnout_covariance": (np.float64, (7, 7)),
+    "type_probability": (np.float64, (4,)),
+}
+
+
+def _unknown(tracks: Tracks, *shape: int) -> FloatArray:
+    return np.full((len(tracks.tick_s), *shape), np.nan)
+
+
+def _no_rows(record: Callable[..., _Record], shapes: _Shapes) -> _Record:
+    specified = (shapes.get(name, (np.float64, ())) for name in names_of(record))
+    return record(*(np.empty((0, *shape), dtype=kind) for kind, shape in specified))

@@ -1,0 +1,1 @@
+"""From windows to sinks: encoders, the pump, the spool and the truth file."""

@@ -1,0 +1,234 @@
+"""The encoders `forge`, `forge-bands` and `forge-tracks`: one flat JSON object a line, fields in the schema's order.
+
+A line is put together from pieces: text that is the same for many events (a sensor's name, a track's launch point) is
+made once and looked up, and what differs from event to event is made a column at a time. `benchmarks/encoding.py` holds
+the ways that were measured against it.
+
+The irradiances that bands measured, as events carry them: an object by the name of the band.
+"""
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.interfaces.protocols import EncoderContext, Sensor
+from opir_core.interfaces.records import Detections, Window
+from opir_core.output.events import SCHEMA_VERSION
+from opir_core.output.events.text import (
+    DEGREE_DECIMALS,
+    IRRADIANCE_DIGITS,
+    METRE_DECIMALS,
+    RATIO_DECIMALS,
+    Piece,
+    carried_positions,
+    joined_lines,
+    number_texts,
+    openings,
+    piece_table,
+    rounded,
+    rounded_bearing_deg,
+    rounded_degrees,
+    rounded_longitude_deg,
+    rounded_number,
+    significant,
+    taken,
+    vector_texts,
+)
+from opir_core.output.events.validation import refuse_unlawful
+from opir_core.planning.sensor_states import Viewpoints
+from opir_core.scene.scene import REPORTED_TYPES
+
+_json = msgspec.json.Encoder().encode
+
+
+class IrradianceTexts:
+    """Texts of measured irradiances, of the sensors of a run."""
+
+    def __init__(self, sensors: Sequence[Sensor]) -> None:
+        self._widths = np.array([len(sensor.bands) for sensor in sensors], dtype=np.int64)
+        most = max((len(sensor.bands) for sensor in sensors), default=0)
+        self._names = [piece_table(_name(sensor, place) for sensor in sensors) for place in range(most)]
+
+    def pieces(self, detections: Detections, sensor: IntArray) -> list[Piece]:
+        """Return `,"band_irradiance_w_m2":{...}`, in pieces; nothing where the detection model measures none."""
+        measured = detections.band_irradiance_w_m2
+        if not measured.shape[1]:
+            return []
+        pieces: list[Piece] = [b',"band_irradiance_w_m2":{']
+        for place, names in enumerate(self._names):
+            pieces += [taken(names, sensor), _texts(measured[:, place], self._widths[sensor] > place)]
+        return [*pieces, b"}"]
+
+
+def _name(sensor: Sensor, place: int) -> bytes:
+    """Return the beginning of a band's entry; nothing for bands that the sensor has not."""
+    if place >= len(sensor.bands):
+        return b""
+    return (b"," if place else b"") + _json(sensor.bands[place].name) + b":"
+
+
+def _texts(irradiance_w_m2: FloatArray, is_there: BoolArray) -> list[bytes]:
+    texts = number_texts(significant(irradiance_w_m2, IRRADIANCE_DIGITS))
+    if is_there.all():
+        return texts
+    return [text if there else b"" for text, there in zip(texts, is_there.tolist(), strict=True)]
+
+
+_OPENING = b'{"detection_id":"', b'","timestamp":"'
+_SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
+_POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
+_TRACK = b',"schema_version":"%b","track_id":%b,"azimuth_deg":'
+_SIGMA = b',"line_of_sight_sigma_urad":'
+_BANDS = b',"bands":%b,"snr":'
+_POSITION = b',"sensor_position_ecef_m":[%b],'
+_TYPES = [b'"type_probability":{"ICBM":', *(b',"%b":' % name.encode() for name in REPORTED_TYPES[1:])]
+_NOWHERE = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
+
+_URAD_PER_RAD = 1e6
+
+
+class ForgeEncoder:
+    """Detections to lines of JSON, one flat object each; the same bytes however detections are cut into windows.
+
+    With `has_irradiances` an event has the irradiance that each band measured, where the detection model measures it;
+    with `has_tracks` the state of its track, of the end of its burn, their covariances and the odds of its type.
+    """
+
+    content_type = "application/json"
+    schema_version = SCHEMA_VERSION
+
+    def __init__(self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False) -> None:
+        self._sensors = context.sensors
+        self._irradiances = _irradiances(context) if has_irradiances else None
+        self._epoch_us, self._has_tracks = context.epoch_us, has_tracks
+        self._sensor_pieces = piece_table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
+        self._band_pieces = piece_table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
+        self._look_pieces = piece_table(piece for sensor in context.sensors for piece in _look_pieces(sensor))
+        self._sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors], dtype=np.float64)
+        looks = [1 << len(sensor.bands) for sensor in context.sensors]
+        self._first_look = np.cumsum([0, *looks[:-1]], dtype=np.int64)
+
+    def encode(self, window: Window) -> bytes:
+        """Return the window's detections as lines; what no event can carry raises `ModelError`."""
+        detections = window.detections
+        if not len(detections):
+            return b""
+        refuse_unlawful(window, self._sensors)
+        sensor = detections.sensor.astype(np.int64)
+        viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
+        angles = viewpoints.angles(detections.line_of_sight_ecef)
+        return joined_lines(
+            len(detections),
+            [
+                openings(detections, self._epoch_us, *_OPENING),
+                taken(self._sensor_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
+                _points(window, self._epoch_us),
+                number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
+                _tracks(detections.track),
+                number_texts(rounded_bearing_deg(angles.azimuth_rad)),
+                b',"elevation_deg":',
+                number_texts(rounded_degrees(angles.elevation_rad)),
+                *self._looks(detections, sensor),
+                number_texts(rounded(detections.snr, RATIO_DECIMALS)),
+                *(self._irradiances.pieces(detections, sensor) if self._irradiances else ()),
+                _sensor_positions(viewpoints),
+                *_type_probabilities(detections),
+                *(_knowledge(window, self._epoch_us) if self._has_tracks else ()),
+                *_whereabouts(window),
+            ],
+        )
+
+    def _looks(self, detections: Detections, sensor: IntArray) -> list[Piece]:
+        """Return how well the direction is known and which bands confirm; sensors' own sigmas come from tables."""
+        place = self._first_look[sensor] + detections.bands
+        sigma_rad = detections.line_of_sight_sigma_rad
+        if np.array_equal(sigma_rad, self._sigma_rad.take(sensor)):
+            return [taken(self._look_pieces, place)]
+        sigma_urad = rounded(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS)
+        return [_SIGMA, number_texts(sigma_urad), taken(self._band_pieces, place)]
+
+
+def _irradiances(context: EncoderContext) -> "IrradianceTexts":
+
+    return IrradianceTexts(context.sensors)
+
+
+def _knowledge(window: Window, epoch_us: int) -> list[Piece]:
+    from opir_core.output.events.track_texts import knowledge
+
+    return [knowledge(window, epoch_us)]
+
+
+def _sensor_pieces(sensor: Sensor) -> list[bytes]:
+    """Return a piece for each reported type."""
+    slot = None if sensor.orbital_slot_deg is None else rounded_number(sensor.orbital_slot_deg, DEGREE_DECIMALS)
+    constant = _json(sensor.id), _json(sensor.type), _json(slot)
+    return [_SENSOR % (*constant, _json(name)) for name in REPORTED_TYPES]
+
+
+def _look_pieces(sensor: Sensor) -> list[bytes]:
+    """Return a piece for each set of bands, with the sensor's own sigma."""
+    sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS))
+    return [_SIGMA + sigma + bands for bands in _band_pieces(sensor)]
+
+
+def _band_pieces(sensor: Sensor) -> list[bytes]:
+    """Return a piece for each set of bands, in the order of its bit mask."""
+    names = [band.name for band in sensor.bands]
+    masks = range(1 << len(names))
+    return [_BANDS % _json([name for bit, name in enumerate(names) if mask >> bit & 1]) for mask in masks]
+
+
+def _points(window: Window, epoch_us: int) -> Piece:
+    """Return the launch and impact points of the estimates that the detections point to."""
+    estimate, estimates = window.detections.estimate, window.estimates
+    if not (estimate >= 0).any():
+        return _POINTS % (b"null", b"null")
+    from opir_core.output.events.points import point_texts
+
+    rows, of_detection = np.unique(estimate, return_inverse=True)
+    used = rows[rows >= 0]
+    launches = point_texts(estimates.launch[used], estimates.launch_covariance[used], epoch_us)
+    impacts = point_texts(
+        estimates.impact[used], estimates.impact_covariance[used], epoch_us, estimates.impact_sigmas[used]
+    )
+    unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
+    known = [_POINTS % both for both in zip(launches, impacts, strict=True)]
+    return taken(piece_table([*unknown, *known]), of_detection)
+
+
+def _tracks(track: IntArray) -> Piece:
+    numbers, of_detection = np.unique(track, return_inverse=True)
+    version = SCHEMA_VERSION.encode()
+    pieces = (_TRACK % (version, b"null" if number < 0 else b"%d" % number) for number in numbers.tolist())
+    return taken(piece_table(pieces), of_detection)
+
+
+def _sensor_positions(viewpoints: Viewpoints) -> Piece:
+    places = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
+    return taken(piece_table(_POSITION % place for place in places), viewpoints.of_row)
+
+
+def _type_probabilities(detections: Detections) -> list[Piece]:
+    """Return the probabilities of the types, where the classifier gives them."""
+    if not detections.type_log_probability.shape[1]:
+        return []
+    columns = [number_texts(rounded(column, RATIO_DECIMALS)) for column in detections.type_probability.T]
+    return [piece for both in zip(_TYPES, columns, strict=True) for piece in both] + [b"},"]
+
+
+def _whereabouts(window: Window) -> list[Piece]:
+    """Return where the tracks put their objects at the time of the detection."""
+    tracked = np.flatnonzero(window.detections.estimate >= 0)
+    if not len(tracked):
+        return [_NOWHERE]
+    place = ecef_to_geodetic(carried_positions(window, tracked))
+    columns = np.full((3, len(window.detections)), np.nan)
+    columns[0, tracked] = rounded_degrees(place.latitude_rad)
+    columns[1, tracked] = rounded_longitude_deg(place.longitude_rad)
+    columns[2, tracked] = rounded(place.height_m, METRE_DECIMALS)
+    latitude, longitude, altitude = (number_texts(column) for column in columns)
+    return [b'"latitude_deg":', latitude, b',"longitude_deg":', longitude, b',"altitude_m":', altitude, b"}\n"]

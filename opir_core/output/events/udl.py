@@ -1,0 +1,214 @@
+"""The `udl` encoder: a detection and what its track knows as a MissileTrack of the Unified Data Library, one a line.
+
+Field names, units and meanings are those of the UDL's public interface description (unifieddatalibrary.com,
+MissileTrack and its vectors): lengths in km, angles in degrees, times in ISO 8601. What is not known is left out. Every
+record says that it is simulated.
+"""
+
+from collections.abc import Sequence
+
+import msgspec
+import numpy as np
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.interfaces.protocols import EncoderContext, Sensor
+from opir_core.interfaces.records import Window
+from opir_core.output.events import UDL_VERSION
+from opir_core.output.events.forge_c2 import estimated_places_ecef_m, places_ecef_m
+from opir_core.output.events.points import CONTAINMENT, containment_ellipse
+from opir_core.output.events.text import (
+    RATIO_DECIMALS,
+    Piece,
+    joined_lines,
+    number_texts,
+    openings,
+    piece_table,
+    rounded,
+    rounded_bearing_deg,
+    rounded_degrees,
+    rounded_longitude_deg,
+    taken,
+    timestamp_text,
+    vector_texts,
+    writable_unix_microseconds,
+)
+from opir_core.output.events.validation import refuse_unlawful
+from opir_core.planning.sensor_states import Viewpoints
+from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
+
+_OPENING = (
+    b'{"classificationMarking":"U","dataMode":"SIMULATED","source":"opir","msgType":"OPIR","id":"',
+    b'","ts":"',
+)
+_CONTAINMENT = b',"containment":%b' % msgspec.json.encode(100.0 * CONTAINMENT)
+_KM_PER_M = 1e-3
+#: Digits behind the point of lengths in km: to the millimetre.
+_KM_DECIMALS = 6
+#: Above it is space (the UDL's `env`: "AIR: between sea level and the Karman line, ... 100 kilometers").
+_SPACE_FROM_M = 100_000.0
+
+_json = msgspec.json.Encoder().encode
+
+
+class UdlEncoder:
+    """Detections to lines of JSON, a MissileTrack each."""
+
+    content_type = "application/json"
+    schema_version = UDL_VERSION
+
+    def __init__(self, context: EncoderContext) -> None:
+        self._sensors = context.sensors
+        self._epoch_us = context.epoch_us
+        self._type_pieces = piece_table(piece for sensor in context.sensors for piece in _types(sensor))
+        self._vector_pieces = piece_table(
+            b',"origSensorId":%b,"timeSource":"SCENE","epoch":"' % _json(sensor.id) for sensor in context.sensors
+        )
+
+    def encode(self, window: Window) -> bytes:
+        """Return the window's detections as lines; what no event can carry raises `ModelError`."""
+        detections = window.detections
+        if not len(detections):
+            return b""
+        refuse_unlawful(window, self._sensors)
+        angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
+        sensor = detections.sensor.astype(np.int64)
+        opened = openings(detections, self._epoch_us, *_OPENING)
+        return joined_lines(
+            len(detections),
+            [
+                opened,
+                taken(self._type_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
+                number_texts(rounded_degrees(angles.elevation_rad)),
+                b',"trkConf":',
+                number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
+                *_track_pieces(window, self._epoch_us),
+                *self._vectors(window, sensor, opened),
+                b"}\n",
+            ],
+        )
+
+    def _vectors(self, window: Window, sensor: IntArray, opened: Sequence[bytes]) -> list[Piece]:
+        """Return the environment, and one vector: the track's state, or where the line of sight meets the Earth."""
+        where_m = places_ecef_m(window)
+        known = np.isfinite(where_m[:, 0])
+        place = ecef_to_geodetic(where_m)
+        is_state = np.isfinite(estimated_places_ecef_m(window)[:, 0])
+        state_pieces = _states(window, np.flatnonzero(is_state), where_m)
+        times = [piece[-29:-2] for piece in opened]
+        heads = taken(self._vector_pieces, sensor)
+        columns = (
+            number_texts(rounded_degrees(np.where(known, place.latitude_rad, 0.0))),
+            number_texts(rounded_longitude_deg(np.where(known, place.longitude_rad, 0.0))),
+            number_texts(rounded(np.where(known, place.height_m, 0.0) * _KM_PER_M, _KM_DECIMALS)),
+        )
+        kinds = np.where(is_state, np.where(place.height_m > _SPACE_FROM_M, 3, 2), np.where(known, 1, 0)).tolist()
+        states = iter(state_pieces)
+        pieces = [
+            _NO_VECTOR
+            if kind == 0
+            else _VECTOR[kind]
+            + head
+            + time
+            + b'","vectorLat":'
+            + latitude
+            + b',"vectorLon":'
+            + longitude
+            + b',"vectorAlt":'
+            + altitude
+            + (next(states) if kind > 1 else b"")
+            + b"}]"
+            for kind, head, time, latitude, longitude, altitude in zip(kinds, heads, times, *columns, strict=True)
+        ]
+        return [pieces]
+
+
+_NO_VECTOR = b',"env":"UNKNOWN","vectors":[]'
+_VECTOR = {
+    1: b',"env":"UNKNOWN","vectors":[{"type":"LOS"',
+    2: b',"env":"AIR","vectors":[{"type":"STATE"',
+    3: b',"env":"SPACE","vectors":[{"type":"STATE"',
+}
+
+
+def _types(sensor: Sensor) -> list[bytes]:
+    """Return a piece for each reported type; the unknown one is left out."""
+    source = b',"infoSource":%b,"angElev":' % _json(sensor.type)
+    kinds = [
+        b"" if code == UNKNOWN_TYPE else b',"acftSubType":"%b"' % name.encode()
+        for code, name in enumerate(REPORTED_TYPES)
+    ]
+    return [b'"objType":"MISSILE"%b%b' % (kind, source) for kind in kinds]
+
+
+def _states(window: Window, rows: IntArray, where_m: FloatArray) -> list[bytes]:
+    """Return the cartesian part of the vectors of some detections: carried to the detection, so marked propagated."""
+    velocity = window.estimates.state[window.detections.estimate[rows], 3:]
+    positions = vector_texts(rounded(where_m[rows] * _KM_PER_M, _KM_DECIMALS))
+    velocities = vector_texts(rounded(velocity * _KM_PER_M, _KM_DECIMALS))
+    return [
+        b',"referenceFrame":"ECEF","propagated":true,"pos":[%b],"vel":[%b]' % both
+        for both in zip(positions, velocities, strict=True)
+    ]
+
+
+def _track_pieces(window: Window, epoch_us: int) -> list[Piece]:
+    """Return the track's number, its launch and its impact, each made once for all detections that share it."""
+    track, estimate = window.detections.track, window.detections.estimate
+    pieces: list[Piece] = []
+    numbers, of_row = np.unique(track, return_inverse=True)
+    names = piece_table(b"" if number < 0 else b',"trackId":"%d"' % number for number in numbers.tolist())
+    pieces.append(taken(names, of_row))
+    rows, of_row = np.unique(estimate, return_inverse=True)
+    used = rows[rows >= 0]
+    if len(used):
+        found = window.estimates.take(used)
+        launch = _points(b"launch", found.launch, found.launch_covariance, epoch_us, None)
+        impact = _points(b"impact", found.impact, found.impact_covariance, epoch_us, found.impact_sigmas)
+        joined = [b"".join(both) for both in zip(launch, impact, strict=True)]
+        known = [points + (_CONTAINMENT if b"AouType" in points else b"") for points in joined]
+        pieces.append(taken(piece_table([*[b""] * (len(rows) - len(used)), *known]), of_row))
+    return pieces
+
+
+def _points(
+    kind: bytes, place: FloatArray, covariance_m2: FloatArray, epoch_us: int, told_sigmas: FloatArray | None
+) -> list[bytes]:
+    """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as fields; nothing where one is not known."""
+    on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
+    there = np.where(on_earth[:, np.newaxis], place, 0.0)
+    latitude = number_texts(rounded_degrees(there[:, 0]))
+    longitude = number_texts(rounded_longitude_deg(np.mod(there[:, 1], 2.0 * np.pi)))
+    areas = _areas(covariance_m2, told_sigmas)
+    texts = zip(on_earth.tolist(), latitude, longitude, _times(there[:, 2], epoch_us), areas, strict=True)
+    return [
+        b',"%bLat":%b,"%bLon":%b%b%b'
+        % (kind, lat, kind, lon, time and b',"%bTime":"%b"' % (kind, time), area and area % (kind, kind))
+        if is_known
+        else b""
+        for is_known, lat, lon, time, area in texts
+    ]
+
+
+def _times(time_s: FloatArray, epoch_us: int) -> list[bytes]:
+    unix_us, writable = writable_unix_microseconds(time_s, epoch_us)
+    texts = timestamp_text(np.where(writable, unix_us, 0))
+    return [text.encode() if known else b"" for text, known in zip(texts, writable.tolist(), strict=True)]
+
+
+def _areas(covariance_m2: FloatArray, told_sigmas: FloatArray | None) -> list[bytes]:
+    """Return areas of uncertainty: the 95 % ellipse as bearing, degrees, and semi-axes, km."""
+    ellipse = containment_ellipse(covariance_m2, told_sigmas=told_sigmas)
+    known = np.isfinite(ellipse.semi_major_m)
+    axes = np.column_stack(
+        [
+            rounded_bearing_deg(np.where(known, ellipse.bearing_rad, 0.0), 180.0),
+            rounded(ellipse.semi_major_m * _KM_PER_M, _KM_DECIMALS),
+            rounded(ellipse.semi_minor_m * _KM_PER_M, _KM_DECIMALS),
+        ]
+    )
+    texts = vector_texts(np.where(known[:, np.newaxis], axes, 0.0))
+    return [
+        b',"%%bAouType":"ELLIPSE","%%bAouData":[%b]' % text if is_known else b""
+        for is_known, text in zip(known.tolist(), texts, strict=True)
+    ]

@@ -1,0 +1,62 @@
+"""All targets of a scene as one: their models side by side, addressed by the scene's order."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray, IndexArray
+from opir_core.interfaces.protocols import FreeFlight, Sensor, Trajectories
+
+
+@frozen(eq=False)
+class Targets:
+    """The scene's targets: ids, type codes, burning times, ends of flight, and the trajectories of each model used.
+
+    `group` and `place` say which of `trajectories` holds a target and in which row.
+    """
+
+    ids: tuple[str, ...]
+    type_code: NDArray[np.uint8]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    end_s: FloatArray
+    trajectories: tuple[Trajectories, ...]
+    group: IndexArray
+    place: IndexArray
+
+    def watched_until_s(self, sensor: Sensor) -> FloatArray:
+        """Return the scene times (n,) to which a sensor goes on looking, if it sees the targets."""
+        return self.end_s if sensor.follows_bodies else self.burnout_s
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) of targets (n,) at scene times (n,), m; nan outside ignition to `end_s`."""
+        if len(self.trajectories) == 1:
+            return self.trajectories[0].position_ecef_m(target, time_s)
+        positions = np.full((len(target), 3), np.nan)
+        group = self.group[target]
+        for number, trajectories in enumerate(self.trajectories):
+            rows = np.flatnonzero(group == number)
+            positions[rows] = trajectories.position_ecef_m(self.place[target[rows]], time_s[rows])
+        return positions
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return one mapping of plain values a target, in the scene's order."""
+        told = [trajectories.truth() for trajectories in self.trajectories]
+        return [told[group][place] for group, place in zip(self.group.tolist(), self.place.tolist(), strict=True)]
+
+
+def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows: Sequence[Sequence[int]]) -> Targets:
+    """Return all targets as one; `rows[g]` are the places in the scene of the targets of `trajectories[g]`."""
+    count = len(ids)
+    group, place = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
+    type_code, end_s = np.zeros(count, dtype=np.uint8), np.zeros(count)
+    ignition_s, burnout_s = np.zeros(count), np.zeros(count)
+    for number, (part, where) in enumerate(zip(trajectories, rows, strict=True)):
+        index = np.asarray(where, dtype=np.int64)
+        group[index], place[index] = number, np.arange(len(index))
+        type_code[index], ignition_s[index], burnout_s[index] = part.type_code, part.ignition_s, part.burnout_s
+        end_s[index] = part.end_s if isinstance(part, FreeFlight) else part.burnout_s
+    return Targets(tuple(ids), type_code, ignition_s, burnout_s, end_s, tuple(trajectories), group, place)

@@ -1,0 +1,258 @@
+"""What a scene's hot things, air and backdrop come to: made only for models that reckon with light."""
+
+from collections.abc import Sequence
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray, IndexArray
+from opir_core.interfaces.protocols import Band, Sensor
+from opir_core.interfaces.records import Exposures
+from opir_core.planning.targets import Targets
+from opir_core.plugin.components import SignatureModel
+from opir_core.plugin.host import Host
+from opir_core.radiometry.ascents import ascents, heights_m
+from opir_core.radiometry.protocols import (
+    AtmosphereContext,
+    Background,
+    BackgroundContext,
+    KinkedCourse,
+    KinkedSignatures,
+    KinkedTransmittance,
+    SignatureContext,
+    Signatures,
+    SourceContext,
+    Sources,
+    Transmittance,
+    intensities_w_sr,
+)
+from opir_core.radiometry.records import Paths, Views
+from opir_core.radiometry.viewing import views
+from opir_core.scene.scene import DEFAULT_SIGNATURE, EMITTER_TYPES, Choice, Scene
+
+#: Half the time over which a direction of flight is taken, s.
+_HALF_STEP_S = 0.05
+
+#: The reference target of `calibrate: paper`: the class profile of an ICBM, high enough to be in its brightest layer.
+REFERENCE_PROFILE = "ICBM_solid"
+REFERENCE_TIME_S = 30.0
+REFERENCE_ALTITUDE_M = 25_000.0
+REFERENCE_BURN_S = 170.0
+
+
+@frozen(eq=False)
+class Scenery:
+    """Signatures of all targets, the atmosphere and the background, for the distinct `bands` of the scene's sensors.
+
+    `group` and `place` (n,) say which of `signatures` is a target's and in which row.
+    """
+
+    bands: tuple[Band, ...]
+    targets: Targets
+    signatures: tuple[Signatures, ...]
+    group: IndexArray
+    place: IndexArray
+    atmosphere: Transmittance
+    background: Background
+    epoch_us: int
+    has_background: bool
+    reference_intensity_w_sr: FloatArray
+
+    def paths(self, exposures: Exposures) -> Paths:
+        """Return the paths of light of looks."""
+        return Paths(
+            height_m=heights_m(exposures.target_ecef_m),
+            elevation_sine=exposures.elevation_sine,
+            target_ecef_m=exposures.target_ecef_m,
+            sensor_ecef_m=exposures.sensor_ecef_m,
+            time_s=exposures.time_s,
+        )
+
+    def views(self, exposures: Exposures) -> Views:
+        """Return what lies behind the targets of looks."""
+        direction = exposures.target_ecef_m - exposures.sensor_ecef_m
+        return views(exposures.sensor_ecef_m, direction, exposures.time_s, self.epoch_us)
+
+    def aspect_rad(self, exposures: Exposures) -> FloatArray:
+        """Return the angles (n,) at which targets are seen, as their signatures take them."""
+        to_sensor = (exposures.sensor_ecef_m - exposures.target_ecef_m) / exposures.range_m[:, None]
+        if len(self.signatures) == 1:
+            alone = self.signatures[0].aspect_rad(self.place[exposures.target], exposures.emission_time_s, to_sensor)
+            return self._off_flight_rad(exposures, to_sensor) if alone is None else alone
+        aspect = np.empty(len(exposures))
+        for number, signatures in enumerate(self.signatures):
+            rows = np.flatnonzero(self.group[exposures.target] == number)
+            place = self.place[exposures.target[rows]]
+            own = signatures.aspect_rad(place, exposures.emission_time_s[rows], to_sensor[rows])
+            aspect[rows] = self._off_flight_rad(exposures.take(rows), to_sensor[rows]) if own is None else own
+        return aspect
+
+    def intensities_w_sr(
+        self, bands: Sequence[int], exposures: Exposures, height_m: FloatArray, aspect: FloatArray
+    ) -> FloatArray:
+        """Return the in-band radiant intensities (bands, n) of the targets of looks, at the source."""
+        since_s = exposures.emission_time_s - self.targets.ignition_s[exposures.target]
+        place = self.place[exposures.target]
+        if len(self.signatures) == 1:
+            return intensities_w_sr(self.signatures[0], bands, place, since_s, height_m, aspect)
+        intensity, group = np.empty((len(bands), len(exposures))), self.group[exposures.target]
+        for number, signatures in enumerate(self.signatures):
+            rows = np.flatnonzero(group == number)
+            own = intensities_w_sr(signatures, bands, place[rows], since_s[rows], height_m[rows], aspect[rows])
+            intensity[:, rows] = own
+        return intensity
+
+    def kinks_s(self) -> FloatArray:
+        """Return when (targets, k), by scene time, intensities or the air above targets may jump or bend; nan for none.
+
+        That is where signatures, the atmosphere and, of the direction of flight, trajectories say so.
+        """
+        everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
+        heights = ascents(self.targets)
+        air = self.atmosphere.altitude_kinks_m if isinstance(self.atmosphere, KinkedTransmittance) else np.empty(0)
+        found = [heights.times_s(np.broadcast_to(air, (len(self.group), len(air))))]
+        for signatures, rows in zip(self.signatures, everyone, strict=True):
+            if isinstance(signatures, KinkedSignatures):
+                place = self.place[rows]
+                levels_m, since_s = signatures.altitude_kinks_m[place], signatures.time_kinks_s[place]
+                own = np.full((len(self.group), levels_m.shape[1] + since_s.shape[1]), np.nan)
+                crossed_s = heights.take(rows).times_s(levels_m)
+                own[rows] = np.concatenate([crossed_s, self.targets.ignition_s[rows, None] + since_s], axis=1)
+                found.append(own)
+        for number, trajectories in enumerate(self.targets.trajectories):
+            if isinstance(trajectories, KinkedCourse):
+                turning, own_s = np.flatnonzero(self.targets.group == number), trajectories.course_kinks_s
+                own = np.full((len(self.group), own_s.shape[1]), np.nan)
+                own[turning] = own_s[self.targets.place[turning]]
+                found.append(own)
+        return np.concatenate(found, axis=1)
+
+    def _off_flight_rad(self, exposures: Exposures, to_sensor: FloatArray) -> FloatArray:
+        """Return the angles between the direction of flight and that to the sensor."""
+        target, time_s = exposures.target, exposures.emission_time_s
+        start_s, stop_s = self.targets.ignition_s[target], self.targets.end_s[target]
+        later = self.targets.position_ecef_m(target, np.clip(time_s + _HALF_STEP_S, start_s, stop_s))
+        way = later - self.targets.position_ecef_m(target, np.clip(time_s - _HALF_STEP_S, start_s, stop_s))
+        along = way[:, 0] * to_sensor[:, 0] + way[:, 1] * to_sensor[:, 1] + way[:, 2] * to_sensor[:, 2]
+        length = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1] + way[:, 2] * way[:, 2])
+        # What stands still is seen from the side.
+        return np.arccos(np.clip(along / np.where(length > 0.0, length, 1.0), -1.0, 1.0))
+
+
+def distinct_bands(sensors: Sequence[Sensor]) -> tuple[Band, ...]:
+    """Return the bands of sensors, each once, in the order in which they come."""
+    return tuple(dict.fromkeys(band for sensor in sensors for band in sensor.bands))
+
+
+def make_scenery(
+    scene: Scene, host: Host, sensors: Sequence[Sensor], targets: Targets, sources: Sequence[Sources]
+) -> Scenery:
+    """Return the scenery of a scene; raises `ModelError` where a model cannot answer for one of the bands."""
+    bands = distinct_bands(sensors)
+    atmosphere = _atmosphere(scene, host, bands)
+    backdrop = BackgroundContext(
+        bands=bands, path=scene.background.path, epoch_us=scene.epoch_us, make_atmosphere=lambda: atmosphere
+    )
+    signatures, group, place = _signatures(scene, host, bands, targets, sources)
+    return Scenery(
+        bands=bands,
+        targets=targets,
+        signatures=signatures,
+        group=group,
+        place=place,
+        atmosphere=atmosphere,
+        background=_built(host, scene.background, backdrop),
+        epoch_us=scene.epoch_us,
+        has_background=scene.background.name != "none",
+        reference_intensity_w_sr=_reference_intensity_w_sr(host, bands),
+    )
+
+
+def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
+    """Return what each of a scene's blocks of sources comes to."""
+    bands, made = distinct_bands(sensors), list[Sources]()
+    make_atmosphere = cache(partial(_atmosphere, scene, host, bands))
+    for source in scene.sources:
+        context = SourceContext(
+            bands=bands,
+            id=source.id,
+            path=source.model.path,
+            epoch_us=scene.epoch_us,
+            duration_s=scene.duration_s,
+            seed=scene.seed,
+            make_atmosphere=make_atmosphere,
+        )
+        made.append(_built(host, source.model, context))
+    return tuple(made)
+
+
+def _atmosphere(scene: Scene, host: Host, bands: tuple[Band, ...]) -> Transmittance:
+    context = AtmosphereContext(bands=bands, path=scene.atmosphere.path, seed=scene.seed)
+    made: Transmittance = _built(host, scene.atmosphere, context)
+    return made
+
+
+def _built(host: Host, choice: Choice, context: object) -> Any:
+    return host.component(choice.hook, choice.name, choice.path).build(choice.config, context)
+
+
+def _signatures(
+    scene: Scene, host: Host, bands: tuple[Band, ...], targets: Targets, sources: Sequence[Sources]
+) -> tuple[tuple[Signatures, ...], IndexArray, IndexArray]:
+    """Return all signatures, and for each target which are its own and in which row."""
+    group, place = np.full(len(targets.ids), -1, dtype=np.int32), targets.place.copy()
+    made: list[Signatures] = []
+    for source in sources:
+        numbers = [number for number, known in enumerate(targets.trajectories) if known is source.trajectories]
+        group[np.isin(targets.group, numbers)] = len(made)
+        made.append(source.signatures)
+    launches = np.flatnonzero(group < 0).tolist()
+    choices = _signature_choices(scene, host, [targets.ids[row] for row in launches])
+    told = targets.truth() if launches else ()
+    for name in dict.fromkeys(choice.name for choice in choices):
+        rows = [row for row, choice in zip(launches, choices, strict=True) if choice.name == name]
+        chosen = [choice for choice in choices if choice.name == name]
+        context = SignatureContext(
+            bands=bands,
+            ids=tuple(targets.ids[row] for row in rows),
+            paths=tuple(choice.path for choice in chosen),
+            types=tuple(EMITTER_TYPES[targets.type_code[row]] for row in rows),
+            profiles=tuple(str(told[row].get("profile", "")) for row in rows),
+            burn_time_s=(targets.burnout_s - targets.ignition_s)[rows],
+        )
+        group[rows], place[rows] = len(made), np.arange(len(rows))
+        component = host.component(SignatureModel, name, chosen[0].path)
+        made.append(component.build([choice.config for choice in chosen], context))
+    return tuple(made), group, place
+
+
+def _signature_choices(scene: Scene, host: Host, ids: Sequence[str]) -> list[Choice]:
+    """Return the signature model of each launch: its own, or the default one."""
+    of_id = {target.id: target for target in scene.targets}
+    default = None
+    choices = []
+    for own_id in ids:
+        target = of_id[own_id]
+        if target.signature is None:
+            default = default or host.component(SignatureModel, DEFAULT_SIGNATURE, target.model.path).config()
+        choices.append(target.signature or Choice(SignatureModel.hook, DEFAULT_SIGNATURE, default, target.model.path))
+    return choices
+
+
+def _reference_intensity_w_sr(host: Host, bands: tuple[Band, ...]) -> FloatArray:
+    """Return the in-band intensities (bands,) of the reference ICBM at its reference place, seen from the side."""
+    component = host.component(SignatureModel, DEFAULT_SIGNATURE)
+    context = SignatureContext(
+        bands=bands,
+        ids=("reference",),
+        paths=("reference",),
+        types=("ICBM",),
+        profiles=(REFERENCE_PROFILE,),
+        burn_time_s=np.array([REFERENCE_BURN_S]),
+    )
+    plume: Signatures = component.build([component.config()], context)
+    one, place = np.zeros(1, dtype=np.int32), (REFERENCE_TIME_S, REFERENCE_ALTITUDE_M, 0.5 * np.pi)
+    columns = [np.array([value]) for value in place]
+    return np.array([plume.intensity_w_sr(band, one, *columns)[0] for band in range(len(bands))])

@@ -1,0 +1,1 @@
+"""Counter-based random streams: one seed, one stream for each named purpose."""

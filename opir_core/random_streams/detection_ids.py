@@ -1,0 +1,92 @@
+"""Detection ids: UUIDs of version 8 (RFC 9562, section 5.8), made in bulk, the same whenever a run is repeated.
+
+Each stream (a sensor and a target of a run) has a key of 128 bits. An id is its stream's key mixed with the number of
+the scan, so two runs of one scene give equal ids, and the ids of one target have nothing in common to the eye.
+"""
+
+from collections.abc import Iterable
+from hashlib import blake2b
+
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core.arrays import IntArray, WordArray
+from opir_core.scene.scene import Scene
+
+_PURPOSE = b"opir-detection"
+
+# Steps of the two halves from scan to scan: odd, so that multiplication by them is a bijection of 64-bit words.
+# The fractions of the golden ratio and of the square root of 2, to the nearest odd word.
+_HIGH_STEP = np.uint64(0x9E3779B97F4A7C15)
+_LOW_STEP = np.uint64(0x6A09E667F3BCC909)
+
+# Version in bits 48-51, variant in bits 64-65 (RFC 9562, section 5.8).
+_VERSION_CLEARED, _VERSION = np.uint64(0xFFFFFFFFFFFF0FFF), np.uint64(0x8000)
+_VARIANT_CLEARED, _VARIANT = np.uint64(0x3FFFFFFFFFFFFFFF), np.uint64(0x8000000000000000)
+
+_HEX_PAIRS = np.frombuffer(b"".join(b"%02x" % byte for byte in range(256)), dtype=np.uint16)
+_HYPHEN = ord("-")
+#: Where the groups of hexadecimal digits go: first digit, last digit, place in the text.
+_GROUPS = ((0, 8, 0), (8, 12, 9), (12, 16, 14), (16, 20, 19), (20, 32, 24))
+_TEXT_LENGTH = 36
+
+
+def stream_key(*parts: str | int) -> tuple[int, int]:
+    """Return the 128-bit key of a stream named by its parts, as two 64-bit halves.
+
+    Parts are told apart by type and length: no two different sequences of parts share what is hashed (BLAKE2b).
+    """
+    digest = blake2b(digest_size=16, person=_PURPOSE)
+    for part in parts:
+        text = str(part).encode()
+        digest.update(b"%s%d:" % (b"i" if isinstance(part, int) else b"s", len(text)))
+        digest.update(text)
+    key = digest.digest()
+    return int.from_bytes(key[:8], "big"), int.from_bytes(key[8:], "big")
+
+
+def stream_key_words(scene: Scene, streams: Iterable[tuple[str, str]]) -> WordArray:
+    """Return the keys (n, 2) of a scene's streams, each named by its sensor's and its target's id."""
+    run = (scene.seed, scene.name, scene.epoch_us)
+    keys = [stream_key(*run, sensor, target) for sensor, target in streams]
+    return np.array(keys, dtype=np.uint64).reshape(-1, 2)
+
+
+def uuid8_words(key_words: WordArray, scan: IntArray) -> WordArray:
+    """Return the ids (n, 2), most significant half first, of scans (n,) of streams with keys (n, 2).
+
+    Within a stream no two scans share a half before version and variant replace 6 of the 128 bits; between streams two
+    ids meet with the chance of 122 random bits.
+    """
+    high, low, count = key_words[:, 0], key_words[:, 1], scan.astype(np.uint64)
+    words = np.empty((len(count), 2), dtype=np.uint64)
+    words[:, 0] = _mixed(_mixed(count * _HIGH_STEP + high) ^ low) & _VERSION_CLEARED | _VERSION
+    words[:, 1] = _mixed(_mixed(count * _LOW_STEP + low) ^ high) & _VARIANT_CLEARED | _VARIANT
+    return words
+
+
+def uuid_text(words: WordArray) -> list[str]:
+    """Return ids (n, 2) as text of 36 characters, in lower case (RFC 9562, section 4)."""
+    text = uuid_characters(words).tobytes().decode("ascii")
+    return [text[start : start + _TEXT_LENGTH] for start in range(0, len(text), _TEXT_LENGTH)]
+
+
+def uuid_characters(words: WordArray) -> NDArray[np.uint8]:
+    """Return ids (n, 2) as ASCII codes (n, 36)."""
+    octets = words.astype(">u8").view(np.uint8)
+    digits = np.take(_HEX_PAIRS, octets).view(np.uint8)
+    text = np.full((len(words), _TEXT_LENGTH), _HYPHEN, dtype=np.uint8)
+    for first, last, place in _GROUPS:
+        text[:, place : place + last - first] = digits[:, first:last]
+    return text
+
+
+def _mixed(words: WordArray) -> WordArray:
+    """Return 64-bit words mixed one to one: the finaliser of SplitMix64.
+
+    Source: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014, with the constants of
+    Stafford's variant 13, as Java's SplittableRandom has it.
+    """
+    words = (words ^ (words >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    words = (words ^ (words >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return words ^ (words >> np.uint64(31))

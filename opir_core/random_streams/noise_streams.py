@@ -1,0 +1,103 @@
+"""The random numbers that a sensor's exceedances of noise are read from, block of scans by block of scans."""
+
+import math
+from functools import lru_cache
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.interfaces.columns import Columns
+from opir_core.planning.plan import Plan
+from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
+
+#: Scans of a block: so many that it has about this number of exceedances, but no more than that many scans.
+_PER_BLOCK, _MOST_SCANS = 256.0, 1 << 20
+
+#: Numbers for when and where: the scan in its block, the distance from nadir, the turn about it.
+PLACE_WORDS = 3
+
+
+@frozen(eq=False)
+class Drawn(Columns):
+    """Exceedances as streams have them, in the window or near it: when in its scan one comes hangs on where it is."""
+
+    sensor: IndexArray
+    scan: IntArray
+    serial: IntArray
+    uniforms: FloatArray
+
+
+class SensorNoise:
+    """The exceedances of one sensor, block by block."""
+
+    def __init__(self, plan: Plan, number: int, rate: float, words: int) -> None:
+        self._sensor, self._number = plan.sensors[number], number
+        self._words = words + PLACE_WORDS
+        self._scans = int(min(max(1.0, _PER_BLOCK / rate), _MOST_SCANS))
+        self._table = poisson_table(rate * self._scans)
+        seed, name = plan.scene.seed, noise_names(plan)[number]
+        self._counts = Stream(stream_key(seed, name, "noise-count"))
+        self._numbers = Stream(stream_key(seed, name, "noise"))
+        self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
+
+    def near(self, start_ns: int, end_ns: int) -> Drawn:
+        """Return the exceedances of scans that have looks in [start, end) of scene time."""
+        period_ns = self._sensor.scan.period_ns
+        block_ns = self._scans * period_ns
+        # A scan's looks come up to a period after it begins.
+        first = max((start_ns - period_ns) // block_ns, 0)
+        counts = self._block_counts(first, max(-(-end_ns // block_ns), first + 1) - first)
+        uniforms = self._uniforms(first, counts)
+        block, place = np.repeat(first + np.arange(len(counts)), counts), _places(counts)
+        scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
+        near = np.flatnonzero((scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns))
+        serial = block * len(self._table) + place
+        sensor = np.full(len(scan), self._number, dtype=np.int32)
+        return Drawn(sensor, scan, serial, uniforms).take(near)
+
+    def phase_ns(self, at_m: FloatArray, seen_m: FloatArray) -> IntArray:
+        """Return when in its scan the sensor looks from places (n, 3) at others."""
+        return self._sensor.scan.phase_ns(at_m, seen_m, self._phase)
+
+    def _block_counts(self, first: int, blocks: int) -> IntArray:
+        """Return how many exceedances blocks of scans have."""
+        counts: IntArray = np.searchsorted(self._table, uniforms_of(self._counts.words(first, blocks)), side="right")
+        return counts
+
+    def _uniforms(self, first: int, counts: IntArray) -> FloatArray:
+        """Return the numbers (n, words) of the exceedances of blocks of scans."""
+        room = len(self._table) * self._words
+        parts = [
+            self._numbers.words((first + row) * room, count * self._words)
+            for row, count in enumerate(counts.tolist())
+            if count
+        ]
+        return uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(-1, self._words)
+
+
+def noise_names(plan: Plan) -> list[str]:
+    """Return the names that the sensors' exceedances go by: their ids, with their generations where scans are anew."""
+    generations = plan.scan_generations or (0,) * len(plan.sensors)
+    both = zip(plan.sensors, generations, strict=True)
+    return [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both]
+
+
+def _places(counts: IntArray) -> IntArray:
+    """Return the place of each exceedance in its block."""
+    places: IntArray = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return places
+
+
+@lru_cache(maxsize=64)
+def poisson_table(mean: float) -> FloatArray:
+    """Return the probabilities of at most 0, 1, 2, … events of a Poisson law, to where hardly any are left."""
+    most = int(mean + 12.0 * math.sqrt(mean) + 40.0)
+    number = np.arange(most + 1)
+    log_factorial = np.array([math.lgamma(n + 1.0) for n in range(most + 1)])
+    cumulative = np.cumsum(np.exp(number * math.log(mean) - mean - log_factorial))
+    # The last is reached by no number below 1: rounding must not leave a gap.
+    cumulative[-1] = 1.0
+    table: FloatArray = np.minimum(cumulative, 1.0)
+    table.flags.writeable = False
+    return table

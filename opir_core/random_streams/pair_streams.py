@@ -1,0 +1,175 @@
+"""The random numbers of a window's looks: one stream a pair and purpose, read in bulk, handed out by row."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray, WordArray
+from opir_core.random_streams.philox import Reader, further_words, normal_pairs, purpose_number, stream_key, uniforms_of
+
+
+class PairStreams:
+    """The streams of all pairs of a run, keyed when first read.
+
+    `names` are each pair's sensor and target ids; a pair's streams are keyed by the seed, these and a purpose. Those of
+    its scans go by `scan_names`, where these differ.
+    """
+
+    def __init__(
+        self, seed: int, names: Sequence[tuple[str, str]], scan_names: Sequence[tuple[str, str]] | None = None
+    ) -> None:
+        self._seed = seed
+        self._names = names
+        self._scan_names = names if scan_names is None else scan_names
+        self._reader = Reader()
+        self._keys: dict[str, dict[int, int]] = {}
+        self._constants: dict[tuple[str, int], FloatArray] = {}
+
+    def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> WordArray:
+        """Return (sum of scans · words,) raw words: in turn those of each pair's `scans` from `first_scan` on."""
+        into = np.empty((int(scans.sum()), words), dtype=np.uint64)
+        self.fill(into, purpose, pairs, first_scan, scans, np.cumsum(scans) - scans)
+        return into.reshape(-1)
+
+    def fill(
+        self, into: WordArray, purpose: str, pairs: IntArray, first_scan: IntArray, scans: IntArray, at: IntArray
+    ) -> None:
+        """Write raw words into rows (…, words): of each pair's `scans` from `first_scan` on, from the row `at` on."""
+        keys, words = self._keys.setdefault(purpose, {}), into.shape[1]
+        flat = into.reshape(-1)
+        columns = (pairs, first_scan * words, scans * words, at * words)
+        for pair, first, count, start in zip(*(column.tolist() for column in columns), strict=True):
+            key = keys.get(pair)
+            if key is None:
+                key = keys[pair] = stream_key(self._seed, *self._scan_names[pair], purpose)
+            flat[start : start + count] = self._reader.words(key, first, count)
+
+    def constants(self, purpose: str, words: int) -> FloatArray:
+        """Return (pairs, words) numbers, one row for all scans of a pair."""
+        key = (purpose, words)
+        if key not in self._constants:
+            keys = [stream_key(self._seed, *names, f"{purpose}:pair") for names in self._names]
+            raw = [self._reader.words(each, 0, words) for each in keys]
+            self._constants[key] = uniforms_of(np.concatenate([*raw, np.empty(0, np.uint64)])).reshape(-1, words)
+        return self._constants[key]
+
+    def of_pairs(self) -> "RowDice":
+        """Return the dice of the pairs themselves, one row each, which have no scans."""
+        everyone, none = np.arange(len(self._names)), np.zeros(0, dtype=np.int64)
+        return RowDice(WindowNumbers(self, none, none, none), self, none, everyone)
+
+    def forget(self, pairs: IntArray) -> None:
+        """Let go of the keys of pairs that have no more looks."""
+        for keys in self._keys.values():
+            for pair in pairs.tolist():
+                keys.pop(pair, None)
+
+
+class WindowNumbers:
+    """The numbers of all looks of a window, by purpose: a pair's are drawn when one of its looks is first asked for.
+
+    The looks are those of the `active` pairs laid end to end, `scans` of each from `first_scan` on.
+    """
+
+    def __init__(self, streams: PairStreams, active: IntArray, first_scan: IntArray, scans: IntArray) -> None:
+        self._streams = streams
+        self._active, self._first_scan, self._scans = active, first_scan, scans
+        self._ends = np.cumsum(scans)
+        self._drawn: dict[tuple[str, int], tuple[WordArray, BoolArray]] = {}
+
+    def words(self, purpose: str, pairs: BoolArray | None = None) -> WordArray:
+        """Return (looks,) raw words, drawn anew at each call; 0 where only some `pairs` (active,) are asked for."""
+        if pairs is None:
+            return self._streams.words(purpose, 1, self._active, self._first_scan, self._scans)
+        words = np.zeros(int(self._ends[-1]) if len(self._ends) else 0, dtype=np.uint64)
+        self._draw(words.reshape(-1, 1), purpose, pairs)
+        return words
+
+    def of_rows(self, purpose: str, words: int, rows: IntArray, pair: IntArray) -> WordArray:
+        """Return (rows, words) raw words of some of the looks, which are those of pairs (rows,).
+
+        Rows in the order of the window are read where they stand; others from what is drawn of whole pairs and kept.
+        """
+        if np.all(rows[1:] > rows[:-1]):
+            return self._in_order(purpose, words, rows)
+        key = (purpose, words)
+        if key not in self._drawn:
+            looks = int(self._ends[-1]) if len(self._ends) else 0
+            self._drawn[key] = np.empty((looks, words), dtype=np.uint64), np.zeros(len(self._active), dtype=np.bool_)
+        drawn, known = self._drawn[key]
+        if not known.all():
+            asked = np.zeros(int(self._active[-1]) + 1, dtype=np.bool_)
+            asked[pair] = True
+            missing = asked[self._active] & ~known
+            self._draw(drawn, purpose, missing)
+            known |= missing
+        return drawn.take(rows, axis=0)
+
+    def _in_order(self, purpose: str, words: int, rows: IntArray) -> WordArray:
+        """Return (rows, words) raw words of looks in order: of each pair those from its first row to its last."""
+        behind = np.searchsorted(rows, self._ends)
+        count = np.diff(behind, prepend=0)
+        chosen = np.flatnonzero(count)
+        behind, count = behind[chosen], count[chosen]
+        first, last = rows[behind - count], rows[behind - 1]
+        scan = self._first_scan[chosen] + first - (self._ends - self._scans)[chosen]
+        span = last - first + 1
+        at = np.cumsum(span) - span
+        read = np.empty((int(span.sum()), words), dtype=np.uint64)
+        self._streams.fill(read, purpose, self._active[chosen], scan, span, at)
+        return read if len(read) == len(rows) else read.take(rows + np.repeat(at - first, count), axis=0)
+
+    def of(self, rows: IntArray, pair: IntArray, seeds: WordArray | None = None) -> "RowDice":
+        """Return the dice of some of the looks; `pair` is each row's pair, `seeds` a random word of each, if known."""
+        return RowDice(self, self._streams, rows, pair, seeds)
+
+    def _draw(self, into: WordArray, purpose: str, pairs: BoolArray) -> None:
+        chosen = np.flatnonzero(pairs)
+        scans = self._scans[chosen]
+        at = self._ends[chosen] - scans
+        self._streams.fill(into, purpose, self._active[chosen], self._first_scan[chosen], scans, at)
+
+
+@frozen(eq=False)
+class RowDice:
+    """The dice of a batch of rows, as `opir_core.interfaces.protocols.Dice` promises them.
+
+    Rows that have `seeds`, raw words of their looks, spin their normal numbers from these: no stream is read again.
+    """
+
+    numbers: WindowNumbers
+    streams: PairStreams
+    rows: IntArray
+    pair: IntArray
+    seeds: WordArray | None = None
+
+    def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
+        """Return (rows, words) numbers in [0, 1), fresh for each scan."""
+        return uniforms_of(self.numbers.of_rows(purpose, words, self.rows, self.pair))
+
+    def normals(self, purpose: str, count: int = 1) -> FloatArray:
+        """Return (rows, count) standard normal numbers, fresh for each scan: two of each raw word."""
+        columns = np.empty((count, len(self.rows)))
+        for place, words in enumerate(self._words(purpose, (count + 1) // 2)):
+            pair = normal_pairs(words)
+            columns[2 * place : 2 * place + 2] = pair[: count - 2 * place]
+        return columns.T
+
+    def _words(self, purpose: str, count: int) -> Iterable[WordArray]:
+        """Return so many columns (rows,) of raw words."""
+        if self.seeds is None:
+            return self.numbers.of_rows(purpose, count, self.rows, self.pair).T
+        numbers = purpose_number(purpose) + np.arange(count, dtype=np.uint64)
+        return [further_words(self.seeds, numbers[place : place + 1]) for place in range(count)]
+
+    def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
+        """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
+        chosen: FloatArray = self.streams.constants(purpose, words)[self.pair]
+        return chosen
+
+    def take(self, rows: Any) -> "RowDice":
+        """Return the dice of some of the rows."""
+        seeds = None if self.seeds is None else self.seeds[rows]
+        return RowDice(self.numbers, self.streams, self.rows[rows], self.pair[rows], seeds)

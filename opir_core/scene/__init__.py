@@ -1,0 +1,1 @@
+"""The scene: what a user writes, checked, as frozen values."""

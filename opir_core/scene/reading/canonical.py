@@ -1,0 +1,91 @@
+"""A scene's canonical form and its hash: what a manifest keeps so that a run can be repeated."""
+
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any
+
+from attrs import fields, has
+
+from opir_core.scene.fields import two_ways
+from opir_core.scene.reading.scene_schema import CHOICES
+from opir_core.scene.reading.yaml_scalars import text_of_epoch_us
+from opir_core.scene.scene import Choice, Scene, SceneForces, SceneSensor, SceneTarget
+
+
+def scene_mapping(scene: Scene) -> dict[str, Any]:
+    """Return a scene as plain data with every setting written out, defaults, presets and constellations included.
+
+    `scene_from_mapping(scene_mapping(scene)) == scene` for every scene that was read.
+    """
+    return {
+        "scene": scene.name,
+        "epoch": text_of_epoch_us(scene.epoch_us),
+        "duration_s": scene.duration_s,
+        "seed": scene.seed,
+        "light_time": scene.light_time,
+        "forces": _forces(scene.forces),
+        "sensors": _sensors(scene.sensors),
+        "targets": [_target(target) for target in scene.targets],
+        "sources": [{"id": source.id, **_block(source.model)} for source in scene.sources],
+        **{key: _block(getattr(scene, key)) for key in CHOICES},
+        "outputs": [{choice.name: _output_settings(choice)} for choice in scene.outputs],
+    }
+
+
+def scene_hash(scene: Scene) -> str:
+    """Return the SHA-256 (hexadecimal) of a scene's canonical form.
+
+    Scenes that mean the same have the same hash, however their files spell, order or comment them.
+    """
+    import json
+    from hashlib import sha256
+
+    text = json.dumps(scene_mapping(scene), sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return sha256(text.encode("ascii")).hexdigest()
+
+
+def _sensors(sensors: tuple[SceneSensor, ...]) -> list[dict[str, Any]]:
+    """Return single sensors as they are, and members of a constellation together in the block that they came from."""
+    blocks = []
+    for (constellation, _), group in groupby(sensors, key=lambda sensor: (sensor.constellation, sensor.model.path)):
+        members = [{"id": sensor.id, **_block(sensor.model)} for sensor in group]
+        blocks += members if constellation is None else [{"constellation": constellation, "members": members}]
+    return blocks
+
+
+def _forces(forces: SceneForces) -> str | list[Any]:
+    """Return the forces as a scene writes them, those of gravity first."""
+    drag = [] if forces.drag is None else [{"drag": _settings(forces.drag)}]
+    return "kepler" if forces.is_kepler else [*forces.zonal, *drag]
+
+
+def _target(target: SceneTarget) -> dict[str, Any]:
+    signature = {} if target.signature is None else {"signature": _block(target.signature)}
+    return {"id": target.id, **_block(target.model), **signature}
+
+
+def _block(choice: Choice) -> dict[str, Any]:
+    return {"model": choice.name, **_settings(choice.config)}
+
+
+def _output_settings(choice: Choice) -> dict[str, Any]:
+    spool = {} if choice.spool is None else {"spool": _settings(choice.spool)}
+    return {**_settings(choice.config), **spool}
+
+
+def _settings(config: Any) -> dict[str, Any]:
+    """Return a configuration's fields; of what it may tell in two ways, the one in which it does."""
+    kind: type = type(config)
+    every = [attribute.name for attribute in fields(kind) if attribute.init]
+    silent = {pair.plain for pair in two_ways(kind) if getattr(config, pair.other) is not None}
+    return {name: _plain(getattr(config, name)) for name in every if name not in silent}
+
+
+def _plain(value: Any) -> Any:
+    if has(type(value)):
+        return _settings(value)
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value

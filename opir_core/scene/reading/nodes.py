@@ -1,0 +1,192 @@
+"""What was written, and where: the form in which a scene waits to be understood.
+
+A YAML file, a mapping and an override all become nodes, so one set of rules reads them all and every complaint can say
+where the thing complained of stands.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from enum import Enum
+from typing import Any
+
+from attrs import Factory, define, evolve, frozen
+
+from opir_core.scene.reading.limits import MAXIMUM_PROBLEMS
+
+#: Line and column, both from 1, in a file; or the override that a node came from; or None.
+Place = tuple[int, int] | str | None
+
+_PLAIN_KEY = re.compile(r"[A-Za-z0-9_-]{1,64}")
+_NOT_TEXT = re.compile("[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
+_LONGEST_SHOWN = 60
+
+
+class Unreadable(Enum):
+    """The value of a node that could not be read; why stands among its complaints."""
+
+    UNREADABLE = "unreadable"
+
+
+UNREADABLE = Unreadable.UNREADABLE
+
+
+class SwitchWord(str):
+    """`on`, `off`, `yes` or `no` without quotes: a truth value where one is expected, and nothing elsewhere."""
+
+    __slots__ = ()
+
+
+@frozen
+class Complaint:
+    """One thing wrong: what, where in the text, and the steps to it (`.launch`, `[0]`) from the node complained of."""
+
+    message: str
+    place: Place = None
+    steps: tuple[str, ...] = ()
+
+    def under(self, *steps: str) -> "Complaint":
+        """Return the complaint as seen from a node further up."""
+        return evolve(self, steps=(*steps, *self.steps))
+
+    @property
+    def path(self) -> str:
+        """Return the scene path, `targets[0].launch.lat_deg`."""
+        return "".join(self.steps).removeprefix(".")
+
+    @property
+    def text(self) -> str:
+        """Return the message with the place, where that is known."""
+        if self.place is None:
+            return self.message
+        return f"{self.message} ({place_text(self.place)})"
+
+
+class Refused(Exception):  # noqa: N818 - never seen outside the reading package
+    """What is wrong with a node and the nodes in it; empty where the node complains of itself already."""
+
+    def __init__(self, complaints: Iterable[Complaint] = ()) -> None:
+        super().__init__()
+        self.complaints = tuple(complaints)
+
+
+@define(eq=False)
+class Node:
+    """A value as written.
+
+    `value` is text, a number, a truth value, None, a list of nodes, a dict of nodes by key, a `SwitchWord` or
+    `UNREADABLE`. `written` is the text of an unquoted scalar. `key_place` is where the key of this value stands.
+    """
+
+    value: Any
+    place: Place = None
+    key_place: Place = None
+    written: str | None = None
+    complaints: Sequence[Complaint] = ()
+
+    def refused(self, message: str, *, at_key: bool = False) -> Refused:
+        """Return the refusal of this node, or of its having been written at all (`at_key`)."""
+        return Refused([Complaint(message, self.key_place if at_key else self.place)])
+
+
+@define
+class Gathering:
+    """Reads many things and keeps what is wrong with each, so that all of it can be told at once."""
+
+    complaints: list[Complaint] = Factory(list)
+    is_whole: bool = True
+
+    def at(self, *steps: str) -> "_Gather":
+        """Keep what is refused inside the `with` block, as seen from `steps` further up, and go on after it."""
+        return _Gather(self, steps)
+
+    def require_whole(self) -> None:
+        """Raise all that was refused, if anything was."""
+        if not self.is_whole:
+            raise Refused(self.complaints)
+
+
+class _Gather:
+    """The `with` block of `Gathering.at`: a class, because a scene enters one for every value."""
+
+    __slots__ = ("_gathering", "_steps")
+
+    def __init__(self, gathering: Gathering, steps: tuple[str, ...]) -> None:
+        self._gathering = gathering
+        self._steps = steps
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: object, trace: object) -> bool:
+        if not isinstance(error, Refused):
+            return False
+        self._gathering.is_whole = False
+        self._gathering.complaints += [complaint.under(*self._steps) for complaint in error.complaints]
+        return True
+
+
+@contextmanager
+def under(*steps: str) -> Iterator[None]:
+    """Let what is refused inside the `with` block be seen from `steps` further up."""
+    try:
+        yield
+    except Refused as refused:
+        raise Refused(complaint.under(*steps) for complaint in refused.complaints) from refused
+
+
+def place_text(place: tuple[int, int] | str) -> str:
+    """Return a place in words."""
+    return place if isinstance(place, str) else f"line {place[0]}, column {place[1]}"
+
+
+def key_step(key: str) -> str:
+    """Return the step of a scene path into a block."""
+    return f".{key}" if _PLAIN_KEY.fullmatch(key) else f".{shown_text(key)}"
+
+
+def index_step(index: int) -> str:
+    """Return the step of a scene path into a list."""
+    return f"[{index}]"
+
+
+def shown_text(text: str) -> str:
+    """Return text in quotes, cut short where it is long, with what cannot be printed escaped."""
+    return repr(str(text)) if len(text) <= _LONGEST_SHOWN else f"{str(text)[:_LONGEST_SHOWN]!r}..."
+
+
+def unprintable_complaint(text: str) -> str | None:
+    """Return what is wrong with the characters of a text, or None."""
+    found = _NOT_TEXT.search(text)
+    return f"{shown_text(text)} contains U+{ord(found[0]):04X}, which is not text" if found else None
+
+
+def complaints_inside(node: Node) -> Iterator[Complaint]:
+    """Yield what the reader already found wrong with a node and the nodes in it."""
+    yield from node.complaints
+    for step, child in _children(node.value):
+        for complaint in complaints_inside(child):
+            yield complaint.under(step)
+
+
+def ordered(complaints: Iterable[Complaint]) -> list[Complaint]:
+    """Return complaints once each: those about the file by line and column, then the others as they came."""
+    return sorted(dict.fromkeys(complaints), key=lambda one: one.place if isinstance(one.place, tuple) else _LAST)
+
+
+def cut_short(complaints: list[Complaint]) -> list[Complaint]:
+    """Return as many complaints as one message takes, the last saying how many are left out."""
+    left_out = len(complaints) - MAXIMUM_PROBLEMS
+    if left_out <= 0:
+        return complaints
+    return [*complaints[:MAXIMUM_PROBLEMS], Complaint(f"and {left_out} more problem{'s' if left_out > 1 else ''}")]
+
+
+_LAST = (2**62, 0)
+
+
+def _children(value: Any) -> Iterator[tuple[str, Node]]:
+    if isinstance(value, Mapping):
+        yield from ((key_step(key), child) for key, child in value.items())
+    elif isinstance(value, list):
+        yield from ((index_step(index), child) for index, child in enumerate(value))

@@ -1,0 +1,100 @@
+"""The keys of a scene file, with what each means; the blocks among them are read later, by what they choose."""
+
+from attrs import frozen
+
+from opir_core.scene.fields import flag, nested, number
+from opir_core.scene.reading.limits import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH
+from opir_core.scene.reading.nodes import Node
+from opir_core.scene.reading.yaml_scalars import epoch_us_of_text
+
+#: The keys that choose one component: the hook it comes through, and the name chosen where the scene has none.
+CHOICES = {
+    "detection": ("opir_detection_models", "constant"),
+    "classification": ("opir_classifiers", "paper"),
+    "confidence": ("opir_confidence_models", "weighted"),
+    "tracker": ("opir_trackers", "none"),
+    "atmosphere": ("opir_atmosphere_models", "clear"),
+    "background": ("opir_background_models", "none"),
+}
+
+#: The target model of a target that names none.
+DEFAULT_TARGET_MODEL = "ballistic"
+
+
+def _name_complaint(name: str) -> str | None:
+    if not name.strip() or "\n" in name:
+        return "a scene's name is one line of text"
+    too_long = len(name) > MAXIMUM_NAME_LENGTH
+    return f"a scene's name has at most {MAXIMUM_NAME_LENGTH} characters; this has {len(name)}" if too_long else None
+
+
+def _epoch_complaint(epoch: str) -> str | None:
+    try:
+        epoch_us_of_text(epoch)
+    except ValueError as error:
+        return str(error)
+    return None
+
+
+@frozen(kw_only=True)
+class SceneFile:
+    """A scene as its file has it, its blocks unread."""
+
+    scene: str = nested(help="the scene's name", check=_name_complaint, source="")
+    epoch: str = nested(
+        help="the scene's zero of time, RFC 3339 in UTC, of the years 1970 to 2099, to the microsecond at most",
+        check=_epoch_complaint,
+        source="",
+    )
+    duration_s: float = number(
+        help="how long the scene lasts", unit="s", above=0.0, maximum=MAXIMUM_DURATION_S, source=""
+    )
+    seed: int = number(
+        help="what all random numbers come from", default=0, minimum=0, maximum=2**63 - 1, source="any will do"
+    )
+    light_time: bool = flag(
+        help="whether light takes time from target to sensor",
+        default=True,
+        source="physics: 0.12 s to geostationary height",
+    )
+    forces: Node | None = nested(
+        help="what acts in free flight: kepler (the point mass alone), or a list out of j2, j3, j4 and drag",
+        default=None,
+        source="opir-simulator paper (2026): two-body motion",
+    )
+    sensors: Node = nested(help="constellations and single sensors", source="")
+    targets: Node | None = nested(help="launches", default=None, source="")
+    sources: Node | None = nested(
+        help="emitters that are no targets: fires, flares, glints, bolides", default=None, source=""
+    )
+    detection: Node | None = nested(
+        help="detection model: its name, or a block of model and settings",
+        default=None,
+        source="`constant` where none is named",
+    )
+    classification: Node | None = nested(
+        help="classifier: its name, or a block of model and settings",
+        default=None,
+        source="`paper` where none is named",
+    )
+    confidence: Node | None = nested(
+        help="confidence model: its name, or a block of model and settings",
+        default=None,
+        source="`weighted` where none is named",
+    )
+    tracker: Node | None = nested(
+        help="tracker: its name, or a block of model and settings", default=None, source="`none` where none is named"
+    )
+    atmosphere: Node | None = nested(
+        help="atmosphere model: its name, or a block of model and settings",
+        default=None,
+        source="`clear` where none is named",
+    )
+    background: Node | None = nested(
+        help="background model: its name, or a block of model and settings",
+        default=None,
+        source="`none` where none is named",
+    )
+    outputs: Node | None = nested(
+        help="sinks: a list of names, or of names with their settings", default=None, source=""
+    )

@@ -1,0 +1,208 @@
+"""YAML text to nodes, refusing what makes YAML surprising.
+
+PyYAML's parser supplies events; nothing of its constructors or resolvers is used. Aliases, anchors, tags, merge keys,
+directives, second documents, duplicate keys and keys that are not text are refused, and so is all that
+`opir_core.scene.reading.yaml_scalars` refuses. Nesting and the number of values are bounded while reading, so no text
+is costly.
+"""
+
+import re
+from typing import Any
+
+import yaml
+from attrs import evolve
+
+from opir_core.scene.reading.limits import MAXIMUM_DEPTH, MAXIMUM_VALUES
+from opir_core.scene.reading.nodes import (
+    UNREADABLE,
+    Complaint,
+    Node,
+    Place,
+    Refused,
+    complaints_inside,
+    key_step,
+    place_text,
+)
+from opir_core.scene.reading.yaml_scalars import plain_value, quoted_value
+
+#: libyaml's parser where PyYAML has it, else PyYAML's own: the same events, more slowly.
+PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+#: PyYAML's own pattern of what must not stand in a text (YAML 1.1, section 5.1); compiling it a second time is slow.
+_UNPRINTABLE: re.Pattern[str] = yaml.reader.Reader.NON_PRINTABLE
+
+_SYNTAX = (
+    ("mapping values are not allowed", "a ':' that fits no key: text with ': ' in it needs quotes"),
+    ("could not find expected ':'", "there is no ':' after this key"),
+    ("cannot start any token", "text that begins with this character needs quotes"),
+    ("end of stream", "the quotes are not closed"),
+    ("stream end", "the bracket is not closed"),
+    ("expected ',' or '", "a ',' or a closing bracket is missing before this"),
+    ("expected key", "the keys of one block, and the '-' of one list, must begin in one column"),
+    ("block end", "the keys of one block, and the '-' of one list, must begin in one column"),
+    ("document start", "something follows after the end"),
+    ("'-' indicator", "the keys of one block, and the '-' of one list, must begin in one column"),
+    ("node content", "a value is missing before this"),
+    ("escape", "there is no such escape in double quotes; write '\\\\' for a backslash, or use single quotes"),
+)
+
+
+def node_of_yaml(text: str, origin: str | None = None) -> Node:
+    """Return the nodes of a YAML document.
+
+    `origin` stands in for line and column where the text is not a file. What is wrong with single values waits in the
+    nodes; `Refused` is raised where the text as a whole cannot be read.
+    """
+    _refuse_unprintable(text, origin)
+    composer = _Composer(origin)
+    try:
+        for event in yaml.parse(text, Loader=PARSER):
+            composer.take(event)
+    except yaml.MarkedYAMLError as error:
+        composer.stop(*_syntax_message(error, origin is None))
+    if composer.root is None:
+        raise Refused([Complaint("there is nothing in it", origin)])
+    return composer.root
+
+
+def node_of_scalar(text: str, origin: str) -> Node:
+    """Return the node of an unquoted scalar, whatever characters it holds."""
+    try:
+        return Node(plain_value(text), origin, None, text)
+    except ValueError as error:
+        return Node(UNREADABLE, origin, None, text, (Complaint(str(error), origin),))
+
+
+class _Composer:
+    """Events in, nodes out: a stack of the open blocks and lists, each block with the key that waits for its value."""
+
+    def __init__(self, origin: str | None) -> None:
+        self.root: Node | None = None
+        self._origin = origin
+        self._open: list[Node] = []
+        self._keys: list[tuple[str | None, Place] | None] = []
+        self._values = 0
+
+    def take(self, event: Any) -> None:
+        """Take in one event of the parser."""
+        if isinstance(event, yaml.ScalarEvent):
+            self._add(self._scalar(event), event)
+        elif isinstance(event, yaml.MappingStartEvent):
+            self._container(event, {})
+        elif isinstance(event, yaml.SequenceStartEvent):
+            self._container(event, [])
+        elif isinstance(event, yaml.MappingEndEvent | yaml.SequenceEndEvent):
+            self._open.pop()
+            self._keys.pop()
+        elif isinstance(event, yaml.AliasEvent):
+            self._add(self._unreadable("aliases (*name) are not read; write the value out", event), event)
+        elif isinstance(event, yaml.DocumentStartEvent):
+            self._begin_document(event)
+
+    def stop(self, message: str, mark: Any) -> None:
+        """Raise what is wrong with the text, after what was wrong before."""
+        known = complaints_inside(self.root) if self.root else ()
+        raise Refused([*known, Complaint(message, self._place(mark))])
+
+    def _begin_document(self, event: yaml.DocumentStartEvent) -> None:
+        if self.root is not None:
+            self.stop("a second document begins here; a scene is one document", event.start_mark)
+        if event.version or event.tags:
+            self.stop("directives (%YAML, %TAG) are not read; leave the line out", event.start_mark)
+
+    def _scalar(self, event: yaml.ScalarEvent) -> Node:
+        plain = event.implicit[0]
+        node = Node(UNREADABLE, self._place(event.start_mark), None, event.value if plain else None)
+        node.complaints = self._strangeness(event)
+        try:
+            if event.tag is None:
+                node.value = plain_value(event.value) if plain else quoted_value(event.value)
+        except ValueError as error:
+            node.complaints = (*node.complaints, Complaint(str(error), node.place))
+        return node
+
+    def _container(self, event: Any, value: Any) -> None:
+        """Begin a block or a list; one with a tag is read to its end and left out."""
+        if len(self._open) >= MAXIMUM_DEPTH:
+            self.stop(f"blocks and lists are more than {MAXIMUM_DEPTH} deep here", event.start_mark)
+        node = Node(value, self._place(event.start_mark), complaints=self._strangeness(event))
+        self._add(node if event.tag is None else evolve(node, value=UNREADABLE), event)
+        self._open.append(node)
+        self._keys.append(None)
+
+    def _strangeness(self, event: Any) -> tuple[Complaint, ...]:
+        if event.tag is None and event.anchor is None:
+            return ()
+        tag = (event.tag or "").replace("tag:yaml.org,2002:", "!!")
+        what = f"tags ({tag})" if tag else f"anchors (&{event.anchor})"
+        return (Complaint(f"{what} are not read; write the plain value", self._place(event.start_mark)),)
+
+    def _unreadable(self, message: str, event: Any) -> Node:
+        place = self._place(event.start_mark)
+        return Node(UNREADABLE, place, complaints=(Complaint(message, place),))
+
+    def _add(self, node: Node, event: Any) -> None:
+        self._values += 1
+        if self._values > MAXIMUM_VALUES:
+            self.stop(f"there are more than {MAXIMUM_VALUES} values", event.start_mark)
+        if not self._open:
+            self.root = node
+        elif isinstance(self._open[-1].value, list):
+            self._open[-1].value.append(node)
+        elif self._keys[-1] is None:
+            self._keys[-1] = self._key(node), node.place
+        else:
+            key, key_place = self._keys[-1]
+            self._keys[-1] = None
+            if key is not None:
+                self._set(self._open[-1], key, key_place, node)
+
+    def _key(self, node: Node) -> str | None:
+        """Return the key that a node makes; None, with a complaint, where it is no text."""
+        self._open[-1].complaints = (*self._open[-1].complaints, *node.complaints)
+        if type(node.value) is str and node.written != "<<":
+            return node.value
+        if node.written == "<<":
+            self._complain("merge keys (<<) are not read; write the keys out", node.place)
+        elif isinstance(node.value, list | dict):
+            self._complain("a key is a list or a block; keys are text", node.place)
+        elif node.value is not UNREADABLE:
+            self._complain(f"the key {node.written or 'of nothing'} is not text; write it in quotes", node.place)
+        return None
+
+    def _set(self, block: Node, key: str, key_place: Place, node: Node) -> None:
+        node.key_place = key_place
+        first = block.value.setdefault(key, node)
+        if first is not node:
+            where = f"; the first is in {place_text(first.key_place)}" if first.key_place else ""
+            complaint = Complaint(f"the key is written twice{where}", key_place, (key_step(key),))
+            block.complaints = (*block.complaints, complaint)
+
+    def _complain(self, message: str, place: Place) -> None:
+        self._open[-1].complaints = (*self._open[-1].complaints, Complaint(message, place))
+
+    def _place(self, mark: Any) -> Place:
+        return self._origin or (mark.line + 1, mark.column + 1)
+
+
+def _refuse_unprintable(text: str, origin: str | None) -> None:
+    found = re.search("\t", text) or _UNPRINTABLE.search(text)
+    if found is None:
+        return
+    line = text.count("\n", 0, found.start()) + 1
+    place = origin or (line, found.start() - text.rfind("\n", 0, found.start()))
+    if found[0] == "\t":
+        raise Refused([Complaint("a tab stands here; scenes are indented and spaced with blanks", place)])
+    raise Refused([Complaint(f"U+{ord(found[0]):04X} stands here, which is not text", place)])
+
+
+def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, Any]:
+    """Return what the parser complains of, in our words where there are some, and the mark of the place."""
+    problem = error.problem or "this does not follow the rules of YAML"
+    said = next((ours for theirs, ours in _SYNTAX if theirs in problem), problem)
+    begun, mark = error.context_mark, error.problem_mark or error.context_mark
+    if not has_lines or begun is None or mark is None or begun.line == mark.line:
+        return f"not YAML: {said}", mark
+    if "expected ':'" in problem:
+        return f"not YAML: {said}", begun
+    return f"not YAML: {said}, in what begins in line {begun.line + 1}", mark

@@ -1,0 +1,223 @@
+"""Nodes to configuration classes: cattrs finds the reader of each type, and every reader is strict.
+
+cattrs by default coerces ("50" becomes 50, 1 becomes True) and tells at most the first validator's complaint of a
+class. Here all readers are those of `opir_core.scene.reading.readers`, and a class's reader reports every field of its
+block.
+"""
+
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, partial
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from attrs import NOTHING, Attribute, fields, frozen, has
+from cattrs import Converter
+
+from opir_core.scene.fields import METADATA_KEY, info_of
+from opir_core.scene.reading import readers
+from opir_core.scene.reading.nodes import Gathering, Node, Refused, key_step
+from opir_core.scene.reading.plain_data import data_of_node
+from opir_core.scene.reading.readers import Reader, block_of
+
+#: Says where a key belongs that means nothing in its block, "" where nowhere; takes the key and whether a known one is
+#: like it.
+Home = Callable[[str, bool], str]
+
+
+class UnreadableTypeError(TypeError):
+    """A configuration class with a field of a type that scenes cannot hold."""
+
+
+@frozen
+class FieldReader:
+    """One field of a configuration class and the reader of its type."""
+
+    attribute: "Attribute[Any]"
+    read: Reader
+
+    def value(self, node: Node) -> Any:
+        """Return the field's value, or raise what its type or its validator says of it."""
+        default = self.attribute.default
+        if isinstance(self.read, ClassReader) and isinstance(default, self.read.config_class):
+            value = self.read.made(node, (), base=default)
+        else:
+            value = self.read(node, None)
+        if METADATA_KEY in self.attribute.metadata and self.attribute.validator is not None:
+            try:
+                self.attribute.validator(None, self.attribute, value)
+            except ValueError as error:
+                raise node.refused(_words_of(error)) from error
+        return value
+
+
+@frozen
+class ClassReader:
+    """Reads a block into a configuration class; `fields` are its fields by name."""
+
+    config_class: type
+    fields: Mapping[str, FieldReader]
+
+    def __call__(self, node: Node, _type: Any = None) -> Any:
+        """Return the instance, or raise all that is wrong with the block and its fields."""
+        return self.made(node, ())
+
+    def made(self, node: Node, other_keys: Sequence[str], home: Home | None = None, base: Any = None) -> Any:
+        """Return the instance, or raise all that is wrong; `other_keys` may stand beside these.
+
+        What the block leaves out is as in `base`, where one is given.
+        """
+        gathering = Gathering()
+        values = self.values(node, gathering, other_keys, home, base)
+        gathering.require_whole()
+        try:
+            return self.config_class(**{str(self.fields[name].attribute.alias): values[name] for name in values})
+        except ValueError as error:
+            raise node.refused(_words_of(error)) from error
+
+    def values(
+        self,
+        node: Node,
+        gathering: Gathering,
+        other_keys: Sequence[str] = (),
+        home: Home | None = None,
+        base: Any = None,
+    ) -> dict[str, Any]:
+        """Return the values that can be read, by name; what is wrong goes to `gathering`.
+
+        `home` says where a key belongs that means nothing here; what the block leaves out is as in `base`.
+        """
+        known = (*other_keys, *self.fields)
+        block = block_of(node, known)
+        for key in [key for key in block if key not in self.fields]:
+            with gathering.at(key_step(key)):
+                raise unknown_key(key, block[key], known, home)
+        values = {}
+        for name, field in self.fields.items():
+            with gathering.at(key_step(name)):
+                if name in block:
+                    values[name] = field.value(block[name])
+                elif base is not None:
+                    values[name] = getattr(base, name)
+                elif field.attribute.default is NOTHING:
+                    raise node.refused(_missing(field.attribute))
+        return values
+
+
+@cache
+def class_reader(config_class: type) -> ClassReader:
+    """Return the reader of a configuration class; raises `UnreadableTypeError` where a scene cannot hold one."""
+    try:
+        hints = get_type_hints(config_class)
+    except Exception as error:
+        raise UnreadableTypeError(f"the field types of {config_class.__qualname__} are not known: {error}") from error
+    found = {}
+    for attribute in fields(config_class):
+        try:
+            if attribute.init:
+                found[attribute.name] = FieldReader(attribute, reader_of(hints[attribute.name]))
+        except UnreadableTypeError as error:
+            raise UnreadableTypeError(f"{config_class.__qualname__}.{attribute.name}: {error}") from error
+    return ClassReader(config_class, found)
+
+
+def reader_of(kind: Any) -> Reader:
+    """Return the reader of a type; raises `UnreadableTypeError` where a scene cannot hold one."""
+    if not any(fits(kind) for fits, _ in _KINDS):
+        raise UnreadableTypeError(f"scenes cannot hold a value of type {kind}")
+    return _converter().get_structure_hook(kind)
+
+
+def unknown_key(key: str, node: Node, known: Sequence[str], home: Home | None = None) -> Refused:
+    """Return the refusal of a key that means nothing here: the nearest known one, where it belongs, or all known."""
+    near = nearest(key, known)
+    if node.written == "" and ":" in key:
+        hint = "a blank is missing after its ':'"
+    else:
+        belongs = home(key, near is not None) if home else ""
+        meant = f"did you mean {near}?{' Otherwise ' if belongs else ''}" if near else ""
+        all_known = f"known here: {', '.join(known)}" if known else "there is nothing to set here"
+        hint = f"{meant}{belongs}" or all_known
+    return node.refused(f"unknown key; {hint}", at_key=True)
+
+
+def required(block: dict[str, Node], key: str, node: Node) -> Node:
+    """Take a key out of a block and return its value; raise that it is missing, with a key that may be meant for it."""
+    if key in block:
+        return block.pop(key)
+    near = nearest(key, block)
+    raise node.refused(f"is missing{f'; is {near} meant for it?' if near else ''}")
+
+
+def nearest(key: str, known: Iterable[str]) -> str | None:
+    """Return the known key that a key is most like, letter case aside, or None where it is like none of them."""
+    from difflib import get_close_matches
+
+    spelt = {each.casefold(): each for each in known}
+    return next((spelt[match] for match in get_close_matches(key.casefold(), list(spelt), 1)), None)
+
+
+@cache
+def _converter() -> Converter:
+    converter = Converter(forbid_extra_keys=True, detailed_validation=True)
+    for fits, factory in _KINDS:
+        converter.register_structure_hook_factory(fits, factory)
+    for kind, reader in _SCALARS.items():
+        converter.register_structure_hook(kind, reader)
+    return converter
+
+
+def _read_data(node: Node, _type: Any = None) -> Any:
+    return data_of_node(node)
+
+
+def _is_optional(kind: Any) -> bool:
+    arguments = get_args(kind)
+    return get_origin(kind) in (Union, types.UnionType) and len(arguments) == 2 and type(None) in arguments
+
+
+def _is_mapping(kind: Any) -> bool:
+    return get_origin(kind) in (dict, Mapping) and get_args(kind)[0] is str
+
+
+def _optional_reader(kind: Any) -> Reader:
+    (inner,) = (argument for argument in get_args(kind) if argument is not type(None))
+    return readers.read_node if inner is Node else partial(readers.read_optional, reader_of(inner))
+
+
+def _tuple_reader(kind: Any) -> Reader:
+    arguments = get_args(kind)
+    if len(arguments) == 2 and arguments[1] is ...:
+        return partial(readers.read_items, reader_of(arguments[0]))
+    return partial(readers.read_tuple, tuple(reader_of(argument) for argument in arguments))
+
+
+def _mapping_reader(kind: Any) -> Reader:
+    return partial(readers.read_mapping, reader_of(get_args(kind)[1]))
+
+
+_SCALARS: Mapping[type, Reader] = {
+    float: readers.read_float,
+    int: readers.read_int,
+    bool: readers.read_bool,
+    str: readers.read_text,
+    Node: readers.read_node,
+}
+
+#: Which types can be read, and what makes their readers.
+_KINDS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Reader]], ...] = (
+    (lambda kind: isinstance(kind, type) and kind in _SCALARS, lambda kind: _SCALARS[kind]),
+    (lambda kind: kind is Any, lambda _kind: _read_data),
+    (_is_optional, _optional_reader),
+    (lambda kind: get_origin(kind) is tuple and bool(get_args(kind)), _tuple_reader),
+    (_is_mapping, _mapping_reader),
+    (lambda kind: isinstance(kind, type) and has(kind) and kind is not Node, class_reader),
+)
+
+
+def _missing(attribute: "Attribute[Any]") -> str:
+    wanted = info_of(attribute).requirement
+    return f"is missing: {wanted}" if wanted else "is missing"
+
+
+def _words_of(error: Exception) -> str:
+    return str(error.args[0]) if error.args else type(error).__name__

@@ -1,0 +1,204 @@
+"""The targets of a scene, and the sources beside them that are no targets.
+
+Blocks that stand for one thing: its id, its model and the model's settings.
+
+The forces on targets in free flight: `kepler`, or a list of zonal harmonics and drag.
+"""
+
+import re
+from collections.abc import Sequence
+
+from attrs import evolve
+
+from opir_core.scene.reading.component_reader import Chooser, Settings, component_name
+from opir_core.scene.reading.limits import MAXIMUM_ID_LENGTH, MAXIMUM_SOURCES, MAXIMUM_TARGETS
+from opir_core.scene.reading.nodes import Gathering, Node, Refused, index_step, key_step, shown_text, under
+from opir_core.scene.reading.readers import block_of, items_of, read_text, refusal
+from opir_core.scene.reading.scene_schema import DEFAULT_TARGET_MODEL
+from opir_core.scene.reading.structuring import class_reader, nearest, required
+from opir_core.scene.scene import ZONAL_FORCES, Choice, SceneDrag, SceneForces, SceneSource, SceneTarget
+
+_ID = re.compile(rf"[A-Za-z0-9._:-]{{1,{MAXIMUM_ID_LENGTH}}}")
+
+
+#: What an id is, in words.
+ID_RULE = f"ids have 1 to {MAXIMUM_ID_LENGTH} characters, of A to Z, a to z, 0 to 9 and ._:-"
+
+
+class Identifier:
+    """Reads blocks of `id`, `model` and settings, for one kind of thing; no id is given twice."""
+
+    def __init__(self, chooser: Chooser, hook: str, default_model: str | None = None) -> None:
+        self.chooser = chooser
+        self.hook = hook
+        self._default_model = default_model
+        self._homes: dict[str, str] = {}
+
+    def identified(self, node: Node, path: str, other_keys: tuple[str, ...], choice_path: str) -> tuple[str, Choice]:
+        """Return a block's id and its model; `choice_path` is the path that the model goes by."""
+        settings = dict(block_of(node, other_keys))
+        gathering = Gathering()
+        with gathering.at(".id"):
+            found = required(settings, "id", node)
+            given_id = self.claimed(read_text(found), path, found)
+        with gathering.at():
+            name = self._model(settings, node)
+            choice = self.chooser.choice(self.hook, name, choice_path, Settings(node, settings, other_keys=other_keys))
+        gathering.require_whole()
+        return given_id, choice
+
+    def claimed(self, text: str, path: str, node: Node) -> str:
+        """Return an id, which is `path`'s from there on; raises `Refused` for a text that is none or is taken."""
+        if not is_id(text):
+            raise node.refused(f"{shown_text(text)} is not an id; {ID_RULE}")
+        home = self._homes.setdefault(text, path)
+        if home != path:
+            raise node.refused(f"{text} is the id of {home} already")
+        return text
+
+    def _model(self, settings: dict[str, Node], node: Node) -> str:
+        if "model" not in settings and self._default_model is not None:
+            return self._default_model
+        with under(".model"):
+            return component_name(required(settings, "model", node))
+
+
+def is_id(text: object) -> bool:
+    """Return whether a value may be the id of a sensor or a target."""
+    return isinstance(text, str) and _ID.fullmatch(text) is not None
+
+
+KEPLER = "kepler"
+_DRAG = "drag"
+_KNOWN = (*ZONAL_FORCES, _DRAG)
+_NEEDED = f"{KEPLER}, or a list out of {', '.join(_KNOWN)}, is needed"
+_ITEM_NEEDED = f"one of {', '.join(_KNOWN)}, or drag with its settings indented below it, is needed"
+
+
+def read_forces(node: Node) -> SceneForces:
+    """Return the forces of a node; raises `Refused` with all that is wrong with it."""
+    if node.value == KEPLER:
+        return SceneForces()
+    if not isinstance(node.value, list):
+        hint = f": write [{node.value}]" if isinstance(node.value, str) and node.value in _KNOWN else ""
+        raise refusal(node, f"{_NEEDED}{hint}")
+    if not node.value:
+        raise node.refused(f"this list is empty; for the point mass alone, write {KEPLER}")
+    gathering, found = Gathering(), dict[str, SceneDrag | None]()
+    for index, item in enumerate(items_of(node)):
+        with gathering.at(index_step(index)):
+            name, drag = _force(item)
+            if name in found:
+                raise item.refused(f"{name} stands here twice")
+            found[name] = drag
+    gathering.require_whole()
+    return SceneForces(tuple(name for name in ZONAL_FORCES if name in found), found.get(_DRAG))
+
+
+def _force(node: Node) -> tuple[str, SceneDrag | None]:
+    """Return an item's name, and its settings if it is drag."""
+    if not isinstance(node.value, dict):
+        return _named(node.value, node), SceneDrag() if node.value == _DRAG else None
+    block = block_of(node)
+    if len(block) != 1:
+        raise refusal(node, _ITEM_NEEDED)
+    ((key, settings),) = block.items()
+    if _named(key, node) != _DRAG:
+        raise node.refused(f"{key} has no settings: write {key} alone")
+    with under(key_step(key)):
+        return _DRAG, SceneDrag() if settings.value is None else class_reader(SceneDrag)(settings)
+
+
+def _named(name: object, node: Node) -> str:
+    if not isinstance(name, str):
+        raise refusal(node, _ITEM_NEEDED)
+    if name not in _KNOWN:
+        raise _unknown(name, node)
+    return name
+
+
+def _unknown(name: str, node: Node) -> Refused:
+    if name == KEPLER:
+        return node.refused(f"{KEPLER} is the point mass alone: write it in the place of the list, or leave it out")
+    near = nearest(name, _KNOWN)
+    return node.refused(f"there is no force {shown_text(name)}; {f'did you mean {near}?' if near else _ITEM_NEEDED}")
+
+
+_TARGET_KEYS = ("id", "model", "preset", "signature")
+_SOURCE_KEYS = ("id", "model", "preset")
+
+
+class TargetReader:
+    """Reads the list of targets; `duration_s` is the scene's, where it is known."""
+
+    def __init__(self, chooser: Chooser, duration_s: float | None) -> None:
+        self._chooser = chooser
+        self._identifier = Identifier(chooser, "opir_target_models", DEFAULT_TARGET_MODEL)
+        self._duration_s = duration_s
+
+    def targets(self, node: Node) -> tuple[SceneTarget, ...]:
+        """Return all targets; there may be none."""
+        items = items_of(node)
+        if len(items) > MAXIMUM_TARGETS:
+            raise node.refused(f"there are {len(items)} targets; at most {MAXIMUM_TARGETS} are read")
+        gathering, targets = Gathering(), list[SceneTarget]()
+        for index, item in enumerate(items):
+            with gathering.at(index_step(index)):
+                path = f"targets[{index}]"
+                targets.append(self._target(item, path))
+        gathering.require_whole()
+        return tuple(targets)
+
+    def _target(self, node: Node, path: str) -> SceneTarget:
+        block = dict(block_of(node, _TARGET_KEYS))
+        gathering, signature = Gathering(), None
+        if "signature" in block:
+            with gathering.at(".signature"):
+                named = block.pop("signature")
+                signature = self._chooser.named("opir_signature_models", named, f"{path}.signature")
+        with gathering.at():
+            own_id, choice = self._identifier.identified(evolve(node, value=block), path, _TARGET_KEYS, path)
+            self._refuse_late_launch(choice, node)
+        gathering.require_whole()
+        return SceneTarget(own_id, choice, signature)
+
+    def _refuse_late_launch(self, choice: Choice, node: Node) -> None:
+        """Refuse a launch that the scene does not reach; models say `launch.time_s` where they have one."""
+        time_s = getattr(getattr(choice.config, "launch", None), "time_s", None)
+        if not isinstance(time_s, float) or self._duration_s is None or time_s < self._duration_s:
+            return
+        launch = node.value.get("launch", node)
+        time = launch.value.get("time_s", launch)
+        with under(".launch", ".time_s"):
+            raise time.refused(f"{time_s!r} s is not before the scene's end at {self._duration_s!r} s")
+
+
+class SourceReader:
+    """Reads the list of sources; `targets` are the scene's."""
+
+    def __init__(self, chooser: Chooser, targets: Sequence[SceneTarget]) -> None:
+        self._identifier = Identifier(chooser, "opir_source_models")
+        self._target_ids = [target.id for target in targets]
+
+    def sources(self, node: Node) -> tuple[SceneSource, ...]:
+        """Return all blocks of sources."""
+        items = items_of(node)
+        if len(items) > MAXIMUM_SOURCES:
+            raise node.refused(f"there are {len(items)} blocks of sources; at most {MAXIMUM_SOURCES} are read")
+        gathering, sources = Gathering(), list[SceneSource]()
+        for index, item in enumerate(items):
+            with gathering.at(index_step(index)):
+                path = f"sources[{index}]"
+                own_id, choice = self._identifier.identified(item, path, _SOURCE_KEYS, path)
+                self._refuse_taken(own_id, item)
+                sources.append(SceneSource(own_id, choice))
+        gathering.require_whole()
+        return tuple(sources)
+
+    def _refuse_taken(self, own_id: str, node: Node) -> None:
+        """Refuse an id that an emitter of the block, `ID-7`, would share with a target."""
+        for taken in self._target_ids:
+            stem, dash, number = taken.rpartition("-")
+            if taken == own_id or (stem == own_id and dash and number.isdecimal()):
+                with under(".id"):
+                    raise node.value["id"].refused(f"the target {taken} has an id of this source's emitters")

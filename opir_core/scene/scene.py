@@ -1,0 +1,161 @@
+"""The scene: what is simulated, as frozen values. No file is read and nothing is computed here."""
+
+from typing import Any
+
+from attrs import frozen
+
+from opir_core.scene.fields import nested, number
+
+#: The target types a scene may launch, in the order of their codes.
+TARGET_TYPES = ("ICBM", "IRBM", "SRBM")
+
+#: What else a scene may put on the ground or in the air that is hot; their codes follow those of `TARGET_TYPES`.
+SOURCE_TYPES = ("fire", "flare", "glint", "bolide", "other")
+
+#: All that radiates, in the order of the codes of a plan's targets.
+EMITTER_TYPES = (*TARGET_TYPES, *SOURCE_TYPES)
+
+#: What an event may report as its target type, in the order of their codes.
+REPORTED_TYPES = (*TARGET_TYPES, "UNKNOWN")
+
+#: The code of "no answer" among `REPORTED_TYPES`.
+UNKNOWN_TYPE = REPORTED_TYPES.index("UNKNOWN")
+
+#: The signature model of a target whose block names none.
+DEFAULT_SIGNATURE = "plume"
+
+
+#: The zonal harmonics of gravity that a scene may choose, in the order in which they are written down.
+ZONAL_FORCES = ("j2", "j3", "j4")
+
+
+@frozen
+class Choice:
+    """A component chosen by name, with its configuration.
+
+    `hook` is the catalogue hook it came through, `path` where in the scene it stands (`sensors[2]`, `detection`).
+    `spool` is what an output's key of that name came to (`opir_core.output.spool.SpoolConfig`), or None.
+    """
+
+    hook: str
+    name: str
+    config: Any
+    path: str
+    spool: Any = None
+
+
+@frozen
+class SceneSensor:
+    """One satellite's sensor: its id (unique in the scene), its model, and the constellation it came from, if any."""
+
+    id: str
+    model: Choice
+    constellation: str | None = None
+
+
+@frozen
+class SceneTarget:
+    """One launch: its id (unique in the scene), its target model, and its signature model (None: the default one)."""
+
+    id: str
+    model: Choice
+    signature: Choice | None = None
+
+
+@frozen
+class SceneSource:
+    """A block of emitters that are no targets: its id (unique in the scene) and its source model."""
+
+    id: str
+    model: Choice
+
+
+@frozen(kw_only=True)
+class ExponentialAir:
+    """Air whose density falls by e with every scale height."""
+
+    density_kg_m3: float = number(unit="kg/m³", above=0.0, maximum=100.0, help="density at the base height")
+    scale_height_m: float = number(unit="m", minimum=100.0, maximum=1e6, help="height over which it falls by e")
+    base_height_m: float = number(
+        default=0.0, unit="m", minimum=-5000.0, maximum=1e6, help="height above the WGS 84 ellipsoid"
+    )
+
+
+@frozen(kw_only=True)
+class SceneDrag:
+    """How the air, which turns with the Earth, brakes what flies freely."""
+
+    ballistic_coefficient_kg_m2: float = number(
+        default=5000.0,
+        unit="kg/m²",
+        minimum=1.0,
+        maximum=1e6,
+        help="m/(C_d A) of every target whose block does not give its own",
+    )
+    exponential: ExponentialAir | None = nested(
+        default=None,
+        source="U.S. Standard Atmosphere, 1976",
+        help="exponential air; by default that of the U.S. Standard Atmosphere, 1976, to 1000 km",
+    )
+
+
+@frozen
+class SceneForces:
+    """What acts on targets in free flight beside the point mass: zonal harmonics by name, in order, and drag."""
+
+    zonal: tuple[str, ...] = ()
+    drag: SceneDrag | None = None
+
+    @property
+    def is_kepler(self) -> bool:
+        """Whether the point mass is all there is."""
+        return not self.zonal and self.drag is None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return what acts, as a scene names it."""
+        return (*self.zonal, *(() if self.drag is None else ("drag",))) or ("kepler",)
+
+
+@frozen
+class Scene:
+    """A whole scene.
+
+    `epoch_us` is the scene's zero of time, in microseconds of UTC since 1970-01-01 (no leap seconds). `light_time` says
+    whether light takes time from target to sensor.
+    """
+
+    name: str
+    epoch_us: int
+    duration_s: float
+    seed: int
+    sensors: tuple[SceneSensor, ...]
+    targets: tuple[SceneTarget, ...]
+    detection: Choice
+    classification: Choice
+    confidence: Choice
+    tracker: Choice
+    atmosphere: Choice
+    background: Choice
+    sources: tuple[SceneSource, ...] = ()
+    outputs: tuple[Choice, ...] = ()
+    light_time: bool = True
+    forces: SceneForces = SceneForces()
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """Return every component that the scene chose, in the order of the scene file."""
+        signatures = (target.signature for target in self.targets)
+        return (
+            *(sensor.model for sensor in self.sensors),
+            *(target.model for target in self.targets),
+            *(choice for choice in signatures if choice is not None),
+            *(source.model for source in self.sources),
+            self.detection,
+            self.classification,
+            self.confidence,
+            self.tracker,
+            self.atmosphere,
+            self.background,
+            *self.outputs,
+        )

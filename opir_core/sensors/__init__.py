@@ -1,0 +1,1 @@
+"""The kit that sensor packages are made of."""

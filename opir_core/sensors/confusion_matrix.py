@@ -1,0 +1,43 @@
+"""Confusion matrices: by true target type, the probabilities of each reported type."""
+
+import math
+from collections.abc import Mapping
+
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
+
+Confusion = Mapping[str, Mapping[str, float]]
+
+#: How far the sum of a row may be from 1.
+ROW_SUM_TOLERANCE = 1e-9
+
+
+def confusion_complaint(matrix: Confusion) -> str | None:
+    """Return what is wrong with a confusion matrix, or None.
+
+    Rows are true types, of which any may be left out; columns are reported types, of which those left out are 0. A row
+    holds probabilities and sums to 1 within 1e-9.
+    """
+    if not isinstance(matrix, Mapping):
+        return f"{matrix!r} is not a mapping of true types to reported types"
+    complaints = (_row_complaint(true_type, row) for true_type, row in matrix.items())
+    return next((complaint for complaint in complaints if complaint), None)
+
+
+def _row_complaint(true_type: str, row: Mapping[str, float]) -> str | None:
+    if true_type not in TARGET_TYPES:
+        return f"{true_type!r} is not a target type; these are {', '.join(TARGET_TYPES)}"
+    if not isinstance(row, Mapping):
+        return f"{true_type}: {row!r} is not a mapping of reported types to probabilities"
+    strangers = [name for name in row if name not in REPORTED_TYPES]
+    if strangers:
+        return f"{true_type}: {strangers[0]!r} is not a type to report; these are {', '.join(REPORTED_TYPES)}"
+    for name, probability in row.items():
+        if not is_probability(probability):
+            return f"{true_type}: {name}: {probability!r} is not a probability in [0, 1]"
+    total = math.fsum(row.values())
+    return None if abs(total - 1.0) <= ROW_SUM_TOLERANCE else f"{true_type}: the row sums to {total:.10g}, not to 1"
+
+
+def is_probability(value: object) -> bool:
+    """Return whether a value is a number in [0, 1]."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= 1.0

@@ -1,0 +1,146 @@
+"""How a scanning sensor's configuration says how it measures light, and the radiometer that comes of it."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from attrs import Factory, fields, frozen
+
+from opir_core.scene.fields import nested, number
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.protocols import Band
+#: W/cm² in W/m².
+_W_M2_PER_W_CM2 = 1e4
+
+
+#: Bounds come in twos.
+_PAIR = 2
+
+
+def _ratios_complaint(ratios: Any) -> str | None:
+    for name, bounds in ratios.items():
+        if len(bounds) != _PAIR or bounds[0] >= bounds[1]:
+            return f"{name}: {bounds!r} is not [least, most] with least < most"
+    return None
+
+
+@frozen
+class Radiometer:
+    """How a sensor measures light, band by band in the order of its `bands`.
+
+    `nei_w_m2` are noise-equivalent irradiances per look; `footprint_rad` is the angle across a resolution cell;
+    `collection_m2_s` the product of aperture, efficiency and integration time that turns irradiance into photons. A
+    look detects above `threshold` standard deviations of its noise; `coincidence` is the threshold of the other bands
+    where bands are compared, and `ratios` bound their irradiance over that of the first.
+    """
+
+    nei_w_m2: tuple[float, ...]
+    footprint_rad: float
+    collection_m2_s: float
+    threshold: float
+    coincidence: float
+    ratios: tuple[tuple[float, float], ...]
+
+
+@frozen(kw_only=True)
+class RadiometerConfig:
+    """What a scene may set of how a sensor measures light, for models that reckon with it (detection: snr)."""
+
+    nei_w_m2: float = number(
+        default=1e-12,
+        unit="W/m²",
+        minimum=0.0,
+        maximum=1e6,
+        help="noise-equivalent irradiance of a look, in each band, for detection: snr",
+    )
+    nei_w_cm2: float | None = number(
+        default=None,
+        unit="W/cm²",
+        minimum=0.0,
+        maximum=1e2,
+        source="no default: nei_w_m2",
+        help="the same in W/cm²; a scene sets one of the two",
+        instead_of="nei_w_m2",
+    )
+    band_nei_w_m2: Mapping[str, float] = nested(
+        default=Factory(dict),
+        unit="W/m²",
+        minimum=0.0,
+        maximum=1e6,
+        source="no default: nei_w_m2",
+        help="by band the noise-equivalent irradiance of bands that have their own",
+    )
+    footprint_urad: float = number(
+        default=28.0, unit="urad", above=0.0, maximum=1e5, help="angle across a resolution cell: 1 km at nadir"
+    )
+    collection_m2_s: float = number(
+        default=0.007,
+        unit="m² s",
+        above=0.0,
+        maximum=1e6,
+        help="aperture times efficiency times integration time: with it background light has photon noise",
+    )
+    threshold_sigma: float = number(
+        default=5.0,
+        minimum=0.0,
+        maximum=1e3,
+        source="opir-simulator paper (2026), section 2.4",
+        help="signal over noise above which a look detects",
+    )
+    false_alarm_probability: float | None = number(
+        default=None,
+        above=0.0,
+        below=1.0,
+        source="no default: threshold_sigma",
+        help="chance that noise alone crosses the threshold, in a resolution cell and look; a scene sets this or the"
+        " threshold",
+        instead_of="threshold_sigma",
+    )
+    coincidence_sigma: float = number(
+        default=3.0,
+        minimum=0.0,
+        maximum=1e3,
+        help="signal over noise that the other bands need where bands are compared",
+    )
+    plausible_ratios: Mapping[str, tuple[float, float]] = nested(
+        default=Factory(dict),
+        minimum=0.0,
+        check=_ratios_complaint,
+        help="by band [least, most] irradiance over that of the shortest band, where bands are compared",
+    )
+
+
+def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
+    """Return what is wrong where a setting by band names a band that the sensor has not; else None.
+
+    A model's default ratios may stand beside other bands than the model's own: those that are not there count nothing.
+    """
+    for name in ("band_nei_w_m2", "plausible_ratios"):
+        given = getattr(config, name)
+        default: Any = getattr(fields(type(config)), name).default
+        is_default = given == (default.factory() if hasattr(default, "takes_self") else default)
+        strange = [band for band in given if band not in bands]
+        if strange and not is_default:
+            return f"{name}: {strange[0]} is not one of the sensor's bands, {', '.join(bands)}"
+    return None
+
+
+def radiometer_of(config: RadiometerConfig, bands: "tuple[Band, ...]") -> Radiometer:
+    """Return the radiometer that a configuration describes."""
+    nei_w_m2 = config.nei_w_m2 if config.nei_w_cm2 is None else config.nei_w_cm2 * _W_M2_PER_W_CM2
+    return Radiometer(
+        nei_w_m2=tuple(config.band_nei_w_m2.get(band.name, nei_w_m2) for band in bands),
+        footprint_rad=config.footprint_urad * 1e-6,
+        collection_m2_s=config.collection_m2_s,
+        threshold=_threshold(config),
+        coincidence=config.coincidence_sigma,
+        ratios=tuple(config.plausible_ratios.get(band.name, (0.0, float("inf"))) for band in bands),
+    )
+
+
+def _threshold(config: RadiometerConfig) -> float:
+    if config.false_alarm_probability is None:
+        return config.threshold_sigma
+    from opir_core.detection.threshold import threshold_sigma
+
+    return float(threshold_sigma(config.false_alarm_probability))

@@ -1,0 +1,274 @@
+"""A scanning sensor: the configuration that constellation plugins inherit, and its builder.
+
+Nothing heavy is imported before `scanning_sensor` is called.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from attrs import Factory, asdict, fields_dict, frozen
+
+from opir_core.orbits.configs import OrbitConfig
+from opir_core.scene.fields import flag, nested, number, text
+from opir_core.scene.scene import TARGET_TYPES
+from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
+from opir_core.sensors.radiometer import RadiometerConfig, radiometer_of, strange_band_complaint
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.protocols import Band, Orbit, ScanPattern, Sensor, SensorContext
+
+SCAN_PATTERNS = ("spin", "step-stare", "staring")
+SCAN_PHASES = ("aligned", "random", "swept")
+SUSCEPTIBILITIES = ("high", "moderate", "low")
+#: How many bands each kind of spectral discrimination compares.
+DISCRIMINATION_BANDS = {"none": 1, "dual-band-ratio": 2, "triple-coincidence": 3}
+
+#: The bands that confirm a detection are a mask of eight bits.
+MAXIMUM_BANDS = 8
+
+
+def _bands_complaint(bands: Any) -> str | None:
+    if not isinstance(bands, Mapping) or not 1 <= len(bands) <= MAXIMUM_BANDS:
+        return f"{bands!r} is not a mapping of 1 to {MAXIMUM_BANDS} band names to [lower_um, upper_um]"
+    for name, edges in bands.items():
+        if not _is_interval(edges):
+            return f"{name}: {edges!r} is not [lower_um, upper_um] with 0 < lower_um < upper_um"
+    return None
+
+
+def _bands(edges: Mapping[str, tuple[float, float]]) -> "tuple[Band, ...]":
+    """Return bands, the shortest wavelength first: the keys of a scene's mapping have no order to rely on."""
+    from opir_core.interfaces.protocols import Band
+
+    return tuple(Band(name, *edges[name]) for name in sorted(edges, key=lambda name: (*edges[name], name)))
+
+
+def _is_interval(edges: object) -> bool:
+    if not isinstance(edges, tuple | list) or len(edges) != 2:
+        return False
+    lower, upper = edges
+    return isinstance(lower, int | float) and isinstance(upper, int | float) and 0.0 < lower < upper
+
+
+def _probabilities_complaint(probabilities: Any) -> str | None:
+    if not isinstance(probabilities, Mapping):
+        return f"{probabilities!r} is not a mapping of target types to probabilities"
+    for name, probability in probabilities.items():
+        if name not in TARGET_TYPES:
+            return f"{name!r} is not a target type; these are {', '.join(TARGET_TYPES)}"
+        if not is_probability(probability):
+            return f"{name}: {probability!r} is not a probability in [0, 1]"
+    return None
+
+
+@frozen(kw_only=True)
+class ScanningSensorConfig(RadiometerConfig):
+    """What a scene may set of a scanning sensor: in a geostationary slot, or in any orbit.
+
+    A sensor model inherits this class, gives its own defaults with `with_defaults`, and needs at least those of
+    `bands`, `scan_period_ms` and `detection_probability`. A mapping of detection probabilities or a confusion matrix
+    that names some target types leaves the model's defaults for the others.
+    """
+
+    orbital_slot_deg: float | None = number(
+        default=None,
+        unit="deg",
+        minimum=-180.0,
+        maximum=180.0,
+        source="no default: a scene places its sensors",
+        help="east longitude of an ideal geostationary slot; this or orbit",
+    )
+    orbit: OrbitConfig | None = nested(
+        default=None,
+        source="no default: a scene places its sensors",
+        help="any other orbit; this or orbital_slot_deg",
+    )
+    bands: Mapping[str, tuple[float, float]] = nested(
+        unit="um", check=_bands_complaint, help="spectral bands by name, each [lower_um, upper_um]"
+    )
+    scan_period_ms: float = number(
+        unit="ms", above=0.0, maximum=86_400_000.0, help="time between two looks at one target, in whole nanoseconds"
+    )
+    scan_pattern: str = text(default="staring", choices=SCAN_PATTERNS, help="how the field of regard is covered")
+    scan_phase: str = text(
+        default="aligned",
+        choices=SCAN_PHASES,
+        source="aligned: the convention behind the latencies of the opir-simulator paper (2026), section 5.1",
+        help="when in the period a look falls: at whole periods of scene time, so that a launch on a scan instant is"
+        " first seen a full period after ignition (aligned); at an offset drawn once a sensor (random); where the"
+        " pattern reaches the target (swept)",
+    )
+    raster_rows: int = number(
+        default=8, minimum=1, maximum=100, help="rows of a step-stare raster, for scan_phase: swept"
+    )
+    raster_columns: int = number(
+        default=8, minimum=1, maximum=100, help="columns of a step-stare raster, for scan_phase: swept"
+    )
+    detection_probability: Mapping[str, float] = nested(
+        minimum=0.0,
+        maximum=1.0,
+        check=_probabilities_complaint,
+        help="probability of detection per look by target type, for detection: constant",
+    )
+    field_of_regard_half_angle_deg: float = number(
+        default=10.0,
+        unit="deg",
+        above=0.0,
+        maximum=180.0,
+        source="the Earth's disk from geostationary radius, asin(6378.137 / 42164.17) = 8.70 deg, and a notional margin"
+        " of 1.3 deg for targets beyond the limb, up to 940 km",
+        help="half angle, from nadir, of the cone that the sensor covers",
+    )
+    minimum_elevation_deg: float = number(
+        default=-90.0,
+        unit="deg",
+        minimum=-90.0,
+        maximum=90.0,
+        source="-90: all that the Earth does not hide",
+        help="least elevation of the sensor above the target's horizon",
+    )
+    line_of_sight_sigma_urad: float = number(
+        default=20.0, unit="urad", minimum=0.0, maximum=1e5, help="standard deviation of a measured direction, per axis"
+    )
+    line_of_sight_bias_sigma_urad: float = number(
+        default=0.0,
+        unit="urad",
+        minimum=0.0,
+        maximum=1e5,
+        source="0: no bias, as in the opir-simulator paper (2026)",
+        help="standard deviation, per axis, of the constant error of all a sensor's directions, drawn once a run",
+    )
+    false_alarm_susceptibility: str = text(
+        default="moderate", choices=SUSCEPTIBILITIES, help="how readily clutter is taken for a target"
+    )
+    spectral_discrimination: str = text(
+        default="none", choices=tuple(DISCRIMINATION_BANDS), help="how bands are compared to tell plumes from clutter"
+    )
+    follows_bodies: bool = flag(
+        default=False,
+        source="false: the opir-simulator paper (2026) watches plumes",
+        help="whether the sensor goes on looking after burnout, at the warm body, to impact; with detection: constant"
+        " it then sees it as well as the plume",
+    )
+    confusion: Mapping[str, Mapping[str, float]] = nested(
+        default=Factory(dict),
+        check=confusion_complaint,
+        help="by true target type the probabilities of each reported type, UNKNOWN among them, for"
+        " classification: paper",
+    )
+
+    def __attrs_post_init__(self) -> None:
+        complaints = [complaint for complaint in self._complaints() if complaint]
+        if complaints:
+            raise ValueError("; ".join(complaints))
+
+    @property
+    def scan_period_ns(self) -> int:
+        """Return the scan period in nanoseconds, exactly."""
+        return round(self.scan_period_ms * 1e6)
+
+    def _complaints(self) -> list[str | None]:
+        return [
+            self._place_complaint(),
+            self._period_complaint(),
+            self._raster_complaint(),
+            self._discrimination_complaint(),
+            strange_band_complaint(self, list(self.bands)),
+        ]
+
+    def _period_complaint(self) -> str | None:
+        # The double nearest to a whole number of ns, and no other, is that number over 1e6.
+        if self.scan_period_ns >= 1 and self.scan_period_ns / 1e6 == self.scan_period_ms:
+            return None
+        nearest_ms = max(self.scan_period_ns, 1) / 1e6
+        return f"scan_period_ms: {self.scan_period_ms!r} is not a whole number of nanoseconds; write {nearest_ms!r}"
+
+    def _place_complaint(self) -> str | None:
+        if (self.orbital_slot_deg is None) != (self.orbit is None):
+            return None
+        return "a sensor has either orbital_slot_deg or orbit; give one of them"
+
+    def _raster_complaint(self) -> str | None:
+        sides: tuple[Any, ...] = (self.raster_rows, self.raster_columns)
+        if all(isinstance(side, int) for side in sides):
+            return None
+        return f"raster_rows and raster_columns: {sides[0]!r} and {sides[1]!r} are not whole numbers"
+
+    def _discrimination_complaint(self) -> str | None:
+        needed = DISCRIMINATION_BANDS[self.spectral_discrimination]
+        if len(self.bands) >= needed:
+            return None
+        return (
+            f"spectral_discrimination: {self.spectral_discrimination} compares {needed} bands and the sensor has"
+            f" {len(self.bands)} ({', '.join(self.bands)})"
+        )
+
+
+def scanning_sensor(
+    config: ScanningSensorConfig,
+    context: "SensorContext",
+    *,
+    type: str,  # noqa: A002 - the word of the Sensor that is made
+) -> "Sensor":
+    """Return the sensor that a configuration describes; `type` is what its events call its class."""
+    from opir_core.interfaces.protocols import Sensor
+
+    bands = _bands(config.bands)
+    completed = {name: _completed(config, name) for name in ("detection_probability", "confusion")}
+    return Sensor(
+        id=context.id,
+        type=type,
+        orbital_slot_deg=_slot_deg(config),
+        bands=bands,
+        orbit=_orbit(config, context),
+        scan=_scan(config),
+        field_of_regard_half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
+        minimum_elevation_rad=math.radians(config.minimum_elevation_deg),
+        line_of_sight_sigma_rad=config.line_of_sight_sigma_urad * 1e-6,
+        radiometer=radiometer_of(config, bands),
+        line_of_sight_bias_sigma_rad=config.line_of_sight_bias_sigma_urad * 1e-6,
+        detection_probability=completed["detection_probability"],
+        confusion=completed["confusion"],
+        false_alarm_susceptibility=config.false_alarm_susceptibility,
+        spectral_discrimination=config.spectral_discrimination,
+        follows_bodies=config.follows_bodies,
+        settings={**asdict(config), **completed},
+    )
+
+
+def _slot_deg(config: ScanningSensorConfig) -> float | None:
+    """Return the longitude of the sensor's slot, or None where it has none."""
+    if config.orbit is None:
+        return config.orbital_slot_deg
+    return None if config.orbit.slot is None else config.orbit.slot.lon_deg
+
+
+def _orbit(config: ScanningSensorConfig, context: "SensorContext") -> "Orbit":
+    if config.orbit is None:
+        from opir_core.orbits.moving import GeostationaryOrbit
+
+        assert config.orbital_slot_deg is not None
+        return GeostationaryOrbit(config.orbital_slot_deg)
+    from opir_core.orbits import orbit_of
+
+    return orbit_of(config.orbit, context.epoch_us)
+
+
+def _scan(config: ScanningSensorConfig) -> "ScanPattern":
+    from opir_core.sensors.scan_patterns import scan_pattern
+
+    return scan_pattern(
+        config.scan_pattern,
+        config.scan_phase,
+        period_ns=config.scan_period_ns,
+        half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
+        rows=config.raster_rows,
+        columns=config.raster_columns,
+    )
+
+
+def _completed(config: ScanningSensorConfig, name: str) -> dict[str, Any]:
+    """Return a mapping by target type with the model's defaults for the types it does not name."""
+    default = fields_dict(type(config))[name].default
+    return {**(default if isinstance(default, Mapping) else {}), **getattr(config, name)}

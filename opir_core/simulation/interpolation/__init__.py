@@ -1,0 +1,1 @@
+"""Probabilities of detection interpolated along each pair's looks, to a stated tolerance."""

@@ -1,0 +1,287 @@
+"""Laying knots: all pairs together, where their looks bend, and one halving of all that need it at a time."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.interfaces.signal_models import Kinked, Responsive
+from opir_core.planning.looks import blocks, exposures, look_times_s
+from opir_core.planning.plan import Plan
+from opir_core.planning.sensor_states import Sites
+from opir_core.simulation.interpolation.polynomials import Curves
+
+#: Pieces that smooth stretches are cut into at first: no longer than this, s, but no more of them than that.
+FIRST_PIECE_S, MOST_FIRST_PIECES = 16.0, 64
+
+#: How far signals and noise may be off midway between neighbouring knots, as a share of them or in deviations of noise.
+SIGNAL_SHARE, SIGNAL_SIGMA = 0.01, 0.05
+
+#: By how much signals may change, as a share, on pieces that are not looked at more closely.
+STEADY_SHARE = 0.3
+
+#: Of the tolerance, what single evaluations may be off.
+_SLACK_SHARE = 1e-5
+
+#: Of the tolerance, what the terms of third and of fourth order may be that a curve has and a parabola has not; or what
+#: both may be together where the curve of a piece twice as long misses new knots by no more than the last share. With a
+#: bend anywhere between its five knots a curve is then off by less than the tolerance (docs/design/knots_judged.py).
+THIRD_SHARE, FOURTH_SHARE, _FORETOLD_SHARE, MISSED_SHARE = 0.25, 0.08, 1.0, 0.03
+
+#: Quantiles are held within it; beyond 8.3 a probability is 1 to the last bit, and below -38 no double.
+FARTHEST = 40.0
+
+#: Of the tolerance, what may be lost by taking a look for certain, or for hopeless.
+SURE_SHARE = 1e-4
+
+#: Knots of a piece, and those of them that tell first whether it is settled.
+KNOTS, _SPARE = 5, slice(0, 5, 2)
+
+
+class Pieces(NamedTuple):
+    """Pieces of pairs' looks: pairs (k,), scans (m, k) of their knots, and the knots' rows (m, k) among all asked.
+
+    `foretold` (2, k) is what the curve through the piece that one was halved from says of the quantiles at its second
+    and fourth knots; nan where there is none.
+    """
+
+    pair: IntArray
+    scan: IntArray
+    row: IntArray
+    foretold: FloatArray
+
+    def take(self, rows: Any) -> "Pieces":
+        """Return some of the pieces: those of a slice, of a mask, or of numbers."""
+        if isinstance(rows, slice):
+            return Pieces(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.foretold[:, rows])
+        numbers = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+        scan, row = self.scan.take(numbers, axis=1), self.row.take(numbers, axis=1)
+        return Pieces(self.pair.take(numbers), scan, row, self.foretold.take(numbers, axis=1))
+
+    def knots(self, places: Any) -> "Pieces":
+        """Return the pieces with some of their knots."""
+        return Pieces(self.pair, self.scan[places], self.row[places], self.foretold)
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Pieces]") -> "Pieces":
+        """Return the pieces of all parts, in order."""
+        return cls(*(np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)))
+
+
+class Woven(NamedTuple):
+    """Pieces of three knots that are certain or hopeless, pieces of five that curves go through, and what was asked.
+
+    `values` (1 + 2 B, knots) are quantile, signals and noise.
+    """
+
+    settled: Pieces
+    curved: Pieces
+    values: FloatArray
+
+
+class Weaver:
+    """Lays the knots of a plan."""
+
+    def __init__(self, plan: Plan, sites: Sites, model: Responsive, tolerance: float) -> None:
+        self._plan, self._sites, self._model, self._tolerance = plan, sites, model, tolerance
+        self._sure = sure_beyond(tolerance)
+        self._known, self._count = np.empty((1, 0)), 0
+
+    def woven(self) -> Woven:
+        """Return the pieces, and what was asked."""
+        pieces = self._first_pieces()
+        settled, curved = [pieces.take(slice(0, 0)).knots(_SPARE)], [pieces.take(slice(0, 0))]
+        while len(pieces.pair):
+            is_settled = self._is_settled(pieces.knots(_SPARE))
+            settled.append(pieces.take(is_settled).knots(_SPARE))
+            pieces = self._filled(pieces.take(~is_settled))
+            # Between neighbouring scans there is nothing to be judged.
+            fine = np.all(np.diff(pieces.scan, axis=0) <= 1, axis=0)
+            open_ = np.flatnonzero(~fine)
+            fine[open_] = self._is_fine(pieces.take(open_))
+            curved.append(pieces.take(fine))
+            pieces = _halved(pieces.take(~fine), self._values()[0])
+        return Woven(Pieces.joined(settled), Pieces.joined(curved), self._values())
+
+    def _first_pieces(self) -> Pieces:
+        """Return the first pieces, with their first, middle and last knots asked."""
+        pair, first, last = _smooth_stretches(self._plan, self._model)
+        period_s = self._plan.pairs.period_ns[pair] * 1e-9
+        wanted = np.ceil((last - first) * period_s / FIRST_PIECE_S)
+        count = np.clip(wanted, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last - first, 1))).astype(np.int64)
+        number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        pair, first, looks, count = (np.repeat(each, count) for each in (pair, first, last - first, count))
+        start, stop = first + looks * number // count, first + looks * (number + 1) // count
+        scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
+        row = np.full(scan.shape, -1)
+        row[::2] = self._rows(np.broadcast_to(pair, (3, len(pair))), scan[::2])
+        return Pieces(pair, scan, row, np.full((2, len(pair)), np.nan))
+
+    def _filled(self, pieces: Pieces) -> Pieces:
+        """Return pieces with their second and fourth knots asked, where these are scans of their own."""
+        lower, own = pieces.scan[0:3:2], pieces.scan[1::2]
+        new = np.nonzero(own != lower)
+        row = pieces.row[0:3:2].copy()
+        row[new] = self._rows(pieces.pair[new[1]], own[new])
+        pieces.row[1::2] = row
+        return pieces
+
+    def _rows(self, pair: IntArray, scan: IntArray) -> IntArray:
+        """Return the rows of looks (…), evaluated once where they are the same, among all evaluated."""
+        most = int(scan.max(initial=0)) + 1
+        looks, row = np.unique(pair * most + scan, return_inverse=True)
+        first = self._count
+        self._ask(looks // most, looks % most)
+        rows: IntArray = first + row.reshape(scan.shape)
+        return rows
+
+    def _ask(self, pair: IntArray, scan: IntArray) -> None:
+        """Evaluate looks, sorted by pair."""
+        slack = self._tolerance * _SLACK_SHARE
+        for rows in blocks(len(pair)):
+            exposed = exposures(self._plan, self._sites, pair[rows], scan[rows], geometry=True)
+            response = self._model.response(exposed, slack=slack)
+            assert response.probit is not None
+            quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
+            self._keep(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T]))
+
+    def _keep(self, values: FloatArray) -> None:
+        """Append what looks (n,) came to, (1 + 2 B, n), to what is known."""
+        count = self._count + values.shape[1]
+        if count > self._known.shape[1]:
+            # Twice the room, so that what is known is seldom moved.
+            wider = np.empty((len(values), 2 * count))
+            wider[:, : self._count] = self._known[:, : self._count]
+            self._known = wider
+        self._known[:, self._count : count] = values
+        self._count = count
+
+    def _values(self) -> FloatArray:
+        return self._known[:, : self._count]
+
+    def _is_settled(self, pieces: Pieces) -> BoolArray:
+        """Return which pieces of three knots are certain or hopeless throughout, with lines as near as they must be."""
+        values = self._values()
+        quantile = values[0].take(pieces.row)
+        bend = np.abs(quantile[1] - 0.5 * (quantile[0] + quantile[2]))
+        settled: BoolArray = (quantile.max(axis=0) + bend < -self._sure) | (quantile.min(axis=0) - bend > self._sure)
+        certain = np.flatnonzero(settled & (quantile[0] > 0.0))
+        settled[certain] = self._is_steady(pieces.take(certain), values)
+        return settled
+
+    def _is_steady(self, pieces: Pieces, values: FloatArray) -> BoolArray:
+        """Return which pieces have signals that three knots are enough for: near to lines, and not changing much."""
+        signals = values[1 : 1 + (len(values) - 1) // 2].take(pieces.row, axis=1)
+        change = np.ptp(signals, axis=1) <= np.maximum(STEADY_SHARE * signals.max(axis=1), SIGNAL_SIGMA)
+        steady: BoolArray = np.all(change, axis=0) & self._is_straight(pieces, values)
+        return steady
+
+    def _is_fine(self, pieces: Pieces) -> BoolArray:
+        """Return which pieces are said to within the tolerance by curves and lines through their knots."""
+        values = self._values()
+        at = _places(pieces)
+        quantile = values[0].take(pieces.row)
+        third, fourth = judged_terms(at, quantile)
+        judged = third + fourth
+        # Probabilities differ by the quantiles' difference times a density, which is highest nearest to the quantile 0.
+        nearest = np.maximum(
+            np.where(quantile.min(axis=0) * quantile.max(axis=0) > 0.0, np.abs(quantile).min(axis=0), 0.0) - judged, 0.0
+        )
+        density = np.exp(-0.5 * nearest * nearest) / np.sqrt(2.0 * np.pi)
+        missed = np.abs(quantile[1::2] - pieces.foretold).max(axis=0)
+        allowed = self._tolerance / np.maximum(density, 1e-300)
+        near = (third <= THIRD_SHARE * allowed) & (fourth <= FOURTH_SHARE * allowed)
+        fine: BoolArray = near | ((judged <= _FORETOLD_SHARE * allowed) & (missed <= MISSED_SHARE * allowed))
+        seen = np.flatnonzero(fine & (quantile.max(axis=0) + judged >= -self._sure))
+        fine[seen] = self._is_straight(pieces.take(seen), values)
+        return fine
+
+    def _is_straight(self, pieces: Pieces, values: FloatArray) -> BoolArray:
+        """Return of which pieces signals and noise are near enough to lines between their knots."""
+        width, at = (len(values) - 1) // 2, _places(pieces)
+        straight = np.ones(len(pieces.pair), dtype=np.bool_)
+        for band in range(width):
+            for of_look, least in ((values[1 + band], SIGNAL_SIGMA), (values[1 + width + band], 0.0)):
+                own = of_look.take(pieces.row)
+                allowed = np.maximum(SIGNAL_SHARE * np.abs(own[1:-1]), least)
+                straight &= np.all(_off_neighbours(at, own) <= 2.0 * allowed, axis=0)
+        return straight
+
+
+def sure_beyond(tolerance: float) -> float:
+    """Return beyond which quantiles a look is taken for certain, or for hopeless: either costs its share of P_d."""
+    from scipy.special import ndtri
+
+    return -float(ndtri(SURE_SHARE * tolerance))
+
+
+def _places(pieces: Pieces) -> FloatArray:
+    """Return where knots (m, k) lie between the first and the last of their piece."""
+    places: FloatArray = (pieces.scan - pieces.scan[0]) / np.maximum(pieces.scan[-1] - pieces.scan[0], 1)
+    return places
+
+
+def _halved(pieces: Pieces, quantile: FloatArray) -> Pieces:
+    """Return both halves of pieces, all first halves, then all second ones, whose second and fourth knots are open."""
+    halves = []
+    distinct = np.all(np.diff(pieces.scan, axis=0) > 0, axis=0)
+    curves = Curves.through(pieces.scan[:, distinct], quantile.take(pieces.row[:, distinct]))
+    for first in (0, 2):
+        scan, row = np.empty_like(pieces.scan), np.full(pieces.row.shape, -1)
+        scan[::2], row[::2] = pieces.scan[first : first + 3], pieces.row[first : first + 3]
+        scan[1::2] = (scan[0:3:2] + scan[2:5:2]) // 2
+        foretold = np.full((2, len(pieces.pair)), np.nan)
+        foretold[:, distinct] = [curves.each_at(one) for one in scan[1::2, distinct]]
+        halves.append(Pieces(pieces.pair, scan, row, foretold))
+    return Pieces.joined(halves)
+
+
+def judged_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the terms of third and of fourth order (k,) of curves through values (5, k) at places (5, k).
+
+    The parabola through the first, middle and last value misses the two others: half of what these misses differ by,
+    and half of their sum. Together they are what a curve is judged to miss; of a smooth one it is many times the error.
+    """
+    start, middle, stop = values[0], values[2], values[4]
+    early = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
+    late = (stop - middle) / np.maximum(at[4] - at[2], 1e-300)
+    bend = (late - early) / np.maximum(at[4] - at[0], 1e-300)
+    off = [values[place] - (start + (at[place] - at[0]) * (early + (at[place] - at[2]) * bend)) for place in (1, 3)]
+    return 0.5 * np.abs(off[0] - off[1]), 0.5 * np.abs(off[0] + off[1])
+
+
+def _off_neighbours(at: FloatArray, values: FloatArray) -> FloatArray:
+    """Return how far inner values (5, k) are off the lines between their neighbours, (3, k)."""
+    share = (at[1:-1] - at[:-2]) / np.maximum(at[2:] - at[:-2], 1e-300)
+    off: FloatArray = np.abs(values[1:-1] - (values[:-2] + share * (values[2:] - values[:-2])))
+    return off
+
+
+def _smooth_stretches(plan: Plan, model: Responsive) -> tuple[IntArray, IntArray, IntArray]:
+    """Return stretches of looks in which the model says that nothing jumps or bends: pairs, first and last scans."""
+    pairs = plan.pairs
+    looking = np.flatnonzero(pairs.looks > 0)
+    first, last = pairs.first_scan[looking], pairs.last_scan[looking]
+    starts = first[:, None]
+    if isinstance(model, Kinked):
+        cut = _scans_from(plan, looking, model.kinks_s()[pairs.target[looking]])
+        cut = np.clip(cut, first[:, None], last[:, None] + 1)
+        starts = np.sort(np.concatenate([starts, cut], axis=1), axis=1)
+    stops = np.concatenate([starts[:, 1:], last[:, None] + 1], axis=1)
+    row, place = np.nonzero(starts < stops)
+    return looking[row], starts[row, place], stops[row, place] - 1
+
+
+def _scans_from(plan: Plan, pair: IntArray, emission_s: FloatArray) -> IntArray:
+    """Return the first scans (n, k) of pairs (n,) that see light of these moments (n, k), or later; 0 for nan."""
+    pairs = plan.pairs
+    pair = np.repeat(pair, emission_s.shape[1])
+    left_s = np.nan_to_num(emission_s.ravel(), nan=-1e9)
+    first_s = look_times_s(pairs, pair, pairs.first_scan[pair])
+    # Light times change little in the time that light takes.
+    near_s = np.clip(left_s, first_s, look_times_s(pairs, pair, pairs.last_scan[pair]))
+    travel_s = plan.sightlines.place(pair, near_s).interpolated(plan.sightlines.travel_s)
+    seen_ns = (left_s + travel_s) * 1e9 - pairs.phase_ns[pair]
+    scans: IntArray = np.ceil(seen_ns / pairs.period_ns[pair]).astype(np.int64).reshape(emission_s.shape)
+    return scans

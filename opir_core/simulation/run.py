@@ -1,0 +1,115 @@
+"""A whole run at once: simulate a scene, sum it up, and say what is needed to repeat it.
+
+Where windows end: sized by the looks they hold, so that memory does not grow with a scene's duration.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+from attrs import evolve
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.errors import Problem, SceneError
+from opir_core.interfaces.records import Detections, DetectionTruth, Run, Tracks, Window
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.planning.visibility import Pairs
+from opir_core.plugin.host import Host
+from opir_core.scene.scene import Scene
+from opir_core.simulation.engine import Engine
+from opir_core.simulation.manifest import run_manifest
+from opir_core.simulation.summary import Tally
+
+#: Looks that a window is meant to hold; a column of them takes 2 MiB.
+LOOKS_PER_WINDOW = 1 << 18
+
+_NS = 1_000_000_000
+
+
+def window_edges_ns(plan: Plan, window_s: float | None = None) -> Sequence[int]:
+    """Return the ends of a plan's windows, ns: every `window_s`, or after about `LOOKS_PER_WINDOW` looks."""
+    if window_s is None:
+        return _edges_by_looks(plan.pairs, plan.end_ns)
+    step_ns = round(window_s * _NS)
+    if step_ns < 1:
+        raise SceneError([Problem("window_s", f"{window_s!r} is not a positive time of at least a nanosecond")])
+    return [*range(step_ns, plan.end_ns, step_ns), plan.end_ns]
+
+
+def _edges_by_looks(pairs: Pairs, end_ns: int) -> Sequence[int]:
+    looking = pairs.take(pairs.looks > 0)
+    total = int(looking.looks.sum())
+    if total <= LOOKS_PER_WINDOW:
+        return [end_ns]
+    starts = looking.phase_ns + looking.first_scan * looking.period_ns
+    stops = looking.phase_ns + (looking.last_scan + 1) * looking.period_ns
+    knots = np.unique(np.concatenate([starts, stops]))
+    passed = _looks_before(knots, starts, stops, looking.period_ns)
+    wanted = np.arange(LOOKS_PER_WINDOW, total, LOOKS_PER_WINDOW)
+    edges = np.unique(np.rint(np.interp(wanted, passed, knots)).astype(np.int64))
+    return [*(edge for edge in edges.tolist() if 0 < edge < end_ns), end_ns]
+
+
+def _looks_before(knots: IntArray, starts: IntArray, stops: IntArray, periods: IntArray) -> FloatArray:
+    """Return about how many looks come before each knot: rates add up where pairs start and drop where they stop."""
+    rates = np.zeros(len(knots))
+    np.add.at(rates, np.searchsorted(knots, starts), 1.0 / periods)
+    np.add.at(rates, np.searchsorted(knots, stops), -1.0 / periods)
+    return np.concatenate([[0.0], np.cumsum(np.cumsum(rates)[:-1] * np.diff(knots))])
+
+
+def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None = None) -> Run:
+    """Return the run of a scene: all detections and tracks as columns in memory.
+
+    `window_s` sets the length of the windows worked through, which changes no result. For scenes too large for memory,
+    use `opir_core.windows`.
+    """
+    return run_of_plan(compile_plan(scene, host), window_s)
+
+
+def run_of_plan(plan: Plan, window_s: float | None = None) -> Run:
+    """Return the run of a plan; run again, it gives the same run again.
+
+    A tracker that was put in the place of the plan's own runs once: raises `OpirError` the second time.
+    """
+    tally = Tally(plan)
+    return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s))))
+
+
+def windows(scene: Scene, host: Host | None = None, *, window_s: float | None = None) -> Iterator[Window]:
+    """Yield the windows of a scene, in order of time; `window_s` sets their length, which changes no result."""
+    yield from plan_windows(compile_plan(scene, host), window_s)
+
+
+def plan_windows(plan: Plan, window_s: float | None = None) -> Iterator[Window]:
+    """Yield the windows of a plan, in order of time."""
+    engine = Engine(plan)
+    for edge_ns in window_edges_ns(plan, window_s):
+        yield engine.advance(edge_ns)
+
+
+def _collected(plan: Plan, tally: Tally, windows: Iterable[Window]) -> Run:
+    parts = list(windows)
+    return Run(
+        detections=_with_run_estimates(parts),
+        truth=DetectionTruth.concatenate(part.truth for part in parts),
+        tracks=Tracks.concatenate(part.tracks for part in parts),
+        estimates=Tracks.concatenate(part.estimates for part in parts),
+        sensors=plan.sensors,
+        target_ids=plan.targets.ids,
+        summary=tally.summary(),
+        manifest=run_manifest(plan, tally.counts()),
+    )
+
+
+def _with_run_estimates(parts: Iterable[Window]) -> Detections:
+    """Return all detections, their `estimate` counted over the whole run."""
+    shifted, rows = [], 0
+    for part in parts:
+        shifted.append(part.detections if rows == 0 else _shifted(part.detections, rows))
+        rows += len(part.estimates)
+    return Detections.concatenate(shifted).freeze()
+
+
+def _shifted(detections: Detections, rows: int) -> Detections:
+    estimate: IntArray = detections.estimate + rows * (detections.estimate >= 0)
+    return evolve(detections, estimate=estimate)

@@ -1,0 +1,1 @@
+"""opir's trackers: `kepler-arc`, `stereo-filter` and `boost-profile`."""

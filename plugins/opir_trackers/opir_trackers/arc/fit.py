@@ -1,0 +1,261 @@
+"""Keplerian arcs fitted to lines of sight: normal equations of the state at each track's first light.
+
+The paper fits "a Keplerian ballistic arc to the observed positions" (section 5.2). A line of sight holds a position in
+two directions; where a second sensor looks from another direction, the third follows from it. Elsewhere the height is
+assumed: from the ground straight up at a steady acceleration. Each line of sight is linearised once, about the arc as
+it stands at that tick, so a tick costs its own detections.
+"""
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.estimation.lines_of_sight import Rays, emission_s, turned
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.geometry.occlusion import intersection_with_ellipsoid
+from opir_core.interfaces.columns import Columns
+
+#: Steps by which slopes are taken: m, m/s. An arc is linear over them to parts in a million.
+STEPS = np.array([10.0, 10.0, 10.0, 0.1, 0.1, 0.1])
+
+#: Times at which an arc is worked out within a tick; between them it is a polynomial, true to 1e-6 m over a minute.
+_KNOTS = 8
+
+#: Rounds of linearisation of the first fit, and of each later one.
+_FIRST_ROUNDS, _ROUNDS = 8, 2
+
+#: Several sensors count as one where their lines tell of the distance less than this share of what they tell across it:
+#: two that look equally often, and as well, from directions one degree apart.
+_PARALLAX = 1e-4
+
+#: No further round is needed once a state moves by less than this, m and m/s.
+_SETTLED = 1e-4
+
+#: A state is not known where the scaled normal equations are worse conditioned than this.
+_WORST_CONDITION = 1e12
+
+#: No target of the generic classes burns for longer, s: until then the height of one that one sensor sees is assumed.
+LONGEST_BURN_S = 250.0
+
+_TURN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
+
+
+@frozen(eq=False)
+class Arcs(Columns):
+    """Arcs, one row a track: its number, when its first light left, s, and the inertial state then, m and m/s.
+
+    `across` and `along` (n, 7, 7) are normal equations of six differences from `reference`, bordered by their right
+    sides and the sum of squared residuals: `across` of the lines of sight, `along` of the heights assumed. `looks` are
+    the detections taken in, `seen` (n, sensors) of which sensors, `last_s` when the last light left. `launch` and
+    `launch_covariance` are as in `Tracks`.
+    """
+
+    number: IntArray
+    epoch_s: FloatArray
+    reference: FloatArray
+    state: FloatArray
+    across: FloatArray
+    along: FloatArray
+    looks: IntArray
+    seen: BoolArray
+    last_s: FloatArray
+    launch: FloatArray
+    launch_covariance: FloatArray
+
+    @classmethod
+    def none(cls, sensors: int) -> "Arcs":
+        """Return no arcs."""
+        return cls.unbegun(np.empty(0, dtype=np.int64), sensors)
+
+    @classmethod
+    def unbegun(cls, number: IntArray, sensors: int) -> "Arcs":
+        """Return the arcs of tracks that have no detections yet."""
+        count = len(number)
+        unknown = np.full((count, 6), np.nan)
+        return cls(
+            number=number,
+            epoch_s=np.full(count, np.nan),
+            reference=unknown,
+            state=unknown.copy(),
+            across=np.zeros((count, 7, 7)),
+            along=np.zeros((count, 7, 7)),
+            looks=np.zeros(count, dtype=np.int64),
+            seen=np.zeros((count, sensors), dtype=np.bool_),
+            last_s=np.full(count, -np.inf),
+            launch=np.full((count, 3), np.nan),
+            launch_covariance=np.full((count, 3, 3), np.nan),
+        )
+
+    @property
+    def is_begun(self) -> BoolArray:
+        """Return which arcs (n,) have a state."""
+        return np.asarray(np.isfinite(self.state).all(axis=1))
+
+    def normal(self) -> FloatArray:
+        """Return the bordered normal equations (n, 7, 7): with the heights where lines of sight tell no distance."""
+        place = self.across[:, :3, :3]
+        told = np.linalg.eigvalsh(np.where(np.isfinite(place), place, 0.0))
+        alone = (self.seen.sum(axis=1) < 2) | (told[:, 0] < _PARALLAX * told[:, 2])
+        return self.across + np.where(alone[:, None, None], self.along, 0.0)
+
+    def faded(self, share: float) -> "Arcs":
+        """Return the arcs with all that was seen so far counting for a share of what it did."""
+        return self if share == 1.0 else evolve(self, across=self.across * share, along=self.along * share)
+
+
+def solved(normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what solves bordered normal equations (n, 7, 7), its covariance, and the squares left over.
+
+    These are (n, 6), (n, 6, 6) and (n,); nan where the equations tell too little.
+    """
+    size = np.sqrt(np.diagonal(normal[:, :6, :6], axis1=1, axis2=2))
+    told = np.logical_and((size > 0.0).all(axis=1), np.isfinite(normal).all(axis=(1, 2)))
+    scale = np.where(told[:, None], size, 1.0)
+    matrix = np.where(told[:, None, None], normal[:, :6, :6], np.eye(6)) / (scale[:, :, None] * scale[:, None, :])
+    sound: BoolArray = told & (np.linalg.cond(matrix) < _WORST_CONDITION)
+    inverse = np.linalg.inv(np.where(sound[:, None, None], matrix, np.eye(6)))
+    covariance = inverse / (scale[:, :, None] * scale[:, None, :])
+    covariance = np.where(sound[:, None, None], 0.5 * (covariance + covariance.transpose(0, 2, 1)), np.nan)
+    step = (covariance @ normal[:, :6, 6:])[:, :, 0]
+    left = np.maximum(normal[:, 6, 6] - np.sum(step * normal[:, :6, 6], axis=1), 0.0)
+    return step, covariance, left
+
+
+def begun(arcs: Arcs, rays: Rays, owner: IntArray, launch_s: FloatArray, climb_m_s2: float, light_time: bool) -> Arcs:
+    """Return arcs that have no state yet, fitted to their first rays (m,), whose arc is `owner`.
+
+    `launch_s` (n,) are when the targets are taken to have left the ground. Arcs that the rays do not determine stay as
+    they were.
+    """
+    ground = intersection_with_ellipsoid(rays.origin_ecef_m, rays.direction_ecef)
+    ground = np.where(np.isfinite(ground), ground, rays.origin_ecef_m + 3.6e7 * rays.direction_ecef)
+    left_s = emission_s(rays.time_s, np.sqrt(np.sum((ground - rays.origin_ecef_m) ** 2, axis=1)), light_time)
+    first = np.unique(owner, return_index=True)[1]
+    epoch_s, place = arcs.epoch_s.copy(), np.full((len(arcs), 3), np.nan)
+    epoch_s[owner[first]] = left_s[first]
+    place[owner[first]] = turned(ground[first], left_s[first])
+    rough = np.concatenate([place, np.cross(_TURN, place)], axis=1)
+    started = evolve(arcs, epoch_s=epoch_s, reference=rough, state=rough)
+    straight = _straight_paths(started, owner, left_s)
+    started = _moved(started, _added(started, rays, owner, left_s, straight, launch_s, climb_m_s2))
+    started = evolve(started, reference=started.state)
+    told = np.flatnonzero(started.is_begun[owner])
+    return taken_in(started, rays.take(told), owner[told], launch_s, climb_m_s2, light_time, rounds=_FIRST_ROUNDS)
+
+
+def taken_in(
+    arcs: Arcs,
+    rays: Rays,
+    owner: IntArray,
+    launch_s: FloatArray,
+    climb_m_s2: float,
+    light_time: bool,
+    rounds: int = _ROUNDS,
+) -> Arcs:
+    """Return the arcs with rays (m,) in order of time taken in; those that are not determined are without a state."""
+    before = moved = arcs
+    added, left_s = arcs, rays.time_s
+    for turn in range(rounds):
+        left_s = _left_s(moved, rays, owner, left_s, light_time, 1 if turn else 2)
+        paths = kepler_paths(moved.state, moved.epoch_s, owner, left_s)
+        trial = evolve(before, state=moved.state)
+        added = _added(trial, rays, owner, left_s, paths, launch_s, climb_m_s2)
+        moved = _moved(trial, added)
+        if np.max(np.abs(moved.state - trial.state), initial=0.0) < _SETTLED:
+            break
+    last_s, seen = arcs.last_s.copy(), arcs.seen.copy()
+    np.maximum.at(last_s, owner, left_s)
+    seen[owner, rays.sensor] = True
+    looks = arcs.looks + np.bincount(owner, minlength=len(arcs))
+    return evolve(added, state=moved.state, last_s=last_s, seen=seen, looks=looks)
+
+
+def _left_s(arcs: Arcs, rays: Rays, owner: IntArray, left_s: FloatArray, light_time: bool, passes: int) -> FloatArray:
+    """Return when the light of rays left their arcs, (m,) s, from a guess."""
+    for _ in range(passes if light_time else 0):
+        apart = _followed(arcs.state[:, None], arcs.epoch_s, owner, left_s)[:, 0] - turned(rays.origin_ecef_m, left_s)
+        left_s = emission_s(rays.time_s, np.sqrt(np.sum(apart * apart, axis=1)), light_time)
+    return left_s
+
+
+def _moved(arcs: Arcs, added: Arcs) -> Arcs:
+    """Return the arcs with the state that solves the equations of `added`, nan where those do not determine it."""
+    return evolve(arcs, state=added.reference + solved(added.normal())[0])
+
+
+def _added(
+    arcs: Arcs,
+    rays: Rays,
+    owner: IntArray,
+    left_s: FloatArray,
+    paths: tuple[FloatArray, FloatArray],
+    launch_s: FloatArray,
+    climb_m_s2: float,
+) -> Arcs:
+    """Return the arcs with the equations of rays added, linearised about positions (m, 3) with slopes (m, 3, 6)."""
+    position, slope = paths
+    origin, direction = turned(rays.origin_ecef_m, left_s), turned(rays.direction_ecef, left_s)
+    apart = position - origin
+    depth = np.sum(apart * direction, axis=1)
+    shift = slope @ (arcs.state - arcs.reference)[owner][:, :, None]
+    bordered = np.concatenate([slope, shift - apart[:, :, None]], axis=2) / (depth * rays.sigma_rad)[:, None, None]
+    ahead = direction[:, None, :] @ bordered
+    sideways = bordered - direction[:, :, None] * ahead
+    across, along = arcs.across.copy(), arcs.along.copy()
+    np.add.at(across, owner, sideways.transpose(0, 2, 1) @ sideways)
+    since_s = left_s - launch_s[owner]
+    height = 0.5 * climb_m_s2 * since_s * np.maximum(since_s, 0.0)
+    point = intersection_with_ellipsoid(rays.origin_ecef_m, rays.direction_ecef, height)
+    far = np.sqrt(np.sum((point - rays.origin_ecef_m) ** 2, axis=1))
+    ahead[:, 0, 6] += far / (depth * rays.sigma_rad)
+    assumed = np.flatnonzero(np.isfinite(far) & (since_s <= LONGEST_BURN_S))
+    np.add.at(along, owner[assumed], (ahead.transpose(0, 2, 1) @ ahead)[assumed])
+    seen = arcs.seen.copy()
+    seen[owner, rays.sensor] = True
+    return evolve(arcs, across=across, along=along, seen=seen)
+
+
+def _straight_paths(arcs: Arcs, owner: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return positions (m, 3) and slopes (m, 3, 6) at times (m,) of paths under a steady gravity."""
+    since = time_s - arcs.epoch_s[owner]
+    place, speed = arcs.state[owner, :3], arcs.state[owner, 3:]
+    radius = np.sqrt(np.sum(place * place, axis=1))[:, None]
+    position = place + speed * since[:, None] - 0.5 * EARTH_MU_M3_S2 * place / radius**3 * since[:, None] ** 2
+    unit = np.broadcast_to(np.eye(3), (len(owner), 3, 3))
+    return position, np.concatenate([unit, since[:, None, None] * unit], axis=2)
+
+
+def kepler_paths(
+    state: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return positions (m, 3) at times (m,) of the arcs `owner` (m,), and how the state changes them, (m, 3, 6)."""
+    trials = state[:, None] + np.concatenate([np.zeros((1, 6)), np.diag(STEPS)])
+    found = _followed(trials, epoch_s, owner, time_s)
+    slope = (found[:, 1:] - found[:, :1]) / STEPS[:, None]
+    return found[:, 0], slope.transpose(0, 2, 1)
+
+
+def _followed(trials: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray) -> FloatArray:
+    """Return positions (m, v, 3) at times (m,) on the arcs through all states (n, v, 6) of the rows `owner` (m,)."""
+    count, each = trials.shape[:2]
+    start, end = np.full(count, np.inf), np.full(count, -np.inf)
+    np.fmin.at(start, owner, time_s)
+    np.fmax.at(end, owner, time_s)
+    idle = ~np.isfinite(start)
+    start, end = np.where(idle, epoch_s, start), np.where(idle, epoch_s, end)
+    middle, half = 0.5 * (start + end), np.maximum(0.5 * (end - start), 1e-3)
+    knot_s = middle[:, None] + half[:, None] * _NODES
+    flown = propagate_kepler(trials[:, :, None, :3], trials[:, :, None, 3:], (knot_s - epoch_s[:, None])[:, None])[0]
+    values = flown.transpose(0, 2, 1, 3).reshape(count, _KNOTS, 3 * each)
+    place = np.clip((time_s - middle[owner]) / half[owner], -1.0, 1.0)
+    weights = np.cos(np.arange(_KNOTS) * np.arccos(place)[:, None])[:, None, :] @ _TO_SERIES
+    found: FloatArray = (weights @ values[owner]).reshape(-1, each, 3)
+    return found
+
+
+#: Chebyshev's points in [-1, 1], and the matrix that makes the coefficients of a series of values there.
+_ANGLES = (np.arange(_KNOTS) + 0.5) * np.pi / _KNOTS
+_NODES = np.cos(_ANGLES)
+_TO_SERIES = 2.0 / _KNOTS * np.cos(np.arange(_KNOTS)[:, None] * _ANGLES)
+_TO_SERIES[0] *= 0.5

@@ -1,0 +1,325 @@
+"""Boost with the thrust along the velocity: a gravity turn whose thrust over mass slowly grows, in the inertial frame.
+
+A state (10) is position, velocity, specific force f (all but gravity) and the rate κ, 1/s, at which its size grows. The
+force turns with the velocity relative to the air, which turns with the Earth (drag is along it too), and keeps its tilt
+against it, but for a pull of 1/τ back towards it and white noise: across the velocity f is an Ornstein and Uhlenbeck
+process of standard deviation tan(tilt) |f|, along it a random walk about its growth (Bar-Shalom, Li and Kirubarajan,
+"Estimation with Applications to Tracking and Navigation", 2001, 8.2). Units m, s.
+
+What `thrust` works out for columns of states, for one state's numbers, as `single_states` does for `motion`.
+
+Where bits are said to be the same, the operations are the same in the same order.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from math import sqrt, tan
+from typing import Any
+
+import numpy as np
+from attrs import Factory, field, frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
+from opir_core.estimation import motion
+from opir_core.estimation.lines_of_sight import along, dot
+from opir_core.estimation.motion import ALONE, BOOST, COAST, Motion, Pull, integrator_noise, pieces_of
+from opir_core.flight.forces import Forces
+
+#: Where a target is slower than this the direction of its velocity says little of that of its thrust, m/s; at rest, for
+#: whose sake all speeds are taken for larger by 1 m/s in squares, it says nothing.
+SLOW_M_S = 100.0
+
+_SPIN = EARTH_ROTATION_RAD_S
+
+
+def jerk_of_one(numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any]) -> tuple[Any, Any, Any]:
+    """Return the rate of the specific force from a state and its gravity, as 13 numbers or columns (n,): the same bits.
+
+    ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the turn of the velocity and w what a slow velocity counts for.
+    """
+    x, y, _, vx, vy, vz, fx, fy, fz, growth, gx, gy, gz = numbers
+    ax, ay, az = gx + fx + _SPIN * vy, gy + fy - _SPIN * vx, gz + fz
+    vx, vy = vx + _SPIN * y, vy - _SPIN * x
+    square = vx * vx + vy * vy + vz * vz
+    speed = root(square + 1.0)
+    ux, uy, uz = vx / speed, vy / speed, vz / speed
+    soft = 1.0 / (square + SLOW_M_S * SLOW_M_S)
+    lift, ahead = fx * ux + fy * uy + fz * uz, ax * ux + ay * uy + az * uz
+    turn, pull = lift * speed * soft, square * soft / tilt_s
+    own, back = growth - pull, pull * lift - turn * ahead
+    return own * fx + turn * ax + back * ux, own * fy + turn * ay + back * uy, own * fz + turn * az + back * uz
+
+
+def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: Pull) -> list[float]:
+    """Return a state of 10 after one step, the same bits as `Thrust`'s."""
+    gravity = pull(*state[:3])
+    early = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
+    after = motion.stepped_one([*state[:9], *early], step, pull, gravity)[:9]
+    late = jerk_of_one((*after, state[9], *pull(*after[:3])[:3]), tilt_s, sqrt)
+    x, y, z, vx, vy, vz, fx, fy, fz = after
+    bx, by, bz = late[0] - early[0], late[1] - early[1], late[2] - early[2]
+    far, fast, more = step**3 / 24.0, step**2 / 6.0, step / 2.0
+    place, speed = (x + bx * far, y + by * far, z + bz * far), (vx + bx * fast, vy + by * fast, vz + bz * fast)
+    return [*place, *speed, fx + bx * more, fy + by * more, fz + bz * more, state[9]]
+
+
+def taylor_of_one(state: Sequence[float], tilt_s: float, pull: Pull, mu_m3_s2: float) -> list[float]:
+    """Return the derivatives of the position, from the zeroth to the fourth, of a state of 10; the same bits."""
+    gravity = pull(*state[:3])
+    rate = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
+    return motion.taylor_of_one([*state[:9], *rate], gravity, mu_m3_s2)
+
+
+def slopes_of_one(state: Sequence[float], tilt_s: float, gravity: Sequence[float]) -> list[float]:
+    """Return how the rate of the force changes with velocity, force and growth of a state: three rows of seven.
+
+    As `Thrust.force_slopes` says it, but for rounding.
+    """
+    x, y, _, wx, wy, vz, fx, fy, fz, growth = state
+    vx, vy, pull = wx + _SPIN * y, wy - _SPIN * x, 1.0 / tilt_s
+    square = vx * vx + vy * vy + vz * vz
+    speed = sqrt(square + 1.0)
+    soft = 1.0 / (square + SLOW_M_S * SLOW_M_S)
+    turn, fast = speed * soft, square * soft
+    unit = ux, uy, uz = vx / speed, vy / speed, vz / speed
+    px, py, pz = gravity[0] + fx + _SPIN * wy, gravity[1] + fy - _SPIN * wx, gravity[2] + fz
+    ahead, lift = ux * px + uy * py + uz * pz, ux * fx + uy * fy + uz * fz
+    bend = bx, by, bz = px - ux * ahead, py - uy * ahead, pz - uz * ahead
+    across = cx, cy, cz = fx - ux * lift, fy - uy * lift, fz - uz * lift
+    same, other = lift * (turn * pull - soft * ahead), lift * turn - fast * pull
+    first, second, third = lift * soft, turn * pull, lift * soft * (1.0 - 2.0 * fast)
+    fourth, own = -2.0 * pull * turn * (1.0 - fast), growth + other
+    rows: list[float] = []
+    for k, (u, b, c, f) in enumerate(zip(unit, bend, across, (fx, fy, fz), strict=True)):
+        p, q, r, s = third * b + fourth * c - same * u, -first * u, second * u + soft * b, turn * b - other * u
+        row = [p * ux + q * bx + r * cx, p * uy + q * by + r * cy, p * uz + q * bz + r * cz, s * ux, s * uy, s * uz, f]
+        row[k] += same
+        row[3 + k] += own
+        rows += row
+    return rows
+
+
+def side_of_one(state: Sequence[float], across_share: float, along_noise: float) -> list[float]:
+    """Return a root of the force's noise a second, three rows of three one after the other.
+
+    Across the velocity it is `across_share` of the force, along it `along_noise`, m/s²/√s.
+    """
+    x, y, _, wx, wy, vz, fx, fy, fz, _ = state
+    velocity = wx + _SPIN * y, wy - _SPIN * x, vz
+    across = across_share * sqrt(fx * fx + fy * fy + fz * fz)
+    share = (along_noise - across) / (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2 + 1.0)
+    u, v, w = velocity
+    xy, xz, yz = share * u * v, share * u * w, share * v * w
+    return [share * u * u + across, xy, xz, xy, share * v * v + across, yz, xz, yz, share * w * w + across]
+
+
+#: Size of the state.
+THRUST = 10
+
+#: The longest step, s: with τ of 15 s, what the trapezoid leaves of the pull towards the velocity is below 1e-3.
+_LONGEST_STEP_S = 2.5
+
+_UNIT, _WHOLE, _HALF = np.eye(3), np.eye(THRUST), 0.5 * np.eye(THRUST)
+
+
+@frozen(eq=False)
+class Thrust:
+    """The motion of a boost along its velocity.
+
+    `tilt_rad` and `tilt_s` are the standard deviation of the angle between thrust and velocity and the time after which
+    it is another one; `noise_m_s2` how fast the force along the velocity wanders, m/s²/√s; `growth_noise` how fast κ
+    does, 1/s/√s.
+    """
+
+    #: States move alike however well they are known.
+    about = None
+
+    tilt_rad: float
+    tilt_s: float
+    noise_m_s2: float
+    growth_noise: float
+    forces: Forces
+    size: int = field(default=THRUST, init=False)
+    #: Free flight, and flight with a given force, under the same gravity.
+    fall: Motion = field(default=Factory(lambda self: Motion(COAST, 0.0, self.forces), takes_self=True), init=False)
+    pushed: Motion = field(default=Factory(lambda self: Motion(BOOST, 0.0, self.forces), takes_self=True), init=False)
+
+    @property
+    def _pull(self) -> Pull:
+        return self.fall.field.alone_with_inverse_radius
+
+    def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states (n, 10) after steps (n,), s."""
+        pieces = pieces_of(step_s, _LONGEST_STEP_S)
+        if pieces > 1:
+            step_s = step_s / pieces
+        for _ in range(pieces):
+            state = self._stepped(state, step_s)
+        return state
+
+    def _stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return states after one step: Nyström's for the path, the trapezoid for the force.
+
+        The force's rate goes from its value at the start to that where a constant rate leads, linearly.
+        """
+        if len(state) <= ALONE:
+            rows = zip(state.tolist(), step_s.tolist(), strict=True)
+            return np.array([stepped_one(row, step, self.tilt_s, self._pull) for row, step in rows])
+        early = self.jerk(state)
+        path = np.concatenate([state[:, :9], early], axis=1)
+        after = np.concatenate([self.pushed.stepped(path, step_s)[:, :9], state[:, 9:]], axis=1)
+        bend, step = self.jerk(after) - early, step_s[:, None]
+        after[:, :3] += bend * (step**3 / 24.0)
+        after[:, 3:6] += bend * (step**2 / 6.0)
+        after[:, 6:9] += bend * (step / 2.0)
+        return after
+
+    def jerk(self, state: FloatArray) -> FloatArray:
+        """Return the rates (n, 3) of the specific forces of states (n, 10), m/s³."""
+        told = np.concatenate([state, self.fall.gravity(state[:, :3])], axis=1)
+        columns: list[FloatArray] = list(np.ascontiguousarray(told.T))
+        return np.stack(jerk_of_one(columns, self.tilt_s, np.sqrt), axis=1)
+
+    def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
+        """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with constant slopes."""
+        scaled = self.slopes(state)
+        scaled *= step_s[:, None, None]
+        square = scaled @ scaled
+        later = square / 24.0
+        later += scaled / 6.0
+        later += _HALF
+        series: FloatArray = square @ later
+        series += scaled
+        series += _WHOLE
+        return series
+
+    def slopes(self, state: FloatArray) -> FloatArray:
+        """Return how the rate of the state changes with it, (n, 10, 10), 1/s."""
+        if len(state) == 1:
+            return self._slopes_of_one(state[0].tolist())
+        rate = np.zeros((len(state), THRUST, THRUST))
+        rate[:, :3, 3:6] = rate[:, 3:6, 6:9] = _UNIT
+        rate[:, 3:6, :3] = self.fall.gradient(state[:, :3])
+        rate[:, 6:9, 3:] = self.force_slopes(state)
+        return rate
+
+    def _slopes_of_one(self, numbers: list[float]) -> FloatArray:
+        place = numbers[:3]
+        alone = slopes_of_one(numbers, self.tilt_s, self._pull(*place))
+        alone += motion.gradient_of_one(place, self.forces.gravity.mu_m3_s2)
+        told, rate = np.array(alone), _KINEMATICS.copy()
+        rate[0, 6:9, 3:], rate[0, 3:6, :3] = told[:21].reshape(3, 7), told[21:].reshape(3, 3)
+        return rate
+
+    def force_slopes(self, state: FloatArray) -> FloatArray:
+        """Return how the rate of the force changes with velocity, force and growth, (n, 3, 7): `jerk`, differentiated.
+
+        In terms of the direction u of the velocity, what turns it, b, and the force across it, all else is a multiple
+        of the unit matrix. How the air's motion changes with the position is left out.
+        """
+        if len(state) == 1:
+            (numbers,) = state.tolist()
+            alone = slopes_of_one(numbers, self.tilt_s, self._pull(*numbers[:3]))
+            return np.array(alone).reshape(1, 3, THRUST - 3)
+        count, pull = len(state), 1.0 / self.tilt_s
+        velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
+        square = dot(velocity, velocity)
+        speed = np.sqrt(square + 1.0)
+        unit = velocity / speed[:, None]
+        soft = 1.0 / (square + SLOW_M_S**2)
+        turn, fast = speed * soft, square * soft
+        push = self.fall.gravity(state[:, :3]) + force - _AIR * state[:, [4, 3, 5]]
+        ahead, lift = dot(unit, push), dot(unit, force)
+        bend, across = push - unit * ahead[:, None], force - unit * lift[:, None]
+        basis = np.stack([unit, bend, across], axis=1)
+        same = lift * (turn * pull - soft * ahead)
+        other = lift * turn - fast * pull
+        weigh = np.zeros((2, count, 3, 3))
+        weigh[0, :, 0, 0], weigh[0, :, 0, 1], weigh[0, :, 0, 2] = -same, -lift * soft, turn * pull
+        weigh[0, :, 1, 0], weigh[0, :, 1, 2] = lift * soft * (1.0 - 2.0 * fast), soft
+        weigh[0, :, 2, 0] = -2.0 * pull * turn * (1.0 - fast)
+        weigh[1, :, 0, 0], weigh[1, :, 1, 0] = -other, turn
+        both = basis.transpose(0, 2, 1) @ (weigh @ basis)
+        told = np.empty((count, 3, THRUST - 3))
+        told[:, :, :3] = both[0] + same[:, None, None] * _UNIT
+        told[:, :, 3:6] = both[1] + (state[:, 9] + other)[:, None, None] * _UNIT
+        told[:, :, 6] = force
+        return told
+
+    def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
+        """Return L (n, 10, 10) with L Lᵀ the covariance of the noise gathered in steps (n,) from states on."""
+        if len(state) == 1:
+            return self._noise_root_of_one(abs(float(step_s[0])), state)
+        velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
+        across = np.tan(self.tilt_rad) * np.sqrt(2.0 / self.tilt_s * dot(force, force))
+        along_it = (self.noise_m_s2 - across) / (dot(velocity, velocity) + 1.0)
+        side = along_it[:, None, None] * velocity[:, :, None] * velocity[:, None, :] + across[:, None, None] * _UNIT
+        step = np.abs(step_s)
+        small = (step[:, None] ** _POWERS)[:, :, None] * _CHAIN
+        root = np.zeros((len(state), THRUST, THRUST))
+        root[:, :9, :9] = (small[:, :, None, :, None] * side[:, None, :, None, :]).reshape(len(state), 9, 9)
+        root[:, 9, 9] = self.growth_noise * np.sqrt(step)
+        return root
+
+    def _noise_root_of_one(self, step_s: float, state: FloatArray) -> FloatArray:
+        share = tan(self.tilt_rad) * sqrt(2.0 / self.tilt_s)
+        side = np.array(side_of_one(state[0].tolist(), share, self.noise_m_s2)).reshape(3, 1, 3)
+        root = np.zeros((1, THRUST, THRUST))
+        np.multiply(_chain(step_s), side, out=root[0, :9, :9].reshape(3, 3, 3, 3))
+        root[0, 9, 9] = self.growth_noise * sqrt(step_s)
+        return root
+
+    def taylor(self, state: FloatArray) -> FloatArray:
+        """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
+        if len(state) <= ALONE:
+            pull, mu = self._pull, self.forces.gravity.mu_m3_s2
+            rows = [taylor_of_one(row, self.tilt_s, pull, mu) for row in state.tolist()]
+            return np.array(rows).reshape(-1, 5, 3)
+        path = np.concatenate([state[:, :9], self.jerk(state)], axis=1)
+        return self.pushed.taylor(path)
+
+    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return what whitened looks gain (m, 2, 10) a unit of state, from what they gain a metre (m, 2, 3).
+
+        `weight` (m, 5) are those of the looks' times, `state` (m, 10) those of their tracks, or (1, 10) that of all.
+        """
+        rows = np.empty((len(slope), 2, THRUST))
+        rows[:, :, :9] = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(len(slope), 2, 9)
+        if len(state) == 1:
+            rows[:, :, 9] = (slope.reshape(-1, 3) @ state[0, 6:9]).reshape(-1, 2) * weight[:, 3, None]
+        else:
+            rows[:, :, 9] = along(slope, state[:, 6:9]) * weight[:, 3, None]
+        return rows
+
+    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return the spreads (n, 12, 12) of the position's first four derivatives from those of states, (n, 10, 10)."""
+        out = np.zeros((len(state), BOOST, BOOST))
+        out[:, :9, :THRUST] = side[:, :9]
+        out[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]
+        return out
+
+
+def _kinematics() -> FloatArray:
+    """Return the slopes (1, 10, 10) of what is the rate of something else."""
+    rate = np.zeros((1, THRUST, THRUST))
+    rate[0, :3, 3:6] = rate[0, 3:6, 6:9] = _UNIT
+    return rate
+
+
+_KINEMATICS = _kinematics()
+
+
+#: The velocity of the air at (x, y, z) is this times (y, x, z).
+_AIR = np.array([-_SPIN, _SPIN, 0.0])
+
+_POWERS = np.array([2.5, 1.5, 0.5])
+_CHAIN = integrator_noise(3)
+
+
+@lru_cache(maxsize=64)
+def _chain(step_s: float) -> FloatArray:
+    """Return what unit noise of each axis gathers in a step, (3, 1, 3, 1)."""
+    chain: FloatArray = ((step_s**_POWERS)[:, None] * _CHAIN)[:, None, :, None]
+    chain.flags.writeable = False
+    return chain

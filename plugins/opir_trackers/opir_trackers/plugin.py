@@ -1,0 +1,52 @@
+"""The trackers `kepler-arc`, `stereo-filter` and `boost-profile`; each is imported when it is built."""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from opir_core.plugin.components import TrackerModel
+from opir_core.plugin.hookspecs import hookimpl
+from opir_trackers.configs import BoostProfileConfig, KeplerArcConfig, StereoFilterConfig
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.protocols import Tracker, TrackerContext
+
+
+def _stereo_filter(config: StereoFilterConfig, context: "TrackerContext") -> "Tracker":
+    from opir_trackers.stereo.tracker import stereo_filter
+
+    return stereo_filter(config, context)
+
+
+def _boost_profile(config: BoostProfileConfig, context: "TrackerContext") -> "Tracker":
+    from opir_trackers.profile.tracker import boost_profile_tracker
+
+    return boost_profile_tracker(config, context)
+
+
+def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker":
+    from opir_trackers.arc.tracker import kepler_arc_tracker
+
+    return kepler_arc_tracker(config, context)
+
+
+@hookimpl
+def opir_trackers() -> Iterable[TrackerModel]:
+    """Yield `kepler-arc`, `stereo-filter` and `boost-profile`."""
+    yield TrackerModel(
+        name="kepler-arc",
+        summary="a Keplerian arc fitted to three or more detections, an empirical sigma of the impact (the paper's)",
+        config=KeplerArcConfig,
+        build=_kepler_arc,
+    )
+    yield TrackerModel(
+        name="stereo-filter",
+        summary="any number of sensors, sequential: boost, its thrust about along the velocity, and coast side by side",
+        config=StereoFilterConfig,
+        build=_stereo_filter,
+    )
+    yield TrackerModel(
+        name="boost-profile",
+        summary="boost profiles of every class fitted to each track: launch, burnout, impact, type, with covariances",
+        config=BoostProfileConfig,
+        build=_boost_profile,
+    )

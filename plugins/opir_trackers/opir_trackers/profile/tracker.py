@@ -1,0 +1,147 @@
+"""The tracker `boost-profile`: association by the stereo filter, estimates by the fit of boost profiles."""
+
+import numpy as np
+from attrs import evolve
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.estimation.lines_of_sight import Rays, no_rays
+from opir_core.interfaces.protocols import Sensor, TrackerContext
+from opir_core.interfaces.records import Detections, Tracks
+from opir_core.scene.scene import TARGET_TYPES
+from opir_trackers.configs import BoostProfileConfig
+from opir_trackers.profile import hypotheses as hypotheses_of
+from opir_trackers.profile.bank import Fitting
+from opir_trackers.profile.beginning import caught_up
+from opir_trackers.profile.fit import Hypotheses
+from opir_trackers.profile.priors import priors_of
+from opir_trackers.profile.report import Basis, report
+from opir_trackers.profile.strain import Bank
+from opir_trackers.profile.trust import apart, blended, chances, typed
+from opir_trackers.sensor_schedule import Watch
+from opir_trackers.stereo.tracker import StereoTracker
+
+#: Rays that belong to no track are kept for this long, s, or this many scans, for a track that begins later.
+_POOL_S, _POOL_SCANS = 20.0, 20
+
+#: Of what sensors state of their chances of detection no more is believed than lies in between.
+_LEAST_STATED, _MOST_STATED = 0.02, 0.999
+
+#: No type is ruled out by what sensors report.
+_LEAST_CHANCE = 1e-6
+
+
+class ProfileTracker:
+    """The tracker `boost-profile`."""
+
+    def __init__(self, config: BoostProfileConfig, context: TrackerContext, inner: StereoTracker) -> None:
+        self._tick_s = config.cadence_s
+        self.cadence_s: float | None = config.cadence_s
+        self._inner = inner
+        self._fitting = Fitting(priors_of(config.priors), _watch_of(context.sensors), context.light_time)
+        self._forces = context.forces
+        self._largest_impact_m = 1e3 * config.largest_impact_km
+        self._impacts_in_burn = config.impacts_in_burn
+        self._bank = Bank.empty(len(context.sensors))
+        self._pool = no_rays()
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
+        return self._inner.associate(detections)
+
+    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+        """Take the sensors to be these from the last tick on: as many, with other settings."""
+        self._inner.sees_with(sensors)
+        before, watch = self._fitting.watch, _watch_of(sensors)
+        share = before.period_s / watch.period_s * (watch.chance / before.chance).mean(axis=1)
+        self._fitting = evolve(self._fitting, watch=watch)
+        seen = self._bank.seen
+        self._bank = evolve(self._bank, seen=evolve(seen, hits=seen.hits * share))
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Take in the detections since the last tick and return the estimates at this one."""
+        followed = self._inner.step(tick_s, detections)
+        mine = detections.track >= 0
+        rays = Rays.of(detections)
+        track = detections.track[mine]
+        stray = self._inner.stray_shares(track)
+        self._bank = self._fitting.stepped(self._bank, tick_s, track, rays.take(mine), stray)
+        self._bank = self._bank.without(np.setdiff1d(self._bank.seen.track, followed.track))
+        self._wait(rays.take(~mine), tick_s)
+        self._begin(np.setdiff1d(followed.track, self._bank.seen.track), tick_s)
+        return self._told(followed, tick_s)
+
+    def _wait(self, free: Rays, tick_s: float) -> None:
+        """Keep rays that belong to no track for tracks to come."""
+        keep_s = np.maximum(_POOL_S, _POOL_SCANS * self._fitting.watch.period_s)[self._pool.sensor]
+        self._pool = Rays.concatenate([self._pool.take(self._pool.time_s > tick_s - keep_s), free])
+
+    def _begin(self, track: IntArray, tick_s: float) -> None:
+        """Begin tracks by number with the rays that wait and are theirs."""
+        if not len(track) or not len(self._pool):
+            return
+        owner = self._inner.owners(track, self._pool)
+        mine, free = np.flatnonzero(owner >= 0), np.flatnonzero(owner < 0)
+        told = owner[mine], self._pool.take(mine), self._inner.stray_shares(owner[mine])
+        self._bank = caught_up(self._fitting, self._bank, *told, self._tick_s, tick_s)
+        self._pool = self._pool.take(free)
+
+    def _told(self, followed: Tracks, tick_s: float) -> Tracks:
+        """Return the estimates of all tracks with a fit; of the others, what the stereo filter tells."""
+        if not len(self._bank.hypotheses):
+            return typed(followed)
+        finer = self._fitting.parts(self._bank, tick_s)
+        parts = None if finer is None else _weighed(finer, followed)
+        mixed = _weighed(self._bank.hypotheses, followed)
+        memory = self._fitting.memory(self._bank)
+        falls = None if self._impacts_in_burn else self._burnt_out(followed, tick_s)
+        basis = Basis(self._fitting.priors, self._forces, memory, self._largest_impact_m, falls)
+        told = report(*mixed, tick_s, basis, parts)
+        sound = np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2))
+        followed = typed(followed)
+        told = self._trusted(told.take(sound), followed, tick_s)
+        rest = followed.take(~np.isin(followed.track, told.track))
+        every = Tracks.concatenate([told, rest])
+        return every.take(np.argsort(every.track, kind="stable"))
+
+    def _burnt_out(self, followed: Tracks, tick_s: float) -> IntArray:
+        """Return the numbers of tracks whose burn is over by what no class tells: silence, or the filter."""
+        seen = self._bank.seen
+        falls = followed.track[np.isfinite(followed.impact).all(axis=1)]
+        return np.union1d(seen.track[seen.are_out(tick_s, self._fitting.watch)], falls)
+
+    def _trusted(self, told: Tracks, followed: Tracks, tick_s: float) -> Tracks:
+        """Return what is told, mixed with what the filter tells by the chance that a target flies otherwise."""
+        row = np.searchsorted(followed.track, told.track)
+        present = np.flatnonzero(followed.track[np.minimum(row, len(followed) - 1)] == told.track)
+        filtered, fitted = followed.take(row[present]), told.take(present)
+        seen = self._bank.seen.of(filtered.track)
+        odds = seen.otherwise + apart(fitted, filtered)
+        mixed = blended(fitted, filtered, chances(odds, seen.are_alone(seen.track)), seen.dark_s(tick_s))
+        every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
+        return every.take(np.argsort(every.track, kind="stable"))
+
+
+def _watch_of(sensors: tuple[Sensor, ...]) -> Watch:
+    return Watch.of(sensors, least=_LEAST_STATED, most=_MOST_STATED)
+
+
+def _weighed(hypotheses: Hypotheses, followed: Tracks) -> tuple[Hypotheses, FloatArray]:
+    """Return hypotheses and their probabilities, with what sensors' reports of the type say of them."""
+    said = _reported(followed, hypotheses.track, hypotheses.kind)
+    return hypotheses, hypotheses_of.probability(evolve(hypotheses, evidence=hypotheses.evidence + said))
+
+
+def _reported(followed: Tracks, track: IntArray, kind: IntArray) -> FloatArray:
+    """Return what sensors' reports of the type say of hypotheses (n,), as log likelihoods."""
+    types = followed.type_probability[np.searchsorted(followed.track, track), : len(TARGET_TYPES)]
+    chance = types[np.arange(len(kind)), kind]
+    said = np.isfinite(types).all(axis=1) & (types.sum(axis=1) > 0.5)
+    log: FloatArray = np.where(said, np.log(np.maximum(np.nan_to_num(chance), _LEAST_CHANCE)), 0.0)
+    return log
+
+
+def boost_profile_tracker(config: BoostProfileConfig, context: TrackerContext) -> ProfileTracker:
+    """Return the tracker `boost-profile`."""
+    from opir_trackers.stereo.tracker import stereo_filter
+
+    return ProfileTracker(config, context, stereo_filter(config.following(), context))

@@ -1,0 +1,205 @@
+"""What each sensor saw of young tracks, a line of sight a slice: what tells targets from ghosts.
+
+Rays are assigned sensor by sensor and slice by slice. Two tracks can agree with each sensor's picture and still follow
+no target (ghosts): each sits where one target's rays from one sensor pass the other's from another. What tells is how
+near the rays of two sensors pass each other, again and again, and what was known beforehand. So what a sensor saw of a
+track is kept as long as it may belong to another.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from attrs import Factory, evolve, field, frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.estimation.lines_of_sight import Sights, along, axes_across, dot, no_sights
+from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.stereo.ambiguous_measurements import Contested
+
+_NONE = np.empty(0, dtype=np.int64)
+
+
+@frozen(eq=False)
+class Histories:
+    """What was seen of tracks that may have one another's rays, and what was known of them before their first.
+
+    `number` (n,), rising, are the tracks' numbers, `begun_s` (n,) when they began and `first` (n rows) the estimates
+    they began with, carried to the present without a ray; `sights` (m rows) are mean lines of sight of tracks 0 to
+    n - 1, and `sensor` (m,) says whose each is. `contested` are the rays of which it is open whose they are, and
+    `doubt` (n,) is how doubtful it was when last asked which histories are whose.
+    """
+
+    number: IntArray
+    begun_s: FloatArray
+    first: Bank
+    sights: Sights
+    sensor: IntArray
+    contested: Contested = field(factory=Contested.empty)
+    doubt: FloatArray = field(default=Factory(lambda self: np.ones(len(self.first)), takes_self=True))
+
+    @classmethod
+    def none(cls) -> "Histories":
+        """Return the histories of no tracks."""
+        return cls(_NONE, np.empty(0), Bank.empty(), no_sights(), _NONE)
+
+    def __len__(self) -> int:
+        return len(self.number)
+
+    @property
+    def blur(self) -> FloatArray:
+        """Return how many rays, by the chance that they are another's or none's (n,), each track may have and not."""
+        open_ = self.contested
+        track = self.sights.track[open_.sight]
+        return np.bincount(track, open_.weight * (1.0 - open_.weight), len(self)).astype(np.float64)
+
+    def joined(self, new: "Histories") -> "Histories":
+        """Return the histories with those of new tracks, of higher numbers."""
+        sights = new.sights.placed(new.sights.track + len(self))
+        return Histories(
+            number=np.concatenate([self.number, new.number]),
+            begun_s=np.concatenate([self.begun_s, new.begun_s]),
+            first=Bank.concatenate([self.first, new.first]),
+            sights=Sights.concatenate([self.sights, sights]),
+            sensor=np.concatenate([self.sensor, new.sensor]),
+            contested=self.contested,
+            doubt=np.concatenate([self.doubt, new.doubt]),
+        )
+
+    def moved(self, move: Callable[[Bank, float], Bank], step_s: float) -> "Histories":
+        """Return the histories a step later."""
+        return evolve(self, first=move(self.first, step_s)) if len(self.number) else self
+
+    def of(self, keep: BoolArray) -> "Histories":
+        """Return the histories of some tracks (n,) alone."""
+        if keep.all():
+            return self
+        place = np.cumsum(keep) - 1
+        stays = keep[self.sights.track]
+        mine = np.flatnonzero(stays)
+        sights = self.sights.take(mine)
+        return Histories(
+            number=self.number[keep],
+            begun_s=self.begun_s[keep],
+            first=self.first.take(np.flatnonzero(keep)),
+            sights=sights.placed(place[sights.track]),
+            sensor=self.sensor[mine],
+            contested=self.contested.without(~stays, np.cumsum(stays) - 1),
+            doubt=self.doubt[keep],
+        )
+
+    def seen(self, sights: Sights, sensor: IntArray, contested: Contested) -> "Histories":
+        """Return the histories with more lines of sight, and the rays that may be part of these."""
+        sensor = np.concatenate([self.sensor, sensor])
+        if not len(contested):
+            return evolve(self, sights=Sights.concatenate([self.sights, sights]), sensor=sensor)
+        fresh = evolve(
+            contested,
+            sight=contested.sight + len(self.sights),
+            ray=contested.ray + int(self.contested.ray.max(initial=-1)) + 1,
+            scan=contested.scan + int(self.contested.scan.max(initial=-1)) + 1,
+        )
+        return evolve(
+            self,
+            sights=Sights.concatenate([self.sights, sights]),
+            sensor=sensor,
+            contested=Contested.concatenate([self.contested, fresh]),
+        )
+
+
+def lasting_s(jerk_noise_m_s3: float, look_m: float, period_s: float) -> float:
+    """Return for how long, s, a boost's path is smooth enough for its first look to speak of its last.
+
+    That is until the noise of the jerk has moved the target, by q √3 t^3.5 / √252, as far as looks of an error `look_m`
+    each, one every `period_s`, leave open over the whole time.
+    """
+    if jerk_noise_m_s3 == 0.0:
+        return float("inf")
+    return float((look_m * np.sqrt(84.0 * period_s) / jerk_noise_m_s3) ** 0.25)
+
+
+def mean_sights(outlook: Outlook, sights: Sights, sensor: IntArray, slice_s: float) -> tuple[Sights, IntArray]:
+    """Return one line of sight for all sights of a track by a sensor in a slice, and the sensors.
+
+    Residuals to the track's own path are averaged, each as sure as it is: near that path nothing is lost.
+    """
+    return parted_sights(outlook, sights, sensor, slice_s)[:2]
+
+
+def parted_sights(
+    outlook: Outlook, sights: Sights, sensor: IntArray, slice_s: float
+) -> tuple[Sights, IntArray, IntArray]:
+    """Return mean lines of sight and the sensors, as `mean_sights`, and which mean (n,) each sight is part of."""
+    if not len(sights):
+        return sights, sensor, sensor
+    part = np.floor((sights.time_s - outlook.time_s) / slice_s).astype(np.int64)
+    part -= part.min()
+    sensors, parts = int(sensor.max()) + 1, int(part.max()) + 1
+    key, group = np.unique((sights.track * sensors + sensor) * parts + part, return_inverse=True)
+    residual = sights.missed(outlook.positions(sights.track, sights.time_s))
+    turned = sights.whitener.transpose(0, 2, 1)
+    weight = _sums(group, (turned @ sights.whitener).reshape(-1, 4)).reshape(-1, 2, 2)
+    mean: Any = np.linalg.solve(weight, _sums(group, along(turned, residual))[:, :, None])
+    count = np.bincount(group)[:, None]
+    time_s = _sums(group, sights.time_s[:, None])[:, 0] / count[:, 0]
+    origin = _sums(group, sights.origin_m) / count
+    track = key // (parts * sensors)
+    apart = outlook.positions(track, time_s) - origin
+    axes = axes_across(apart / np.sqrt(dot(apart, apart))[:, None])
+    root: Any = np.linalg.cholesky(weight)
+    return Sights(track, time_s, origin, axes, mean[:, :, 0], root.transpose(0, 2, 1)), key // parts % sensors, group
+
+
+def with_biases(known: Histories, bias_sigma_rad: FloatArray) -> Sights:
+    """Return the lines of sight of histories, each so wide that a whole history is no surer than its sensor's bias."""
+    bias = bias_sigma_rad[known.sensor]
+    if not bias.any():
+        return known.sights
+    _, history, length = np.unique(
+        known.sights.track * len(bias_sigma_rad) + known.sensor, return_inverse=True, return_counts=True
+    )
+    sharp = np.abs(np.linalg.det(known.sights.whitener))
+    wider = 1.0 / np.sqrt(1.0 + length[history] * bias**2 * sharp)
+    return evolve(known.sights, whitener=known.sights.whitener * wider[:, None, None])
+
+
+def _sums(group: IntArray, values: FloatArray) -> FloatArray:
+    """Return the sums of rows (n, k) by group."""
+    total: FloatArray = np.stack([np.bincount(group, column) for column in values.T], axis=1)
+    return total
+
+
+def weighed(filter_: SwitchingFilter, bank: Bank, time_s: float, sights: Sights) -> tuple[FloatArray, Bank]:
+    """Return the log likelihoods (n,) of sights of the tracks of a bank, and the bank after them.
+
+    The likelier mode of each track takes them in. The other stays: it takes all but nothing of a track, and the next
+    step mixes it from this one.
+    """
+    boost, boost_root = bank.boost_mean.copy(), bank.boost_root.copy()
+    coast, coast_root = bank.coast_mean.copy(), bank.coast_root.copy()
+    gained = np.zeros(len(bank))
+    coasts = bank.weight[:, 1] > bank.weight[:, 0]
+    seen = np.bincount(sights.track, minlength=len(bank)) > 0
+    modes = ((filter_.boost, boost, boost_root, ~coasts), (filter_.coast, coast, coast_root, coasts))
+    for motion, mean, root, mode in modes:
+        rows = np.flatnonzero(mode & seen)
+        if not len(rows):
+            continue
+        place = np.full(len(bank), -1, dtype=np.int64)
+        place[rows] = np.arange(len(rows))
+        part = sights.take(np.flatnonzero(place[sights.track] >= 0))
+        part = part.placed(place[part.track])
+        mean[rows], root[rows], gained[rows] = filter_.taken_in(motion, mean[rows], root[rows], time_s, part)
+    return gained, Bank(bank.weight, boost, boost_root, coast, coast_root, bank.pace)
+
+
+def rows_of(track: IntArray, wanted: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the rows that are of tracks `wanted` (n,), one after the other, and for which of them each row is."""
+    order = np.argsort(track, kind="stable")
+    known = track[order]
+    start, stop = np.searchsorted(known, wanted), np.searchsorted(known, wanted, side="right")
+    length = stop - start
+    which = np.repeat(np.arange(len(wanted)), length)
+    spot = np.arange(int(length.sum())) - np.repeat(np.cumsum(length) - length, length) + np.repeat(start, length)
+    return order[spot], which
