@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 import opir_core as opir
 from opir_core.arrays import FloatArray
 from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile
-from opir_core.interfaces.records import Run
 from opir_core.radiometry.plume import plume_table
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.simulation.run import Run
 
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
 KINDS = ("fire", "flare", "glint")

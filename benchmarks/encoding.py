@@ -28,8 +28,10 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.builtin.line_file import LineFile
-from opir_core.interfaces.protocols import Band, EncoderContext, Sensor
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Band, Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.viewpoints import AzimuthElevation
 from opir_core.output.events.blocks import window_blocks
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import (
@@ -39,7 +41,6 @@ from opir_core.output.events.text import (
     timestamp_text,
     unix_microseconds,
 )
-from opir_core.planning.sensor_states import AzimuthElevation
 from opir_core.random_streams.detection_ids import stream_key, uuid8_words, uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing import stub_sensor

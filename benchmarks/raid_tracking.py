@@ -27,7 +27,7 @@ from opir_trackers.stereo.tracker import stereo_filter
 
 import opir_core as opir
 from opir_core.estimation.lines_of_sight import axes_across
-from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections
 from opir_core.planning.plan import Plan, compile_plan
 

@@ -8,8 +8,8 @@ from typing import Any
 from attrs import fields
 from modelled import modelled_page
 
-from opir_core.cli.description import field_rows, shown
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
+from opir_core.plugin.description import field_rows, shown
 from opir_core.plugin.host import Host
 from opir_core.scene.reading.scene_schema import SceneFile
 from opir_core.scene.scene import SceneDrag
@@ -19,7 +19,7 @@ HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|
 #: So many satellites of a fleet are told one by one.
 _FEW = 6
 
-PLUGINS = ["dsp", "sbirs", "nextgen", "heo", "leo"]
+PLUGINS = ["dsp", "sbirs", "nextgen", "heo", "leo", "trackers"]
 
 
 def pages() -> Mapping[Path, str]:

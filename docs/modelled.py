@@ -6,12 +6,12 @@ The parts of the chain are told here; the defaults of every component come from 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from opir_core.cli.description import FieldRow, field_rows
-from opir_core.output.spool.settings import SpoolConfig
 from opir_core.plugin.components import CATALOGUE, Component
+from opir_core.plugin.description import FieldRow, field_rows
 from opir_core.plugin.host import Host
 from opir_core.scene.reading.scene_schema import SceneFile
 from opir_core.scene.scene import SceneDrag
+from opir_core.scene.spool_settings import SpoolConfig
 
 
 class Part(NamedTuple):

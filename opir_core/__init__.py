@@ -11,13 +11,13 @@ from opir_core._version import __version__
 
 if TYPE_CHECKING:
     from opir_core.errors import ModelError, OpirError, PluginError, Problem, SceneError, SinkError
-    from opir_core.interfaces.records import Detections, Run, Tracks, Window
+    from opir_core.interfaces.records import Detections, Tracks, Window
     from opir_core.planning.plan import Plan, compile_plan
     from opir_core.plugin.host import Host
     from opir_core.scene.reading import load_scene, scene_from_mapping
     from opir_core.scene.scene import Scene
     from opir_core.simulation.engine import Engine
-    from opir_core.simulation.run import simulate, windows
+    from opir_core.simulation.run import Run, simulate, windows
 
 _HOMES = {
     "Detections": "interfaces.records",
@@ -28,7 +28,7 @@ _HOMES = {
     "Plan": "planning.plan",
     "PluginError": "errors",
     "Problem": "errors",
-    "Run": "interfaces.records",
+    "Run": "simulation.run",
     "Scene": "scene.scene",
     "SceneError": "errors",
     "SinkError": "errors",

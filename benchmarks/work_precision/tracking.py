@@ -29,7 +29,7 @@ from tracking_page import Line, RaidLines, page, plot, raid_table, single_table
 from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
 from tracking_problems import problem as made
 
-from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
 from opir_core.scoring.gospa import gospa
 from opir_core.testing.doubles import stub_sensor
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConfusionConfig
 from opir_core.errors import ModelError
-from opir_core.interfaces.protocols import Classifier, Dice, ModelContext, Sensor
+from opir_core.interfaces.contexts import ModelContext
+from opir_core.interfaces.protocols import Classifier, Dice, Sensor
 from opir_core.interfaces.records import Sightings
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.validation import nearest

@@ -5,7 +5,8 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.builtin.configs import WeightedConfig
-from opir_core.interfaces.protocols import Confidence, ModelContext
+from opir_core.interfaces.contexts import ModelContext
+from opir_core.interfaces.protocols import Confidence
 from opir_core.interfaces.records import Sightings
 from opir_core.plugin.components import NoConfig
 

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConstantConfig
 from opir_core.errors import ModelError
-from opir_core.interfaces.protocols import DetectionProbability, Dice, Measured, ModelContext, Sensor
+from opir_core.interfaces.contexts import ModelContext
+from opir_core.interfaces.protocols import DetectionProbability, Dice, Measured, Sensor
 from opir_core.interfaces.records import Exposures
 from opir_core.plugin.components import NoConfig
-from opir_core.scene.scene import EMITTER_TYPES, TARGET_TYPES
+from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, TARGET_TYPES
 from opir_core.sensors.confusion_matrix import is_probability
-from opir_core.sensors.scanning_sensor import MAXIMUM_BANDS
 
 
 @define(eq=False)

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 from opir_core.plugin.components import EventEncoder
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Encoder, EncoderContext
+    from opir_core.interfaces.contexts import EncoderContext
+    from opir_core.interfaces.protocols import Encoder
 
 
 def _forge(_config: Any, context: "EncoderContext") -> "Encoder":

@@ -3,7 +3,9 @@
 from collections.abc import Iterable
 from functools import partial
 
-from opir_core.plugin import ScanningSensorConfig, SensorModel, hookimpl, scanning_sensor, with_defaults
+from opir_core.plugin.components import SensorModel, with_defaults
+from opir_core.plugin.hookspecs import hookimpl
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig, scanning_sensor
 
 #: Notional: some right, some wrong, some not told.
 CONFUSION = {

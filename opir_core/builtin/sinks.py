@@ -8,7 +8,8 @@ from opir_core.plugin.components import SinkModel
 from opir_core.scene.fields import text
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Sink, SinkContext
+    from opir_core.interfaces.contexts import SinkContext
+    from opir_core.interfaces.protocols import Sink
 
 
 @frozen

@@ -17,7 +17,8 @@ from opir_core.flight.tables.csv_table import csv_table
 from opir_core.flight.tables.interpolation import interpolant, largest_doubt_m
 from opir_core.flight.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
 from opir_core.flight.tables.records import BadTableError, Table
-from opir_core.interfaces.protocols import TargetContext, Trajectories
+from opir_core.interfaces.contexts import TargetContext
+from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.scene import TARGET_TYPES
 
 #: How far the polynomials may be from those through the states, m.

@@ -15,7 +15,8 @@ from opir_core.flight.aiming import Aim, aim, surface_range_m
 from opir_core.flight.boost import PROFILES_BY_TYPE, BoostProfile, boost_profile, profile_for_type
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
-from opir_core.interfaces.protocols import TargetContext, Trajectories
+from opir_core.interfaces.contexts import TargetContext
+from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.scene import TARGET_TYPES
 
 if TYPE_CHECKING:

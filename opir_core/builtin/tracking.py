@@ -4,7 +4,8 @@ import numpy as np
 from attrs import define
 
 from opir_core.arrays import IntArray
-from opir_core.interfaces.protocols import Tracker, TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import NoConfig
 

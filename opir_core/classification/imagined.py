@@ -24,8 +24,7 @@ from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.plume import plume_signatures
 from opir_core.radiometry.protocols import SignatureContext, Signatures
-from opir_core.scene.scene import EMITTER_TYPES, TARGET_TYPES
-from opir_core.sensors.scanning_sensor import MAXIMUM_BANDS
+from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, TARGET_TYPES
 
 _RADIUS_M = 6.371e6
 

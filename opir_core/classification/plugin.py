@@ -11,7 +11,8 @@ from opir_core.plugin.components import ClassifierModel
 from opir_core.plugin.hookspecs import hookimpl
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Classifier, ModelContext
+    from opir_core.interfaces.contexts import ModelContext
+    from opir_core.interfaces.protocols import Classifier
 
 
 def _spectral(config: SpectralConfig, context: "ModelContext") -> "Classifier":

@@ -11,7 +11,8 @@ from opir_core.classification.bank import Bank, bank_of, canonical_radius_m, ele
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.mixture import log_shares, log_sum
 from opir_core.errors import ModelError
-from opir_core.interfaces.protocols import Dice, ModelContext, Sensor
+from opir_core.interfaces.contexts import ModelContext
+from opir_core.interfaces.protocols import Dice, Sensor
 from opir_core.interfaces.records import Sightings
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 

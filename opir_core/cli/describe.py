@@ -20,8 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print what is known of the component, of each kind that has the name."""
-    from opir_core.cli.description import described
     from opir_core.cli.lookup import components_named
+    from opir_core.plugin.description import described
     from opir_core.plugin.host import Host
 
     found = components_named(Host.discover(), arguments.name, arguments.kind)
@@ -37,14 +37,14 @@ def _as_text(told: Mapping[str, Any]) -> str:
 
 
 def _fleet(told: Mapping[str, Any]) -> list[str]:
-    from opir_core.cli.description import shown
+    from opir_core.plugin.description import shown
 
     rows = [(row["id"], shown({key: value for key, value in row.items() if key != "id"})) for row in told["satellites"]]
     return [table(("satellite", f"settings of the model {told['model']}"), rows)]
 
 
 def _settings(told: Mapping[str, Any]) -> list[str]:
-    from opir_core.cli.description import shown
+    from opir_core.plugin.description import shown
 
     if not told["fields"]:
         return ["It has nothing to set."]
@@ -53,7 +53,7 @@ def _settings(told: Mapping[str, Any]) -> list[str]:
 
 
 def _field(row: Mapping[str, Any]) -> str:
-    from opir_core.cli.description import REQUIRED, shown
+    from opir_core.plugin.description import REQUIRED, shown
 
     default = REQUIRED if row["is_required"] else f"default {shown(row['default'])}"
     allowed = (row["kind"], row["unit"], row["interval"], " | ".join(row["choices"]))

@@ -18,8 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compile the scene's plan and tell it."""
-    from opir_core.planning.explanation import explained
     from opir_core.plugin.host import Host
+    from opir_core.simulation.explanation import explained
 
     host = Host.discover()
     told = explained(plan_of(arguments, scene_of(arguments, host), host))

@@ -97,7 +97,7 @@ def _digests(tracks: Path | None) -> Mapping[str, str]:
     """Return what tells the tracks that were written from those of any other run, where they can be read again."""
     if tracks is None or not tracks.is_file():
         return {}
-    from opir_core.scoring.one_run import digest
+    from opir_core.output.run_files import digest
 
     return {"tracks_sha256": digest(tracks)}
 

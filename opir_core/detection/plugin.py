@@ -11,7 +11,8 @@ from opir_core.plugin.components import DetectionModel
 from opir_core.plugin.hookspecs import hookimpl
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import DetectionProbability, ModelContext
+    from opir_core.interfaces.contexts import ModelContext
+    from opir_core.interfaces.protocols import DetectionProbability
 
 
 def _snr(config: SnrConfig, context: "ModelContext") -> "DetectionProbability":

@@ -18,9 +18,8 @@ from opir_core.detection.configs import SnrConfig
 from opir_core.detection.ratio_gates import RatioGates
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
-from opir_core.interfaces.protocols import Band, Sensor
-from opir_core.radiometry.environment import Scenery
-from opir_core.sensors.radiometer import Radiometer
+from opir_core.interfaces.protocols import Band, Radiometer, Sensor
+from opir_core.planning.environment import Scenery
 
 #: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
 _PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6

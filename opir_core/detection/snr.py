@@ -22,11 +22,12 @@ from opir_core.detection.receivers import (
     receivers_of,
 )
 from opir_core.detection.redrawing import measured_to_pass
-from opir_core.interfaces.protocols import Dice, Measured, ModelContext
+from opir_core.interfaces.contexts import ModelContext
+from opir_core.interfaces.protocols import Dice, Measured
 from opir_core.interfaces.records import Exposures
 from opir_core.interfaces.signal_models import Response
+from opir_core.planning.environment import Scenery
 from opir_core.planning.looks import blocks
-from opir_core.radiometry.environment import Scenery
 from opir_core.radiometry.protocols import radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.radiometry.records import in_a_row
 

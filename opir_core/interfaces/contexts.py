@@ -1,16 +1,16 @@
 """What components are built with: each kind's context, which `build` is given beside the configuration."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from attrs import field, frozen
 from numpy.typing import NDArray
 
+from opir_core.interfaces.protocols import DetectionProbability, Encoder, Sensor
+
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
-    from opir_core.interfaces.protocols import DetectionProbability, Encoder, Sensor
-    from opir_core.radiometry.environment import Scenery
 
 
 @frozen(kw_only=True)
@@ -39,12 +39,15 @@ class TargetContext:
 
 @frozen(kw_only=True)
 class ModelContext:
-    """What detection models are built with and, with the built `detection`, those of classification and confidence."""
+    """What detection models are built with and, with the built `detection`, those of classification and confidence.
 
-    sensors: "tuple[Sensor, ...]"
+    `make_scenery` returns the `opir_core.planning.environment.Scenery`; it is built when a model first asks for it.
+    """
+
+    sensors: tuple[Sensor, ...]
     target_type_code: NDArray[np.uint8] = field(eq=False)  #: into `EMITTER_TYPES`: launches, then other hot sources
-    make_scenery: "Callable[[], Scenery] | None" = field(default=None, eq=False)
-    detection: "DetectionProbability | None" = field(default=None, eq=False)
+    make_scenery: Callable[[], Any] | None = field(default=None, eq=False)
+    detection: DetectionProbability | None = field(default=None, eq=False)
 
 
 @frozen(kw_only=True)
@@ -54,7 +57,7 @@ class TrackerContext:
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. `light_time` says whether light takes its time.
     """
 
-    sensors: "tuple[Sensor, ...]"
+    sensors: tuple[Sensor, ...]
     epoch_us: int
     duration_s: float
     forces: "ForceModel" = "kepler"
@@ -65,7 +68,7 @@ class TrackerContext:
 class EncoderContext:
     """What encoders are built with."""
 
-    sensors: "tuple[Sensor, ...]"
+    sensors: tuple[Sensor, ...]
     epoch_us: int
 
 
@@ -78,6 +81,6 @@ class SinkContext:
     what is already at the sink's place is to be added to, not overwritten.
     """
 
-    make_encoder: "Callable[[], Encoder]"
+    make_encoder: Callable[[], Encoder]
     scene_name: str
     resumes: bool = False

@@ -3,8 +3,8 @@
 A component's `build` returns one of these. Element-wise results must not depend on how rows are grouped into calls: the
 engine may hand over any slice of a run, and the bytes of the events must be the same.
 
-The contexts that components are built with stand in `opir_core.interfaces.contexts` and are offered here too. What
-signature, source, atmosphere and background models must do stands in `opir_core.radiometry.protocols`, which is
+The contexts that components are built with are in `opir_core.interfaces.contexts`. What signature,
+source, atmosphere and background models must do is in `opir_core.radiometry.protocols`, which is
 imported only for scenes whose detection model looks at them.
 """
 
@@ -17,16 +17,10 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.contexts import EncoderContext as EncoderContext
-from opir_core.interfaces.contexts import ModelContext as ModelContext
-from opir_core.interfaces.contexts import SensorContext as SensorContext
-from opir_core.interfaces.contexts import SinkContext as SinkContext
-from opir_core.interfaces.contexts import TargetContext as TargetContext
-from opir_core.interfaces.contexts import TrackerContext as TrackerContext
 from opir_core.interfaces.records import Detections, Exposures, Sightings, Tracks, Window
 
 if TYPE_CHECKING:
-    from opir_core.sensors.radiometer import Radiometer
+    pass
 
 
 @frozen
@@ -36,6 +30,24 @@ class Band:
     name: str
     lower_um: float
     upper_um: float
+
+
+@frozen
+class Radiometer:
+    """How a sensor measures light, band by band in the order of its `bands`.
+
+    `nei_w_m2` are noise-equivalent irradiances per look; `footprint_rad` is the angle across a resolution cell;
+    `collection_m2_s` the product of aperture, efficiency and integration time that turns irradiance into photons. A
+    look detects above `threshold` standard deviations of its noise; `coincidence` is the threshold of the other bands
+    where bands are compared, and `ratios` bound their irradiance over that of the first.
+    """
+
+    nei_w_m2: tuple[float, ...]
+    footprint_rad: float
+    collection_m2_s: float
+    threshold: float
+    coincidence: float
+    ratios: tuple[tuple[float, float], ...]
 
 
 class Orbit(Protocol):
@@ -92,7 +104,7 @@ class Sensor:
     false_alarm_susceptibility: str = "moderate"
     spectral_discrimination: str = "none"
     follows_bodies: bool = False
-    radiometer: "Radiometer | None" = None
+    radiometer: Radiometer | None = None
     settings: Mapping[str, Any] = field(factory=dict)
 
 

@@ -4,7 +4,7 @@ Records are `eq=False` and their arrays are to be read, not written: a record th
 buffers.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
@@ -15,8 +15,7 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns, names_of
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Sensor
-    from opir_core.planning.sensor_states import AzimuthElevation
+    from opir_core.interfaces.viewpoints import AzimuthElevation
 
 
 @frozen(eq=False)
@@ -142,7 +141,7 @@ class Detections(Columns):
         Azimuth is clockwise from true north, elevation above the geodetic horizontal, both at the sensor; nan where the
         direction or the sensor's position is.
         """
-        from opir_core.planning.sensor_states import Viewpoints
+        from opir_core.interfaces.viewpoints import Viewpoints
 
         return Viewpoints.of(self.sensor, self.sensor_ecef_m).angles(self.line_of_sight_ecef)
 
@@ -230,20 +229,6 @@ class Window:
     truth: DetectionTruth
     tracks: Tracks
     estimates: Tracks
-
-
-@frozen(eq=False)
-class Run:
-    """A finished run: its columns, its summary and what is needed to repeat it."""
-
-    detections: Detections
-    truth: DetectionTruth
-    tracks: Tracks
-    estimates: Tracks
-    sensors: "Sequence[Sensor]"
-    target_ids: Sequence[str]
-    summary: Mapping[str, Any]
-    manifest: Mapping[str, Any]
 
 
 _Record = TypeVar("_Record")

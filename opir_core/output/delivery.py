@@ -9,7 +9,8 @@ from typing import Any
 from attrs import frozen
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Encoder, EncoderContext, Sink, SinkContext
+from opir_core.interfaces.contexts import EncoderContext, SinkContext
+from opir_core.interfaces.protocols import Encoder, Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.planning.plan import Plan, built
@@ -74,7 +75,7 @@ def _with_truth(plan: Plan, path: Path, windows: Iterable[Window]) -> Iterator[W
 
 
 def _with_tracks(path: Path, windows: Iterable[Window]) -> Iterator[Window]:
-    from opir_core.scoring.tracks_file import TracksFile
+    from opir_core.output.tracks_file import TracksFile
 
     with TracksFile(path) as tracks:
         for window in windows:

@@ -10,18 +10,8 @@ from typing import TYPE_CHECKING, Any
 from attrs import evolve, field, frozen
 
 from opir_core.errors import OpirError
-from opir_core.interfaces.protocols import (
-    Classifier,
-    Confidence,
-    DetectionProbability,
-    ModelContext,
-    Sensor,
-    SensorContext,
-    TargetContext,
-    Tracker,
-    TrackerContext,
-    Trajectories,
-)
+from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetContext, TrackerContext
+from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.visibility import Pairs, Sightlines, compile_pairs
 from opir_core.plugin.host import Host
@@ -30,8 +20,8 @@ from opir_core.scene.scene import Choice, Scene
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
+    from opir_core.planning.environment import Scenery
     from opir_core.planning.pointing_bias import Bias
-    from opir_core.radiometry.environment import Scenery
     from opir_core.radiometry.protocols import Sources
 
 _NS = 1_000_000_000
@@ -121,7 +111,7 @@ def _model_context(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
 ) -> ModelContext:
     def make_scenery() -> "Scenery":
-        from opir_core.radiometry.environment import make_scenery
+        from opir_core.planning.environment import make_scenery
 
         return make_scenery(scene, host, sensors, targets, sources)
 
@@ -192,7 +182,7 @@ def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sour
     """Return what each block of sources comes to."""
     if not scene.sources:
         return ()
-    from opir_core.radiometry.environment import make_sources
+    from opir_core.planning.environment import make_sources
 
     return make_sources(scene, host, sensors)
 

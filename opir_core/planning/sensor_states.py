@@ -1,12 +1,11 @@
-"""Where sensors are, as columns: those of a plan, and the places that rows of detections were made from."""
+"""Where the sensors of a plan are, as columns."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
 from opir_core.interfaces.protocols import Sensor
 
 if TYPE_CHECKING:
@@ -41,46 +40,3 @@ class Sites:
             rows = np.flatnonzero(sensor == number)
             positions[rows] = self.sensors[number].orbit.position_ecef_m(time_s[rows])
         return positions
-
-
-class AzimuthElevation(NamedTuple):
-    """Azimuth in [0, 2 pi) clockwise from true north, and elevation in [-pi/2, pi/2], (n,), rad.
-
-    Both are in the geodetic horizon of the place the sensor is at (docs/reference/angles.md).
-    """
-
-    azimuth_rad: FloatArray
-    elevation_rad: FloatArray
-
-
-@frozen(eq=False)
-class Viewpoints:
-    """The places (m, 3) that rows of detections were made from, ECEF, m, and each row's index (n,) into them."""
-
-    position_ecef_m: FloatArray
-    of_row: IntArray
-
-    @classmethod
-    def of(cls, sensor: IndexArray, sensor_ecef_m: FloatArray) -> "Viewpoints":
-        """Return the viewpoints of sensors (n,), indices from 0 on, that are at positions (n, 3), ECEF, m.
-
-        A sensor has one place for all its rows that lie where one of them does, and one more for each other row.
-        """
-        known = np.zeros(int(sensor.max(initial=-1)) + 1, dtype=np.int64)
-        known[sensor] = np.arange(len(sensor))
-        homes, of_row = sensor_ecef_m.take(known, axis=0), sensor.astype(np.int64)
-        away = sensor_ecef_m != homes.take(of_row, axis=0)
-        moved = np.flatnonzero(away[:, 0] | away[:, 1] | away[:, 2])
-        of_row[moved] = len(homes) + np.arange(len(moved))
-        return cls(np.concatenate([homes, sensor_ecef_m[moved]]), of_row)
-
-    def angles(self, line_of_sight_ecef: FloatArray) -> AzimuthElevation:
-        """Return azimuth and elevation of directions (n, 3), ECEF, seen from the rows' viewpoints.
-
-        The axes are computed once a viewpoint. What is no direction, or seen from no position, is nan.
-        """
-        of_viewpoint = local_axes(self.position_ecef_m).reshape(-1, 9)
-        columns = np.ascontiguousarray(of_viewpoint.T).take(self.of_row, axis=1)
-        axes = np.moveaxis(columns.reshape(3, 3, -1), -1, 0)
-        seen = azimuth_elevation_range_in_axes(line_of_sight_ecef, axes)
-        return AzimuthElevation(seen.azimuth_rad, seen.elevation_rad)

@@ -125,7 +125,7 @@ class Host:
         where two plugins have the command, or where the one that advertises it failed. Without (for help) all plugins
         with commands are loaded, and what fails is a warning.
         """
-        from opir_core.cli.commands import added_commands
+        from opir_core.plugin.commands import added_commands
 
         return added_commands(self._shelf, commands, name)
 

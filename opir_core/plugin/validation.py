@@ -92,20 +92,25 @@ def _words(text: str) -> str:
 
 
 def _place(error: BaseException) -> str:
-    """Return where the plugin's own code was: the outermost line outside the core, or else the innermost of the core.
+    """Return where the plugin's own code was: the innermost line of the first package outside the core, if any.
 
     Lines of the host, of the import system and of numpy and scipy do not count.
     """
-    trace, of_core = error.__traceback__, ""
+    trace, of_core, of_plugin, package = error.__traceback__, "", "", None
     while trace is not None:
-        path = PurePath(trace.tb_frame.f_code.co_filename)
+        frame = trace.tb_frame
+        path = PurePath(frame.f_code.co_filename)
         line = f"{'/'.join(path.parts[-2:])}, line {trace.tb_lineno}"
-        if not _is_machinery(path):
-            if not path.is_relative_to(_CORE):
-                return line
-            of_core = line
         trace = trace.tb_next
-    return of_core
+        if _is_machinery(path):
+            continue
+        if path.is_relative_to(_CORE):
+            of_core = line
+            continue
+        root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        package = package or root
+        of_plugin = line if root == package else of_plugin
+    return of_plugin or of_core
 
 
 def _is_machinery(path: PurePath) -> bool:

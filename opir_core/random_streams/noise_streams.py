@@ -8,7 +8,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.planning.plan import Plan
+from opir_core.interfaces.protocols import Sensor
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 
 #: Scans of a block: so many that it has about this number of exceedances, but no more than that many scans.
@@ -31,12 +31,11 @@ class Drawn(Columns):
 class SensorNoise:
     """The exceedances of one sensor, block by block."""
 
-    def __init__(self, plan: Plan, number: int, rate: float, words: int) -> None:
-        self._sensor, self._number = plan.sensors[number], number
+    def __init__(self, sensor: Sensor, number: int, name: str, seed: int, rate: float, words: int) -> None:
+        self._sensor, self._number = sensor, number
         self._words = words + PLACE_WORDS
         self._scans = int(min(max(1.0, _PER_BLOCK / rate), _MOST_SCANS))
         self._table = poisson_table(rate * self._scans)
-        seed, name = plan.scene.seed, noise_names(plan)[number]
         self._counts = Stream(stream_key(seed, name, "noise-count"))
         self._numbers = Stream(stream_key(seed, name, "noise"))
         self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
@@ -74,13 +73,6 @@ class SensorNoise:
             if count
         ]
         return uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(-1, self._words)
-
-
-def noise_names(plan: Plan) -> list[str]:
-    """Return the names that the sensors' exceedances go by: their ids, with their generations where scans are anew."""
-    generations = plan.scan_generations or (0,) * len(plan.sensors)
-    both = zip(plan.sensors, generations, strict=True)
-    return [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both]
 
 
 def _places(counts: IntArray) -> IntArray:

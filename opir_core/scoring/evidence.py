@@ -4,8 +4,9 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.records import Run, Tracks
+from opir_core.interfaces.records import Tracks
 from opir_core.planning.plan import Plan
+from opir_core.simulation.run import Run
 
 #: Positions this long apart give the true velocity, s: the truth is interpolated to a centimetre, and its jerk is below
 #: 2 m/s³, so a parabola's slope is within 0.1 m/s of it, at its ends too.

@@ -10,17 +10,17 @@ import numpy as np
 from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.interfaces.records import Tracks
-from opir_core.planning.plan import Plan, compile_plan
-from opir_core.scene.reading import scene_from_mapping
-from opir_core.scoring.evidence import Evidence
-from opir_core.scoring.one_run import (
+from opir_core.output.run_files import (
     read_manifest,
     refused,
     require_events_of_run,
     require_launches_of_run,
     require_tracks_of_run,
 )
-from opir_core.scoring.tracks_file import read_tracks
+from opir_core.output.tracks_file import read_tracks
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scoring.evidence import Evidence
 
 
 class _Told(msgspec.Struct):

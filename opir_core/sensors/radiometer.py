@@ -8,7 +8,7 @@ from attrs import Factory, fields, frozen
 from opir_core.scene.fields import nested, number
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Band
+    from opir_core.interfaces.protocols import Band, Radiometer
 #: W/cm² in W/m².
 _W_M2_PER_W_CM2 = 1e4
 
@@ -22,24 +22,6 @@ def _ratios_complaint(ratios: Any) -> str | None:
         if len(bounds) != _PAIR or bounds[0] >= bounds[1]:
             return f"{name}: {bounds!r} is not [least, most] with least < most"
     return None
-
-
-@frozen
-class Radiometer:
-    """How a sensor measures light, band by band in the order of its `bands`.
-
-    `nei_w_m2` are noise-equivalent irradiances per look; `footprint_rad` is the angle across a resolution cell;
-    `collection_m2_s` the product of aperture, efficiency and integration time that turns irradiance into photons. A
-    look detects above `threshold` standard deviations of its noise; `coincidence` is the threshold of the other bands
-    where bands are compared, and `ratios` bound their irradiance over that of the first.
-    """
-
-    nei_w_m2: tuple[float, ...]
-    footprint_rad: float
-    collection_m2_s: float
-    threshold: float
-    coincidence: float
-    ratios: tuple[tuple[float, float], ...]
 
 
 @frozen(kw_only=True)
@@ -125,8 +107,10 @@ def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> st
     return None
 
 
-def radiometer_of(config: RadiometerConfig, bands: "tuple[Band, ...]") -> Radiometer:
+def radiometer_of(config: RadiometerConfig, bands: "tuple[Band, ...]") -> "Radiometer":
     """Return the radiometer that a configuration describes."""
+    from opir_core.interfaces.protocols import Radiometer
+
     nei_w_m2 = config.nei_w_m2 if config.nei_w_cm2 is None else config.nei_w_cm2 * _W_M2_PER_W_CM2
     return Radiometer(
         nei_w_m2=tuple(config.band_nei_w_m2.get(band.name, nei_w_m2) for band in bands),

@@ -11,21 +11,19 @@ from attrs import Factory, asdict, fields_dict, frozen
 
 from opir_core.orbits.configs import OrbitConfig
 from opir_core.scene.fields import flag, nested, number, text
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
 from opir_core.sensors.radiometer import RadiometerConfig, radiometer_of, strange_band_complaint
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Band, Orbit, ScanPattern, Sensor, SensorContext
+    from opir_core.interfaces.contexts import SensorContext
+    from opir_core.interfaces.protocols import Band, Orbit, ScanPattern, Sensor
 
 SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
 SUSCEPTIBILITIES = ("high", "moderate", "low")
 #: How many bands each kind of spectral discrimination compares.
 DISCRIMINATION_BANDS = {"none": 1, "dual-band-ratio": 2, "triple-coincidence": 3}
-
-#: The bands that confirm a detection are a mask of eight bits.
-MAXIMUM_BANDS = 8
 
 
 def _bands_complaint(bands: Any) -> str | None:

@@ -23,7 +23,7 @@ from opir_core.interfaces.signal_models import Exceedances
 from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_states import Sites
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
-from opir_core.random_streams.noise_streams import PLACE_WORDS, Drawn, SensorNoise, noise_names
+from opir_core.random_streams.noise_streams import PLACE_WORDS, Drawn, SensorNoise
 from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_core.simulation.measurement import judged
 
@@ -82,11 +82,14 @@ class NoiseMaker:
         self._plan, self._sites, self._model = plan, sites, model
         self._rate = model.rate_per_scan
         self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors])
+        names, seed = noise_names(plan), plan.scene.seed
         self._sensors = {
-            number: SensorNoise(plan, number, float(self._rate[number]), model.words)
+            number: SensorNoise(
+                plan.sensors[number], number, names[number], seed, float(self._rate[number]), model.words
+            )
             for number in np.flatnonzero(self._rate > 0.0).tolist()
         }
-        self._keys = stream_key_words(plan.scene, [(name, "\x1fnoise") for name in noise_names(plan)])
+        self._keys = stream_key_words(plan.scene, [(name, "\x1fnoise") for name in names])
         self._period_ns = np.array([sensor.scan.period_ns for sensor in plan.sensors], dtype=np.int64)
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])
         self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
@@ -224,3 +227,10 @@ def _seen_from(ground_ecef_m: FloatArray, sensor_ecef_m: FloatArray) -> tuple[Fl
     z = z * (EARTH_EQUATORIAL_RADIUS_M / EARTH_POLAR_RADIUS_M) ** 2
     range_m = length(*away)
     return range_m, (x * away[0] + y * away[1] + z * away[2]) / (range_m * length(x, y, z))
+
+
+def noise_names(plan: Plan) -> list[str]:
+    """Return the names that the sensors' exceedances go by: their ids, with their generations where scans are anew."""
+    generations = plan.scan_generations or (0,) * len(plan.sensors)
+    both = zip(plan.sensors, generations, strict=True)
+    return [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both]

@@ -3,14 +3,16 @@
 Where windows end: sized by the looks they hold, so that memory does not grow with a scene's duration.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import Problem, SceneError
-from opir_core.interfaces.records import Detections, DetectionTruth, Run, Tracks, Window
+from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.planning.visibility import Pairs
 from opir_core.plugin.host import Host
@@ -18,6 +20,21 @@ from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.manifest import run_manifest
 from opir_core.simulation.summary import Tally
+
+
+@frozen(eq=False)
+class Run:
+    """A finished run: its columns, its summary and what is needed to repeat it."""
+
+    detections: Detections
+    truth: DetectionTruth
+    tracks: Tracks
+    estimates: Tracks
+    sensors: Sequence[Sensor]
+    target_ids: Sequence[str]
+    summary: Mapping[str, Any]
+    manifest: Mapping[str, Any]
+
 
 #: Looks that a window is meant to hold; a column of them takes 2 MiB.
 LOOKS_PER_WINDOW = 1 << 18

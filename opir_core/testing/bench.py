@@ -12,7 +12,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import IntArray
-from opir_core.interfaces.protocols import Dice, Encoder, EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Dice, Encoder
 from opir_core.interfaces.records import Detections, DetectionTruth, Exposures, Sightings
 from opir_core.planning.looks import Looks, exposures, pair_names, seen
 from opir_core.planning.plan import Plan, compile_plan

@@ -10,7 +10,7 @@ from scipy.stats import binom
 from opir_core.builtin.classification import confusion_classifier, no_answer, true_type
 from opir_core.builtin.configs import ConfusionConfig
 from opir_core.errors import ModelError
-from opir_core.interfaces.protocols import ModelContext, SensorContext
+from opir_core.interfaces.contexts import ModelContext, SensorContext
 from opir_core.interfaces.records import Sightings
 from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from opir_core.builtin.confidence import full_confidence, no_confidence, weighted_confidence
 from opir_core.builtin.configs import WeightedConfig
-from opir_core.interfaces.protocols import ModelContext
+from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.records import Sightings
 from opir_core.plugin import NoConfig
 

@@ -10,7 +10,8 @@ from attrs import fields, has
 
 from opir_core.builtin import plugin
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
-from opir_core.interfaces.protocols import ModelContext, Tracker, TrackerContext
+from opir_core.interfaces.contexts import ModelContext, TrackerContext
+from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections
 from opir_core.plugin import NoConfig, ScanningSensorConfig
 from opir_core.plugin.components import CATALOGUE

@@ -11,7 +11,7 @@ from opir_core.builtin.configs import AimConfig, BallisticConfig, LaunchConfig
 from opir_core.builtin.targets import ballistic_targets
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.errors import SceneError
-from opir_core.interfaces.protocols import TargetContext
+from opir_core.interfaces.contexts import TargetContext
 from opir_core.scene.scene import TARGET_TYPES
 
 CALIFORNIA, KWAJALEIN, KAUAI = (34.73, -120.57), (9.0, 167.7), (22.02, -159.78)

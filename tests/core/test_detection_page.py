@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import opir_core as opir
+from opir_core.planning.environment import REFERENCE_ALTITUDE_M, REFERENCE_BURN_S, REFERENCE_TIME_S
 from opir_core.plugin.host import Host
-from opir_core.radiometry.environment import REFERENCE_ALTITUDE_M, REFERENCE_BURN_S, REFERENCE_TIME_S
 from opir_core.radiometry.protocols import SignatureContext
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "explanation" / "detection.md").read_text(encoding="utf-8")

@@ -9,7 +9,7 @@ from opir_trackers.track_priors import filter_of
 
 from opir_core.estimation.motion import COAST, Motion
 from opir_core.flight import Drag, Forces, propagate
-from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
 
 FORCES = Forces(("j2",), Drag(5000.0))
 

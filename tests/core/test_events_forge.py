@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import arrays
 
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.output.events import SCHEMA_VERSION, detection_schema
 from opir_core.output.events.blocks import window_blocks
@@ -225,7 +225,7 @@ def test_blocks_of_a_window_are_the_window() -> None:
 def test_naming_the_encoder_imports_no_msgspec() -> None:
     program = (
         "import sys; from opir_core.builtin.encoders import ENCODERS; from opir_core.builtin.sinks import SINKS;"
-        "import opir_core.random_streams.detection_ids, opir_core.output.events.text;"
+        "import opir_core.random_streams.detection_ids;"
         "assert 'msgspec' not in sys.modules, 'named';"
         "from opir_core.interfaces.protocols import EncoderContext;"
         "ENCODERS[0].build(ENCODERS[0].config(), EncoderContext(sensors=(), epoch_us=0));"

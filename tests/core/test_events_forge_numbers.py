@@ -8,7 +8,7 @@ from forge_events import ENCODER, SENSORS, events_of
 
 from opir_core.errors import ModelError, SinkError
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import rounded_bearing_deg, rounded_degrees
 from opir_core.testing.doubles import stub_estimates, stub_window

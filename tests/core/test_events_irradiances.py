@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import opir_core as opir
-from opir_core.interfaces.protocols import Band, EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.records import Window
 from opir_core.output.events import detection_schema
 from opir_core.output.events.blocks import window_blocks

@@ -16,7 +16,8 @@ from hypothesis.extra.numpy import arrays
 from opir_core.cli.main import main
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, grazing_height_m
-from opir_core.interfaces.protocols import Band, EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.records import Tracks, Window
 from opir_core.output.events import SCHEMAS, schema
 from opir_core.output.events.blocks import window_blocks

@@ -6,7 +6,7 @@ from typing import Any
 import jsonschema
 import pytest
 
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events import SCHEMA_VERSION, detection_schema, schema_text
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.points import CONTAINMENT, OTHER_CONTAINMENTS, EstimatedPoint, UncertaintyEllipse

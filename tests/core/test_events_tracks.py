@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 import opir_core as opir
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import Window
 from opir_core.output.events import detection_schema
 from opir_core.output.events.blocks import window_blocks

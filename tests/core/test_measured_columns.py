@@ -11,7 +11,8 @@ from attrs import evolve, frozen
 import opir_core as opir
 from opir_core.errors import ModelError
 from opir_core.geometry import local_axes
-from opir_core.interfaces.protocols import Band, Dice, EncoderContext, Measured
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Band, Dice, Measured
 from opir_core.interfaces.records import Detections, Exposures, Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.truth_file import TruthFile

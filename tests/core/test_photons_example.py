@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm, poisson
 
 import opir_core as opir
-from opir_core.interfaces.records import Run
+from opir_core.simulation.run import Run
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "photons.yaml"
 DSP, SBIRS, NEXTGEN = range(3)

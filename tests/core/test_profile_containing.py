@@ -10,7 +10,7 @@ from opir_trackers.profile.containing import Arcs, containing_sigmas, factors
 from opir_trackers.profile.end import DEVIATES, normal_quantiles, normal_rule
 from opir_trackers.profile.flight import Moments, off_ground
 
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import TOLD_CONTAINMENTS
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.testing import stub_sensor

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import opir_core as opir
-from opir_core.interfaces.records import Run
 from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.simulation.run import Run
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "pacific_test_range.yaml"
 

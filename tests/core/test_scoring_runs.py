@@ -11,6 +11,7 @@ from scored_scene import SCENE
 
 from opir_core.cli.main import main
 from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.output.tracks_file import TracksFile, read_tracks
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
@@ -19,7 +20,6 @@ from opir_core.scoring.evidence import Evidence
 from opir_core.scoring.files import evidence_of_files
 from opir_core.scoring.ownership import ownership
 from opir_core.scoring.scorecard import ScoreSettings
-from opir_core.scoring.tracks_file import TracksFile, read_tracks
 from opir_core.simulation.run import run_of_plan
 from opir_core.testing.doubles import stub_estimates
 

@@ -109,7 +109,7 @@ def test_a_sensor_that_says_nothing_of_light_is_refused() -> None:
     mute = evolve(plan.sensors[0], radiometer=None)
     from opir_core.detection.configs import SnrConfig
     from opir_core.detection.snr import snr_detection
-    from opir_core.interfaces.protocols import ModelContext
+    from opir_core.interfaces.contexts import ModelContext
 
     context = ModelContext(
         sensors=(mute,), target_type_code=plan.targets.type_code, make_scenery=lambda: plan.detection.scenery

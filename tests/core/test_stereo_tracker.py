@@ -14,7 +14,7 @@ from opir_core.estimation.lines_of_sight import axes_across
 from opir_core.estimation.motion import BOOST, COAST, Motion, followed, weights_at
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.testing.doubles import stub_sensor, stub_window
 

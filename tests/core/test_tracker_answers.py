@@ -152,9 +152,9 @@ def test_the_line_told_is_the_trackers_and_no_librarys():
     assert "step at 1 s raised LinAlgError: Singular matrix (core/test_tracker_answers.py, line " in complaint
 
 
-def test_of_the_cores_own_parts_the_innermost_line_is_told(monkeypatch):
+def test_the_innermost_line_of_the_plugin_is_reported(monkeypatch):
     monkeypatch.setattr("opir_trackers.stereo.tracking.nobody", np.linalg.inv)
-    with pytest.raises(ModelError, match=r"of opir-core .*LinAlgError: .* \(stereo/tracking.py, line \d+\)"):
+    with pytest.raises(ModelError, match=r"of opir-trackers .*LinAlgError: .* \(stereo/tracking.py, line \d+\)"):
         opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "stereo-filter"}))
 
 

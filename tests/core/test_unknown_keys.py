@@ -2,14 +2,15 @@
 
 from collections.abc import Iterable
 
+import opir_trackers.plugin
 import pytest
 from attrs import evolve, field, frozen
 from fake_components import fake_host, good_mapping
 from opir_trackers.configs import BoostProfileConfig
 
-from opir_core.cli.description import field_rows
 from opir_core.errors import SceneError
 from opir_core.plugin import AtmosphereModel, NoConfig, SensorModel, hookimpl, nested, number
+from opir_core.plugin.description import field_rows
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_from_mapping
 
@@ -123,7 +124,7 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
     }
     tracker = {"model": "boost-profile", "priors": {"IRBM": {"burn_s": 100.0}}}
     read, usual = (
-        scene_from_mapping({**blocks, "tracker": each}, host=Host.of()).tracker.config
+        scene_from_mapping({**blocks, "tracker": each}, host=Host.of(opir_trackers.plugin)).tracker.config
         for each in (tracker, "boost-profile")
     )
     assert isinstance(usual, BoostProfileConfig)

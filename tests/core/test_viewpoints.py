@@ -8,7 +8,7 @@ import pytest
 
 from opir_core.geometry import azimuth_elevation_range, azimuth_elevation_range_in_axes, local_axes
 from opir_core.interfaces.records import Detections
-from opir_core.planning.sensor_states import Viewpoints
+from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.testing.doubles import stub_window
 
 

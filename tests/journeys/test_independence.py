@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 import opir_core as opir
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.planning.plan import compile_plan
 from opir_core.simulation.run import plan_windows

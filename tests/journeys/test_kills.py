@@ -19,7 +19,7 @@ from kafka_stand import messages
 from served import Nursery, nursery
 from waiting import until
 
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin.host import Host

@@ -18,7 +18,7 @@ import opir_core.plugin
 from opir_core.builtin.classification import confusion_classifier
 from opir_core.builtin.configs import ConfusionConfig, ConstantConfig
 from opir_core.builtin.detection import constant_detection
-from opir_core.interfaces.protocols import ModelContext, SensorContext
+from opir_core.interfaces.contexts import ModelContext, SensorContext
 from opir_core.interfaces.records import Sightings
 from opir_core.plugin.components import CATALOGUE
 from opir_core.plugin.host import Host

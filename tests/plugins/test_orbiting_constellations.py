@@ -13,7 +13,7 @@ from sgp4.api import Satrec
 
 from opir_core import simulate
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.protocols import SensorContext
+from opir_core.interfaces.contexts import SensorContext
 from opir_core.orbits import OrbitConfig
 from opir_core.scene.fields import field_infos
 from opir_core.scene.reading import scene_from_mapping

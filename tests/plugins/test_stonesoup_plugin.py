@@ -27,7 +27,7 @@ import opir_core as opir
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
 from opir_core.geometry import intersection_with_ellipsoid
-from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections
 from opir_core.planning.plan import compile_plan
 from opir_core.scoring.comparison import compared

@@ -8,7 +8,8 @@ from typing import Any
 
 from opir_core.builtin.encoders import ENCODERS
 from opir_core.builtin.sinks import SINKS
-from opir_core.interfaces.protocols import Encoder, EncoderContext, SinkContext
+from opir_core.interfaces.contexts import EncoderContext, SinkContext
+from opir_core.interfaces.protocols import Encoder
 from opir_core.testing import stub_sensor
 
 

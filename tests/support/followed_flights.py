@@ -10,7 +10,7 @@ from opir_trackers.stereo.tracker import stereo_filter
 from other_flights import Seeing, seen
 from profile_flights import SLOTS_RAD
 
-from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import scene_from_mapping

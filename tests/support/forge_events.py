@@ -3,7 +3,8 @@
 import json
 from typing import Any
 
-from opir_core.interfaces.protocols import Band, EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.testing import stub_sensor

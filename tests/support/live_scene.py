@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.planning.plan import Plan, compile_plan

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import EncoderContext, Sink
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.spool.batches import MemoryBacklog, Packer, Parcel

@@ -14,8 +14,10 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.protocols import EncoderContext, Sensor
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Window
+from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import SCHEMA_VERSION
 from opir_core.output.events.text import (
     DEGREE_DECIMALS,
@@ -38,7 +40,6 @@ from opir_core.output.events.text import (
     vector_texts,
 )
 from opir_core.output.events.validation import refuse_unlawful
-from opir_core.planning.sensor_states import Viewpoints
 from opir_core.scene.scene import REPORTED_TYPES
 
 _json = msgspec.json.Encoder().encode

@@ -10,8 +10,10 @@ import numpy as np
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.geometry import ecef_to_geodetic, intersection_with_ellipsoid
-from opir_core.interfaces.protocols import EncoderContext, Sensor
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Window
+from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import FORGE_C2_VERSION
 from opir_core.output.events.blocks import only_encodable
 from opir_core.output.events.text import (
@@ -30,7 +32,6 @@ from opir_core.output.events.text import (
     taken,
 )
 from opir_core.output.events.validation import refuse_unlawful
-from opir_core.planning.sensor_states import Viewpoints
 
 _OPENING = b'{"event_id":"', b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":"OPIR","latitude":'

@@ -12,8 +12,10 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.interfaces.protocols import EncoderContext, Sensor
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Window
+from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import UDL_VERSION
 from opir_core.output.events.forge_c2 import estimated_places_ecef_m, places_ecef_m
 from opir_core.output.events.points import CONTAINMENT, containment_ellipse
@@ -34,7 +36,6 @@ from opir_core.output.events.text import (
     writable_unix_microseconds,
 )
 from opir_core.output.events.validation import refuse_unlawful
-from opir_core.planning.sensor_states import Viewpoints
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
 
 _OPENING = (

@@ -17,8 +17,8 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.output.spool.batches import Backlog, FullError, Packing, Parcel
-from opir_core.output.spool.settings import DROP_NEWEST, DROP_OLDEST, WAIT
 from opir_core.output.spool.transport import Carrier
+from opir_core.scene.spool_settings import DROP_NEWEST, DROP_OLDEST, WAIT
 
 #: Bytes of messages handed to a carrier and not yet acknowledged.
 AHEAD_BYTES = 8 << 20

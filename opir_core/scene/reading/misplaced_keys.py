@@ -5,9 +5,9 @@ from functools import cache
 
 from attrs import fields, frozen
 
-from opir_core.cli.description import field_rows
 from opir_core.errors import PluginError
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
+from opir_core.plugin.description import field_rows
 from opir_core.plugin.host import Host
 from opir_core.scene.reading.scene_schema import CHOICES, SceneFile
 

@@ -115,7 +115,7 @@ class Assembler:
 
 
 def _spool_settings(node: Node) -> Any:
-    from opir_core.output.spool.settings import SpoolConfig
+    from opir_core.scene.spool_settings import SpoolConfig
 
     with under(key_step("spool")):
         return class_reader(SpoolConfig)(node)

@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve, fields_dict
 
-from opir_core.interfaces.protocols import Delivery, Encoder, EncoderContext, Sink
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Tracks, Window
 from opir_core.output.delivery import opened_sink
 from opir_core.output.events import SCHEMA_VERSION, detection_schema

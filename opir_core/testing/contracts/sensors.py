@@ -10,11 +10,11 @@ import numpy as np
 from attrs import fields_dict
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.protocols import Sensor, SensorContext
+from opir_core.interfaces.contexts import SensorContext
+from opir_core.interfaces.protocols import Sensor
 from opir_core.plugin.components import Component, Constellation, SensorModel
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
-from opir_core.sensors.scanning_sensor import MAXIMUM_BANDS
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, bench_scene
 from opir_core.testing.chance import excess_of_count, excess_of_distribution
 from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows_stand_alone, insist_same_lines

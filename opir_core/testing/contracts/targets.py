@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces.protocols import FreeFlight, TargetContext, Trajectories
+from opir_core.interfaces.contexts import TargetContext
+from opir_core.interfaces.protocols import FreeFlight, Trajectories
 from opir_core.plugin.components import Component, TargetModel
 from opir_core.scene.scene import EMITTER_TYPES
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene

@@ -11,7 +11,8 @@ import numpy as np
 from attrs import evolve, fields, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.protocols import Tracker, TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import Component, TrackerModel
 from opir_core.scene.scene import REPORTED_TYPES

@@ -9,7 +9,8 @@ from typing import Any
 
 import msgspec
 
-from opir_core.interfaces.protocols import EncoderContext, Sensor
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Window
 from opir_core.live.broadcast import Viewer
 from opir_core.live.running import LiveWindow

@@ -7,7 +7,7 @@ from opir_core.plugin import SinkModel, hookimpl
 from opir_kafka.settings import KafkaConfig
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import SinkContext
+    from opir_core.interfaces.contexts import SinkContext
     from opir_core.output.spool.transport import Carrier
 
 

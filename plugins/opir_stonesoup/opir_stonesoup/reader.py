@@ -19,8 +19,9 @@ from stonesoup.types.detection import Detection
 from opir_core.arrays import FloatArray
 from opir_core.errors import Problem, SceneError
 from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Detections, Run, Window
+from opir_core.interfaces.records import Detections, Window
 from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.simulation.run import Run
 from opir_stonesoup.models import SightModel, sensor_axes
 
 _UNIX = datetime(1970, 1, 1)

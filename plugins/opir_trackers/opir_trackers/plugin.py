@@ -8,7 +8,8 @@ from opir_core.plugin.hookspecs import hookimpl
 from opir_trackers.configs import BoostProfileConfig, KeplerArcConfig, StereoFilterConfig
 
 if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Tracker, TrackerContext
+    from opir_core.interfaces.contexts import TrackerContext
+    from opir_core.interfaces.protocols import Tracker
 
 
 def _stereo_filter(config: StereoFilterConfig, context: "TrackerContext") -> "Tracker":

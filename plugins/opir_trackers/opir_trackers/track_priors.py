@@ -8,7 +8,7 @@ from opir_core.estimation.lines_of_sight import turned
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
-from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.switching import Bank, SwitchingFilter

@@ -17,7 +17,7 @@ from opir_http import service
 from opir_http.openapi import document
 from waiting import until
 
-from opir_core.interfaces.protocols import EncoderContext
+from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import scene_from_mapping, scene_mapping

@@ -9,7 +9,8 @@ from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import Rays, no_rays
-from opir_core.interfaces.protocols import Sensor, TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, shots, states_at

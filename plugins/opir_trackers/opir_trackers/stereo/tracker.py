@@ -12,7 +12,8 @@ from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import Rays
-from opir_core.interfaces.protocols import Sensor, TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.association import associate_nearest, nobody
 from opir_trackers.configs import StereoFilterConfig

@@ -9,7 +9,7 @@ from attrs import evolve, frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import Rays, no_sights
 from opir_core.flight.forces import Forces, forces_of
-from opir_core.interfaces.protocols import TrackerContext
+from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers import initiation
 from opir_trackers.association import Chances, associate_nearest, nobody, plain

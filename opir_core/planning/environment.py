@@ -10,10 +10,10 @@ from attrs import frozen
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces.protocols import Band, Sensor
 from opir_core.interfaces.records import Exposures
+from opir_core.planning.ascents import ascents, heights_m
 from opir_core.planning.targets import Targets
 from opir_core.plugin.components import SignatureModel
 from opir_core.plugin.host import Host
-from opir_core.radiometry.ascents import ascents, heights_m
 from opir_core.radiometry.protocols import (
     AtmosphereContext,
     Background,

@@ -14,7 +14,7 @@ from attrs import NOTHING, fields
 
 from opir_core.errors import unwritable
 from opir_core.interfaces.records import Tracks
-from opir_core.scoring.one_run import content, refused
+from opir_core.output.run_files import content, refused
 
 _NAMES = tuple(attribute.name for attribute in fields(Tracks))
 #: What a tracker may leave out, a file may: unknown.
