@@ -17,12 +17,12 @@ from opir_trackers.profile.flight import Moments, on_ground
 from opir_trackers.profile.hypotheses import probability
 from opir_trackers.profile.report import Basis, report
 from opir_trackers.profile.rows import means, single
-from opir_trackers.profile.seen import Seen
-from opir_trackers.profile.strain import Bank
-from opir_trackers.sensor_schedule import Watch
+from opir_trackers.profile.seen import TrackHistory
+from opir_trackers.profile.strain import OffModelFilters
+from opir_trackers.sensor_schedule import SensorSchedule
 from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees, on_normal_scale
 
@@ -71,7 +71,7 @@ class Marked:
         return {"rows": self.rows, "sums": sums}
 
 
-def marks_at(truth: Hypotheses, seen: Seen, tick_s: float) -> np.ndarray:
+def marks_at(truth: Hypotheses, seen: TrackHistory, tick_s: float) -> np.ndarray:
     """Return which mark (n,) each flight passes at a tick, -1 for none.
 
     Marks in the burn are times since the first look, the same for all flights of a class, of those flights of which
@@ -118,7 +118,7 @@ def turned(truth: Hypotheses, tick_s: float) -> tuple[Moments, np.ndarray, np.nd
     return Moments(states, impacts), slopes, turns
 
 
-def bounds(truth: Hypotheses, watch: Watch, seen: Seen, tick_s: float) -> np.ndarray:
+def bounds(truth: Hypotheses, watch: SensorSchedule, seen: TrackHistory, tick_s: float) -> np.ndarray:
     """Return the bounds (n, 10, 10) of flights whose rows have been added up along the truth."""
     family = fit.family_of(truth, PRIORS)
     spread = fit.solved(truth, PRIORS, watch.bias_sigma_rad).spread
@@ -135,7 +135,7 @@ def bounds(truth: Hypotheses, watch: Watch, seen: Seen, tick_s: float) -> np.nda
     return found
 
 
-def with_true_rows(truth: Hypotheses, track: np.ndarray, rays: Rays) -> Hypotheses:
+def with_true_rows(truth: Hypotheses, track: np.ndarray, rays: LinesOfSight) -> Hypotheses:
     """Return the flights with rays added, linearised at the truth."""
     if not len(track):
         return truth
@@ -156,7 +156,7 @@ def measured(kind: str, model: str, sensors: int, runs: int, seed: int) -> Marke
     track, rays = lines_of_sight(truth, sigma_rad, seed, **seeing, hidden_s=hidden(truth, seed))
     watch = watch_of(sensors, period_s, chance)
     prior = PRIORS.take([number])
-    fitting, bank, marked, cut = Fitting(prior, watch, True), Bank.empty(sensors), Marked(), 0
+    fitting, bank, marked, cut = Fitting(prior, watch, True), OffModelFilters.empty(sensors), Marked(), 0
     known = evolve(fit.blank(runs, sensors), **{name: getattr(truth, name) for name in _SHARED})
     last = int(fit.family_of(truth, PRIORS).burnout_s.max() + AFTER_S) + 2
     for tick in range(1, last):
@@ -183,7 +183,7 @@ _SHARED = (
 
 
 def figures(
-    truth: Hypotheses, bank: Bank, fitting: Fitting, tick_s: float
+    truth: Hypotheses, bank: OffModelFilters, fitting: Fitting, tick_s: float
 ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Return squared errors and NEES of flights at a tick, and their information (n, 10, 10) and slopes (n, 8, 10)."""
     mine = evolve(bank, hypotheses=bank.hypotheses.take(np.isin(bank.hypotheses.track, truth.track)))

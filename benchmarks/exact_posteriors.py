@@ -35,7 +35,7 @@ from opir_trackers.profile.bank import Fitting
 from opir_trackers.profile.flight import on_ground
 from opir_trackers.profile.hypotheses import probability
 from opir_trackers.profile.report import Basis, report
-from opir_trackers.profile.strain import Bank
+from opir_trackers.profile.strain import OffModelFilters
 from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 
 from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
@@ -71,7 +71,7 @@ def held(square: np.ndarray, sigmas: np.ndarray, weight: np.ndarray, degrees: in
     return [*(weight @ inside).tolist(), float(weight @ square) / degrees]
 
 
-def of_flight(told: Tracks, row: int, bank: Bank, seeing: dict[str, Any], samples: int) -> list[float]:
+def of_flight(told: Tracks, row: int, bank: OffModelFilters, seeing: dict[str, Any], samples: int) -> list[float]:
     """Return how many boosts count for a track at `row` of what is told, and what of them is held: impact and state."""
     number, tick_s = told.track[row], float(told.tick_s[row])
     mine, rows = (each.take(each.track == number) for each in (bank.hypotheses, bank.rows))
@@ -102,7 +102,7 @@ def measured(kind: str, model: str, chosen: argparse.Namespace) -> dict[str, lis
     away_s = hidden(truth, chosen.seed)
     track, rays = lines_of_sight(truth, sigma_rad, chosen.seed, sensors=sensors, hidden_s=away_s, **seeing)
     fitting = Fitting(PRIORS.take([number]), watch_of(sensors, period_s, chance), True)
-    bank, cut, found = Bank.empty(sensors), 0, {}
+    bank, cut, found = OffModelFilters.empty(sensors), 0, {}
     for tick in range(1, int(fit.family_of(truth, PRIORS).burnout_s.max() + AFTER_S) + 2):
         end = int(np.searchsorted(rays.time_s, tick))
         bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))
@@ -116,7 +116,7 @@ def measured(kind: str, model: str, chosen: argparse.Namespace) -> dict[str, lis
     return found
 
 
-def told_of(fitting: Fitting, bank: Bank, tick_s: float) -> Tracks:
+def told_of(fitting: Fitting, bank: OffModelFilters, tick_s: float) -> Tracks:
     """Return what is told of a bank."""
     finer = fitting.parts(bank, tick_s)
     parts = None if finer is None else (finer, probability(finer))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.planning.looks import Looks, exposures
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
@@ -125,7 +125,7 @@ class Law(NamedTuple):
 def laws(plan: Plan) -> dict[tuple[int, int], Law]:
     """Return the law of the first detection by sensor and target, from every look's probability."""
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair, looks.scan, geometry=True)
     chance = plan.detection.probability(exposed)
     found = {}
     for pair in np.unique(looks.pair).tolist():

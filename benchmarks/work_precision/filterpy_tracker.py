@@ -7,7 +7,7 @@ from opir_trackers.stereo.report import earth_fixed
 from opir_trackers.triangulation import meeting_points
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, axes_across, emission_s, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, axes_across, emission_s, turned
 from opir_core.interfaces.records import Detections, Tracks
 
 #: How fast the acceleration wanders, m/s²/√s, and how surely the filter starts: m, m/s, m/s².
@@ -29,7 +29,7 @@ class FilterPyTracker:
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Take in the detections one by one and return the estimate at the tick."""
-        rays = Rays.of(detections)
+        rays = LinesOfSight.of(detections)
         if self._filter is None and len(np.unique(rays.sensor)) > 1:
             self._begin(rays)
         if self._filter is None:
@@ -39,7 +39,7 @@ class FilterPyTracker:
         self._predict(tick_s)
         return self._told(tick_s)
 
-    def _begin(self, rays: Rays) -> None:
+    def _begin(self, rays: LinesOfSight) -> None:
         from filterpy.kalman import ExtendedKalmanFilter
 
         first = rays.take(np.unique(rays.sensor, return_index=True)[1])
@@ -60,7 +60,7 @@ class FilterPyTracker:
         self._filter.Q = NOISE**2 * np.kron(np.outer(gain, gain), np.eye(3))
         self._filter.predict()
 
-    def _take_in(self, rays: Rays, row: int) -> None:
+    def _take_in(self, rays: LinesOfSight, row: int) -> None:
         apart = turned(rays.origin_ecef_m[[row]], rays.time_s[[row]])[0] - self._filter.x[:3]
         left_s = emission_s(rays.time_s[[row]], np.array([np.sqrt(apart @ apart)]), True)
         origin = turned(rays.origin_ecef_m[[row]], left_s)[0]

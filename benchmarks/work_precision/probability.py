@@ -27,7 +27,7 @@ import yaml
 import opir_core as opir
 from opir_core.planning.looks import Looks, blocks, exposures
 from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import plan_windows
 
@@ -119,7 +119,7 @@ def found(plan: Plan) -> np.ndarray:
 
 def exact_probability(plan: Plan, looks: Looks, rows: np.ndarray) -> np.ndarray:
     """Return P_d of some of the looks."""
-    sites, parts = Sites.of(plan.sensors), []
+    sites, parts = SensorStates.of(plan.sensors), []
     for block in blocks(len(rows)):
         row = rows[block]
         parts.append(

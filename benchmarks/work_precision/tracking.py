@@ -22,8 +22,8 @@ import tracking_scene
 from attrs import evolve
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.stereo.histories import Histories
-from opir_trackers.stereo.track_management import Roster
-from opir_trackers.stereo.tracker_state import Situation
+from opir_trackers.stereo.track_management import TrackTable
+from opir_trackers.stereo.tracker_state import TrackerState
 from opir_trackers.stereo.tracking import StereoTracking
 from tracking_page import Line, RaidLines, page, plot, raid_table, single_table
 from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
@@ -128,10 +128,10 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
     return told, taken
 
 
-def begun(tracking: StereoTracking, case: Problem) -> Situation:
+def begun(tracking: StereoTracking, case: Problem) -> TrackerState:
     """Return the situation at time 0: a track a target, begun with its noisy truth."""
     number, bank = np.arange(len(case.prior)), first_bank(case.prior)
-    roster = Roster.fresh(number, 0.0, len(_SLOTS))
+    roster = TrackTable.fresh(number, 0.0, len(_SLOTS))
     none = Histories.none()
     histories = Histories(number, np.zeros(len(bank)), bank, none.sights, none.sensor)
     return evolve(tracking.start(), bank=bank, roster=roster, histories=histories, next_number=len(bank))

@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 
 from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import Rays, Sights, axes_across, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, Sights, axes_across, turned
 from opir_core.estimation.motion import BOOST, COAST, Motion, followed, weights_at
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
@@ -21,7 +21,7 @@ SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians(
 class Problem(NamedTuple):
     """Rays in order of time, whose each is (-1 for clutter), the true states at time 0 and the noisy prior means."""
 
-    rays: Rays
+    rays: LinesOfSight
     target: np.ndarray
     start: np.ndarray
     prior: np.ndarray
@@ -57,10 +57,10 @@ def problem(targets: int, seconds: int, seed: int, half_width_m: float, chance: 
             points = np.concatenate([position[seen], stray])
             parts.append(frame(points, time_s, sensor, look, rng))
             whose.append(np.concatenate([seen, np.full(clutter, -1)]))
-    return Problem(Rays.concatenate(parts), np.concatenate(whose), start, start + noise, seconds)
+    return Problem(LinesOfSight.concatenate(parts), np.concatenate(whose), start, start + noise, seconds)
 
 
-def frame(points: np.ndarray, time_s: float, sensor: int, look: int, rng: np.random.Generator) -> Rays:
+def frame(points: np.ndarray, time_s: float, sensor: int, look: int, rng: np.random.Generator) -> LinesOfSight:
     """Return what one sensor measures of points at one time."""
     count = len(points)
     apart = points - ecef_to_eci(SENSORS_M[sensor], time_s)
@@ -68,7 +68,7 @@ def frame(points: np.ndarray, time_s: float, sensor: int, look: int, rng: np.ran
     error = SIGMA_RAD * rng.normal(size=(count, 2))
     direction = axes[:, 2] + axes[:, 0] * error[:, :1] + axes[:, 1] * error[:, 1:]
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    return Rays(
+    return LinesOfSight(
         np.full(count, time_s),
         np.full(count, sensor, dtype=np.int32),
         np.full(count, look),
@@ -78,22 +78,22 @@ def frame(points: np.ndarray, time_s: float, sensor: int, look: int, rng: np.ran
     )
 
 
-def coasting_filter(rounds: int = 4) -> SwitchingFilter:
+def coasting_filter(rounds: int = 4) -> ImmFilter:
     """Return a filter of free flight without noise: the problem's own motion."""
-    return SwitchingFilter(Motion(BOOST, 1.0, KEPLER), Motion(COAST, 0.0, KEPLER), np.inf, np.inf, rounds)
+    return ImmFilter(Motion(BOOST, 1.0, KEPLER), Motion(COAST, 0.0, KEPLER), np.inf, np.inf, rounds)
 
 
-def first_bank(prior: np.ndarray, burning: float = 0.0) -> Bank:
+def first_bank(prior: np.ndarray, burning: float = 0.0) -> ModeEstimates:
     """Return the bank of noisy priors."""
     count = len(prior)
     sigma = np.repeat([PRIOR_M, PRIOR_M_S, 20.0, 0.5], 3)
     root = np.tile(np.diag(1.0 / sigma), (count, 1, 1))
     mean = np.concatenate([prior, np.zeros((count, 6))], axis=1)
     weight = np.tile([burning, 1.0 - burning], (count, 1))
-    return Bank(weight, mean, root, prior.copy(), root[:, :COAST, :COAST].copy(), np.ones((count, 3)))
+    return ModeEstimates(weight, mean, root, prior.copy(), root[:, :COAST, :COAST].copy(), np.ones((count, 3)))
 
 
-def known_sights(rays: Rays, track: np.ndarray) -> Sights:
+def known_sights(rays: LinesOfSight, track: np.ndarray) -> Sights:
     """Return rays as sights of tracks that are known, without light time."""
     origin, direction = turned(rays.origin_ecef_m, rays.time_s), turned(rays.direction_ecef, rays.time_s)
     whitener = np.eye(2) / rays.sigma_rad[:, None, None]

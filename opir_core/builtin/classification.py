@@ -10,8 +10,8 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConfusionConfig
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.protocols import Classifier, Dice, Sensor
-from opir_core.interfaces.records import Sightings
+from opir_core.interfaces.protocols import Classifier, RandomDraws, Sensor
+from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.validation import nearest
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
@@ -33,11 +33,11 @@ class ConfusionClassifier:
     thresholds: FloatArray
     type_code: NDArray[np.uint8]
 
-    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
         return self.pair_type(sightings.sensor, sightings.target, dice)
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8]:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`, the same for all detections of a pair."""
         drawn = dice.pair_uniforms("classification")[:, 0]
         row = sensor * _ROWS + np.minimum(self.type_code[target], len(TARGET_TYPES))
@@ -53,24 +53,24 @@ class TrueType:
 
     type_code: NDArray[np.uint8]
 
-    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`, of which the target types are the first."""
         return self.pair_type(sightings.sensor, sightings.target, dice)
 
-    def pair_type(self, _sensor: IndexArray, target: IndexArray, _dice: Dice) -> NDArray[np.uint8]:
+    def pair_type(self, _sensor: IndexArray, target: IndexArray, _dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) of the targets' types; what is no missile is UNKNOWN."""
         return np.minimum(self.type_code[target], np.uint8(UNKNOWN_TYPE))
 
 
 @frozen
-class NoAnswer:
+class NoClassifier:
     """UNKNOWN, each time."""
 
-    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return the code of UNKNOWN (n,)."""
         return self.pair_type(sightings.sensor, sightings.target, dice)
 
-    def pair_type(self, sensor: IndexArray, _target: IndexArray, _dice: Dice) -> NDArray[np.uint8]:
+    def pair_type(self, sensor: IndexArray, _target: IndexArray, _dice: RandomDraws) -> NDArray[np.uint8]:
         """Return the code of UNKNOWN (n,)."""
         return np.full(len(sensor), UNKNOWN_TYPE, dtype=np.uint8)
 
@@ -100,7 +100,7 @@ def true_type(_config: NoConfig, context: ModelContext) -> Classifier:
 
 def no_answer(_config: NoConfig, _context: ModelContext) -> Classifier:
     """Return the classifier `none`."""
-    return NoAnswer()
+    return NoClassifier()
 
 
 def _refuse_strangers(config: ConfusionConfig, context: ModelContext) -> None:

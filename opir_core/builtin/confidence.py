@@ -7,7 +7,7 @@ from opir_core.arrays import FloatArray
 from opir_core.builtin.configs import WeightedConfig
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.protocols import Confidence
-from opir_core.interfaces.records import Sightings
+from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import NoConfig
 
 #: min(1, log10(1 + n)) for n = 0 to 9, from where on it is 1.
@@ -26,7 +26,7 @@ class WeightedConfidence:
     count: float
     geometry: float
 
-    def confidence(self, sightings: Sightings) -> FloatArray:
+    def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return confidences (n,) in [0, 1]; a term whose input is not finite or has no bands is 0."""
         total = (
             self.band * _band_share(sightings)
@@ -42,7 +42,7 @@ class ConstantConfidence:
 
     value: float
 
-    def confidence(self, sightings: Sightings) -> FloatArray:
+    def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return the confidence (n,)."""
         return np.full(len(sightings), self.value)
 
@@ -62,15 +62,15 @@ def no_confidence(_config: NoConfig, _context: ModelContext) -> Confidence:
     return ConstantConfidence(0.0)
 
 
-def _band_share(sightings: Sightings) -> FloatArray:
+def _band_share(sightings: ClassifierInputs) -> FloatArray:
     total = np.maximum(sightings.band_total, 1)
     return np.clip(np.where(sightings.band_total > 0, sightings.band_count, 0) / total, 0.0, 1.0)
 
 
-def _count_term(sightings: Sightings) -> FloatArray:
+def _count_term(sightings: ClassifierInputs) -> FloatArray:
     terms: FloatArray = _COUNT_TERMS.take(np.clip(sightings.detection_count, 0, len(_COUNT_TERMS) - 1))
     return terms
 
 
-def _elevation_term(sightings: Sightings) -> FloatArray:
+def _elevation_term(sightings: ClassifierInputs) -> FloatArray:
     return np.nan_to_num(np.maximum(sightings.elevation_sine, 0.0), nan=0.0)

@@ -10,7 +10,7 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import ConstantConfig
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.protocols import DetectionProbability, Dice, Measured, Sensor
+from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Sensor
 from opir_core.interfaces.records import Exposures
 from opir_core.plugin.components import NoConfig
 from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, TARGET_TYPES
@@ -41,13 +41,13 @@ class ConstantDetection:
         """Return the probabilities (n,) of looks: those of their pairs."""
         return self.pair_probability(exposures.sensor, exposures.target)
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         """Return the bands that confirm; there is no SNR in this model, so it is nan."""
         counts = self.band_count[exposures.sensor]
         bands = _all_bands(counts) if self.band_confirmation >= 1.0 else self._confirmed(counts, dice)
         return Measured(bands, np.full(len(counts), np.nan))
 
-    def _confirmed(self, counts: NDArray[np.uint8], dice: Dice) -> NDArray[np.uint8]:
+    def _confirmed(self, counts: NDArray[np.uint8], dice: RandomDraws) -> NDArray[np.uint8]:
         """Return masks of the bands that confirm.
 
         Sensors with equally many bands draw together, so that a row's numbers do not hang on what else is in the scene.

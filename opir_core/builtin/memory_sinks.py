@@ -11,7 +11,7 @@ from opir_core.interfaces.protocols import Delivery, Encoder
 from opir_core.interfaces.records import Window
 
 
-class Memory:
+class MemorySink:
     """Keeps windows; encodes only when events are asked for."""
 
     def __init__(self, make_encoder: Callable[[], Encoder]) -> None:

@@ -37,9 +37,9 @@ def _jsonl(config: JsonlConfig, context: "SinkContext") -> "Sink":
 
 
 def _memory(_config: MemoryConfig, context: "SinkContext") -> "Sink":
-    from opir_core.builtin.memory_sinks import Memory
+    from opir_core.builtin.memory_sinks import MemorySink
 
-    return Memory(context.make_encoder)
+    return MemorySink(context.make_encoder)
 
 
 def _null(_config: Any, _context: "SinkContext") -> "Sink":

@@ -57,7 +57,7 @@ class BallisticTargets:
         return self.burnout_s if self.coast is None else self.flight.impact_s
 
     @property
-    def course_kinks_s(self) -> FloatArray:
+    def course_breakpoints_s(self) -> FloatArray:
         """Scene times (n, 1) of pitch-over, before which flight is vertical."""
         return self.flight.path.breakpoints_s()
 

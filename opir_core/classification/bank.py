@@ -53,7 +53,7 @@ Imagination = Callable[[float], tuple[ImaginedLooks, ImaginedLooks]]
 
 
 @frozen(eq=False)
-class Bank:
+class TypeDensities:
     """Densities of apparent intensities, W/sr, irradiance times range², for each part of the sky.
 
     Weights of `plumes` are seconds of a launch of their type, and `log_seen_s` (parts, types) logarithms of the sums of
@@ -110,7 +110,9 @@ def imagination(bands: Sequence[Band], launches: int) -> Imagination:
     return imagined
 
 
-def bank_of(detection: Any, number: int, sensor: Sensor, config: SpectralConfig, imagined: Imagination) -> Bank:
+def bank_of(
+    detection: Any, number: int, sensor: Sensor, config: SpectralConfig, imagined: Imagination
+) -> TypeDensities:
     """Return a sensor's bank: what the scene's own chain of light makes of what is imagined before it."""
     spread = config.brightness_log_sigma, config.colour_log_sigma
     flown, shining = imagined(canonical_radius_m(sensor))
@@ -121,7 +123,7 @@ def bank_of(detection: Any, number: int, sensor: Sensor, config: SpectralConfig,
     places = range(len(_EDGES) + 1)
     types = [launches.take(PROFILE_TYPE[launches.number] == code) for code in range(len(TARGET_TYPES))]
     kinds = [sources.take(sources.number == kind) for kind in range(len(KINDS))]
-    return Bank(
+    return TypeDensities(
         width=len(sensor.bands),
         plumes=Mixture.of([[_components(_of_place(part, place), spread, 0.0) for part in types] for place in places]),
         log_seen_s=np.array([[_log_chance(_of_place(part, place)) for part in types] for place in places]),

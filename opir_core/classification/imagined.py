@@ -48,7 +48,7 @@ _LOWEST_SINE, _FARTHEST_M = 0.02, 1.5e7
 _WITHIN = 1.01
 
 
-class Kind(NamedTuple):
+class ImaginedKind(NamedTuple):
     """A kind of hot source that is no missile: a grey body; `area_m2` is emissivity times area, the median of many."""
 
     name: str
@@ -63,10 +63,10 @@ class Kind(NamedTuple):
 #: Temperatures and areas are about the source models' defaults (`opir_core.radiometry.source_configs`), with notional
 #: spreads. A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s.
 KINDS = (
-    Kind("fire", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0),
-    Kind("flare", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0),
-    Kind("glint", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0),
-    Kind("bolide", 3000.0, 6000.0, 30.0, 2.0, 30e3, 90e3),
+    ImaginedKind("fire", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0),
+    ImaginedKind("flare", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0),
+    ImaginedKind("glint", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0),
+    ImaginedKind("bolide", 3000.0, 6000.0, 30.0, 2.0, 30e3, 90e3),
 )
 
 

@@ -7,13 +7,13 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.classification.bank import Bank, bank_of, canonical_radius_m, elevation_bin, imagination
+from opir_core.classification.bank import TypeDensities, bank_of, canonical_radius_m, elevation_bin, imagination
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.mixture import log_shares, log_sum
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.protocols import Dice, Sensor
-from opir_core.interfaces.records import Sightings
+from opir_core.interfaces.protocols import RandomDraws, Sensor
+from opir_core.interfaces.records import ClassifierInputs
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 
 #: Rows that are judged at once.
@@ -23,7 +23,7 @@ _ROWS = 256
 _ASTRAY = 0.01
 
 
-class Evidence(NamedTuple):
+class TypeEvidence(NamedTuple):
     """Of detections (n,): ln of the likelihood ratio of a plume over anything else, and ln P(type | plume) (n, 3)."""
 
     log_ratio: FloatArray
@@ -34,21 +34,21 @@ class Evidence(NamedTuple):
 class SpectralClassifier:
     """Bayes' rule over imagined launches and hot sources; `bank_of_sensor` (sensors,) says whose bank is whose."""
 
-    banks: tuple[Bank, ...]
+    banks: tuple[TypeDensities, ...]
     bank_of_sensor: IntArray
     log_prior: FloatArray
     confidence: float
     least_log_ratio: float
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8] | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
         """Return None: types vary from detection to detection."""
         return None
 
-    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`; no dice are thrown."""
         return self.reported(self.log_posterior(sightings))
 
-    def log_posterior(self, sightings: Sightings) -> FloatArray:
+    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
         """Return ln P (n, 4) over `REPORTED_TYPES`, UNKNOWN standing for what is no missile."""
         evidence = self.evidence(sightings)
         return log_posterior(evidence, self.log_prior)
@@ -77,7 +77,7 @@ class SpectralClassifier:
         ratio: FloatArray = log_sum(log_posterior[:, :UNKNOWN_TYPE]) - log_posterior[:, UNKNOWN_TYPE] - odds
         return ratio
 
-    def evidence(self, sightings: Sightings) -> Evidence:
+    def evidence(self, sightings: ClassifierInputs) -> TypeEvidence:
         """Return what measured intensities and counts say; each row by itself."""
         if sightings.band_noise_w_m2.shape != sightings.band_irradiance_w_m2.shape:
             raise ModelError("the detection model does not say how noisy its irradiances are; spectral needs that")
@@ -88,9 +88,9 @@ class SpectralClassifier:
             for start in range(0, len(rows), _ROWS):
                 block = rows[start : start + _ROWS]
                 ratio[block], split[block] = self._judged(self.banks[number], sightings, block)
-        return Evidence(ratio, split)
+        return TypeEvidence(ratio, split)
 
-    def _judged(self, bank: Bank, seen: Sightings, rows: IntArray) -> Evidence:
+    def _judged(self, bank: TypeDensities, seen: ClassifierInputs, rows: IntArray) -> TypeEvidence:
         """Return the evidence of sightings that one bank is for; intensities are apparent, as if through no air."""
         place, area = elevation_bin(seen.elevation_sine[rows]), np.square(seen.range_m[rows])[:, None]
         intensity = seen.band_irradiance_w_m2[rows, : bank.width] * area
@@ -102,10 +102,10 @@ class SpectralClassifier:
         plume = log_sum(bank.plumes.by_class(density) + prior) - log_sum(bank.log_seen_s[place] + prior)
         split = bank.plumes.by_class(density + counted) + prior
         other = log_sum(bank.others.log_densities(*columns)[0])
-        return Evidence(plume - other, log_shares(split))
+        return TypeEvidence(plume - other, log_shares(split))
 
 
-def log_posterior(evidence: Evidence, log_prior: FloatArray) -> FloatArray:
+def log_posterior(evidence: TypeEvidence, log_prior: FloatArray) -> FloatArray:
     """Return ln P (n, 4) over the types and UNKNOWN; `log_prior` (4,)."""
     odds = evidence.log_ratio + log_sum(log_prior[:UNKNOWN_TYPE]) - log_prior[UNKNOWN_TYPE]
     plume, other = -np.logaddexp(0.0, -odds), -np.logaddexp(0.0, odds)

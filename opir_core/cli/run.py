@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
 
 if TYPE_CHECKING:
-    from opir_core.output.delivery import Outcome
+    from opir_core.output.delivery import RunOutcome
     from opir_core.scene.scene import Scene
 
 _STANDARD_OUTPUT = "-"
@@ -111,7 +111,7 @@ def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
         raise unwritable("the manifest", path, error) from error
 
 
-def _tell(arguments: argparse.Namespace, scene: "Scene", outcome: "Outcome", files: Mapping[str, Path]) -> None:
+def _tell(arguments: argparse.Namespace, scene: "Scene", outcome: "RunOutcome", files: Mapping[str, Path]) -> None:
     """Print the summary: on standard output, or on standard error where that carries the events."""
     from opir_core.cli.summary_text import as_json, as_text
 

@@ -21,7 +21,7 @@ _LONGEST = 40
 
 
 @frozen
-class Kind:
+class TemplateKind:
     """A kind of plugin that can be written: its hook, its contract, and how a scene chooses one ("" its own scene)."""
 
     hook: str
@@ -31,12 +31,12 @@ class Kind:
 
 
 #: The kinds by what the command line calls them.
-KINDS: Mapping[str, Kind] = {
-    "sensor": Kind("sensor_models", "sensor model", "SensorContract"),
-    "tracker": Kind("trackers", "tracker", "TrackerContract", "tracker: $name"),
-    "detection": Kind("detection_models", "detection model", "DetectionContract", "detection: $name"),
-    "confidence": Kind("confidence_models", "confidence model", "ConfidenceContract", "confidence: $name"),
-    "sink": Kind("sinks", "sink", "SinkContract", "outputs:\n  - $name"),
+KINDS: Mapping[str, TemplateKind] = {
+    "sensor": TemplateKind("sensor_models", "sensor model", "SensorContract"),
+    "tracker": TemplateKind("trackers", "tracker", "TrackerContract", "tracker: $name"),
+    "detection": TemplateKind("detection_models", "detection model", "DetectionContract", "detection: $name"),
+    "confidence": TemplateKind("confidence_models", "confidence model", "ConfidenceContract", "confidence: $name"),
+    "sink": TemplateKind("sinks", "sink", "SinkContract", "outputs:\n  - $name"),
 }
 
 
@@ -87,7 +87,7 @@ def _complaint(kind: str, name: str, host: Host) -> str:
     return f"a module {package} is installed" if find_spec(package) is not None else ""
 
 
-def _words(kind: Kind, name: str) -> Mapping[str, str]:
+def _words(kind: TemplateKind, name: str) -> Mapping[str, str]:
     """Return what the templates' placeholders stand for."""
     words = {
         "name": name,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from opir_core.output.delivery import Outcome
+    from opir_core.output.delivery import RunOutcome
     from opir_core.output.pump import SinkReport
     from opir_core.scene.scene import Scene
 
@@ -38,7 +38,7 @@ def _line(row: Sequence[str], widths: Sequence[int], numbers: Sequence[int]) -> 
 _LISTED = 12
 
 
-def as_json(outcome: "Outcome", files: Mapping[str, Path]) -> str:
+def as_json(outcome: "RunOutcome", files: Mapping[str, Path]) -> str:
     """Return the summary, what each sink took, and the files, as one JSON document."""
     from attrs import asdict
 
@@ -47,7 +47,7 @@ def as_json(outcome: "Outcome", files: Mapping[str, Path]) -> str:
     return json.dumps(told, indent=2)
 
 
-def as_text(scene: "Scene", outcome: "Outcome", files: Mapping[str, Path]) -> str:
+def as_text(scene: "Scene", outcome: "RunOutcome", files: Mapping[str, Path]) -> str:
     """Return the summary as tables."""
     counts, targets = outcome.summary["counts"], outcome.summary["targets"]
     head = (
@@ -88,7 +88,7 @@ def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _delivered(scene: "Scene", outcome: "Outcome") -> list[str]:
+def _delivered(scene: "Scene", outcome: "RunOutcome") -> list[str]:
     places = {choice.path: getattr(choice.config, "path", choice.name) for choice in scene.outputs}
     return [f"{places[sink.name]}: {counted(sink.delivered)} events{_besides(sink)}" for sink in outcome.report.sinks]
 

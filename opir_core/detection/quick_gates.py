@@ -53,7 +53,7 @@ class Gates(Protocol):
         """Greatest ratios (B,) to the reference band."""
 
 
-class Looks(NamedTuple):
+class GateLooks(NamedTuple):
     """Expected signals (n,) and (others, n); slopes of the gates' sides (others, n), and where each moves (others, n).
 
     A lower side moves from `low_from` on, an upper one up to `high_until`; slopes are 0 of sides that never matter.
@@ -69,23 +69,23 @@ class Looks(NamedTuple):
     stop: FloatArray
 
 
-class Panels(NamedTuple):
+class GatePanels(NamedTuple):
     """Panels (p,) of looks: whose they are, from where to where, and which sides (2 · others, p) move, lower first.
 
     `width` is the length over the scale on which the integrand bends.
     """
 
-    looks: Looks
+    looks: GateLooks
     row: IntArray
     first: FloatArray
     last: FloatArray
     moves: BoolArray
     width: FloatArray
 
-    def take(self, rows: IntArray) -> "Panels":
+    def take(self, rows: IntArray) -> "GatePanels":
         """Return some panels."""
         own = (self.row[rows], self.first[rows], self.last[rows], self.moves[:, rows], self.width[rows])
-        return Panels(self.looks, *own)
+        return GatePanels(self.looks, *own)
 
 
 def quick_chances(rule: Gates, snr: FloatArray, noise: FloatArray, margins: FloatArray) -> FloatArray:
@@ -104,7 +104,7 @@ def quick_chances(rule: Gates, snr: FloatArray, noise: FloatArray, margins: Floa
     return np.clip(np.bincount(panels.row, part, minlength=len(snr)), 0.0, 1.0)
 
 
-def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -> Looks:
+def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -> GateLooks:
     """Return looks with the stretches over which the sides of their gates move; `near` (n, 3 · others)."""
     others = rule.others
     reference, expected = snr[:, rule.reference], snr[:, others].T
@@ -120,7 +120,7 @@ def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -
     falling = np.maximum(start - reference, 0.0)
     stop = np.maximum(reference, start) + _FAR * _FAR / (np.sqrt(falling * falling + _FAR * _FAR) + falling)
     stop = np.maximum(np.minimum(stop, low_until.min(axis=0, initial=np.inf)), start)
-    return Looks(reference, expected, low, high, low_from, high_until, start, stop)
+    return GateLooks(reference, expected, low, high, low_from, high_until, start, stop)
 
 
 def _met(level: FloatArray, slope: FloatArray, never: float) -> FloatArray:
@@ -129,7 +129,7 @@ def _met(level: FloatArray, slope: FloatArray, never: float) -> FloatArray:
     return np.where(is_sloped, level / np.where(is_sloped, slope, 1.0), never)
 
 
-def panels_of(looks: Looks) -> Panels:
+def panels_of(looks: GateLooks) -> GatePanels:
     """Return the panels of looks, cut where sides begin or cease to move."""
     cuts = np.clip(np.concatenate([looks.low_from, looks.high_until]), looks.start, looks.stop)
     edges = np.sort(np.concatenate([looks.start[None], cuts, looks.stop[None]]), axis=0)
@@ -138,10 +138,10 @@ def panels_of(looks: Looks) -> Panels:
     middle = 0.5 * (first + last)
     moves = np.concatenate([middle > looks.low_from[:, row], middle < looks.high_until[:, row]])
     slopes = np.where(moves, np.concatenate([looks.low, looks.high])[:, row], 0.0)
-    return Panels(looks, row, first, last, moves, (last - first) * np.sqrt(1.0 + np.square(slopes).sum(axis=0)))
+    return GatePanels(looks, row, first, last, moves, (last - first) * np.sqrt(1.0 + np.square(slopes).sum(axis=0)))
 
 
-def integrals(rule: Gates, panels: Panels, count: int) -> FloatArray:
+def integrals(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
     """Return the integrals (p,) over panels, all by the same number of nodes."""
     part = np.empty(len(panels.row))
     for moves in np.unique(panels.moves, axis=1).T:
@@ -150,7 +150,7 @@ def integrals(rule: Gates, panels: Panels, count: int) -> FloatArray:
     return part
 
 
-def _integral(rule: Gates, panels: Panels, count: int) -> FloatArray:
+def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
     """Return the integrals (p,) over panels in which the same sides move."""
     from scipy.special import ndtr
 
@@ -169,7 +169,7 @@ def _integral(rule: Gates, panels: Panels, count: int) -> FloatArray:
     return integral
 
 
-def _density(nodes: FloatArray, panels: Panels, passing: FloatArray) -> FloatArray:
+def _density(nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> FloatArray:
     """Return the density (m, p) of signals at nodes (m, p) with all others in those gates of which a side moves."""
     from scipy.special import ndtr
 

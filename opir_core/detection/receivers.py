@@ -19,7 +19,7 @@ from opir_core.detection.ratio_gates import RatioGates
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band, Radiometer, Sensor
-from opir_core.planning.environment import Scenery
+from opir_core.planning.environment import RadiometricEnvironment
 
 #: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
 _PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6
@@ -145,7 +145,7 @@ def noise_chance(receiver: Receiver) -> float:
     return float(receiver.chances(nothing, noise_w_m2(receiver.nei_w_m2)[None, :], 0.0)[0][0])
 
 
-def receivers_of(sensors: Sequence[Sensor], scenery: Scenery, config: SnrConfig) -> list[Receiver]:
+def receivers_of(sensors: Sequence[Sensor], scenery: RadiometricEnvironment, config: SnrConfig) -> list[Receiver]:
     """Return all receivers; those of one kind are calibrated once."""
     receivers, known = list[Receiver](), dict[tuple[Any, ...], Radiometer]()
     for sensor in sensors:
@@ -162,7 +162,7 @@ def receivers_of(sensors: Sequence[Sensor], scenery: Scenery, config: SnrConfig)
     return receivers
 
 
-def _receiver(sensor: Sensor, scenery: Scenery) -> Receiver:
+def _receiver(sensor: Sensor, scenery: RadiometricEnvironment) -> Receiver:
     radiometer = sensor.radiometer
     if radiometer is None:
         raise ModelError(

@@ -23,10 +23,10 @@ from opir_core.detection.receivers import (
 )
 from opir_core.detection.redrawing import measured_to_pass
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.protocols import Dice, Measured
+from opir_core.interfaces.protocols import Measured, RandomDraws
 from opir_core.interfaces.records import Exposures
 from opir_core.interfaces.signal_models import Response
-from opir_core.planning.environment import Scenery
+from opir_core.planning.environment import RadiometricEnvironment
 from opir_core.planning.looks import blocks
 from opir_core.radiometry.protocols import radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.radiometry.records import in_a_row
@@ -63,8 +63,8 @@ class MeasuredColumns:
         for band in range(1, width):
             np.maximum(best, measured[:, band], out=best)
         self.bands[rows], self.snr[rows] = rule.confirming(measured), best
-        floor_rad, footprint_rad = floor_and_footprint_rad
-        spread = footprint_rad / best
+        floor_rad, ifov_rad = floor_and_footprint_rad
+        spread = ifov_rad / best
         spread *= spread
         spread += floor_rad * floor_rad
         self.sigma_rad[rows] = np.sqrt(spread, out=spread)
@@ -91,13 +91,13 @@ class SnrDetection:
     `rate_per_scan` (sensors,) how often it does on the mean in a scan.
     """
 
-    scenery: Scenery
+    scenery: RadiometricEnvironment
     receivers: tuple[Receiver, ...]
     width: int
     alike: IndexArray
     count_w_m2: FloatArray
     floor_rad: FloatArray
-    footprint_rad: FloatArray
+    ifov_rad: FloatArray
     dark_noise_w_m2: FloatArray
     noise_chance: FloatArray
     rate_per_scan: FloatArray
@@ -128,22 +128,22 @@ class SnrDetection:
             quantile[rows] = receiver.quantile(snr[:width, rows].T, noise[:width, rows].T, slack)
         return Response(quantile, snr.T, noise.T)
 
-    def kinks_s(self) -> FloatArray:
+    def breakpoints_s(self) -> FloatArray:
         """Return when (targets, k), by scene time, signals may jump or bend, as far as the scenery says."""
-        return self.scenery.kinks_s()
+        return self.scenery.breakpoints_s()
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         """Return what is measured in looks that detected."""
         return self.measure_response(self.response(exposures), exposures.sensor, dice)
 
     def measure_response(
-        self, response: Response, sensor: IndexArray, dice: Dice, probability: FloatArray | None = None
+        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
     ) -> Measured:
         """Return what is measured, conditional on the detection: where a free draw does not detect, another does."""
         found = MeasuredColumns.of(len(sensor), self.width)
         chance = _Chances(response.probit, probability)
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
-            rule, spread = self.receivers[number].rule, (self.floor_rad[number], self.footprint_rad[number])
+            rule, spread = self.receivers[number].rule, (self.floor_rad[number], self.ifov_rad[number])
             width, failed, seeds = len(self.receivers[number].bands), [], []
             for part in _parts(rows):
                 noise = response.noise_w_m2[part, :width]
@@ -178,7 +178,7 @@ class SnrDetection:
             noise = np.broadcast_to(self.dark_noise_w_m2[number, : nothing.shape[1]], nothing.shape)
             chance = np.full(len(seeds), self.noise_chance[number])
             measured = measured_to_pass(receiver.rule, nothing, noise, chance, seeds)
-            found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.footprint_rad[number]))
+            found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.ifov_rad[number]))
         return found.measured(self.dark_noise_w_m2[sensor])
 
     def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
@@ -203,7 +203,7 @@ class SnrDetection:
             return noise
         view = self.scenery.views(exposures)
         for number, rows in rows_of_kind:
-            bands, pixel_sr = self.receivers[number].bands.tolist(), self.footprint_rad[number] ** 2
+            bands, pixel_sr = self.receivers[number].bands.tolist(), self.ifov_rad[number] ** 2
             radiance, clutter = radiances_and_clutter_w_m2_sr(self.scenery.background, bands, view.take(rows))
             per_count = self.count_w_m2[number, : len(bands), None]
             photons = photon_noise_w_m2(radiance * pixel_sr, per_count)
@@ -213,12 +213,12 @@ class SnrDetection:
 
 def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     """Return the detection model `snr`; raises `ModelError` for sensors that do not say how they measure light."""
-    assert context.make_scenery is not None
-    scenery = context.make_scenery()
+    assert context.make_environment is not None
+    scenery = context.make_environment()
     receivers = receivers_of(context.sensors, scenery, config)
     half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
-    footprint_rad = np.array([receiver.radiometer.footprint_rad for receiver in receivers])
-    cells = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle) / footprint_rad)
+    ifov_rad = np.array([receiver.radiometer.ifov_rad for receiver in receivers])
+    cells = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle) / ifov_rad)
     one_of_kind = {receiver.kind: receiver for receiver in receivers}
     of_kind = {kind: noise_chance(receiver) for kind, receiver in one_of_kind.items()}
     chances = np.exp(np.array([of_kind[receiver.kind] for receiver in receivers]))
@@ -230,7 +230,7 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
         alike=_alike(receivers, floor_rad),
         count_w_m2=_counts_w_m2(receivers),
         floor_rad=floor_rad,
-        footprint_rad=footprint_rad,
+        ifov_rad=ifov_rad,
         dark_noise_w_m2=_dark_noise_w_m2(receivers),
         noise_chance=chances,
         rate_per_scan=chances * cells,

@@ -21,7 +21,7 @@ LEAST_SIGMA_RAD = 3e-8
 
 
 @frozen(eq=False)
-class Rays(Columns):
+class LinesOfSight(Columns):
     """Lines of sight, one row each: scene time of the look, sensor, its scan, where from and where to in ECEF, error.
 
     `direction_ecef` (n, 3) are unit vectors; `sigma_rad` the standard deviation of each of two angles across, as a
@@ -36,7 +36,7 @@ class Rays(Columns):
     sigma_rad: FloatArray
 
     @classmethod
-    def of(cls, detections: Detections) -> "Rays":
+    def of(cls, detections: Detections) -> "LinesOfSight":
         """Return the rays of detections."""
         return cls(
             detections.time_s,
@@ -47,10 +47,10 @@ class Rays(Columns):
             np.maximum(detections.line_of_sight_sigma_rad, LEAST_SIGMA_RAD),
         )
 
-    def of_instants(self) -> "Rays":
+    def of_instants(self) -> "LinesOfSight":
         """Return the rays as if each instant of a sensor were a scan of its own."""
         scan = np.rint(self.time_s * 1e9).astype(np.int64)
-        return Rays(self.time_s, self.sensor, scan, self.origin_ecef_m, self.direction_ecef, self.sigma_rad)
+        return LinesOfSight(self.time_s, self.sensor, scan, self.origin_ecef_m, self.direction_ecef, self.sigma_rad)
 
 
 @frozen(eq=False)
@@ -110,10 +110,10 @@ class Planes(NamedTuple):
         return self.aim - y, slope, depth
 
 
-def no_rays() -> Rays:
+def no_rays() -> LinesOfSight:
     """Return the record of no rays."""
     whole, none = np.empty(0, dtype=np.int64), np.empty((0, 3))
-    return Rays(np.empty(0), np.empty(0, dtype=np.int32), whole, none, none, np.empty(0))
+    return LinesOfSight(np.empty(0), np.empty(0, dtype=np.int32), whole, none, none, np.empty(0))
 
 
 def no_sights() -> Sights:

@@ -34,7 +34,7 @@ _IMPACT_TOLERANCE_M = 1e-3
 
 
 @frozen(eq=False)
-class Landing:
+class AimedLanding:
     """Where flights come down: columns (n,) and (n, 3).
 
     The miss is split along and across the great circle to the aim point, by polar angles about the launch point: there
@@ -53,7 +53,7 @@ class Landing:
 
 
 @frozen(eq=False)
-class Shot:
+class LaunchSolution:
     """Launches (n,) and where they aim: ECEF position (n, 3) and height (n,) of the aim points.
 
     `forces` act in free flight; None is two-body motion.
@@ -65,14 +65,14 @@ class Shot:
     aim_height_m: FloatArray
     forces: "Forces | None" = None
 
-    def take(self, rows: RowArray) -> "Shot":
+    def take(self, rows: RowArray) -> "LaunchSolution":
         """Return some of the shots."""
         forces = None if self.forces is None else self.forces.take(rows)
-        return Shot(
+        return LaunchSolution(
             self.site.take(rows), self.course.take(rows), self.aim_ecef_m[rows], self.aim_height_m[rows], forces
         )
 
-    def in_two_body_motion(self) -> "Shot":
+    def in_two_body_motion(self) -> "LaunchSolution":
         """Return the same shots with no force but the point mass."""
         return self if self.forces is None else evolve(self, forces=None)
 
@@ -83,7 +83,7 @@ class Shot:
         swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
         return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
 
-    def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> Landing:
+    def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> AimedLanding:
         """Return where the flights come down; the inertial frame is ECEF frozen at burnout."""
         duration_s, point_m = self._impact(*ecef_to_eci_state(*self.burnout(azimuth_rad, speed_m_s), 0.0))
         impact_m = eci_to_ecef(point_m, duration_s)
@@ -93,7 +93,7 @@ class Shot:
         turn_rad = np.remainder(bearing_rad - aim_bearing_rad + np.pi, 2.0 * np.pi) - np.pi
         miss_m = length(*components(impact_m - self.aim_ecef_m))
         along_m, across_m = radius_m * (range_rad - aim_range_rad), radius_m * np.sin(aim_range_rad) * turn_rad
-        return Landing(along_m, across_m, miss_m, duration_s, impact_m)
+        return AimedLanding(along_m, across_m, miss_m, duration_s, impact_m)
 
     def _impact(self, position_m: FloatArray, velocity_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         if self.forces is None:
@@ -124,7 +124,7 @@ _LARGEST_STEP = 0.2
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
-def solved(shot: Shot, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
+def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
     """Return azimuths (rad) and burnout speeds (m/s) whose flights hit the aim points to within the tolerance.
 
     Where none does, what came nearest. Trials that lead nowhere are nan, and are not followed.
@@ -136,7 +136,7 @@ def solved(shot: Shot, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
     return _corrected(shot, azimuth_rad, speed_m_s, tolerance_m)
 
 
-def _guess(shot: Shot) -> tuple[FloatArray, FloatArray]:
+def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
     """Return azimuths and burnout speeds that come down near the aim points."""
     azimuth_rad, speed_m_s = _guess_at_rest(shot)
     landing = shot.landing(azimuth_rad, speed_m_s)
@@ -151,7 +151,7 @@ def _guess(shot: Shot) -> tuple[FloatArray, FloatArray]:
     return azimuth_rad, speed_m_s
 
 
-def _guess_at_rest(shot: Shot) -> tuple[FloatArray, FloatArray]:
+def _guess_at_rest(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
     """Return azimuths and burnout speeds that hit on a sphere at rest, flown from the ground."""
     psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
     radius_m = length(*components(shot.site.launch_m))
@@ -159,7 +159,7 @@ def _guess_at_rest(shot: Shot) -> tuple[FloatArray, FloatArray]:
 
 
 def _guess_in_rotation(
-    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, duration_s: FloatArray
+    shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, duration_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return azimuths and burnout speeds nearer to those that hit, from a guess and its time of free flight.
 
@@ -193,7 +193,7 @@ def hitting_speed_m_s(start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatAr
 
 
 def _corrected(
-    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
+    shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the unknowns after Newton's method, target by target; a step that brings none nearer is halved."""
     start = shot.landing(azimuth_rad, speed_m_s)
@@ -215,7 +215,7 @@ def _corrected(
 
 
 def _newton_step(
-    shot: Shot, azimuth_rad: FloatArray, speed_m_s: FloatArray, along_m: FloatArray, across_m: FloatArray
+    shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, along_m: FloatArray, across_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the corrections of azimuth, rad, and of speed, as a share of it, of bounded size."""
     count = len(azimuth_rad)
@@ -301,7 +301,7 @@ def aim(
         launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad
     )
     site, course = launch_site(*launch), ascent(profiles, _flight_path_angle_rad(range_m, profiles))
-    shot = Shot(site, course, geodetic_to_ecef(*aim_point), aim_point.height_m, _forces_of(forces, n))
+    shot = LaunchSolution(site, course, geodetic_to_ecef(*aim_point), aim_point.height_m, _forces_of(forces, n))
     azimuth_rad, speed_m_s = _solved_within_limits(shot, range_m, profiles, tolerance_m)
     landing = shot.landing(azimuth_rad, speed_m_s)
     converged = landing.miss_m <= tolerance_m
@@ -372,7 +372,7 @@ def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
 
 
 def _solved_within_limits(
-    shot: Shot, range_m: FloatArray, profiles: Sequence[BoostProfile], tolerance_m: float
+    shot: LaunchSolution, range_m: FloatArray, profiles: Sequence[BoostProfile], tolerance_m: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return azimuths and burnout speeds (n,), nan where the aim point is out of the profile's range."""
     azimuth_rad, speed_m_s = np.full(len(range_m), np.nan), np.full(len(range_m), np.nan)

@@ -11,7 +11,7 @@ from opir_core.flight.dop853 import Acceleration
 from opir_core.flight.forces import Drag, Forces
 from opir_core.flight.gravity import Gravity
 from opir_core.flight.integration import Integration, Recorder
-from opir_core.flight.levels import Levels, Seams
+from opir_core.flight.levels import AltitudeEvents, Seams
 
 #: Arcs a block: enough to hide numpy's overhead, few enough for the stages of a step to stay in a second-level cache.
 _BLOCK = 1024
@@ -23,7 +23,7 @@ _BOTTOMLESS_M = -1e9
 _BOUNDLESS_M = 1e12
 
 
-class Columns(NamedTuple):
+class ArcColumns(NamedTuple):
     """The arcs of a call, flattened: `shape` is that of the broadcast leading axes."""
 
     shape: tuple[int, ...]
@@ -34,10 +34,10 @@ class Columns(NamedTuple):
     ballistic_coefficient: FloatArray
     target: FloatArray
 
-    def block(self, part: slice) -> "Columns":
+    def block(self, part: slice) -> "ArcColumns":
         """Return some of the arcs, as copies."""
         position, velocity = self.position[:, part].copy(), self.velocity[:, part].copy()
-        return Columns(self.shape, position, velocity, *(column[part].copy() for column in self[3:]))
+        return ArcColumns(self.shape, position, velocity, *(column[part].copy() for column in self[3:]))
 
 
 def columns_of(
@@ -47,7 +47,7 @@ def columns_of(
     tolerance_m: ArrayLike,
     forces: Forces,
     height_m: ArrayLike = -np.inf,
-) -> Columns:
+) -> ArcColumns:
     """Return the arguments of a call, broadcast against one another and flattened.
 
     Raise ValueError where a state is not a vector of three, shapes do not fit or a tolerance is not positive.
@@ -62,22 +62,22 @@ def columns_of(
     shape = np.broadcast_shapes(*(vector.shape[:-1] for vector in vectors), *(scalar.shape for scalar in scalars))
     position, velocity = (np.broadcast_to(vector, (*shape, 3)).reshape(-1, 3).T for vector in vectors)
     duration, tolerance, beta, height = (np.broadcast_to(scalar, shape).reshape(-1) for scalar in scalars)
-    return Columns(shape, position, velocity, np.where(np.isnan(height), np.nan, duration), tolerance, beta, height)
+    return ArcColumns(shape, position, velocity, np.where(np.isnan(height), np.nan, duration), tolerance, beta, height)
 
 
 def integrations(
-    columns: Columns, forces: Forces, recorder: Recorder | None = None
+    columns: ArcColumns, forces: Forces, recorder: Recorder | None = None
 ) -> Iterator[tuple[slice, Integration]]:
     """Yield the parts of the arcs, and an integration for each."""
     for first in range(0, columns.duration.size, _BLOCK):
         part = slice(first, first + _BLOCK)
         block = columns.block(part)
-        system = System(forces, block.ballistic_coefficient)
+        system = BlockSystem(forces, block.ballistic_coefficient)
         states = block.position, block.velocity
         yield part, Integration(system, states, block.duration, block.tolerance, system.levels(block), recorder)
 
 
-class System:
+class BlockSystem:
     """The forces on the arcs of a block."""
 
     def __init__(self, forces: Forces, ballistic_coefficient: FloatArray) -> None:
@@ -103,7 +103,7 @@ class System:
         parameters = np.take(self._air.parameters, layer, axis=1)
         return self._with_drag(self._gravity, parameters, self._log_half_inverse_beta[arcs], self._rotation)
 
-    def levels(self, block: Columns) -> Levels | None:
+    def levels(self, block: ArcColumns) -> AltitudeEvents | None:
         """Return the heights that the arcs may not step across, if there are any."""
         if self.has_air:
             seams = Seams(self._air.floors_m, self._air.strides_m, self._air.stride_shares)
@@ -111,4 +111,4 @@ class System:
             seams = Seams(np.array([_BOTTOMLESS_M]), np.array([_BOUNDLESS_M]), np.zeros(1))
         else:
             return None
-        return Levels(seams, block.target, block.duration < 0.0)
+        return AltitudeEvents(seams, block.target, block.duration < 0.0)

@@ -10,7 +10,7 @@ from attrs import define, field, frozen
 from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
-from opir_core.flight.dop853 import Acceleration, Start, Step, extended, nested
+from opir_core.flight.dop853 import Acceleration, Step, StepStart, extended, nested
 from opir_core.flight.forces import J2, ForceModel, forces_of
 from opir_core.flight.propagation import TOLERANCE_M
 
@@ -165,7 +165,7 @@ class SegmentRecorder:
         index: RowArray,
         begin: FloatArray,
         h: FloatArray,
-        start: Start,
+        start: StepStart,
         step: Step,
         accepted: BoolArray,
         right_side: Acceleration,

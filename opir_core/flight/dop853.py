@@ -327,7 +327,7 @@ class Acceleration(Protocol):
         ...
 
 
-class Start(NamedTuple):
+class StepStart(NamedTuple):
     """The states that steps begin from, (3, n) each, with the accelerations there."""
 
     position: FloatArray
@@ -345,7 +345,7 @@ class Step(NamedTuple):
     stages: list[FloatArray]
 
 
-def stepped(right_side: Acceleration, start: Start, h: FloatArray) -> Step:
+def stepped(right_side: Acceleration, start: StepStart, h: FloatArray) -> Step:
     """Return one step of length h (n,), s, of either sign, from every state."""
     if h.size <= _FEW:
         return _stepped_one_by_one(right_side, start, h)
@@ -360,7 +360,7 @@ def stepped(right_side: Acceleration, start: Start, h: FloatArray) -> Step:
 _FEW = 8
 
 
-def _stepped_one_by_one(right_side: Acceleration, start: Start, h: FloatArray) -> Step:
+def _stepped_one_by_one(right_side: Acceleration, start: StepStart, h: FloatArray) -> Step:
     states = zip(*(rows.T.tolist() for rows in start), h.tolist(), strict=True)
     steps = [
         single_step(right_side.alone(arc), right_side.needs_velocity, position, velocity, acceleration, length)
@@ -374,7 +374,9 @@ def _stepped_one_by_one(right_side: Acceleration, start: Start, h: FloatArray) -
 class Stages:
     """The accelerations at the stages of a step, each found from those before it."""
 
-    def __init__(self, right_side: Acceleration, start: Start, h: FloatArray, accelerations: list[FloatArray]) -> None:
+    def __init__(
+        self, right_side: Acceleration, start: StepStart, h: FloatArray, accelerations: list[FloatArray]
+    ) -> None:
         self.accelerations = accelerations
         self._right_side, self._start = right_side, start
         self._h, self._hh, self._drift = h, h * h, h * start.velocity
@@ -460,7 +462,7 @@ def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
     return value
 
 
-def extended(right_side: Acceleration, start: Start, step: Step, h: FloatArray) -> Extension:
+def extended(right_side: Acceleration, start: StepStart, step: Step, h: FloatArray) -> Extension:
     """Return the extension of steps: three more accelerations each."""
     stages = Stages(right_side, start, h, list(step.stages))
     for stage in range(STAGES + 1, len(NODES)):

@@ -37,7 +37,7 @@ _ROUNDS = 40
 
 
 @frozen(eq=False)
-class Pieces:
+class HermiteSegments:
     """Polynomial pieces of trajectories, sorted by target, then time.
 
     Columns (s,): `target`, and the span `start_s` to `end_s`. Position is the sum of `coefficients[5 - k]` (6, 3, s)
@@ -52,14 +52,16 @@ class Pieces:
     def __len__(self) -> int:
         return len(self.target)
 
-    def take(self, rows: RowArray) -> "Pieces":
+    def take(self, rows: RowArray) -> "HermiteSegments":
         """Return some of the pieces."""
-        return Pieces(self.target[rows], self.start_s[rows], self.end_s[rows], self.coefficients.take(rows, axis=-1))
+        return HermiteSegments(
+            self.target[rows], self.start_s[rows], self.end_s[rows], self.coefficients.take(rows, axis=-1)
+        )
 
 
-def merged_pieces(parts: Sequence[Pieces]) -> Pieces:
+def merged_segments(parts: Sequence[HermiteSegments]) -> HermiteSegments:
     """Return the pieces of all parts, sorted by target, then time."""
-    merged = Pieces(
+    merged = HermiteSegments(
         np.concatenate([part.target for part in parts]),
         np.concatenate([part.start_s for part in parts]),
         np.concatenate([part.end_s for part in parts]),
@@ -68,9 +70,9 @@ def merged_pieces(parts: Sequence[Pieces]) -> Pieces:
     return merged.take(np.lexsort((merged.start_s, merged.target)))
 
 
-def fitted_pieces(
+def fitted_segments(
     motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray, tolerance_m: float
-) -> Pieces:
+) -> HermiteSegments:
     """Return pieces that follow the motion of the targets over the spans (m,) to within the tolerance.
 
     A motion that is not finite within a span, or too rough for the tolerance, is a `ModelError`.
@@ -79,9 +81,9 @@ def fitted_pieces(
     for _ in range(_ROUNDS):
         coefficients, error_m = _fit(motion, target, start_s, end_s)
         fits = error_m <= _MARGIN * tolerance_m
-        done.append(Pieces(target, start_s, end_s, coefficients).take(np.flatnonzero(fits)))
+        done.append(HermiteSegments(target, start_s, end_s, coefficients).take(np.flatnonzero(fits)))
         if fits.all():
-            return merged_pieces(done)
+            return merged_segments(done)
         parts = _part_counts(error_m[~fits], tolerance_m)
         target, start_s, end_s = _split(target[~fits], start_s[~fits], end_s[~fits], parts)
     raise ModelError(
@@ -181,7 +183,7 @@ class Ephemeris:
     start_s: FloatArray
     end_s: FloatArray
     tolerance_m: float
-    pieces: Pieces
+    pieces: HermiteSegments
     #: By target: start, end and lookup bins a second (3, n), and the first bin (n,); by bin: the first piece in it.
     _spans: FloatArray
     _first_bin: RowArray
@@ -213,7 +215,7 @@ class Ephemeris:
         if not tolerance_m > 0.0:
             raise ValueError(f"the tolerance of an ephemeris must be above zero, not {tolerance_m} m")
         target, lower, upper = _smooth_spans(start, end, breakpoints_s)
-        return _indexed(fitted_pieces(motion, target, lower, upper, tolerance_m), tolerance_m)
+        return _indexed(fitted_segments(motion, target, lower, upper, tolerance_m), tolerance_m)
 
     @staticmethod
     def joined(parts: Sequence["Ephemeris"]) -> "Ephemeris":
@@ -221,7 +223,7 @@ class Ephemeris:
         for before, after in pairwise(parts):
             if not np.array_equal(before.end_s, after.start_s):
                 raise ValueError("each part of a joined ephemeris must start when the one before it ends")
-        return _indexed(merged_pieces([part.pieces for part in parts]), max(part.tolerance_m for part in parts))
+        return _indexed(merged_segments([part.pieces for part in parts]), max(part.tolerance_m for part in parts))
 
     def position_m(self, target: ArrayLike, time_s: ArrayLike) -> FloatArray:
         """Return positions (..., 3) of targets at times, which broadcast; nan outside a target's span."""
@@ -325,7 +327,7 @@ def _smooth_spans(
     return target, cuts[target, gap], cuts[target, gap + 1]
 
 
-def _indexed(pieces: Pieces, tolerance_m: float) -> Ephemeris:
+def _indexed(pieces: HermiteSegments, tolerance_m: float) -> Ephemeris:
     """Return the ephemeris of pieces sorted by target and time, with the first piece in each bin of each target's span.
 
     Bins are uniform; one more than fit into the span catches its very end.

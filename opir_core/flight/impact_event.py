@@ -11,7 +11,7 @@ from opir_core.flight.forces import J2, ForceModel, Forces, forces_of
 from opir_core.flight.propagation import TOLERANCE_M
 
 if TYPE_CHECKING:
-    from opir_core.flight.integration import Ends
+    from opir_core.flight.integration import ArcEnds
 
 #: How long, s, arcs are followed unless told otherwise.
 WITHIN_S = 86400.0
@@ -129,7 +129,7 @@ def _nowhere(count: int) -> ImpactStates:
     return ImpactStates(np.empty(count), np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int8))
 
 
-def _put(states: ImpactStates, part: slice, ends: "Ends") -> None:
+def _put(states: ImpactStates, part: slice, ends: "ArcEnds") -> None:
     """Put what became of a part of the arcs in its place."""
     reason = _REASONS[ends.outcome]
     hit = reason == ImpactReason.IMPACT

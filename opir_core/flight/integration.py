@@ -13,8 +13,8 @@ from attrs import define
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
-from opir_core.flight.dop853 import Acceleration, Start, Step, stepped
-from opir_core.flight.levels import Landing, Levels
+from opir_core.flight.dop853 import Acceleration, Step, StepStart, stepped
+from opir_core.flight.levels import AltitudeEvents, GroundContact
 
 #: A looser tolerance than this, m, saves next to nothing at order 8; a tighter one than the second is below rounding.
 LOOSEST_TOLERANCE_M = 0.1
@@ -49,7 +49,7 @@ _MOST_ATTEMPTS = 200_000
 _SHORTEST_STEP = 1e-14
 
 
-class Outcome(IntEnum):
+class IntegrationResult(IntEnum):
     """How an integration ended."""
 
     UNDER_WAY = 0
@@ -61,7 +61,7 @@ class Outcome(IntEnum):
 
 
 @define(eq=False)
-class Ends:
+class ArcEnds:
     """What became of the arcs: states, (3, n), at the elapsed times, and outcomes."""
 
     elapsed: FloatArray
@@ -70,7 +70,7 @@ class Ends:
     outcome: NDArray[np.int8]
 
     @classmethod
-    def of(cls, count: int) -> "Ends":
+    def of(cls, count: int) -> "ArcEnds":
         """Return the ends of arcs that have none yet."""
         elapsed, position, velocity = (np.full(shape, np.nan) for shape in ((count,), (3, count), (3, count)))
         return cls(elapsed, position, velocity, np.zeros(count, np.int8))
@@ -78,7 +78,7 @@ class Ends:
 
 #: Told of every set of steps: the arcs' numbers, the times and lengths of the steps, where they start, what became of
 #: them and which were accepted; it is also given the acceleration, to extend the steps with.
-Recorder = Callable[[RowArray, FloatArray, FloatArray, Start, Step, BoolArray, Acceleration], None]
+Recorder = Callable[[RowArray, FloatArray, FloatArray, StepStart, Step, BoolArray, Acceleration], None]
 
 
 class System(Protocol):
@@ -101,7 +101,7 @@ class Integration:
         states: tuple[FloatArray, FloatArray],
         duration: FloatArray,
         tolerance: FloatArray,
-        levels: Levels | None = None,
+        levels: AltitudeEvents | None = None,
         recorder: Recorder | None = None,
     ) -> None:
         self._system, self._levels, self._recorder = system, levels, recorder
@@ -113,9 +113,9 @@ class Integration:
         self._index = np.arange(duration.size)
         self._elapsed = np.zeros(duration.size)
         self._planned = np.full(duration.size, np.inf)
-        self._ends = Ends.of(duration.size)
+        self._ends = ArcEnds.of(duration.size)
 
-    def ends(self) -> Ends:
+    def ends(self) -> ArcEnds:
         """Integrate to the ends, and return them."""
         with np.errstate(all="ignore"):
             self._begin()
@@ -123,7 +123,7 @@ class Integration:
                 if not self._index.size:
                     break
                 self._attempt()
-            self._drop(np.full(self._index.size, Outcome.NOT_CONVERGED, np.int8))
+            self._drop(np.full(self._index.size, IntegrationResult.NOT_CONVERGED, np.int8))
         return self._ends
 
     def _begin(self) -> None:
@@ -137,7 +137,7 @@ class Integration:
         self._horizon = self._time_left()
         outcome = self._outcome(self._duration == 0.0, landing)
         finite = np.isfinite(self._duration) & np.isfinite(self._position + self._velocity).all(axis=0)
-        outcome[~finite] = Outcome.NOT_FINITE
+        outcome[~finite] = IntegrationResult.NOT_FINITE
         self._drop(outcome)
 
     def _attempt(self) -> None:
@@ -185,16 +185,16 @@ class Integration:
         even = remaining / np.ceil(remaining / wanted)
         return wanted, np.minimum(np.minimum(length, even), self._planned), remaining
 
-    def _state(self) -> Start:
-        return Start(self._position, self._velocity, self._acceleration)
+    def _state(self) -> StepStart:
+        return StepStart(self._position, self._velocity, self._acceleration)
 
-    def _outcome(self, last: BoolArray, landing: Landing | None) -> NDArray[np.int8]:
-        outcome = np.where(last, Outcome.REACHED_END, Outcome.UNDER_WAY).astype(np.int8)
+    def _outcome(self, last: BoolArray, landing: GroundContact | None) -> NDArray[np.int8]:
+        outcome = np.where(last, IntegrationResult.REACHED_END, IntegrationResult.UNDER_WAY).astype(np.int8)
         stuck = ~(self._natural > _SHORTEST_STEP * (1.0 + np.abs(self._elapsed))) | ~np.isfinite(self._acceleration[0])
-        outcome[stuck & ~last] = Outcome.NOT_CONVERGED
+        outcome[stuck & ~last] = IntegrationResult.NOT_CONVERGED
         if landing is not None:
-            outcome[landing.sunk] = Outcome.BELOW_AIR
-            outcome[landing.impact] = Outcome.IMPACT
+            outcome[landing.sunk] = IntegrationResult.BELOW_AIR
+            outcome[landing.impact] = IntegrationResult.IMPACT
         return outcome
 
     def _drop(self, outcome: NDArray[np.int8]) -> None:
@@ -204,9 +204,9 @@ class Integration:
             return
         arcs = self._index[done]
         self._ends.outcome[arcs] = outcome[done]
-        self._write(done[outcome[done] == Outcome.REACHED_END])
-        self._write_impacts(done[outcome[done] == Outcome.IMPACT])
-        kept = outcome == Outcome.UNDER_WAY
+        self._write(done[outcome[done] == IntegrationResult.REACHED_END])
+        self._write_impacts(done[outcome[done] == IntegrationResult.IMPACT])
+        kept = outcome == IntegrationResult.UNDER_WAY
         for name in ("_position", "_velocity", "_acceleration"):
             setattr(self, name, getattr(self, name)[:, kept])
         for name in self._COLUMNS:

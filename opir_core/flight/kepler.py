@@ -25,13 +25,13 @@ from numpy.typing import ArrayLike, NDArray
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.column_vectors import cross, dot
-from opir_core.flight.universal_anomaly import Arcs, solved_quickly, solved_surely, universal_functions
+from opir_core.flight.universal_anomaly import UniversalArcs, solve_bracketed, solve_fast, universal_functions
 
 #: More turns than this leave no digit of the phase.
 _MOST_TURNS = 2.0**50
 
 
-class Start(NamedTuple):
+class ArcStart(NamedTuple):
     """Starts of arcs: columns of the state, and the arc in units of the start's distance and circular speed."""
 
     x: FloatArray
@@ -46,11 +46,11 @@ class Start(NamedTuple):
     alpha: FloatArray
     time: FloatArray  #: without whole turns, never negative; nan where the turns are too many
 
-    def arcs(self) -> Arcs[np.float64]:
+    def arcs(self) -> UniversalArcs[np.float64]:
         """Return what Kepler's equation needs."""
-        return Arcs(np.ones_like(self.sigma), self.sigma, self.alpha, self.time)
+        return UniversalArcs(np.ones_like(self.sigma), self.sigma, self.alpha, self.time)
 
-    def flies_by(self) -> BoolArray:
+    def is_inbound_hyperbola(self) -> BoolArray:
         """Return where the arc comes in on a hyperbola from beyond three times a e, and gets about half way in."""
         x = -self.alpha
         eccentricity_squared = 1.0 + x * (2.0 + x - self.sigma * self.sigma)
@@ -61,16 +61,16 @@ class Start(NamedTuple):
         distance = np.sqrt(self.x * self.x + self.y * self.y + self.z * self.z)
         return distance, self.back / (distance * self.rate)
 
-    def is_well(self) -> BoolArray:
+    def is_finite(self) -> BoolArray:
         """Return where all numbers are finite."""
         return np.isfinite(self.sigma + self.alpha + self.time + self.rate)
 
-    def at(self, index: NDArray[np.intp]) -> "Start":
+    def at(self, index: NDArray[np.intp]) -> "ArcStart":
         """Return the starts at these indices."""
-        return Start(*(column[index] for column in self))
+        return ArcStart(*(column[index] for column in self))
 
 
-def start_of(position_m: FloatArray, velocity_m_s: FloatArray, duration_s: FloatArray, mu_m3_s2: float) -> Start:
+def start_of(position_m: FloatArray, velocity_m_s: FloatArray, duration_s: FloatArray, mu_m3_s2: float) -> ArcStart:
     """Return the starts of arcs from states (n, 3), to be followed for durations (n,)."""
     x, y, z = (position_m[:, axis].copy() for axis in range(3))
     vx, vy, vz = (velocity_m_s[:, axis].copy() for axis in range(3))
@@ -81,7 +81,7 @@ def start_of(position_m: FloatArray, velocity_m_s: FloatArray, duration_s: Float
     alpha = 2.0 - (vx * vx + vy * vy + vz * vz) / (speed * speed)
     time = _without_turns(duration_s * rate, alpha)
     back = np.copysign(1.0, time)
-    return Start(x, y, z, vx, vy, vz, rate, back, sigma * back, alpha, np.abs(time))
+    return ArcStart(x, y, z, vx, vy, vz, rate, back, sigma * back, alpha, np.abs(time))
 
 
 def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
@@ -113,9 +113,9 @@ class Flybys(NamedTuple):
     approach: FloatArray  #: universal anomaly from the start to the pericentre
     later: FloatArray  #: time asked for, since the pericentre; negative before it
 
-    def arcs(self) -> Arcs[np.float64]:
+    def arcs(self) -> UniversalArcs[np.float64]:
         """Return what Kepler's equation needs; the anomaly counts from the pericentre, without sign."""
-        return Arcs(self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later))
+        return UniversalArcs(self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later))
 
     def states(self, solution: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return positions and velocities, (3, n), at the solved anomalies."""
@@ -155,7 +155,7 @@ def flybys(position: FloatArray, velocity: FloatArray, alpha: FloatArray, time: 
     return Flybys(position, velocity, alpha, time, eccentricity, pericentre, ahead, sideways, approach / k, later)
 
 
-Solver = Callable[[Arcs[np.float64]], tuple[FloatArray, BoolArray]]
+Solver = Callable[[UniversalArcs[np.float64]], tuple[FloatArray, BoolArray]]
 
 #: States a block: enough to hide numpy's overhead, few enough for the arrays of a block to stay in the cache.
 _BLOCK = 16384
@@ -229,7 +229,7 @@ def _in_blocks(
     for first in range(0, duration.size, _BLOCK):
         block = slice(first, first + _BLOCK)
         start = start_of(position[block], velocity[block], duration[block], mu)
-        unfinished = _follow(start, solved_quickly, end[:, block])
+        unfinished = _follow(start, solve_fast, end[:, block])
         if not np.isfinite(end[:, block].sum()):
             unfinished |= ~np.isfinite(end[:, block]).all(axis=(0, 2))
         left.append(first + np.flatnonzero(unfinished))
@@ -246,9 +246,9 @@ def _with_care(
 ) -> tuple[FloatArray, NDArray[np.int8]]:
     """Return end states (2, n, 3) and status of those that the quick pass left."""
     start = start_of(position, velocity, duration, mu)
-    at = np.flatnonzero(start.is_well())
+    at = np.flatnonzero(start.is_finite())
     followed = np.empty((2, at.size, 3))
-    _follow(start.at(at), solved_surely, followed)
+    _follow(start.at(at), solve_bracketed, followed)
     end = np.full((2, duration.size, 3), np.nan)
     end[:, at] = followed
     end[:, ~np.isfinite(end).all(axis=(0, 2))] = np.nan
@@ -256,7 +256,7 @@ def _with_care(
 
 
 def _reasons(
-    position: FloatArray, velocity: FloatArray, duration: FloatArray, start: Start, end: FloatArray
+    position: FloatArray, velocity: FloatArray, duration: FloatArray, start: ArcStart, end: FloatArray
 ) -> NDArray[np.int8]:
     """Return the status of each element: the first that applies."""
     finite = np.isfinite(position).all(axis=1) & np.isfinite(velocity).all(axis=1) & np.isfinite(duration)
@@ -271,10 +271,10 @@ def _reasons(
     return np.select(list(first_that_applies.values()), codes, np.int8(KeplerStatus.NOT_REACHED))
 
 
-def _follow(start: Start, solver: Solver, end: FloatArray) -> BoolArray:
+def _follow(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArray:
     """Write position and velocity at the end of each arc into `end`, (2, n, 3); return which the solver left."""
     arcs = start.arcs()
-    at = np.flatnonzero(start.flies_by())
+    at = np.flatnonzero(start.is_inbound_hyperbola())
     if not at.size:
         solution, left = solver(arcs)
         _move(start, solution, end)
@@ -282,7 +282,7 @@ def _follow(start: Start, solver: Solver, end: FloatArray) -> BoolArray:
     part = start.at(at)
     distance, to_speed = part.scales()
     by = flybys(np.stack(part[:3]) / distance, np.stack(part[3:6]) * to_speed, part.alpha, part.time)
-    arcs = Arcs(*(column.copy() for column in arcs))
+    arcs = UniversalArcs(*(column.copy() for column in arcs))
     for column, some in zip(arcs, by.arcs(), strict=True):
         column[at] = some
     solution, left = solver(arcs)
@@ -292,7 +292,7 @@ def _follow(start: Start, solver: Solver, end: FloatArray) -> BoolArray:
     return left
 
 
-def _move(start: Start, solution: FloatArray, end: FloatArray) -> None:
+def _move(start: ArcStart, solution: FloatArray, end: FloatArray) -> None:
     """Write position and velocity after the solved anomaly into `end`, (2, n, 3), by Lagrange's f and g."""
     x, y, z, vx, vy, vz, rate, back, sigma, _, _ = start
     _, g0, g1, g2 = solution

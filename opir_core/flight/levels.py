@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
-from opir_core.flight.dop853 import Start, Step
+from opir_core.flight.dop853 import Step, StepStart
 from opir_core.flight.ellipsoidal_height import height_and_climb
 
 _HALVINGS = 4
@@ -69,7 +69,7 @@ def crossing_fraction(rise: Rise, boundary: FloatArray, down: NDArray[np.bool_],
 
 
 def state_within(
-    start: Start, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
+    start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return positions and velocities of the steps at `index`, by the quintic through both ends' states."""
     position, velocity, acceleration = (rows[:, index] for rows in start)
@@ -87,7 +87,7 @@ def state_within(
 
 
 def height_within(
-    start: Start, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
+    start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return heights, m, and how much they would change in the whole step, m, at a fraction of it, by the quintic."""
     position, velocity = state_within(start, step, h, index, fraction)
@@ -122,7 +122,7 @@ class Seams(NamedTuple):
     stride_shares: FloatArray
 
 
-class Landing(NamedTuple):
+class GroundContact(NamedTuple):
     """Which arcs changed over to another layer, came down on the target height, or left the air model at its floor."""
 
     changed: BoolArray
@@ -130,7 +130,7 @@ class Landing(NamedTuple):
     sunk: BoolArray
 
 
-class Levels:
+class AltitudeEvents:
     """The intervals of height of n arcs, and where the arcs are in them; rates are along the direction of travel.
 
     `target_m` is the height of impact, -inf where there is none to find.
@@ -142,7 +142,7 @@ class Levels:
         self._direction = np.where(backward, -1.0, 1.0)
         self.has_target = bool(np.any(target_m > -np.inf))
 
-    def begin(self, start: Start) -> Landing:
+    def begin(self, start: StepStart) -> GroundContact:
         """Take up the arcs' first states."""
         self._height, self._climb = self._height_and_climb(start.position, start.velocity)
         self._bend = self._curvature(start, self._climb)
@@ -189,7 +189,9 @@ class Levels:
         drop = np.maximum(self._height - self._target, 0.0)
         return (self._climb + np.sqrt(self._climb * self._climb + 2.0 * gravity * drop)) / gravity
 
-    def shortened(self, start: Start, step: Step, h: FloatArray, candidate: BoolArray) -> tuple[RowArray, FloatArray]:
+    def shortened(
+        self, start: StepStart, step: Step, h: FloatArray, candidate: BoolArray
+    ) -> tuple[RowArray, FloatArray]:
         """Return which candidates' steps leave their interval, and at what fraction of them they first do."""
         self._next_height, self._next_climb = self._height_and_climb(step.position, step.velocity)
         length = np.abs(h)
@@ -209,7 +211,7 @@ class Levels:
         return index, self._crossing(start, step, h, rise, index, down[index], end)
 
     def _turning_outside(
-        self, start: Start, step: Step, h: FloatArray, rise: Rise, index: RowArray
+        self, start: StepStart, step: Step, h: FloatArray, rise: Rise, index: RowArray
     ) -> tuple[RowArray, FloatArray]:
         """Return which of the steps at `index` turn outside their interval though both ends are inside, and where."""
         fraction = rise.of(index).turning_point()
@@ -218,7 +220,7 @@ class Levels:
         return index[outside], fraction[outside]
 
     def _crossing(
-        self, start: Start, step: Step, h: FloatArray, rise: Rise, index: RowArray, down: BoolArray, end: FloatArray
+        self, start: StepStart, step: Step, h: FloatArray, rise: Rise, index: RowArray, down: BoolArray, end: FloatArray
     ) -> FloatArray:
         """Return the fraction at which the boundary is met: on the cubic first, then one Newton step on the quintic.
 
@@ -230,14 +232,14 @@ class Levels:
         better = fraction - (height - boundary) / rate
         return np.where((better > 0.0) & (better < end), better, 0.5 * fraction)
 
-    def advance(self, start: Start, accepted: BoolArray) -> Landing:
+    def advance(self, start: StepStart, accepted: BoolArray) -> GroundContact:
         """Move the accepted arcs to the ends of the steps last looked at, which is where `start` has them."""
         np.copyto(self._height, self._next_height, where=accepted)
         np.copyto(self._climb, self._next_climb, where=accepted)
         self._bend = self._curvature(start, self._climb)
         return self.settle(accepted)
 
-    def settle(self, moved: BoolArray) -> Landing:
+    def settle(self, moved: BoolArray) -> GroundContact:
         """Change over the arcs that are on a boundary, or next to it and sure to cross it."""
         falling, rising = self._climb < 0.0, self._climb > 0.0
         drop, rise = self._height - self._low, self._high - self._height
@@ -250,7 +252,7 @@ class Levels:
             self.layer += (up & (self._high == self._ceilings[self.layer])).astype(np.intp) - (down & changed)
             self._above |= up & (self._high == self._target)
             self._set_bounds()
-        return Landing(changed, impact, sunk)
+        return GroundContact(changed, impact, sunk)
 
     def _will_cover(self, distance: FloatArray) -> BoolArray:
         """Return whether the arcs, as they move, will cover twice a distance, m, before they turn round."""
@@ -274,7 +276,7 @@ class Levels:
         height, climb = height_and_climb(position, velocity, _inverse_length(position))
         return height, climb * self._direction
 
-    def _curvature(self, start: Start, climb: FloatArray) -> FloatArray:
+    def _curvature(self, start: StepStart, climb: FloatArray) -> FloatArray:
         """Return about the second derivative of height, m/s²: of the radius."""
         position, velocity, acceleration = start
         radial = position[0] * acceleration[0] + position[1] * acceleration[1] + position[2] * acceleration[2]

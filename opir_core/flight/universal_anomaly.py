@@ -1,6 +1,6 @@
 """The universal anomaly at a given time: Kepler's equation solved for arrays of any conics at once.
 
-`solved_quickly` takes every element the same way and says which it did not finish; `solved_surely` finishes those
+`solve_fast` takes every element the same way and says which it did not finish; `solve_bracketed` finishes those
 inside a bracket. Each element is treated by itself: it has the same bits in any company.
 
 Universal functions of two-body motion: one set of series for ellipse, parabola and hyperbola.
@@ -112,7 +112,7 @@ def _horner(coefficients: tuple[float, ...], x: NDArray[Real]) -> NDArray[Real]:
 _EPSILON = float(np.finfo(float).eps)
 
 
-class Arcs(NamedTuple, Generic[Real]):
+class UniversalArcs(NamedTuple, Generic[Real]):
     """Starts of arcs, and the times >= 0 to follow them; one-dimensional arrays in units with mu = 1.
 
     On closed orbits the time is at most a period.
@@ -123,12 +123,14 @@ class Arcs(NamedTuple, Generic[Real]):
     alpha: NDArray[Real]
     time: NDArray[Real]
 
-    def at(self, index: NDArray[np.intp]) -> "Arcs[Real]":
+    def at(self, index: NDArray[np.intp]) -> "UniversalArcs[Real]":
         """Return the arcs at these indices."""
-        return Arcs(self.rho[index], self.sigma[index], self.alpha[index], self.time[index])
+        return UniversalArcs(self.rho[index], self.sigma[index], self.alpha[index], self.time[index])
 
 
-def derivatives(arcs: Arcs[Real], functions: Functions[Real]) -> tuple[NDArray[Real], NDArray[Real], NDArray[Real]]:
+def derivatives(
+    arcs: UniversalArcs[Real], functions: Functions[Real]
+) -> tuple[NDArray[Real], NDArray[Real], NDArray[Real]]:
     """Return by how much the anomaly is reached later than the arc's time, and the first two derivatives, r and r'."""
     g0, g1, g2, g3 = functions
     rho, sigma, alpha, time = arcs
@@ -146,7 +148,7 @@ def derivatives(arcs: Arcs[Real], functions: Functions[Real]) -> tuple[NDArray[R
     return excess, r, slope
 
 
-def laguerre_step(arcs: Arcs[Real], functions: Functions[Real]) -> NDArray[Real]:
+def laguerre_step(arcs: UniversalArcs[Real], functions: Functions[Real]) -> NDArray[Real]:
     """Return Laguerre's step towards the anomaly, for degree 5 (Conway, Celestial Mechanics 39, 1986, 199-211)."""
     step, r, slope = derivatives(arcs, functions)
     step /= r
@@ -162,7 +164,9 @@ def laguerre_step(arcs: Arcs[Real], functions: Functions[Real]) -> NDArray[Real]
     return step
 
 
-def excess_and_noise(arcs: Arcs[np.float64], functions: Functions[np.float64]) -> tuple[FloatArray, FloatArray]:
+def excess_and_noise(
+    arcs: UniversalArcs[np.float64], functions: Functions[np.float64]
+) -> tuple[FloatArray, FloatArray]:
     """Return by how much the anomaly is reached later than the arc's time, and the rounding error of that."""
     _, g1, g2, g3 = functions
     excess = arcs.rho * g1 + arcs.sigma * g2 + g3 - arcs.time
@@ -178,9 +182,9 @@ _SIXTH, _THIRD = np.float32(1.0 / 6.0), np.float32(1.0 / 3.0)
 _EXPONENTIAL = 1.0
 
 
-def coarse_anomaly(arcs: Arcs[np.float64]) -> FloatArray:
+def coarse_anomaly(arcs: UniversalArcs[np.float64]) -> FloatArray:
     """Return the anomaly at the end of each arc, by Laguerre's steps from a first guess; 0 where that overflows."""
-    single = Arcs(*(column.astype(np.float32) for column in arcs))
+    single = UniversalArcs(*(column.astype(np.float32) for column in arcs))
     s = _first_guess(single)
     for _ in range(_STEPS):
         s += laguerre_step(single, universal_functions(single.alpha, s))
@@ -189,7 +193,7 @@ def coarse_anomaly(arcs: Arcs[np.float64]) -> FloatArray:
     return s.astype(np.float64)
 
 
-def _first_guess(arcs: Arcs[np.float32]) -> Singles:
+def _first_guess(arcs: UniversalArcs[np.float32]) -> Singles:
     """Return a guess between the limits s = t / rho and s³ = 6 t; logarithmic far out on hyperbolas."""
     rho, sigma, alpha, time = arcs
     s = time / (rho + _cube_root(time * time * _SIXTH))
@@ -226,7 +230,7 @@ _SURE_STEPS = 2500
 _SMALL_SQUARED = 1e-8
 
 
-def solved_quickly(arcs: Arcs[np.float64]) -> tuple[FloatArray, BoolArray]:
+def solve_fast(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
     """Return rows s, G0, G1, G2 at the end of each arc, and where they are not yet right.
 
     A guess in single precision and one correction in double: enough for all but arcs close past the centre.
@@ -235,7 +239,7 @@ def solved_quickly(arcs: Arcs[np.float64]) -> tuple[FloatArray, BoolArray]:
     return _corrected(arcs, s, universal_functions(arcs.alpha, s))
 
 
-def solved_surely(arcs: Arcs[np.float64]) -> tuple[FloatArray, BoolArray]:
+def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
     """Return rows s, G0, G1, G2 at the end of each arc, and where no anomaly was found: there they are `nan`.
 
     Laguerre's steps inside a bracket, bisection where they do not help.
@@ -268,7 +272,7 @@ def _next(
     return np.where(helps, trial, 0.5 * (low + high)), np.where(helps, 0.5 * excess, np.inf)
 
 
-def _bracket(arcs: Arcs[np.float64]) -> tuple[FloatArray, FloatArray]:
+def _bracket(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, FloatArray]:
     """Return bounds of the anomaly: on a closed orbit one turn, else doubled until the time is passed."""
     closed = arcs.alpha > 0.0
     turn = (2.0 + 1e-6) * np.pi / np.sqrt(np.where(closed, arcs.alpha, 1.0))
@@ -283,7 +287,9 @@ def _bracket(arcs: Arcs[np.float64]) -> tuple[FloatArray, FloatArray]:
     return low, high
 
 
-def _corrected(arcs: Arcs[np.float64], s: FloatArray, functions: Functions[np.float64]) -> tuple[FloatArray, BoolArray]:
+def _corrected(
+    arcs: UniversalArcs[np.float64], s: FloatArray, functions: Functions[np.float64]
+) -> tuple[FloatArray, BoolArray]:
     """Return rows s, G0, G1, G2 after a correction of fourth order, and where it was too large to be exact."""
     excess, r, slope = derivatives(arcs, functions)
     np.negative(excess, out=excess)

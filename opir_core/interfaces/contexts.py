@@ -41,12 +41,13 @@ class TargetContext:
 class ModelContext:
     """What detection models are built with and, with the built `detection`, those of classification and confidence.
 
-    `make_scenery` returns the `opir_core.planning.environment.Scenery`; it is built when a model first asks for it.
+    `make_environment` returns the `opir_core.planning.environment.RadiometricEnvironment`; it is built when a model
+    first asks for it.
     """
 
     sensors: tuple[Sensor, ...]
     target_type_code: NDArray[np.uint8] = field(eq=False)  #: into `EMITTER_TYPES`: launches, then other hot sources
-    make_scenery: Callable[[], Any] | None = field(default=None, eq=False)
+    make_environment: Callable[[], Any] | None = field(default=None, eq=False)
     detection: DetectionProbability | None = field(default=None, eq=False)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.records import Detections, Exposures, Sightings, Tracks, Window
+from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks, Window
 
 if TYPE_CHECKING:
     pass
@@ -36,14 +36,14 @@ class Band:
 class Radiometer:
     """How a sensor measures light, band by band in the order of its `bands`.
 
-    `nei_w_m2` are noise-equivalent irradiances per look; `footprint_rad` is the angle across a resolution cell;
+    `nei_w_m2` are noise-equivalent irradiances per look; `ifov_rad` is the angle across a resolution cell;
     `collection_m2_s` the product of aperture, efficiency and integration time that turns irradiance into photons. A
     look detects above `threshold` standard deviations of its noise; `coincidence` is the threshold of the other bands
     where bands are compared, and `ratios` bound their irradiance over that of the first.
     """
 
     nei_w_m2: tuple[float, ...]
-    footprint_rad: float
+    ifov_rad: float
     collection_m2_s: float
     threshold: float
     coincidence: float
@@ -139,7 +139,7 @@ class FreeFlight(Protocol):
         """Scene times to which positions are known, (n,) s: at impact, or burnout where nobody follows the bodies."""
 
 
-class Dice(Protocol):
+class RandomDraws(Protocol):
     """Random numbers for a batch of rows, each from the stream of its (sensor, target, purpose), addressed by scan.
 
     The numbers of a row depend on the seed, the two ids, the purpose and the scan alone.
@@ -154,13 +154,13 @@ class Dice(Protocol):
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
 
-    def take(self, rows: Any) -> "Dice":
+    def take(self, rows: Any) -> "RandomDraws":
         """Return the dice of some of the rows."""
 
 
 @frozen(eq=False)
 class Measured(Columns):
-    """Of looks that detected: as in `Detections`, `Sightings`; None for sensors' own sigmas, and where not measured."""
+    """What looks that detected measured, as in `Detections`; None for a sensor's own sigma, or where not measured."""
 
     bands: NDArray[np.uint8]
     snr: FloatArray
@@ -182,24 +182,24 @@ class DetectionProbability(Protocol):
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look, in [0, 1]."""
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         """Return what is measured in the looks that detected."""
 
 
 class Classifier(Protocol):
     """Measurements to the reported target type."""
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8] | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
         """Return codes (n,) that hold for all detections of the pairs, or None where they vary; rows are pairs."""
 
-    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
 
 
 class Confidence(Protocol):
     """Detections and their history to confidence."""
 
-    def confidence(self, sightings: Sightings) -> FloatArray:
+    def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return confidences (n,) in [0, 1]."""
 
 
@@ -207,7 +207,7 @@ class Confidence(Protocol):
 class Tracker(Protocol):
     """Detections to tracks; stepped on ticks of scene time, never on window edges.
 
-    One that cares what its sensors promise has `sees_with(sensors)` too: a running scene had their settings changed.
+    One that cares what its sensors promise has `set_sensors(sensors)` too: a running scene had their settings changed.
     """
 
     @property
@@ -258,7 +258,7 @@ class Delivery:
 class Sink(Protocol):
     """Where events go. A sink that fails raises `SinkError`; the other sinks go on.
 
-    A sink's `build` may return an `opir_core.output.spool.transport.Carrier` instead, of which the core makes a sink.
+    A sink's `build` may return an `opir_core.output.spool.transport.Transport` instead, of which the core makes a sink.
     A sink that can be asked how it stands while it is open has `standing() -> Delivery` too, callable from any thread:
     there `spooled` are all that are taken and not yet delivered, wherever they wait. One that may be long in closing
     has `hurry(end_at_s)`, which gives it until then by the steady clock.

@@ -45,7 +45,7 @@ class Exposures(Columns):
 
 
 @frozen(eq=False)
-class Sightings(Columns):
+class ClassifierInputs(Columns):
     """Looks that detected, as classifiers and confidence models see them; one row a detection.
 
     `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of the sensor's elevation

@@ -1,6 +1,6 @@
 """Detection models that reckon with light: what they have beside `DetectionProbability`.
 
-The engine asks a model for `Responsive` where it has `probability_tolerance`, and for `Exceedances` where it has
+The engine asks a model for `SignalModel` where it has `probability_tolerance`, and for `FalseAlarmModel` where it has
 `rate_per_scan`.
 """
 
@@ -10,7 +10,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Dice, Measured
+from opir_core.interfaces.protocols import Measured, RandomDraws
 from opir_core.interfaces.records import Exposures
 
 
@@ -32,7 +32,7 @@ class Response(Columns):
 
 
 @runtime_checkable
-class Responsive(Protocol):
+class SignalModel(Protocol):
     """What detection models also have whose probabilities vary slowly along a track, so that looks may share knots."""
 
     @property
@@ -43,21 +43,21 @@ class Responsive(Protocol):
         """Return what looks would measure; with a `slack`, probabilities need to be right only to within it."""
 
     def measure_response(
-        self, response: Response, sensor: IndexArray, dice: Dice, probability: FloatArray | None = None
+        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
     ) -> Measured:
         """Return what is measured in looks that detected; `probability` (n,) stands in for a probit of None."""
 
 
 @runtime_checkable
-class Kinked(Protocol):
-    """What `Responsive` models also have that know when signals jump or bend: knots are laid there at once."""
+class WithBreakpoints(Protocol):
+    """What `SignalModel` models also have that know when signals jump or bend: knots are laid there at once."""
 
-    def kinks_s(self) -> FloatArray:
+    def breakpoints_s(self) -> FloatArray:
         """Return when (targets, k), by scene time at the target, any of its signals may jump or bend; nan for none."""
 
 
 @runtime_checkable
-class Exceedances(Protocol):
+class FalseAlarmModel(Protocol):
     """How often, and as what, noise alone crosses a sensor's threshold."""
 
     @property

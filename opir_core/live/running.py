@@ -20,7 +20,7 @@ from opir_core.live.change_validation import Draft, drafted_launch, drafted_sett
 from opir_core.live.laps import Laps, Launched, Place, Shift, past, timed
 from opir_core.live.pace import Pace
 from opir_core.live.plan_updates import looked_at
-from opir_core.live.sink_thread import Outlet, OutletStatus
+from opir_core.live.sink_thread import SinkStatus, SinkThread
 from opir_core.output.delivery import opened_sink
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
@@ -72,7 +72,7 @@ class LiveStatus:
     targets: int
     targets_launched: int
     sensors: tuple[SensorStatus, ...]
-    sinks: tuple[OutletStatus, ...]
+    sinks: tuple[SinkStatus, ...]
 
 
 @define(eq=False)
@@ -156,7 +156,7 @@ class LiveRun:
         self._counts = Counts.of(len(scene.sensors))
         self._launched = len(scene.targets)
         self._tracks = 0
-        self._outlets: tuple[Outlet, ...] = ()
+        self._outlets: tuple[SinkThread, ...] = ()
         self._stopping = threading.Event()
         self._changes = Changes(self._stopping)
         self._state = "starting"
@@ -165,11 +165,11 @@ class LiveRun:
 
     def start(self) -> None:
         """Open the sinks and begin; raises `SinkError` where a sink cannot be opened."""
-        plan, outlets = self.plan, list[Outlet]()
+        plan, outlets = self.plan, list[SinkThread]()
         try:
             for choice in plan.scene.outputs:
                 is_kept = choice.spool is not None
-                outlets.append(Outlet(choice.path, choice.name, opened_sink(plan, choice), is_kept=is_kept))
+                outlets.append(SinkThread(choice.path, choice.name, opened_sink(plan, choice), is_kept=is_kept))
         except BaseException:
             for outlet in outlets:
                 outlet.close(time.monotonic() + 1.0)

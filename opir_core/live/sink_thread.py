@@ -26,7 +26,7 @@ _REPLACED_S = 2.5
 
 
 @frozen
-class OutletStatus:
+class SinkStatus:
     """What a sink has taken: events given to it, what it says became of them, and how much waits for it.
 
     given + recovered = delivered + spooled + dropped + withheld + those in queued windows.
@@ -46,7 +46,7 @@ class OutletStatus:
     error: str | None
 
 
-class Outlet:
+class SinkThread:
     """One sink and its thread. States: open, failed, closed. `is_kept` says whether the sink has a spool."""
 
     def __init__(self, path: str, name: str, sink: Sink, *, is_kept: bool = False) -> None:
@@ -95,11 +95,11 @@ class Outlet:
         if self._thread.is_alive():
             self._error = self._error or "it did not close before the deadline"
 
-    def status(self) -> OutletStatus:
+    def status(self) -> SinkStatus:
         """Return what the sink has taken."""
         told, given = _sum(self._ended, self._standing()), self._given
         lost = given + told.recovered - told.delivered - told.spooled - told.withheld
-        return OutletStatus(
+        return SinkStatus(
             path=self.path,
             name=self.name,
             state="failed" if self._error else "closed" if self._final else "open",

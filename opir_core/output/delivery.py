@@ -22,7 +22,7 @@ from opir_core.simulation.summary import Tally
 
 
 @frozen(eq=False)
-class Outcome:
+class RunOutcome:
     """What came of a run: its summary, its manifest, and what each sink took."""
 
     summary: Mapping[str, Any]
@@ -49,11 +49,11 @@ def deliver(
     truth_path: Path | None = None,
     tracks_path: Path | None = None,
     on_window: Callable[[Window], None] | None = None,
-) -> Outcome:
+) -> RunOutcome:
     """Run a plan into the sinks of its scene and return what came of it; memory use does not grow with duration.
 
-    `on_window` is called with each window once it is delivered. A failing sink does not stop the others.
-    Raises `SinkError` where the truth or the tracks cannot be written; `Outcome.raise_for_failures` does for the sinks.
+    `on_window` is called with each window once it is delivered. A failing sink does not stop the others. Raises
+    `SinkError` where the truth or the tracks cannot be written; `RunOutcome.raise_for_failures` does for the sinks.
     """
     tally = Tally(plan)
     windows = tally.over(plan_windows(plan))
@@ -62,7 +62,7 @@ def deliver(
     if tracks_path is not None:
         windows = _with_tracks(tracks_path, windows)
     report = pump(windows, _sinks(plan), on_window=on_window)
-    return Outcome(tally.summary(), run_manifest(plan, tally.counts()), report)
+    return RunOutcome(tally.summary(), run_manifest(plan, tally.counts()), report)
 
 
 def _with_truth(plan: Plan, path: Path, windows: Iterable[Window]) -> Iterator[Window]:

@@ -42,7 +42,7 @@ class PumpReport:
         return tuple(sink for sink in self.sinks if sink.error is not None)
 
 
-class Outlets:
+class SinkGroup:
     """The sinks of a run: a context that closes them, and that can be asked for its report at any time after.
 
     What a sink raises other than `SinkError` is a defect, not a failure of the output, and is passed on.
@@ -118,9 +118,9 @@ def pump(
     """Drive windows into sinks, by name, and report; `on_window` is called when the sinks have taken one.
 
     Ends early when every sink has failed, for then nobody listens. A generator of windows is closed at the end. What
-    the windows or `on_window` raise is passed on, the sinks closed; use `Outlets` to have their report then.
+    the windows or `on_window` raise is passed on, the sinks closed; use `SinkGroup` to have their report then.
     """
-    with Outlets(sinks) as outlets, ExitStack() as ending:
+    with SinkGroup(sinks) as outlets, ExitStack() as ending:
         if isinstance(windows, Generator):
             ending.callback(windows.close)
         for window in windows:

@@ -11,19 +11,19 @@ from opir_core.scene.scene import Choice
 _TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
 
 
-def unbuilt(host: Host, choice: Choice, error: Exception) -> ModelError:
+def build_error(host: Host, choice: Choice, error: Exception) -> ModelError:
     """Return the complaint about a component whose `build` raised."""
-    return ModelError(f"{whose(host, choice)}: build raised {described_error(error)}")
+    return ModelError(f"{owner_text(host, choice)}: build raised {described_error(error)}")
 
 
 def require_tracker(host: Host, choice: Choice, part: Any) -> None:
     """Raise `ModelError` where what a tracker's component built is no tracker."""
     fault = _fault_in_tracker(part)
     if fault:
-        raise ModelError(f"{whose(host, choice)}: {fault}; {to_check(choice.name)}")
+        raise ModelError(f"{owner_text(host, choice)}: {fault}; {to_check(choice.name)}")
 
 
-def whose(host: Host, choice: Choice) -> str:
+def owner_text(host: Host, choice: Choice) -> str:
     """Return a component and its owner, after its place in the scene, as messages begin with them."""
     kind, owner = host.component(choice.hook, choice.name).kind, host.provenance(choice.hook, choice.name)
     return f"{choice.path}: the {kind} {choice.name!r} of {owner}"

@@ -18,14 +18,14 @@ from opir_core.radiometry.protocols import (
     AtmosphereContext,
     Background,
     BackgroundContext,
-    KinkedCourse,
-    KinkedSignatures,
-    KinkedTransmittance,
+    CourseWithBreakpoints,
     SignatureContext,
     Signatures,
+    SignaturesWithBreakpoints,
     SourceContext,
     Sources,
     Transmittance,
+    TransmittanceWithBreakpoints,
     intensities_w_sr,
 )
 from opir_core.radiometry.records import Paths, Views
@@ -43,7 +43,7 @@ REFERENCE_BURN_S = 170.0
 
 
 @frozen(eq=False)
-class Scenery:
+class RadiometricEnvironment:
     """Signatures of all targets, the atmosphere and the background, for the distinct `bands` of the scene's sensors.
 
     `group` and `place` (n,) say which of `signatures` is a target's and in which row.
@@ -104,26 +104,30 @@ class Scenery:
             intensity[:, rows] = own
         return intensity
 
-    def kinks_s(self) -> FloatArray:
+    def breakpoints_s(self) -> FloatArray:
         """Return when (targets, k), by scene time, intensities or the air above targets may jump or bend; nan for none.
 
         That is where signatures, the atmosphere and, of the direction of flight, trajectories say so.
         """
         everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
         heights = ascents(self.targets)
-        air = self.atmosphere.altitude_kinks_m if isinstance(self.atmosphere, KinkedTransmittance) else np.empty(0)
+        air = (
+            self.atmosphere.altitude_breakpoints_m
+            if isinstance(self.atmosphere, TransmittanceWithBreakpoints)
+            else np.empty(0)
+        )
         found = [heights.times_s(np.broadcast_to(air, (len(self.group), len(air))))]
         for signatures, rows in zip(self.signatures, everyone, strict=True):
-            if isinstance(signatures, KinkedSignatures):
+            if isinstance(signatures, SignaturesWithBreakpoints):
                 place = self.place[rows]
-                levels_m, since_s = signatures.altitude_kinks_m[place], signatures.time_kinks_s[place]
+                levels_m, since_s = signatures.altitude_breakpoints_m[place], signatures.time_breakpoints_s[place]
                 own = np.full((len(self.group), levels_m.shape[1] + since_s.shape[1]), np.nan)
                 crossed_s = heights.take(rows).times_s(levels_m)
                 own[rows] = np.concatenate([crossed_s, self.targets.ignition_s[rows, None] + since_s], axis=1)
                 found.append(own)
         for number, trajectories in enumerate(self.targets.trajectories):
-            if isinstance(trajectories, KinkedCourse):
-                turning, own_s = np.flatnonzero(self.targets.group == number), trajectories.course_kinks_s
+            if isinstance(trajectories, CourseWithBreakpoints):
+                turning, own_s = np.flatnonzero(self.targets.group == number), trajectories.course_breakpoints_s
                 own = np.full((len(self.group), own_s.shape[1]), np.nan)
                 own[turning] = own_s[self.targets.place[turning]]
                 found.append(own)
@@ -146,9 +150,9 @@ def distinct_bands(sensors: Sequence[Sensor]) -> tuple[Band, ...]:
     return tuple(dict.fromkeys(band for sensor in sensors for band in sensor.bands))
 
 
-def make_scenery(
+def make_environment(
     scene: Scene, host: Host, sensors: Sequence[Sensor], targets: Targets, sources: Sequence[Sources]
-) -> Scenery:
+) -> RadiometricEnvironment:
     """Return the scenery of a scene; raises `ModelError` where a model cannot answer for one of the bands."""
     bands = distinct_bands(sensors)
     atmosphere = _atmosphere(scene, host, bands)
@@ -156,7 +160,7 @@ def make_scenery(
         bands=bands, path=scene.background.path, epoch_us=scene.epoch_us, make_atmosphere=lambda: atmosphere
     )
     signatures, group, place = _signatures(scene, host, bands, targets, sources)
-    return Scenery(
+    return RadiometricEnvironment(
         bands=bands,
         targets=targets,
         signatures=signatures,

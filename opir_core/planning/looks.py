@@ -6,8 +6,8 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import Sites
-from opir_core.planning.visibility import GridPlace, Pairs, Sight, distance_m, visible_now
+from opir_core.planning.sensor_states import SensorStates
+from opir_core.planning.visibility import GridPlace, Pairs, Visibility, distance_m, visible_now
 
 #: Rows handled at once.
 BLOCK_ROWS = 16384
@@ -71,7 +71,7 @@ def look_times_s(pairs: Pairs, pair: IntArray, scan: IntArray) -> FloatArray:
 
 
 def exposures(
-    plan: Plan, sites: Sites, pair: IntArray, scan: IntArray, *, geometry: bool, time_s: FloatArray | None = None
+    plan: Plan, sites: SensorStates, pair: IntArray, scan: IntArray, *, geometry: bool, time_s: FloatArray | None = None
 ) -> Exposures:
     """Return the exposures of looks given by pair and scan (n,); without `geometry` its columns stay empty.
 
@@ -90,12 +90,12 @@ def exposures(
     )
 
 
-def seen(plan: Plan, sites: Sites, pair: IntArray, scan: IntArray) -> BoolArray:
+def seen(plan: Plan, sites: SensorStates, pair: IntArray, scan: IntArray) -> BoolArray:
     """Return which looks of pairs that are not certain see their target; only those in doubt are computed."""
     place = plan.sightlines.place(pair, look_times_s(plan.pairs, pair, scan))
     sight = plan.sightlines.sight[place.point]
-    result: BoolArray = sight == Sight.ALWAYS
-    doubtful = np.flatnonzero(sight == Sight.PERHAPS)
+    result: BoolArray = sight == Visibility.ALWAYS
+    doubtful = np.flatnonzero(sight == Visibility.PERHAPS)
     exposed = exposures(plan, sites, pair[doubtful], scan[doubtful], geometry=True)
     for number in np.unique(exposed.sensor):
         rows = np.flatnonzero(exposed.sensor == number)

@@ -20,8 +20,8 @@ from opir_core.scene.scene import Choice, Scene
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
-    from opir_core.planning.environment import Scenery
-    from opir_core.planning.pointing_bias import Bias
+    from opir_core.planning.environment import RadiometricEnvironment
+    from opir_core.planning.pointing_bias import PointingBias
     from opir_core.radiometry.protocols import Sources
 
 _NS = 1_000_000_000
@@ -42,7 +42,7 @@ class Plan:
     confidence: Confidence
     #: What the first run steps; it remembers that run (`tracker_of_run`).
     tracker: Tracker
-    bias: "Bias | None"
+    bias: "PointingBias | None"
     end_ns: int
     #: How often each sensor's scans have been numbered anew; empty in a run whose scan rates never changed.
     scan_generations: tuple[int, ...] = ()
@@ -110,12 +110,12 @@ def tracker_of_run(plan: Plan) -> Tracker:
 def _model_context(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
 ) -> ModelContext:
-    def make_scenery() -> "Scenery":
-        from opir_core.planning.environment import make_scenery
+    def make_environment() -> "RadiometricEnvironment":
+        from opir_core.planning.environment import make_environment
 
-        return make_scenery(scene, host, sensors, targets, sources)
+        return make_environment(scene, host, sensors, targets, sources)
 
-    return ModelContext(sensors=sensors, target_type_code=targets.type_code, make_scenery=make_scenery)
+    return ModelContext(sensors=sensors, target_type_code=targets.type_code, make_environment=make_environment)
 
 
 def _models(scene: Scene, host: Host, context: ModelContext) -> dict[str, Any]:
@@ -145,13 +145,13 @@ def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
     return tracker
 
 
-def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> "Bias | None":
+def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> "PointingBias | None":
     """Return the line-of-sight bias of sensors, or None where none of them has any."""
     if not any(sensor.line_of_sight_bias_sigma_rad for sensor in sensors):
         return None
-    from opir_core.planning.pointing_bias import Bias
+    from opir_core.planning.pointing_bias import PointingBias
 
-    return Bias.drawn(seed, sensors)
+    return PointingBias.drawn(seed, sensors)
 
 
 def built(host: Host, choice: Choice, context: Any) -> Any:
@@ -167,9 +167,9 @@ def _part(host: Host, choice: Choice, config: Any, context: Any) -> Any:
     except OpirError:
         raise
     except Exception as error:
-        from opir_core.planning.build_errors import unbuilt
+        from opir_core.planning.build_errors import build_error
 
-        raise unbuilt(host, choice, error) from error
+        raise build_error(host, choice, error) from error
 
 
 def _sensor(scene: Scene, host: Host, number: int) -> Sensor:

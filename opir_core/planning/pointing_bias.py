@@ -19,14 +19,14 @@ STREAM = "line-of-sight-bias"
 
 
 @frozen(eq=False)
-class Bias:
+class PointingBias:
     """The bias of each sensor, (sensors,) rad along east and north."""
 
     east_rad: FloatArray
     north_rad: FloatArray
 
     @classmethod
-    def drawn(cls, seed: int, sensors: Sequence[Sensor]) -> "Bias":
+    def drawn(cls, seed: int, sensors: Sequence[Sensor]) -> "PointingBias":
         """Return normal biases with the sensors' own standard deviations, each from the sensor's own stream."""
         bias = np.zeros((2, len(sensors)))
         for number, sensor in enumerate(sensors):

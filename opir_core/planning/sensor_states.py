@@ -9,21 +9,21 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.protocols import Sensor
 
 if TYPE_CHECKING:
-    from opir_core.planning.pointing_bias import Bias
+    from opir_core.planning.pointing_bias import PointingBias
 
 
 @frozen(eq=False)
-class Sites:
+class SensorStates:
     """What stays the same of the sensors, one row each; the position is nan for those that move."""
 
     sensors: tuple[Sensor, ...]
     position_ecef_m: FloatArray
     sigma_rad: FloatArray
     moving: IntArray
-    bias: "Bias | None"
+    bias: "PointingBias | None"
 
     @classmethod
-    def of(cls, sensors: tuple[Sensor, ...], bias: "Bias | None" = None) -> "Sites":
+    def of(cls, sensors: tuple[Sensor, ...], bias: "PointingBias | None" = None) -> "SensorStates":
         """Return the sites of sensors that have this bias, or none."""
         position = np.full((len(sensors), 3), np.nan)
         for number, sensor in enumerate(sensors):

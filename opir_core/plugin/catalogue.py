@@ -3,10 +3,10 @@
 from opir_core.plugin.components import CATALOGUE, ComponentRow, PluginFailure, PluginRow, Provenance
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer, Source
 from opir_core.plugin.error_messages import unknown_plugin
-from opir_core.plugin.registry import Shelf
+from opir_core.plugin.registry import Registry
 
 
-def claims(shelf: Shelf) -> dict[Offer, list[Provenance]]:
+def claims(shelf: Registry) -> dict[Offer, list[Provenance]]:
     """Return every name that is advertised or offered by a plugin that has not failed, with its owners."""
     found: dict[Offer, list[Provenance]] = {}
     for source in shelf.sources:
@@ -17,7 +17,7 @@ def claims(shelf: Shelf) -> dict[Offer, list[Provenance]]:
     return found
 
 
-def rows(shelf: Shelf) -> list[PluginRow]:
+def rows(shelf: Registry) -> list[PluginRow]:
     """Load every plugin and return a row for each, sorted by name; then the hidden and the unknown."""
     shelf.load_all()
     owners = claims(shelf)
@@ -32,7 +32,7 @@ def rows(shelf: Shelf) -> list[PluginRow]:
     ]
 
 
-def _row(shelf: Shelf, source: Source, owners: dict[Offer, list[Provenance]]) -> PluginRow:
+def _row(shelf: Registry, source: Source, owners: dict[Offer, list[Provenance]]) -> PluginRow:
     owner = source.provenance
     outcome = shelf.load(source)
     if isinstance(outcome, PluginFailure):

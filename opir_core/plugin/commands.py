@@ -7,11 +7,11 @@ from typing import Any
 from opir_core.errors import PluginError
 from opir_core.plugin import error_messages
 from opir_core.plugin.components import Provenance
-from opir_core.plugin.contributions import Offerings
+from opir_core.plugin.contributions import Contributions
 from opir_core.plugin.discovery import COMMAND_HOOK, Source
 from opir_core.plugin.error_messages import Search
-from opir_core.plugin.registry import Shelf, warn
-from opir_core.plugin.validation import Unfit, described_error
+from opir_core.plugin.registry import Registry, warn
+from opir_core.plugin.validation import InvalidPlugin, described_error
 
 #: The owners of every command that plugins have added.
 Owners = dict[str, list[Provenance]]
@@ -36,9 +36,9 @@ class CommandDesk:
         names = [name, *keywords.get("aliases", ())]
         for known in names:
             if known in self._core:
-                raise Unfit(f"{COMMAND_HOOK} adds the command {known!r}, which opir has itself")
+                raise InvalidPlugin(f"{COMMAND_HOOK} adds the command {known!r}, which opir has itself")
             if self._owner in self._owners.get(known, ()):
-                raise Unfit(f"{COMMAND_HOOK} adds the command {known!r} twice")
+                raise InvalidPlugin(f"{COMMAND_HOOK} adds the command {known!r} twice")
         contested = any(known in self._owners for known in names)
         parser = ArgumentParser(prog=name) if contested else self._commands.add_parser(name, **keywords)
         for known in names:
@@ -50,7 +50,7 @@ class CommandDesk:
         return getattr(self._commands, name)
 
 
-def added_commands(shelf: Shelf, commands: Any, name: str | None = None) -> tuple[str, ...]:
+def added_commands(shelf: Registry, commands: Any, name: str | None = None) -> tuple[str, ...]:
     """Let the plugins that may have the command `name` (None: any command) add to `commands`; return what they added.
 
     Raises `PluginError` where `name` has two owners or its owner failed; without a name these are warnings.
@@ -75,15 +75,15 @@ def _may_have(source: Source, name: str | None) -> bool:
     return any(hook == COMMAND_HOOK and name in (None, command) for hook, command in source.advertised)
 
 
-def _let_add(shelf: Shelf, source: Source, desk: CommandDesk) -> None:
+def _let_add(shelf: Registry, source: Source, desk: CommandDesk) -> None:
     offerings = shelf.load(source)
-    if not isinstance(offerings, Offerings):
+    if not isinstance(offerings, Contributions):
         return
     try:
         for add in offerings.add_commands:
             add(desk)
         _insist_on_advertised(source, desk.added)
-    except Unfit as verdict:
+    except InvalidPlugin as verdict:
         shelf.fail(source, str(verdict))
     except (Exception, SystemExit) as error:
         shelf.fail(source, f"{COMMAND_HOOK} raised {described_error(error)}")
@@ -95,10 +95,12 @@ def _insist_on_advertised(source: Source, added: Collection[str]) -> None:
     advertised = {command for hook, command in source.advertised if hook == COMMAND_HOOK}
     if advertised != set(added):
         listed, made = ", ".join(sorted(advertised)), ", ".join(sorted(added)) or "none"
-        raise Unfit(f"its entry points in group opir.components advertise the commands {listed}; it adds {made}")
+        raise InvalidPlugin(
+            f"its entry points in group opir.components advertise the commands {listed}; it adds {made}"
+        )
 
 
-def _insist_on(shelf: Shelf, name: str, owners: Owners) -> None:
+def _insist_on(shelf: Registry, name: str, owners: Owners) -> None:
     search = Search(COMMAND_HOOK, name)
     advertisers = {source.provenance for source in shelf.sources if search.offer in (source.advertised or ())}
     claimants = advertisers.union(owners.get(name, ()))

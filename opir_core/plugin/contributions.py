@@ -1,7 +1,7 @@
 """What a plugin object offers: its hooks checked against the specifications, each called once, on its own.
 
-A fault in a plugin is an `Unfit` with the reason in words; it costs that plugin and no other, because every plugin is
-registered with a pluggy manager of its own and its hooks are never called together with another's.
+A fault in a plugin is an `InvalidPlugin` with the reason in words; it costs that plugin and no other, because every
+plugin is registered with a pluggy manager of its own and its hooks are never called together with another's.
 """
 
 import inspect
@@ -15,7 +15,7 @@ from attrs import frozen
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer
 from opir_core.plugin.hookspecs import PROJECT, CatalogueHooks, ExtensionHooks
-from opir_core.plugin.validation import Unfit, described_error, fault_in, nearest
+from opir_core.plugin.validation import InvalidPlugin, described_error, fault_in, nearest
 
 #: How many components one hook of one plugin may yield.
 MOST_COMPONENTS = 10_000
@@ -27,15 +27,15 @@ _ORDERING_OPTIONS = ("tryfirst", "trylast", "wrapper", "hookwrapper")
 
 
 @frozen(eq=False)
-class Offerings:
+class Contributions:
     """What a fit plugin has: components by hook and name, and functions that add commands."""
 
     components: Mapping[Offer, Component | Constellation]
     add_commands: tuple[Callable[[Any], None], ...] = ()
 
 
-def offerings_of(plugin: object) -> Offerings:
-    """Return what a plugin (a module or an object with hook implementations) offers; raise `Unfit` if it is not fit."""
+def contributions_of(plugin: object) -> Contributions:
+    """Return what a plugin (a module or an object with hook implementations) offers; raises `InvalidPlugin`."""
     implementations = _implementations(plugin)
     components: dict[Offer, Component | Constellation] = {}
     for hook, kind in CATALOGUE.items():
@@ -43,7 +43,7 @@ def offerings_of(plugin: object) -> Offerings:
             for component in _yielded(implementation, hook):
                 _add(components, component, hook, kind)
     commands = implementations.get(COMMAND_HOOK, ())
-    return Offerings(components, tuple(_command_adder(implementation) for implementation in commands))
+    return Contributions(components, tuple(_command_adder(implementation) for implementation in commands))
 
 
 def _implementations(plugin: object) -> dict[str, Sequence[pluggy.HookImpl]]:
@@ -52,14 +52,14 @@ def _implementations(plugin: object) -> dict[str, Sequence[pluggy.HookImpl]]:
     manager.add_hookspecs(ExtensionHooks)
     faults = [*_faults_in_marks(manager, plugin)]
     if faults:
-        raise Unfit("; ".join(faults))
+        raise InvalidPlugin("; ".join(faults))
     try:
         manager.register(plugin, name="plugin")
     except pluggy.PluginValidationError as error:
-        raise Unfit("; ".join(_faults_in_signatures(manager, plugin)) or str(error)) from error
+        raise InvalidPlugin("; ".join(_faults_in_signatures(manager, plugin)) or str(error)) from error
     callers = manager.get_hookcallers(plugin) or []
     if not callers:
-        raise Unfit("offers nothing: none of its functions is marked with @hookimpl from opir_core.plugin")
+        raise InvalidPlugin("offers nothing: none of its functions is marked with @hookimpl from opir_core.plugin")
     return {caller.name: caller.get_hookimpls() for caller in callers}
 
 
@@ -107,13 +107,15 @@ def _yielded(implementation: pluggy.HookImpl, hook: str) -> list[Any]:
         product = implementation.function()
         items = list(islice(product, MOST_COMPONENTS + 1)) if isinstance(product, Iterable) else None
     except (Exception, SystemExit) as error:
-        raise Unfit(f"{hook} raised {described_error(error)}") from error
+        raise InvalidPlugin(f"{hook} raised {described_error(error)}") from error
     if items is None:
         if inspect.iscoroutine(product):
             product.close()
-        raise Unfit(f"{hook} returned {_article(product)}, where an iterable of {CATALOGUE[hook].__name__} was due")
+        raise InvalidPlugin(
+            f"{hook} returned {_article(product)}, where an iterable of {CATALOGUE[hook].__name__} was due"
+        )
     if len(items) > MOST_COMPONENTS:
-        raise Unfit(f"{hook} yields more than {MOST_COMPONENTS} components")
+        raise InvalidPlugin(f"{hook} yields more than {MOST_COMPONENTS} components")
     return items
 
 
@@ -124,12 +126,12 @@ def _add(
     kind: type[Component] | type[Constellation],
 ) -> None:
     if not isinstance(component, kind):
-        raise Unfit(f"{hook} yielded {_article(component)}, where {_article_of(kind.__name__)} was due")
+        raise InvalidPlugin(f"{hook} yielded {_article(component)}, where {_article_of(kind.__name__)} was due")
     fault = fault_in(component)
     if fault:
-        raise Unfit(f"{hook} yielded {_article_of(kind.kind)} {fault}")
+        raise InvalidPlugin(f"{hook} yielded {_article_of(kind.kind)} {fault}")
     if (hook, component.name) in components:
-        raise Unfit(f"{hook} yielded two {kind.kind}s named {component.name!r}")
+        raise InvalidPlugin(f"{hook} yielded two {kind.kind}s named {component.name!r}")
     components[hook, component.name] = component
 
 

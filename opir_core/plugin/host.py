@@ -14,10 +14,10 @@ from typing import Any, Self, TypeVar, overload
 from opir_core.errors import PluginError
 from opir_core.plugin import catalogue, error_messages
 from opir_core.plugin.components import CATALOGUE, Component, Constellation, PluginFailure, PluginRow, Provenance
-from opir_core.plugin.contributions import Offerings
+from opir_core.plugin.contributions import Contributions
 from opir_core.plugin.discovery import Selection, Source, core_sources, installed_sources, selected
 from opir_core.plugin.error_messages import Search
-from opir_core.plugin.registry import Shelf, outcome_of, warn
+from opir_core.plugin.registry import Registry, outcome_of, warn
 
 #: The environment variable that lists the plugins allowed.
 ALLOW_VARIABLE = "OPIR_PLUGINS"
@@ -31,7 +31,7 @@ class Host:
     """Plugins and what they offer; make one with `Host.discover()` or `Host.of(...)`."""
 
     def __init__(self, selection: Selection) -> None:
-        self._shelf = Shelf(selection)
+        self._shelf = Registry(selection)
         self._used: set[Provenance] = set()
 
     @classmethod
@@ -129,7 +129,7 @@ class Host:
 
         return added_commands(self._shelf, commands, name)
 
-    def _resolved(self, search: Search) -> tuple[Source, Offerings]:
+    def _resolved(self, search: Search) -> tuple[Source, Contributions]:
         claimants = self._shelf.claimants(search.offer)
         if len(claimants) > 1:
             raise PluginError(error_messages.contested(search, [source.provenance for source in claimants]))

@@ -3,18 +3,18 @@
 from collections.abc import Iterable
 
 from opir_core.plugin.components import PluginFailure, Provenance
-from opir_core.plugin.contributions import Offerings, offerings_of
+from opir_core.plugin.contributions import Contributions, contributions_of
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer, Selection, Source
-from opir_core.plugin.validation import Unfit, described_error
+from opir_core.plugin.validation import InvalidPlugin, described_error
 
 
-class Shelf:
+class Registry:
     """Plugins in the order of their names, and what became of those that were loaded."""
 
     def __init__(self, selection: Selection) -> None:
         self.selection = selection
         self._sources = sorted(selection.allowed, key=lambda source: source.provenance)
-        self._outcomes: dict[Source, Offerings | PluginFailure] = {}
+        self._outcomes: dict[Source, Contributions | PluginFailure] = {}
 
     @property
     def sources(self) -> tuple[Source, ...]:
@@ -33,15 +33,15 @@ class Shelf:
     @property
     def ready(self) -> tuple[Provenance, ...]:
         """Return the plugins that were loaded and are fit, sorted."""
-        fit = (source for source, outcome in self._outcomes.items() if isinstance(outcome, Offerings))
+        fit = (source for source, outcome in self._outcomes.items() if isinstance(outcome, Contributions))
         return tuple(sorted(source.provenance for source in fit))
 
-    def add(self, source: Source, offerings: Offerings) -> None:
+    def add(self, source: Source, offerings: Contributions) -> None:
         """Put a plugin on the shelf, with what it offers."""
         self._outcomes[source] = offerings
         self._sources = sorted([*self._sources, source], key=lambda item: item.provenance)
 
-    def load(self, source: Source) -> Offerings | PluginFailure:
+    def load(self, source: Source) -> Contributions | PluginFailure:
         """Return what a plugin offers, or why it cannot be used; a failure is logged when it is found."""
         if source not in self._outcomes:
             outcome = outcome_of(source)
@@ -71,7 +71,7 @@ class Shelf:
         if source.advertised is not None:
             return source.advertised
         outcome = self.load(source)
-        return outcome.components if isinstance(outcome, Offerings) else ()
+        return outcome.components if isinstance(outcome, Contributions) else ()
 
 
 def warn(message: str) -> None:
@@ -81,7 +81,7 @@ def warn(message: str) -> None:
     getLogger("opir").warning("%s", message)
 
 
-def outcome_of(source: Source) -> Offerings | PluginFailure:
+def outcome_of(source: Source) -> Contributions | PluginFailure:
     """Import a plugin and return what it offers, or why it cannot be used."""
     if source.fault:
         return PluginFailure.of(source.provenance, source.fault)
@@ -90,9 +90,9 @@ def outcome_of(source: Source) -> Offerings | PluginFailure:
     except (Exception, SystemExit) as error:
         return _failure(source, f"cannot be imported: {described_error(error)}", error)
     try:
-        offerings = offerings_of(plugin)
+        offerings = contributions_of(plugin)
         _insist_on_advertised(source, offerings)
-    except Unfit as verdict:
+    except InvalidPlugin as verdict:
         return _failure(source, str(verdict), verdict)
     except Exception as error:
         return _failure(source, f"cannot be examined: {described_error(error)}", error)
@@ -106,7 +106,7 @@ def _failure(source: Source, reason: str, error: BaseException) -> PluginFailure
     return PluginFailure.of(source.provenance, reason)
 
 
-def _insist_on_advertised(source: Source, offerings: Offerings) -> None:
+def _insist_on_advertised(source: Source, offerings: Contributions) -> None:
     if source.advertised is None:
         return
     advertised = {offer for offer in source.advertised if offer[0] != COMMAND_HOOK}
@@ -121,7 +121,9 @@ def _insist_on_advertised(source: Source, offerings: Offerings) -> None:
     if offerings.add_commands and not names_commands:
         complaints.append(f"has {COMMAND_HOOK} and advertises no command")
     if complaints:
-        raise Unfit(f"its entry points in group opir.components are not what it offers: {'; '.join(complaints)}")
+        raise InvalidPlugin(
+            f"its entry points in group opir.components are not what it offers: {'; '.join(complaints)}"
+        )
 
 
 def _entry(offer: Offer) -> str:

@@ -17,7 +17,7 @@ _LIBRARIES = frozenset({"numpy", "scipy"})
 _MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
 
 
-class Unfit(Exception):  # noqa: N818 - a verdict on a plugin, which the host turns into a `PluginFailure`
+class InvalidPlugin(Exception):  # noqa: N818 - a verdict on a plugin, which the host turns into a `PluginFailure`
     """A plugin that cannot be used; the message is the reason, without the plugin's name."""
 
 

@@ -162,14 +162,14 @@ class EarthBackground:
         is_cloudy = np.isfinite(top_m)
         clear, cloudy = (in_a_row(np.flatnonzero(on_ground & sky)) for sky in (~is_cloudy, is_cloudy))
         if np.any(is_cloudy):
-            high, sun = _Places(top_m[cloudy]), _Places(view.sun_elevation_sine[cloudy])
+            high, sun = _SkyPlaces(top_m[cloudy]), _SkyPlaces(view.sun_elevation_sine[cloudy])
             radiance[:, cloudy] = [_cloud_radiance(self.clouds[band], high, sun) for band in bands]
-        low, sun = _Places(view.elevation_sine[clear]), _Places(view.sun_elevation_sine[clear])
+        low, sun = _SkyPlaces(view.elevation_sine[clear]), _SkyPlaces(view.sun_elevation_sine[clear])
         radiance[:, clear] = [_sky_radiance(self.skies[band], low, sun) for band in bands]
         return radiance
 
 
-class _Places:
+class _SkyPlaces:
     """Where values (n,) fall between the points of tables: found once for all tables that have the same points."""
 
     def __init__(self, at: FloatArray) -> None:
@@ -218,7 +218,7 @@ def _parts(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band], path
     return [(factor, known.index(one)) for one in chosen]
 
 
-def _sky_radiance(parts: Sequence[tuple[float, SkyTable]], look: _Places, sun: _Places) -> FloatArray:
+def _sky_radiance(parts: Sequence[tuple[float, SkyTable]], look: _SkyPlaces, sun: _SkyPlaces) -> FloatArray:
     total = np.zeros(len(look.at))
     for factor, table in parts:
         night = _along(table.night, *look.among(table.night_sine))
@@ -227,7 +227,7 @@ def _sky_radiance(parts: Sequence[tuple[float, SkyTable]], look: _Places, sun: _
     return np.maximum(total, 0.0)
 
 
-def _cloud_radiance(parts: Sequence[tuple[float, CloudTable]], top: _Places, sun: _Places) -> FloatArray:
+def _cloud_radiance(parts: Sequence[tuple[float, CloudTable]], top: _SkyPlaces, sun: _SkyPlaces) -> FloatArray:
     total = np.zeros(len(top.at))
     for factor, table in parts:
         night = _along(table.night, *top.among(table.top_m))

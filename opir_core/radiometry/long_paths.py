@@ -49,8 +49,8 @@ class LimbTable:
         `depth` (slants, lowest) are those of paths that only rise, from the horizon up, on the grid of `long_paths`.
         """
         lowest, lowest_m = np.unique(self.lowest_m), np.linspace(0.0, TOP_M, depth.shape[1])
-        foretold = foretold_depth(depth, self.lowest_m, self.height_m)
-        log_growth = np.log((_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (foretold + _ADDED))
+        predicted = foretold_depth(depth, self.lowest_m, self.height_m)
+        log_growth = np.log((_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (predicted + _ADDED))
         whole = np.vstack([*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)])
         growth = np.exp(akima(np.append(lowest, TOP_M), whole, np.maximum(lowest_m, lowest[0])).T)
         grown: FloatArray = np.maximum((foretold_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
@@ -103,7 +103,7 @@ _STEPS = 8
 _WAY_BACK = math.sqrt(2.0) - 1.0
 
 
-class _Places(NamedTuple):
+class _LimbPlaces(NamedTuple):
     """Where paths stand on a grid of rising ones: bent lowest heights, m, the corner below, how far across and up."""
 
     turn_m: FloatArray
@@ -146,19 +146,19 @@ def foretold_grid(depth: FloatArray) -> FloatArray:
 
 
 @cache
-def _grid_places(slants: int, heights: int) -> _Places:
+def _grid_places(slants: int, heights: int) -> _LimbPlaces:
     return _places(*climbs_of(heights), slants, heights)
 
 
-def _places(lowest_m: FloatArray, height_m: FloatArray, slants: int, heights: int) -> _Places:
+def _places(lowest_m: FloatArray, height_m: FloatArray, slants: int, heights: int) -> _LimbPlaces:
     cosine = (RADIUS_M + lowest_m) / (RADIUS_M + height_m)
     slant = np.arcsinh(np.sqrt((1.0 - cosine) * (1.0 + cosine)) / BEND) * ((slants - 1) / HIGHEST_SLANT)
     level = np.minimum(height_m, TOP_M) * ((heights - 1) / TOP_M)
     row, column = (np.minimum(at.astype(np.int64), most - 2) for at, most in ((slant, slants), (level, heights)))
-    return _Places(bent_lowest_m(lowest_m, height_m), row * heights + column, slant - row, level - column)
+    return _LimbPlaces(bent_lowest_m(lowest_m, height_m), row * heights + column, slant - row, level - column)
 
 
-def _foretold(depth: FloatArray, places: _Places) -> FloatArray:
+def _foretold(depth: FloatArray, places: _LimbPlaces) -> FloatArray:
     turn_m, corner, across, up = places
     flat, heights = depth.ravel(), depth.shape[1]
     # What is above the beginning is straight between four corners, in order: here, higher, steeper, both.
@@ -166,5 +166,5 @@ def _foretold(depth: FloatArray, places: _Places) -> FloatArray:
     lower = here + across * (steeper - here)
     beyond = lower + up * (higher + across * (both - higher) - lower)
     level = np.exp(np.interp(turn_m, np.linspace(0.0, TOP_M, heights), np.log(depth[0])))
-    foretold: FloatArray = level + _WAY_BACK * np.maximum(level - beyond, 0.0)
-    return foretold
+    predicted: FloatArray = level + _WAY_BACK * np.maximum(level - beyond, 0.0)
+    return predicted

@@ -159,7 +159,7 @@ class LowtranAtmosphere:
         return result
 
     @property
-    def altitude_kinks_m(self) -> FloatArray:
+    def altitude_breakpoints_m(self) -> FloatArray:
         """The top of the air, and that of the deck of cloud."""
         return np.array([TOP_M] if self.deck is None else [TOP_M, self.deck.top_m])
 

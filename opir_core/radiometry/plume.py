@@ -80,14 +80,14 @@ class PlumeSignatures:
         return intensities
 
     @property
-    def time_kinks_s(self) -> FloatArray:
+    def time_breakpoints_s(self) -> FloatArray:
         """The ends of stages, the last of which is burnout, (n, 8) s since ignition."""
         number = np.arange(1, self.stage_scale.shape[1] + 1)
         ends: FloatArray = self.burn_time_s[:, None] * np.minimum(number / self.stages[:, None], 1.0)
         return ends
 
     @property
-    def altitude_kinks_m(self) -> FloatArray:
+    def altitude_breakpoints_m(self) -> FloatArray:
         """The altitudes at which the altitude's factor stands, (n, k) m."""
         most = max(len(altitude_m) for altitude_m, _ in self.shapes)
         padded = [np.concatenate([each, np.full(most - len(each), np.nan)]) for each, _ in self.shapes]

@@ -43,33 +43,33 @@ class Signatures(Protocol):
 
 
 @runtime_checkable
-class KinkedSignatures(Protocol):
+class SignaturesWithBreakpoints(Protocol):
     """What `Signatures` also have that know where their intensities jump or bend; each has as many rows as targets."""
 
     @property
-    def time_kinks_s(self) -> FloatArray:
+    def time_breakpoints_s(self) -> FloatArray:
         """Times since ignition (n, k) at which they do, s; nan where there are fewer."""
 
     @property
-    def altitude_kinks_m(self) -> FloatArray:
+    def altitude_breakpoints_m(self) -> FloatArray:
         """Altitudes (n, k) at which they do while the plume burns, m; nan where there are fewer."""
 
 
 @runtime_checkable
-class KinkedTransmittance(Protocol):
+class TransmittanceWithBreakpoints(Protocol):
     """What a `Transmittance` also has that jumps or bends at altitudes of its own."""
 
     @property
-    def altitude_kinks_m(self) -> FloatArray:
+    def altitude_breakpoints_m(self) -> FloatArray:
         """Altitudes (k,) of targets at which it does, m."""
 
 
 @runtime_checkable
-class KinkedCourse(Protocol):
+class CourseWithBreakpoints(Protocol):
     """What `Trajectories` also have that know when the direction of flight jumps or bends."""
 
     @property
-    def course_kinks_s(self) -> FloatArray:
+    def course_breakpoints_s(self) -> FloatArray:
         """Scene times (n, k) at which it does, s; nan where there are fewer."""
 
 

@@ -55,10 +55,10 @@ class PairStreams:
             self._constants[key] = uniforms_of(np.concatenate([*raw, np.empty(0, np.uint64)])).reshape(-1, words)
         return self._constants[key]
 
-    def of_pairs(self) -> "RowDice":
+    def of_pairs(self) -> "RowDraws":
         """Return the dice of the pairs themselves, one row each, which have no scans."""
         everyone, none = np.arange(len(self._names)), np.zeros(0, dtype=np.int64)
-        return RowDice(WindowNumbers(self, none, none, none), self, none, everyone)
+        return RowDraws(WindowNumbers(self, none, none, none), self, none, everyone)
 
     def forget(self, pairs: IntArray) -> None:
         """Let go of the keys of pairs that have no more looks."""
@@ -121,9 +121,9 @@ class WindowNumbers:
         self._streams.fill(read, purpose, self._active[chosen], scan, span, at)
         return read if len(read) == len(rows) else read.take(rows + np.repeat(at - first, count), axis=0)
 
-    def of(self, rows: IntArray, pair: IntArray, seeds: WordArray | None = None) -> "RowDice":
+    def of(self, rows: IntArray, pair: IntArray, seeds: WordArray | None = None) -> "RowDraws":
         """Return the dice of some of the looks; `pair` is each row's pair, `seeds` a random word of each, if known."""
-        return RowDice(self, self._streams, rows, pair, seeds)
+        return RowDraws(self, self._streams, rows, pair, seeds)
 
     def _draw(self, into: WordArray, purpose: str, pairs: BoolArray) -> None:
         chosen = np.flatnonzero(pairs)
@@ -133,8 +133,8 @@ class WindowNumbers:
 
 
 @frozen(eq=False)
-class RowDice:
-    """The dice of a batch of rows, as `opir_core.interfaces.protocols.Dice` promises them.
+class RowDraws:
+    """The dice of a batch of rows, as `opir_core.interfaces.protocols.RandomDraws` promises them.
 
     Rows that have `seeds`, raw words of their looks, spin their normal numbers from these: no stream is read again.
     """
@@ -169,7 +169,7 @@ class RowDice:
         chosen: FloatArray = self.streams.constants(purpose, words)[self.pair]
         return chosen
 
-    def take(self, rows: Any) -> "RowDice":
+    def take(self, rows: Any) -> "RowDraws":
         """Return the dice of some of the rows."""
         seeds = None if self.seeds is None else self.seeds[rows]
-        return RowDice(self.numbers, self.streams, self.rows[rows], self.pair[rows], seeds)
+        return RowDraws(self.numbers, self.streams, self.rows[rows], self.pair[rows], seeds)

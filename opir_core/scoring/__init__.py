@@ -3,7 +3,7 @@
 Truth enters here and nowhere else beside tracks; no tracker imports this.
 """
 
-from opir_core.scoring.evidence import Evidence, evidence_of_run
+from opir_core.scoring.evidence import RunEvidence, evidence_of_run
 from opir_core.scoring.scorecard import Scorecard, scorecard
 
-__all__ = ["Evidence", "Scorecard", "evidence_of_run", "scorecard"]
+__all__ = ["RunEvidence", "Scorecard", "evidence_of_run", "scorecard"]

@@ -33,7 +33,7 @@ _SLICE_S = 0.5
 _STEP_S = 1.0
 
 
-class Seen(NamedTuple):
+class SeenLooks(NamedTuple):
     """Looks (n,) that detected a target, in order of time.
 
     `target_ecef_m` and `sensor_ecef_m` (n, 3) are where target and sensor then stood, `sigma_rad` (n,) the standard
@@ -50,12 +50,12 @@ class Seen(NamedTuple):
     @classmethod
     def unbiased(
         cls, look_s: FloatArray, target_ecef_m: FloatArray, sensor_ecef_m: FloatArray, sigma_rad: FloatArray
-    ) -> "Seen":
+    ) -> "SeenLooks":
         """Return looks of sensors without biases."""
         return cls(look_s, target_ecef_m, sensor_ecef_m, sigma_rad, np.zeros((len(look_s), 0, 3)))
 
 
-def state_bound(tick_s: FloatArray, seen: Seen) -> FloatArray:
+def state_bound(tick_s: FloatArray, seen: SeenLooks) -> FloatArray:
     """Return the bound's covariances (ticks, 6, 6) of inertial position and velocity at ticks.
 
     Source: Tichavský, Muravchik and Nehorai, IEEE Trans. Signal Processing 46 (1998), 1386, without process noise;
@@ -81,7 +81,7 @@ def state_bound(tick_s: FloatArray, seen: Seen) -> FloatArray:
     return bounds
 
 
-def free_bound(tick_s: FloatArray, seen: Seen) -> FloatArray:
+def free_bound(tick_s: FloatArray, seen: SeenLooks) -> FloatArray:
     """Return the bound's covariances (ticks, 6, 6) at ticks where the thrust is not known.
 
     The posterior bound of Tichavský, Muravchik and Nehorai for a specific force whose rate is a random walk; biases are
@@ -122,7 +122,7 @@ class _Looks(NamedTuple):
     bias_slope: FloatArray
 
     @classmethod
-    def of(cls, seen: Seen) -> "_Looks":
+    def of(cls, seen: SeenLooks) -> "_Looks":
         target, sensor = (ecef_to_eci(place, seen.look_s) for place in (seen.target_ecef_m, seen.sensor_ecef_m))
         slope = _slopes(target - sensor, seen.sigma_rad)
         # A turn moves the direction, and so what is a metre off at the target's distance, across the line.

@@ -14,7 +14,7 @@ from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation.lines_of_sight import along, axes_across
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
-from opir_core.scoring.evidence import Evidence
+from opir_core.scoring.evidence import RunEvidence
 from opir_core.scoring.ownership import Ownership, rows_in_force
 
 #: Nominal containments of a containment curve.
@@ -170,7 +170,7 @@ class Innovations(Columns):
         return cls(np.empty(0, dtype=np.int64), real, truth, truth, real)
 
 
-def innovations(evidence: Evidence, owners: Ownership) -> Innovations:
+def innovations(evidence: RunEvidence, owners: Ownership) -> Innovations:
     """Return the innovations of the tracks in force, by track."""
     told = evidence.tracks.take(rows_in_force(evidence, owners))
     told = told.take(np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2)))
@@ -178,7 +178,7 @@ def innovations(evidence: Evidence, owners: Ownership) -> Innovations:
     return Innovations.concatenate(_of_track(evidence, told.take(told.track == each), owners) for each in numbers)
 
 
-def _of_track(evidence: Evidence, told: Tracks, owners: Ownership) -> Innovations:
+def _of_track(evidence: RunEvidence, told: Tracks, owners: Ownership) -> Innovations:
     row = int(np.searchsorted(owners.track, told.track[0]))
     mine = np.flatnonzero(evidence.track == owners.track[row])
     before = np.searchsorted(told.tick_s, evidence.time_s[mine], side="right") - 1
@@ -196,7 +196,7 @@ def _of_track(evidence: Evidence, told: Tracks, owners: Ownership) -> Innovation
     )
 
 
-def _normalised(evidence: Evidence, rows: IntArray, told: Tracks) -> FloatArray:
+def _normalised(evidence: RunEvidence, rows: IntArray, told: Tracks) -> FloatArray:
     """Return the NIS (n,) of detections, each against a state that goes straight on to when its light left."""
     origin, after_s = evidence.sensor_ecef_m[rows], evidence.time_s[rows] - told.tick_s
     expected = told.state[:, :3] + told.state[:, 3:] * after_s[:, None]

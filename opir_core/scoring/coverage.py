@@ -4,7 +4,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.scoring.evidence import Evidence, true_states
+from opir_core.scoring.evidence import RunEvidence, true_states
 from opir_core.scoring.gospa import gospa
 from opir_core.scoring.ownership import Ownership
 
@@ -34,7 +34,7 @@ class Coverage:
     tracks: IntArray
 
 
-def ticks_s(evidence: Evidence) -> FloatArray:
+def ticks_s(evidence: RunEvidence) -> FloatArray:
     """Return the ticks (n,) of a run, s: those at which its tracker is asked, whether or not it told anything then.
 
     Where tracks were told at other times, as by a tracker from elsewhere, it is those times.
@@ -48,7 +48,7 @@ def ticks_s(evidence: Evidence) -> FloatArray:
     return asked if np.isin(told, asked).all() else told
 
 
-def coverage(evidence: Evidence, owners: Ownership) -> Coverage:
+def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
     """Return what a run's tracks cover of its launches."""
     ticks, owner = ticks_s(evidence), owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
     shares, firsts, counts = [], [], []
@@ -64,7 +64,7 @@ def coverage(evidence: Evidence, owners: Ownership) -> Coverage:
     return Coverage(np.array(shares), np.array(firsts), np.array(counts, dtype=np.int64))
 
 
-def gospa_parts(evidence: Evidence, owners: Ownership, settings: GospaSettings) -> FloatArray:
+def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSettings) -> FloatArray:
     """Return (ticks, 5): distance, the three p-th powers, and how many launches there are whose truth is known.
 
     A track of a launch whose truth is no longer known, as after burnout, is neither found nor false: it is left out.

@@ -11,9 +11,9 @@ from opir_core.geometry import east_north_up_axes, geodesic_inverse, geodetic_to
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks
-from opir_core.scoring.bound import Seen, free_bound, position_and_velocity, state_bound
+from opir_core.scoring.bound import SeenLooks, free_bound, position_and_velocity, state_bound
 from opir_core.scoring.consistency import nees, on_normal_scale
-from opir_core.scoring.evidence import Evidence, true_states
+from opir_core.scoring.evidence import RunEvidence, true_states
 from opir_core.scoring.ownership import Ownership, rows_in_force
 
 
@@ -74,7 +74,7 @@ class PointErrors(Columns):
         return cls(np.empty(0, dtype=np.int64), truth, truth, *(real for _ in range(6)))
 
 
-def state_errors(evidence: Evidence, owners: Ownership) -> StateErrors:
+def state_errors(evidence: RunEvidence, owners: Ownership) -> StateErrors:
     """Return the errors of all targets' tracks in force, by target and then by tick."""
     told = evidence.tracks.take(rows_in_force(evidence, owners))
     target = owners.target[np.searchsorted(owners.track, told.track)]
@@ -82,7 +82,7 @@ def state_errors(evidence: Evidence, owners: Ownership) -> StateErrors:
     return StateErrors.concatenate(parts)
 
 
-def _errors_of(evidence: Evidence, target: int, told: Tracks, owners: Ownership) -> StateErrors:
+def _errors_of(evidence: RunEvidence, target: int, told: Tracks, owners: Ownership) -> StateErrors:
     everyone = np.full(len(told), target, dtype=np.int32)
     true = true_states(evidence.plan, everyone, told.tick_s)
     known = np.isfinite(true).all(axis=1) & np.isfinite(told.state).all(axis=1)
@@ -116,7 +116,7 @@ def _impact_error(told: Tracks, truth: Mapping[str, Any]) -> FloatArray:
 
 
 def _bounds(
-    evidence: Evidence, target: int, looks: IntArray, tick_s: FloatArray
+    evidence: RunEvidence, target: int, looks: IntArray, tick_s: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
     """Return the bounds (n,) of position and velocity at ticks (n,), the thrust known and not."""
     plan, time_s = evidence.plan, evidence.time_s[looks]
@@ -127,7 +127,7 @@ def _bounds(
     held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
     position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
     turns = bias_turns(plan.sensors, evidence.sensor[looks], sensor)
-    seen = Seen(time_s, position, sensor, evidence.sigma_rad[looks], turns)
+    seen = SeenLooks(time_s, position, sensor, evidence.sigma_rad[looks], turns)
     return position_and_velocity(state_bound(tick_s, seen)), position_and_velocity(free_bound(tick_s, seen))
 
 
@@ -145,7 +145,7 @@ def bias_turns(sensors: Sequence[Sensor], sensor: IndexArray, sensor_ecef_m: Flo
     return turns
 
 
-def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:
+def point_errors(evidence: RunEvidence, owners: Ownership) -> PointErrors:
     """Return the errors of the launch and impact estimates told last of each target with a track."""
     told = evidence.tracks.take(last_rows(evidence, owners))
     owner = np.searchsorted(owners.track, told.track)
@@ -171,7 +171,7 @@ def point_errors(evidence: Evidence, owners: Ownership) -> PointErrors:
     )
 
 
-def last_rows(evidence: Evidence, owners: Ownership) -> IntArray:
+def last_rows(evidence: RunEvidence, owners: Ownership) -> IntArray:
     """Return the rows of the run's tracks that were in force last, one a launch with a track, by launch."""
     rows = rows_in_force(evidence, owners)
     target = owners.target[np.searchsorted(owners.track, evidence.tracks.track[rows])]

@@ -14,7 +14,7 @@ _VELOCITY_STEP_S = 0.25
 
 
 @frozen(eq=False)
-class Evidence:
+class RunEvidence:
     """One run: its tracks by tick, and columns over its detections.
 
     These are times, sensors, standard deviations of direction per axis, tracks (-1: none) and targets (-1: noise).
@@ -39,11 +39,11 @@ class Evidence:
         return np.arange(len(self.plan.targets.ids)) < len(self.plan.scene.targets)
 
 
-def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> Evidence:
+def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvidence:
     """Return the evidence of a run in memory; `plan` is that of its scene."""
     found = run.detections
     owner, sigma_rad = final_tracks(run.tracks, found.track), found.line_of_sight_sigma_rad
-    return Evidence(
+    return RunEvidence(
         plan=plan,
         tracks=run.tracks,
         time_s=found.time_s,

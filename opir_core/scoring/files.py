@@ -20,7 +20,7 @@ from opir_core.output.run_files import (
 from opir_core.output.tracks_file import read_tracks
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.scene.reading import scene_from_mapping
-from opir_core.scoring.evidence import Evidence
+from opir_core.scoring.evidence import RunEvidence
 
 
 class _Told(msgspec.Struct):
@@ -49,7 +49,7 @@ class _Event(msgspec.Struct):
 
 def evidence_of_files(
     events: Path, *, truth: Path | None = None, tracks: Path | None = None, manifest: Path | None = None
-) -> Evidence:
+) -> RunEvidence:
     """Return the evidence of a run from its events (forge), and the truth, tracks and manifest beside the events.
 
     Any of the three may lie elsewhere; tracks that do need not be those that the run wrote, so that what another
@@ -72,14 +72,14 @@ def evidence_of_files(
     return _evidence(plan, estimates, rows, targets, events)
 
 
-def _evidence(plan: Plan, tracks: Tracks, rows: list[_Event], targets: Mapping[str, int], events: Path) -> Evidence:
+def _evidence(plan: Plan, tracks: Tracks, rows: list[_Event], targets: Mapping[str, int], events: Path) -> RunEvidence:
     time_s = _times_s(rows, plan, events)
     order = np.argsort(time_s, kind="stable")
     rows = [rows[place] for place in order.tolist()]
     known = set(tracks.track.tolist())
     origin = np.array([row.sensor_position_ecef_m for row in rows], dtype=np.float64).reshape(-1, 3)
     angles = np.radians([[row.azimuth_deg, row.elevation_deg] for row in rows]).reshape(-1, 2)
-    return Evidence(
+    return RunEvidence(
         plan=plan,
         tracks=tracks,
         time_s=time_s[order],

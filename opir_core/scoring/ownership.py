@@ -8,7 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.scoring.evidence import Evidence
+from opir_core.scoring.evidence import RunEvidence
 
 
 @frozen(eq=False)
@@ -27,7 +27,7 @@ class Ownership:
     is_biased: BoolArray
 
 
-def ownership(evidence: Evidence) -> Ownership:
+def ownership(evidence: RunEvidence) -> Ownership:
     """Return the owners of all tracks that were ever told."""
     numbers = np.unique(evidence.tracks.track)
     held = np.flatnonzero(evidence.track >= 0)
@@ -52,7 +52,7 @@ def ownership(evidence: Evidence) -> Ownership:
     )
 
 
-def rows_in_force(evidence: Evidence, owners: Ownership) -> IntArray:
+def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
     """Return the rows of the run's tracks that are in force, one a launch and tick, by launch and then by tick.
 
     Of several tracks of a launch that are told at a tick that is the one that holds most of its detections, the
@@ -67,7 +67,7 @@ def rows_in_force(evidence: Evidence, owners: Ownership) -> IntArray:
     return order[first]
 
 
-def _seen(evidence: Evidence, row: IntArray, held: IntArray, tracks: int) -> BoolArray:
+def _seen(evidence: RunEvidence, row: IntArray, held: IntArray, tracks: int) -> BoolArray:
     """Return which sensors each track has detections of, (tracks, sensors)."""
     seen = np.zeros((tracks, len(evidence.plan.sensors)), dtype=np.bool_)
     seen[row, evidence.sensor[held]] = True

@@ -11,7 +11,7 @@ from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.scoring.consistency import Innovations, consistency, innovations, proportion
 from opir_core.scoring.coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
 from opir_core.scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
-from opir_core.scoring.evidence import Evidence
+from opir_core.scoring.evidence import RunEvidence
 from opir_core.scoring.interval_figures import consistent, contained, mean, over, plain, rms, share
 from opir_core.scoring.ownership import Ownership, ownership
 
@@ -71,7 +71,7 @@ class JudgedRun:
     tracking_s: float
 
 
-def scorecard(evidences: Iterable[Evidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
+def scorecard(evidences: Iterable[RunEvidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
     """Return the scorecard of runs of one scene and one tracker; runs are looked at one at a time."""
     return scorecard_of([judged_run(evidence, settings) for evidence in evidences], settings)
 
@@ -93,7 +93,7 @@ def scorecard_of(judged: Sequence[JudgedRun], settings: ScoreSettings) -> Scorec
     )
 
 
-def judged_run(evidence: Evidence, settings: ScoreSettings) -> JudgedRun:
+def judged_run(evidence: RunEvidence, settings: ScoreSettings) -> JudgedRun:
     """Return what is found in a run."""
     owners = ownership(evidence)
     return JudgedRun(
@@ -113,7 +113,7 @@ def judged_run(evidence: Evidence, settings: ScoreSettings) -> JudgedRun:
     )
 
 
-def _types(evidence: Evidence, owners: Ownership) -> FloatArray:
+def _types(evidence: RunEvidence, owners: Ownership) -> FloatArray:
     """Return counts (true types, reported types) of the type posteriors told last of each launch."""
     count = np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES)))
     told = evidence.tracks.take(last_rows(evidence, owners))

@@ -52,7 +52,7 @@ class RadiometerConfig:
         source="no default: nei_w_m2",
         help="by band the noise-equivalent irradiance of bands that have their own",
     )
-    footprint_urad: float = number(
+    ifov_urad: float = number(
         default=28.0, unit="urad", above=0.0, maximum=1e5, help="angle across a resolution cell: 1 km at nadir"
     )
     collection_m2_s: float = number(
@@ -114,7 +114,7 @@ def radiometer_of(config: RadiometerConfig, bands: "tuple[Band, ...]") -> "Radio
     nei_w_m2 = config.nei_w_m2 if config.nei_w_cm2 is None else config.nei_w_cm2 * _W_M2_PER_W_CM2
     return Radiometer(
         nei_w_m2=tuple(config.band_nei_w_m2.get(band.name, nei_w_m2) for band in bands),
-        footprint_rad=config.footprint_urad * 1e-6,
+        ifov_rad=config.ifov_urad * 1e-6,
         collection_m2_s=config.collection_m2_s,
         threshold=_threshold(config),
         coincidence=config.coincidence_sigma,

@@ -17,16 +17,16 @@ from opir_core.interfaces.protocols import Measured, Tracker
 from opir_core.interfaces.records import Detections, DetectionTruth, Window
 from opir_core.planning.looks import Looks, blocks, exposures, look_times_ns, pair_names, scan_names, seen
 from opir_core.planning.plan import Plan, tracker_of_run
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.planning.visibility import Pairs
 from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
 from opir_core.random_streams.philox import uniforms_of
-from opir_core.simulation.measurement import Assembly, Hits, with_tracks
-from opir_core.simulation.tracker_clock import TickedTracker
+from opir_core.simulation.measurement import DetectionBuilder, Hits, with_tracks
+from opir_core.simulation.tracker_clock import ScheduledTracker
 
 if TYPE_CHECKING:
-    from opir_core.simulation.false_alarms import Noise, NoiseMaker
-    from opir_core.simulation.interpolation.probability import Knots, Spans
+    from opir_core.simulation.false_alarms import FalseAlarmGenerator, FalseAlarms
+    from opir_core.simulation.interpolation.probability import ProbabilityInterpolant, WindowInterpolant
 
 #: numpy sorts whole numbers of 16 bits by radix, several times faster than longer ones.
 _RADIX_LIMIT = 1 << 16
@@ -40,13 +40,13 @@ class Engine:
         self.time_ns = 0
         self._names = pair_names(plan)
         by_scan = scan_names(plan)
-        self._sites = Sites.of(plan.sensors, plan.bias)
+        self._sites = SensorStates.of(plan.sensors, plan.bias)
         self._streams = PairStreams(plan.scene.seed, self._names, by_scan)
-        self._assembly = Assembly(plan, self._sites, self._streams, by_scan)
+        self._assembly = DetectionBuilder(plan, self._sites, self._streams, by_scan)
         self._tick_ns = _tick_ns(plan.pairs)
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
         #: Made at the first window: an engine that takes over goes on with another's.
-        self._ticked: TickedTracker | None = None
+        self._ticked: ScheduledTracker | None = None
         self._knots = _knots(plan, self._sites)
         self._noise = _noise(plan, self._sites)
 
@@ -54,15 +54,15 @@ class Engine:
         """Go on where another engine stopped, whose plan has the same sensors: its moment, its tracker, its counts."""
         self.time_ns, self._ticked = former.time_ns, former._tracker
         if self.plan.sensors is not former.plan.sensors:
-            self._tracker.sees_with(self.plan.sensors)
+            self._tracker.set_sensors(self.plan.sensors)
         counts = dict(zip(former._names, former._counts.tolist(), strict=True))
         self._counts = np.array([counts.get(name, 0) for name in self._names], dtype=np.int32)
 
     @property
-    def _tracker(self) -> TickedTracker:
+    def _tracker(self) -> ScheduledTracker:
         """The tracker of this run."""
         if self._ticked is None:
-            self._ticked = TickedTracker(_checked_tracker(self.plan), self.plan.end_ns)
+            self._ticked = ScheduledTracker(_checked_tracker(self.plan), self.plan.end_ns)
         return self._ticked
 
     def advance(self, end_ns: int) -> Window:
@@ -85,7 +85,7 @@ class Engine:
         )
 
     def _detected(
-        self, looks: Looks, numbers: WindowNumbers, noise: "Noise | None"
+        self, looks: Looks, numbers: WindowNumbers, noise: "FalseAlarms | None"
     ) -> tuple[Detections, DetectionTruth]:
         spans = None if self._knots is None else self._knots.over(looks)
         hits = self._hits(looks, numbers, spans)
@@ -117,7 +117,7 @@ class Engine:
             truth.put(true)
         return detections.record(), truth.record()
 
-    def _hits(self, looks: Looks, numbers: WindowNumbers, spans: "Spans | None") -> Hits:
+    def _hits(self, looks: Looks, numbers: WindowNumbers, spans: "WindowInterpolant | None") -> Hits:
         """Return the looks that detect, sorted by sensor, then target, then time."""
         probability = self._probability(looks, spans)
         # Looks that detect for certain, or never, need no die: 0 will do.
@@ -128,7 +128,7 @@ class Engine:
         time_ns = look_times_ns(self.plan.pairs, pair, scan)
         return Hits(row, pair, scan, time_ns, self._counted(pair), probability.take(row), words)
 
-    def _measured(self, hits: Hits, numbers: WindowNumbers, spans: "Spans") -> Measured | None:
+    def _measured(self, hits: Hits, numbers: WindowNumbers, spans: "WindowInterpolant") -> Measured | None:
         """Return what hits measure, which come sorted by sensor: each one's are next to one another."""
         if not len(hits):
             return None
@@ -154,7 +154,7 @@ class Engine:
         self._counts[found] += times.astype(np.int32)
         return count
 
-    def _probability(self, looks: Looks, spans: "Spans | None") -> FloatArray:
+    def _probability(self, looks: Looks, spans: "WindowInterpolant | None") -> FloatArray:
         """Return each look's probability of detection; 0 where the target is not seen."""
         pairs, model = self.plan.pairs, self.plan.detection
         of_pair = model.pair_probability(pairs.sensor[looks.active], pairs.target[looks.active])
@@ -177,14 +177,14 @@ class Engine:
         return checked_probability(model.probability(exposed), len(exposed))
 
 
-def _knots(plan: Plan, sites: Sites) -> "Knots | None":
+def _knots(plan: Plan, sites: SensorStates) -> "ProbabilityInterpolant | None":
     """Return the knots of a plan whose detection model lets looks share them."""
     tolerance = getattr(plan.detection, "probability_tolerance", None)
     if tolerance is None:
         return None
-    from opir_core.simulation.interpolation.probability import Knots
+    from opir_core.simulation.interpolation.probability import ProbabilityInterpolant
 
-    return Knots.of(plan, sites, tolerance)
+    return ProbabilityInterpolant.of(plan, sites, tolerance)
 
 
 def _checked_tracker(plan: Plan) -> Tracker:
@@ -192,20 +192,20 @@ def _checked_tracker(plan: Plan) -> Tracker:
     tracker = tracker_of_run(plan)
     if tracker.cadence_s is None:
         return tracker
-    from opir_core.planning.build_errors import to_check, whose
+    from opir_core.planning.build_errors import owner_text, to_check
     from opir_core.simulation.tracker_checks import CheckedTracker
 
     choice = plan.scene.tracker
-    return CheckedTracker(tracker, lambda: whose(plan.host, choice), to_check(choice.name))
+    return CheckedTracker(tracker, lambda: owner_text(plan.host, choice), to_check(choice.name))
 
 
-def _noise(plan: Plan, sites: Sites) -> "NoiseMaker | None":
+def _noise(plan: Plan, sites: SensorStates) -> "FalseAlarmGenerator | None":
     """Return what makes exceedances of noise, where the detection model knows how often they come."""
     if not hasattr(plan.detection, "rate_per_scan"):
         return None
-    from opir_core.simulation.false_alarms import NoiseMaker
+    from opir_core.simulation.false_alarms import FalseAlarmGenerator
 
-    return NoiseMaker(plan, sites)
+    return FalseAlarmGenerator(plan, sites)
 
 
 def _tick_ns(pairs: Pairs) -> int:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.interfaces.signal_models import Exceedances
+from opir_core.interfaces.signal_models import FalseAlarmModel
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.planning.visibility import Blocked
@@ -57,7 +57,7 @@ def _skipped(plan: Plan, row: int) -> Mapping[str, Any]:
 
 def _noise(plan: Plan) -> list[Mapping[str, Any]]:
     """Return how often noise alone detects, sensor by sensor; nothing for models without noise."""
-    if not isinstance(plan.detection, Exceedances):
+    if not isinstance(plan.detection, FalseAlarmModel):
         return []
     both = zip(plan.sensors, plan.detection.rate_per_scan.tolist(), strict=True)
     return [

@@ -18,10 +18,10 @@ from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Measured
-from opir_core.interfaces.records import Detections, DetectionTruth, Sightings
-from opir_core.interfaces.signal_models import Exceedances
+from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
+from opir_core.interfaces.signal_models import FalseAlarmModel
 from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
 from opir_core.random_streams.noise_streams import PLACE_WORDS, Drawn, SensorNoise
 from opir_core.scene.scene import UNKNOWN_TYPE
@@ -44,7 +44,7 @@ class _Placed(Columns):
 
 
 @frozen(eq=False)
-class Noise:
+class FalseAlarms:
     """A window's exceedances as detections with their truth, sensor by sensor; `order` (n,) sorts them by time."""
 
     detections: Detections
@@ -72,12 +72,12 @@ class Noise:
         return places
 
 
-class NoiseMaker:
+class FalseAlarmGenerator:
     """Makes a run's exceedances, window by window."""
 
-    def __init__(self, plan: Plan, sites: Sites) -> None:
+    def __init__(self, plan: Plan, sites: SensorStates) -> None:
         model = plan.detection
-        if not isinstance(model, Exceedances):
+        if not isinstance(model, FalseAlarmModel):
             raise ModelError("a detection model with rate_per_scan also needs words and measure_noise")
         self._plan, self._sites, self._model = plan, sites, model
         self._rate = model.rate_per_scan
@@ -94,7 +94,7 @@ class NoiseMaker:
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])
         self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
 
-    def between(self, start_ns: int, end_ns: int) -> "Noise | None":
+    def between(self, start_ns: int, end_ns: int) -> "FalseAlarms | None":
         """Return the exceedances in [start, end) of scene time; None where none is."""
         parts = [sensor.near(start_ns, end_ns) for sensor in self._sensors.values()]
         found = [part for part in parts if len(part)]
@@ -122,7 +122,7 @@ class NoiseMaker:
             phase_ns[rows] = self._sensors[int(sensor[rows.start])].phase_ns(at_m[rows], seen_m[rows])
         return phase_ns
 
-    def _told(self, noise: _Placed) -> "Noise":
+    def _told(self, noise: _Placed) -> "FalseAlarms":
         measured = self._model.measure_noise(noise.sensor, noise.uniforms)
         sightings = self._sightings(noise, measured)
         rows = len(noise.time_ns)
@@ -149,16 +149,16 @@ class NoiseMaker:
         )
         truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, unknown)
         # Sensors come in their order, which a stable sort keeps at each moment.
-        return Noise(detections, truth, np.argsort(noise.time_ns, kind="stable"))
+        return FalseAlarms(detections, truth, np.argsort(noise.time_ns, kind="stable"))
 
-    def _sightings(self, noise: _Placed, measured: Measured) -> Sightings:
+    def _sightings(self, noise: _Placed, measured: Measured) -> ClassifierInputs:
         """Return what classifiers and confidence models see: the line of sight is taken to end on the ground."""
         rows = len(noise.time_ns)
         ground = intersection_with_ellipsoid(noise.sensor_ecef_m, noise.line_of_sight_ecef)
         hits = np.isfinite(ground[:, 0])
         range_m, sine = _seen_from(ground, noise.sensor_ecef_m)
         irradiance = measured.band_irradiance_w_m2
-        return Sightings(
+        return ClassifierInputs(
             time_s=noise.time_ns.astype(np.float64) * 1e-9,
             sensor=noise.sensor,
             target=np.full(rows, -1, dtype=np.int32),
@@ -173,7 +173,7 @@ class NoiseMaker:
             band_noise_w_m2=np.empty((rows, 0)) if measured.band_noise_w_m2 is None else measured.band_noise_w_m2,
         )
 
-    def _judged(self, sightings: Sightings) -> tuple[NDArray[np.uint8], FloatArray]:
+    def _judged(self, sightings: ClassifierInputs) -> tuple[NDArray[np.uint8], FloatArray]:
         """Return what classifiers say that judge by measurements; those that go by pairs know no such pair."""
         nobody = np.empty(0, dtype=np.int32)
         if self._plan.classifier.pair_type(nobody, nobody, _NoDice()) is not None:

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Dice, Measured
-from opir_core.interfaces.records import Detections, DetectionTruth, Exposures, Sightings, Tracks
+from opir_core.interfaces.protocols import Measured, RandomDraws
+from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks
 from opir_core.planning.looks import exposures
 from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
-from opir_core.random_streams.pair_streams import PairStreams, RowDice, WindowNumbers
+from opir_core.random_streams.pair_streams import PairStreams, RowDraws, WindowNumbers
 from opir_core.random_streams.philox import normal_pairs
 
 #: The number of bits set in each byte.
@@ -40,10 +40,10 @@ class Hits(Columns):
     direction_words: NDArray[np.uint64]
 
 
-class Assembly:
+class DetectionBuilder:
     """Makes detections of hits, block by block."""
 
-    def __init__(self, plan: Plan, sites: Sites, streams: PairStreams, names: Sequence[tuple[str, str]]) -> None:
+    def __init__(self, plan: Plan, sites: SensorStates, streams: PairStreams, names: Sequence[tuple[str, str]]) -> None:
         self._plan = plan
         self._sites = sites
         self._id_keys = stream_key_words(plan.scene, names)
@@ -73,8 +73,8 @@ class Assembly:
         )
         return detections, truth
 
-    def _sightings(self, exposed: Exposures, measured: Measured, hits: Hits) -> Sightings:
-        return Sightings(
+    def _sightings(self, exposed: Exposures, measured: Measured, hits: Hits) -> ClassifierInputs:
+        return ClassifierInputs(
             time_s=exposed.time_s,
             sensor=exposed.sensor,
             target=exposed.target,
@@ -99,7 +99,7 @@ class Assembly:
         return measured_w_m2
 
     def _detections(
-        self, exposed: Exposures, sightings: Sightings, sigma_rad: FloatArray, hits: Hits, dice: RowDice
+        self, exposed: Exposures, sightings: ClassifierInputs, sigma_rad: FloatArray, hits: Hits, dice: RowDraws
     ) -> Detections:
         plan = self._plan
         none = np.full(len(hits), -1, dtype=np.int64)
@@ -123,7 +123,7 @@ class Assembly:
             type_log_probability=log_probability,
         )
 
-    def _judged(self, sightings: Sightings, hits: Hits, dice: RowDice) -> tuple[NDArray[np.uint8], FloatArray]:
+    def _judged(self, sightings: ClassifierInputs, hits: Hits, dice: RowDraws) -> tuple[NDArray[np.uint8], FloatArray]:
         if self._pair_type is None:
             return judged(self._plan.classifier, sightings, dice)
         return self._pair_type.take(hits.pair), np.empty((len(hits), 0))
@@ -132,7 +132,7 @@ class Assembly:
 class Posterior(Protocol):
     """What classifiers also have that give probabilities: the engine asks those that have `log_posterior`."""
 
-    def log_posterior(self, sightings: Sightings) -> FloatArray:
+    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
         """Return ln P (n, 4) over `REPORTED_TYPES`."""
 
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
@@ -142,7 +142,7 @@ class Posterior(Protocol):
         """Return the codes (n,) that posteriors (n, 4) lead to."""
 
 
-def judged(classifier: Any, sightings: Sightings, dice: Dice) -> tuple[NDArray[np.uint8], FloatArray]:
+def judged(classifier: Any, sightings: ClassifierInputs, dice: RandomDraws) -> tuple[NDArray[np.uint8], FloatArray]:
     """Return reported types (n,), and ln of the probabilities (n, 4) of a classifier that gives them, or (n, 0)."""
     if not hasattr(classifier, "log_posterior"):
         return classifier.reported_type(sightings, dice), np.empty((len(sightings), 0))
@@ -171,7 +171,7 @@ def with_tracks(classifier: Any, detections: Detections, estimates: Tracks) -> D
 
 
 def measured_lines_of_sight(
-    sites: Sites, seen_as: Exposures, sigma_rad: FloatArray, words: NDArray[np.uint64]
+    sites: SensorStates, seen_as: Exposures, sigma_rad: FloatArray, words: NDArray[np.uint64]
 ) -> FloatArray:
     """Return unit vectors (n, 3) in ECEF with their errors: the sensor's bias, and two normal errors across each.
 

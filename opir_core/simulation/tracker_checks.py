@@ -57,7 +57,7 @@ class CheckedTracker:
             raise self._wrong(f"step at {tick_s:g} s {fault}")
         return told
 
-    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Tell the tracker, where it cares, that the sensors are these from here on: as many, with other settings."""
         told = getattr(self._tracker, "sees_with", None)
         if told is None:

@@ -21,7 +21,7 @@ class Tracked:
     estimates: Tracks
 
 
-class TickedTracker:
+class ScheduledTracker:
     """Steps a tracker at whole multiples of its cadence and at the scene's end, and associates what lies between."""
 
     def __init__(self, tracker: Tracker, end_ns: int) -> None:
@@ -31,7 +31,7 @@ class TickedTracker:
         self._pending: list[Detections] = []
         self._in_force = Tracks.empty()
 
-    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Tell the tracker, where it cares, that the sensors are these from here on: as many, with other settings."""
         told = getattr(self._tracker, "sees_with", None)
         if told is not None:

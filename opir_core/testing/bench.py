@@ -13,11 +13,11 @@ from attrs import frozen
 
 from opir_core.arrays import IntArray
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Dice, Encoder
-from opir_core.interfaces.records import Detections, DetectionTruth, Exposures, Sightings
+from opir_core.interfaces.protocols import Encoder, RandomDraws
+from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
 from opir_core.planning.looks import Looks, exposures, pair_names, seen
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.plugin.host import Host
 from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
 from opir_core.scene.reading import scene_from_mapping
@@ -146,7 +146,7 @@ class LookTable:
     @classmethod
     def of(cls, plan: Plan) -> "LookTable":
         """Return the looks of a plan."""
-        streams, sites = PairStreams(plan.scene.seed, pair_names(plan)), Sites.of(plan.sensors, plan.bias)
+        streams, sites = PairStreams(plan.scene.seed, pair_names(plan)), SensorStates.of(plan.sensors, plan.bias)
         looks = Looks.between(plan.pairs, 0, plan.end_ns)
         row = np.flatnonzero(seen(plan, sites, looks.pair, looks.scan))
         pair = looks.pair[row]
@@ -154,17 +154,17 @@ class LookTable:
         numbers = WindowNumbers(streams, looks.active, looks.first_scan, looks.scans)
         return cls(table.freeze(), numbers, streams, row, pair)
 
-    def dice(self, rows: Any) -> Dice:
+    def dice(self, rows: Any) -> RandomDraws:
         """Return the dice of some of the looks."""
         return self.numbers.of(self.row[rows], self.pair[rows])
 
 
-def sightings_of(plan: Plan, looks: LookTable) -> Sightings:
+def sightings_of(plan: Plan, looks: LookTable) -> ClassifierInputs:
     """Return all looks of a plan as if each had detected, in each way that bands, counts and SNR can be."""
     exposed, rows = looks.exposures, np.arange(len(looks.exposures))
     totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)[exposed.sensor]
     counts = rows % totals + 1
-    return Sightings(
+    return ClassifierInputs(
         time_s=exposed.time_s,
         sensor=exposed.sensor,
         target=exposed.target,

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import geodetic_to_ecef
-from opir_core.interfaces.protocols import Band, Dice, Measured, Sensor
-from opir_core.interfaces.records import Detections, DetectionTruth, Exposures, Sightings, Tracks, Window
+from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
+from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks, Window
 from opir_core.orbits.moving import GeostationaryOrbit
 from opir_core.planning.plan import Plan, drawn_bias
 from opir_core.planning.targets import join_targets
@@ -155,7 +155,7 @@ class CertainDetection:
         """Return the probability for every look."""
         return np.full(len(exposures), self.chance)
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         """Return the first band, and no SNR."""
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.full(len(exposures), np.nan))
 
@@ -164,11 +164,11 @@ class CertainDetection:
 class NoAnswer:
     """Classifies nothing."""
 
-    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: Dice) -> NDArray[np.uint8] | None:
+    def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
         """Return None: ask for each detection."""
         return None
 
-    def reported_type(self, sightings: Sightings, dice: Dice) -> NDArray[np.uint8]:
+    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return UNKNOWN for all."""
         return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8)
 
@@ -177,7 +177,7 @@ class NoAnswer:
 class FullConfidence:
     """Is sure of everything."""
 
-    def confidence(self, sightings: Sightings) -> FloatArray:
+    def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return 1 for all."""
         return np.ones(len(sightings))
 

@@ -15,7 +15,7 @@ from opir_core.flight.atmosphere_density import density_kg_m3
 from opir_core.flight.dense_output import dense_arcs
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
 from opir_core.flight.impact_event import impact_states
-from opir_core.flight.levels import Levels
+from opir_core.flight.levels import AltitudeEvents
 from opir_core.flight.propagation import propagate
 from opir_core.geometry import ecef_to_geodetic
 
@@ -123,15 +123,15 @@ def test_impacts_are_found_there_too(reentries):
 @pytest.mark.parametrize("tolerance_m", TOLERANCES_M[:3])
 def test_without_the_seams_the_onset_is_missed(monkeypatch, tolerance_m):
     """What this file is about is real: with steps neither split at the seams nor bounded, errors exceed a metre."""
-    looked_at = Levels.shortened
+    looked_at = AltitudeEvents.shortened
 
     def never_shortened(self, start, step, h, candidate):
         looked_at(self, start, step, h, np.zeros_like(candidate))
         return np.empty(0, np.intp), np.empty(0)
 
     reentries = reentries_through("us76")
-    monkeypatch.setattr(Levels, "shortened", never_shortened)
-    monkeypatch.setattr(Levels, "lengths", lambda self, wanted: (wanted, wanted))
+    monkeypatch.setattr(AltitudeEvents, "shortened", never_shortened)
+    monkeypatch.setattr(AltitudeEvents, "lengths", lambda self, wanted: (wanted, wanted))
     assert errors(reentries, tolerance_m).max() > 10.0
 
 

@@ -8,7 +8,7 @@ import datetime
 from typing import Any
 
 import numpy as np
-from opir_trackers.filter.switching import SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter
 
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import Sights, axes_across
@@ -103,7 +103,7 @@ def test_forty_looks() -> None:
     origins, axes, seen, prior = looks(40)
     mean, covariance = stone_soup_estimates(origins, axes, seen, prior)
     motion = Motion(BOOST, NOISE, WEIGHTLESS)
-    switching = SwitchingFilter(motion, motion, np.inf, np.inf, rounds=1)
+    switching = ImmFilter(motion, motion, np.inf, np.inf, rounds=1)
     state, root = prior[:1].copy(), np.diag(1.0 / prior[1])[None]
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
         state, root = switching._carried(motion, state, root, np.array([STEP_S]))

@@ -10,7 +10,7 @@ from opir_trackers.profile.family import BURN, LIFT, SIZE, SPEED, TURN_EAST, TUR
 from opir_trackers.profile.hypotheses import probability
 from opir_trackers.profile.report import Basis, report
 from opir_trackers.profile.rows import axes_about
-from opir_trackers.profile.strain import Bank
+from opir_trackers.profile.strain import OffModelFilters
 from profile_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 
 from opir_core import simulate
@@ -50,7 +50,7 @@ def told(kind, runs, seed, ticks, biases_rad=0.0, sensors=2, priors=PRIORS):
     truth = flights(kind, runs, seed)
     track, rays = lines_of_sight(truth, 2e-5, seed, biases_rad=biases_rad, sensors=sensors)
     fitting = Fitting(priors, watch_of(sensors, bias_sigma_rad=biases_rad), True)
-    bank, cut, found = Bank.empty(sensors), 0, []
+    bank, cut, found = OffModelFilters.empty(sensors), 0, []
     last = int(rays.time_s[-1] + 4.0) if ticks is None else ticks[-1]
     for tick in range(1, last + 1):
         end = int(np.searchsorted(rays.time_s, tick))
@@ -214,7 +214,7 @@ def test_what_older_looks_say_fades_when_new_ones_drift_and_not_before():
     track, rays = lines_of_sight(truth, 2e-5, 5)
     fading = []
     for bend_rad_s in (0.0, 2e-6):
-        fitting, bank, cut = Fitting(PRIORS, watch_of(2), True), Bank.empty(2), 0
+        fitting, bank, cut = Fitting(PRIORS, watch_of(2), True), OffModelFilters.empty(2), 0
         late = np.maximum(rays.time_s - 40.0, 0.0)[:, None]
         turned = rays.direction_ecef + bend_rad_s * late**1.5 * axes_about(rays)[:, 0]
         bent = evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])

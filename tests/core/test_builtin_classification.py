@@ -11,7 +11,7 @@ from opir_core.builtin.classification import confusion_classifier, no_answer, tr
 from opir_core.builtin.configs import ConfusionConfig
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import ModelContext, SensorContext
-from opir_core.interfaces.records import Sightings
+from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin import NoConfig, ScanningSensorConfig, scanning_sensor
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 
@@ -57,7 +57,7 @@ def sightings_of(sensor, target):
     floats, counts = np.zeros(rows), np.ones(rows, np.int64)
     index = [np.asarray(values, dtype=np.int32) for values in (sensor, target)]
     bands, so_far = counts.astype(np.uint8), counts.astype(np.int32)
-    return Sightings(floats, *index, floats, floats, bands, counts, counts, so_far, floats, np.empty((rows, 0)))
+    return ClassifierInputs(floats, *index, floats, floats, bands, counts, counts, so_far, floats, np.empty((rows, 0)))
 
 
 def reported(classifier, sensor, target, numbers):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from opir_core.builtin.confidence import full_confidence, no_confidence, weighted_confidence
 from opir_core.builtin.configs import WeightedConfig
 from opir_core.interfaces.contexts import ModelContext
-from opir_core.interfaces.records import Sightings
+from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin import NoConfig
 
 CONTEXT = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
@@ -19,7 +19,7 @@ CONTEXT = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
 def sightings(band_count, band_total, detection_count, elevation_rad):
     rows = len(band_count)
     index, floats = np.zeros(rows, np.int32), np.zeros(rows)
-    return Sightings(
+    return ClassifierInputs(
         time_s=floats,
         sensor=index,
         target=index,

@@ -9,7 +9,7 @@ from opir_trackers.triangulation import Fixes
 
 import opir_core as opir
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.simulation.run import run_of_plan
 
 AIMS = {"ICBM": (9.0, 167.7), "IRBM": (20.0, -150.0), "SRBM": (34.0, -124.0)}
@@ -64,7 +64,7 @@ def test_launches_along_the_sensors_base_begin_no_more_than_a_tenth_too_many(sen
     assert sensors is TWO or nearest_m.max() < 3e3
 
 
-def rays_of(aside_sigmas: FloatArray, seen: FloatArray) -> tuple[Rays, IntArray]:
+def rays_of(aside_sigmas: FloatArray, seen: FloatArray) -> tuple[LinesOfSight, IntArray]:
     """Return rays of targets (n,) so far aside, in errors of a look, that scans (m, n) saw, and whose each is."""
     rng = np.random.default_rng(1)
     scan, target = np.nonzero(seen)
@@ -72,7 +72,7 @@ def rays_of(aside_sigmas: FloatArray, seen: FloatArray) -> tuple[Rays, IntArray]
     along = np.stack([-np.sqrt(1.0 - y * y - z * z), y, z], axis=1)
     origin = np.tile([4.2e7, 0.0, 0.0], (len(scan), 1))
     sensor, sigma = np.zeros(len(scan), dtype=np.int32), np.full(len(scan), SIGMA_RAD)
-    return Rays(0.1 * scan, sensor, scan, origin, along, sigma), target
+    return LinesOfSight(0.1 * scan, sensor, scan, origin, along, sigma), target
 
 
 def test_a_wide_spot_is_parted_target_by_target() -> None:
@@ -95,7 +95,7 @@ def test_targets_within_the_error_of_a_look_stay_one_spot() -> None:
 def test_a_spot_beside_a_wide_one_keeps_its_rays() -> None:
     wide, target = rays_of(np.array([0.0, 8.0]), np.ones((6, 2)))
     other, _ = rays_of(np.array([400.0]), np.ones((6, 1)))
-    rays = Rays.concatenate([wide, other])
+    rays = LinesOfSight.concatenate([wide, other])
     spot, parts = parted(np.repeat([0, 1], [12, 6]), rays, rays.direction_ecef, rays.sigma_rad)
     assert len(np.unique(spot[:12])) == 2
     assert [len(np.unique(spot[:12][target == one])) for one in (0, 1)] == [1, 1]

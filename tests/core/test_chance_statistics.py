@@ -16,7 +16,7 @@ from scipy.stats import chi2, norm, poisson
 import opir_core as opir
 from opir_core.interfaces.records import Detections, DetectionTruth
 from opir_core.planning.looks import Looks, exposures
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.simulation.engine import Engine
 
 TARGETS = int(os.environ.get("OPIR_CHANCE_TARGETS", "40"))
@@ -79,7 +79,7 @@ def told(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dict[tu
     """Return what becomes of each class before each sensor."""
     one = opir.compile_plan(scene(1, sensors, **changes))
     looks = Looks.between(one.pairs, 0, one.end_ns)
-    exposed = exposures(one, Sites.of(one.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = exposures(one, SensorStates.of(one.sensors), looks.pair, looks.scan, geometry=True)
     chance, snr = one.detection.probability(exposed), one.detection.response(exposed).snr[:, 0]
     detections, truth = drawn(opir.compile_plan(scene(repeats, sensors, **changes)))
     found = {}
@@ -180,9 +180,7 @@ def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold() -> None
     detections, truth = drawn(plan)
     assert (truth.target < 0).all()
     for number, sensor in enumerate(plan.sensors):
-        cells = (
-            4.0 * np.pi * (np.sin(0.5 * sensor.field_of_regard_half_angle_rad) / sensor.radiometer.footprint_rad) ** 2
-        )
+        cells = 4.0 * np.pi * (np.sin(0.5 * sensor.field_of_regard_half_angle_rad) / sensor.radiometer.ifov_rad) ** 2
         scans = round(120e9 / sensor.scan.period_ns)
         mean = noise_chance(sensor) * cells * scans
         times = detections.time_ns[detections.sensor == number]

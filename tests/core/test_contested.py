@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.stereo.ambiguous_histories import turned
-from opir_trackers.stereo.ambiguous_measurements import Contested
+from opir_trackers.stereo.ambiguous_measurements import AmbiguousMeasurements
 from opir_trackers.stereo.histories import Histories, weighed
 from opir_trackers.stereo.swap_likelihood import settled_exchanges
 
@@ -15,7 +15,7 @@ from opir_core.flight.forces import Forces
 
 KEPLER = Forces(zonal=())
 COASTING = Motion(COAST, 0.0, KEPLER)
-FILTER = SwitchingFilter(Motion(BOOST, 1.0, KEPLER), COASTING, np.inf, np.inf)
+FILTER = ImmFilter(Motion(BOOST, 1.0, KEPLER), COASTING, np.inf, np.inf)
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians([10.0, 80.0])])
 SIGMA_RAD, END_S, ODDS, PRIOR_M, PRIOR_M_S = 2e-5, 6.0, 7.0, 3000.0, 50.0
 MIDDLE = np.array([4.2e6, 3.9e6, 3.2e6, -1500.0, 2500.0, 5000.0])
@@ -35,11 +35,11 @@ def half(shift_m: np.ndarray) -> np.ndarray:
     return MIDDLE + np.concatenate([np.stack([0.5 * shift_m, -0.5 * shift_m]), np.zeros((2, 3))], axis=1)
 
 
-def bank_of(states: np.ndarray) -> Bank:
+def bank_of(states: np.ndarray) -> ModeEstimates:
     """Return estimates about states (2, 6), as sure as what was known of both beforehand."""
     root = np.tile(np.diag(1.0 / np.repeat([PRIOR_M, PRIOR_M_S, 20.0, 0.5], 3)), (2, 1, 1))
     boost = np.concatenate([states, np.zeros((2, 6))], axis=1)
-    return Bank(
+    return ModeEstimates(
         np.tile([0.0, 1.0], (2, 1)), boost, root, states.copy(), root[:, :COAST, :COAST].copy(), np.ones((2, 3))
     )
 
@@ -81,7 +81,7 @@ def scene(states: np.ndarray, seed: int) -> tuple[Histories, np.ndarray]:
         np.tile(np.eye(2), (len(spot), 1, 1)),
     )
     rows = np.array([(t, s, r) for t in (0, 1) for s in scan for r in (0, 1)])
-    contested = Contested(
+    contested = AmbiguousMeasurements(
         sight=rows[:, 0] * len(middle) + 2 * second[rows[:, 1]] + sensor[rows[:, 1]],
         ray=2 * rows[:, 1] + rows[:, 2],
         scan=rows[:, 1],

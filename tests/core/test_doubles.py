@@ -1,7 +1,7 @@
 """Which of two tracks that follow one target is let go, and which two follow two."""
 
 import numpy as np
-from opir_trackers.stereo.duplicate_tracks import Sightings, doubles, remembered_s
+from opir_trackers.stereo.duplicate_tracks import SharedDetections, doubles, remembered_s
 
 from opir_core.estimation.lines_of_sight import no_rays
 
@@ -17,11 +17,11 @@ def states(apart_m: float, sigma_m: float) -> tuple[np.ndarray, np.ndarray]:
     return state, covariance
 
 
-def sightings(first: list[int], second: list[int]) -> Sightings:
+def sightings(first: list[int], second: list[int]) -> SharedDetections:
     """Return that the first track was seen in some scans of a sensor, the second in others."""
     scan = np.array(first + second)
     number = np.repeat(NUMBER, [len(first), len(second)])
-    return Sightings(number, np.zeros(len(scan), dtype=np.int32), scan, 10.0 * scan)
+    return SharedDetections(number, np.zeros(len(scan), dtype=np.int32), scan, 10.0 * scan)
 
 
 def test_two_that_are_alike_and_never_seen_in_one_scan_are_one() -> None:
@@ -44,7 +44,7 @@ def test_scans_are_remembered_as_long_as_slices_are_too_short_for_four_of_them()
     """Of a sensor with 2 s between scans the last four, of one with 0.2 s those of a slice of 1 s."""
     memory_s = remembered_s(np.array([2.0, 0.2]), 1.0, 4)
     assert memory_s.tolist() == [8.0, 0.0]
-    before = Sightings(NUMBER, np.array([0, 1], dtype=np.int32), np.array([5, 50]), np.array([10.0, 10.0]))
+    before = SharedDetections(NUMBER, np.array([0, 1], dtype=np.int32), np.array([5, 50]), np.array([10.0, 10.0]))
     nothing = np.empty(0, dtype=np.int64)
     later = [before.after(NUMBER, nothing, no_rays(), time_s, memory_s).number.tolist() for time_s in (11.0, 18.5)]
     assert later == [[3], []]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.dragged_fall import DraggedFall
-from opir_trackers.filter.mixtures import Bank
+from opir_trackers.filter.mixtures import ModeEstimates
 from opir_trackers.track_priors import filter_of
 
 from opir_core.estimation.motion import COAST, Motion
@@ -74,7 +74,7 @@ def test_the_stereo_filter_of_a_scene_with_drag_lets_it_slow_what_coasts():
     filter_, start = filter_of(StereoFilterConfig(motion="coast"), context), states()[:9]
     root = np.broadcast_to(np.diag(1.0 / np.repeat([100.0, 10.0], 3)), (9, COAST, COAST))
     boost = np.concatenate([start, np.zeros((9, 4))], axis=1), np.broadcast_to(np.eye(10), (9, 10, 10))
-    bank = Bank(np.tile([0.0, 1.0], (9, 1)), *boost, start, root, np.zeros((9, 3)))
+    bank = ModeEstimates(np.tile([0.0, 1.0], (9, 1)), *boost, start, root, np.zeros((9, 3)))
     for _ in range(20):
         bank = filter_.moved(bank, 1.0)
     expected, free = (
@@ -133,7 +133,7 @@ def test_no_covariance_explodes_or_collapses_in_thick_air(coefficient_kg_m2):
     filter_, (start, _) = filter_of(StereoFilterConfig(motion="coast"), context), light(9e3, 600.0)
     root = np.broadcast_to(np.diag(1.0 / np.repeat([1000.0, 100.0], 3)), (8, COAST, COAST))
     boost = np.concatenate([start, np.zeros((8, 4))], axis=1), np.broadcast_to(np.eye(10), (8, 10, 10))
-    bank = Bank(np.tile([0.0, 1.0], (8, 1)), *boost, start, root, np.zeros((8, 3)))
+    bank = ModeEstimates(np.tile([0.0, 1.0], (8, 1)), *boost, start, root, np.zeros((8, 3)))
     for _ in range(30):
         bank = filter_.moved(bank, 1.0)
         variance = np.linalg.eigvalsh(filter_.moments(bank)[1])

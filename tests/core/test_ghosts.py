@@ -2,11 +2,11 @@
 
 import numpy as np
 from opir_trackers.association import Chances
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.gating import candidates, gated
 from opir_trackers.stereo.ghosts import Slice, without_ghosts
 
-from opir_core.estimation.lines_of_sight import Rays, axes_across
+from opir_core.estimation.lines_of_sight import LinesOfSight, axes_across
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.geometry import eci_to_ecef
@@ -16,7 +16,7 @@ SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians(
 SIGMA_RAD = 2e-5
 
 
-def seen(states: np.ndarray, motion: Motion) -> tuple[Rays, np.ndarray]:
+def seen(states: np.ndarray, motion: Motion) -> tuple[LinesOfSight, np.ndarray]:
     """Return one second of looks of two sensors at two targets in free flight, and whose each ray is."""
     rng, parts, whose = np.random.default_rng(2), [], []
     for scan in range(1, 11):
@@ -29,10 +29,10 @@ def seen(states: np.ndarray, motion: Motion) -> tuple[Rays, np.ndarray]:
             direction /= np.linalg.norm(direction, axis=1)[:, None]
             index = np.full(2, sensor, dtype=np.int32)
             parts.append(
-                Rays(time_s, index, np.full(2, scan), np.tile(origin, (2, 1)), direction, np.full(2, SIGMA_RAD))
+                LinesOfSight(time_s, index, np.full(2, scan), np.tile(origin, (2, 1)), direction, np.full(2, SIGMA_RAD))
             )
             whose.append(np.arange(2))
-    return Rays.concatenate(parts), np.concatenate(whose)
+    return LinesOfSight.concatenate(parts), np.concatenate(whose)
 
 
 def test_an_exchange_of_one_sensors_rays_is_undone_and_a_right_assignment_left_alone() -> None:
@@ -40,12 +40,12 @@ def test_an_exchange_of_one_sensors_rays_is_undone_and_a_right_assignment_left_a
     first = np.array([4.2e6, 3.9e6, 3.2e6, -1500.0, 2500.0, 5000.0])
     states = np.stack([first, first + np.array([2500.0, -1500.0, 1500.0, 5.0, 0.0, -5.0])])
     rays, whose = seen(states, motion)
-    filter_ = SwitchingFilter(Motion(BOOST, 1.0, KEPLER), motion, np.inf, np.inf)
+    filter_ = ImmFilter(Motion(BOOST, 1.0, KEPLER), motion, np.inf, np.inf)
     sigma = np.repeat([3000.0, 50.0, 20.0, 0.5], 3)
     root = np.tile(np.diag(1.0 / sigma), (2, 1, 1))
     middle = np.tile(states.mean(axis=0), (2, 1))
     none = np.zeros((2, 6))
-    bank = Bank(
+    bank = ModeEstimates(
         np.tile([0.0, 1.0], (2, 1)),
         np.concatenate([middle, none], axis=1),
         root,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from opir_trackers.ground_points import GroundPoints, impacts, renewed
 from opir_trackers.launch_points import launches
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 from opir_trackers.stereo.report import evidence_of, type_posterior
 
 from opir_core.estimation.lines_of_sight import turned
@@ -108,14 +108,14 @@ def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
     side = np.zeros((1, 12, 12))
     side[0, :3, :3] = 100.0 * np.eye(3)
     seen, pause = np.array([2.0]), np.array([0.1])
-    found = launches(Outlook(8.0, risen(8.0)[None], side), seen, pause, 0.0)
+    found = launches(PredictedMeasurements(8.0, risen(8.0)[None], side), seen, pause, 0.0)
     assert np.degrees(found.place[0, :2]) == pytest.approx([5.0, 20.0], abs=2e-4)
     assert found.place[0, 2] == pytest.approx(0.0, abs=0.1)
     assert np.sqrt(np.diag(found.covariance[0])[:2]) == pytest.approx(100.0, rel=0.01)
     # A speed known to 1 m/s at 12 m/s² is a time known to 0.08 s; times are 0.4 s apart here.
     assert 0.08 < np.sqrt(found.covariance[0, 2, 2]) < 0.3
     assert np.linalg.eigvalsh(found.covariance[0]).min() > 0.0
-    high = Outlook(8.0, (risen(8.0) + np.array([300e3 * UP, *np.zeros((4, 3))]))[None], side)
+    high = PredictedMeasurements(8.0, (risen(8.0) + np.array([300e3 * UP, *np.zeros((4, 3))]))[None], side)
     assert np.isnan(launches(high, seen, pause, 0.0).place).all()
 
 
@@ -129,7 +129,9 @@ def test_launches_are_as_sure_as_they_say() -> None:
     path[:, 0] += 100.0 * rng.normal(size=(runs, 1)) * UP + drift * now_s
     path[:, 1] += drift
     path[:, :4] += (sigma * rng.normal(size=(runs, 12))).reshape(runs, 4, 3)
-    found = launches(Outlook(now_s, path, np.tile(np.diag(sigma), (runs, 1, 1))), first_s, np.full(runs, pause_s), 0.0)
+    found = launches(
+        PredictedMeasurements(now_s, path, np.tile(np.diag(sigma), (runs, 1, 1))), first_s, np.full(runs, pause_s), 0.0
+    )
     known = np.isfinite(found.place[:, 2])
     assert known.mean() > 0.999
     off = found.place[known, 2] / np.sqrt(found.covariance[known, 2, 2])

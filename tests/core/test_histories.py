@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.stereo.histories import Histories, lasting_s, mean_sights, with_biases
 from opir_trackers.stereo.history_assignment import decided
 
@@ -17,7 +17,7 @@ from opir_core.simulation.run import simulate
 
 KEPLER = Forces(zonal=())
 COASTING = Motion(COAST, 0.0, KEPLER)
-FILTER = SwitchingFilter(Motion(BOOST, 1.0, KEPLER), COASTING, np.inf, np.inf)
+FILTER = ImmFilter(Motion(BOOST, 1.0, KEPLER), COASTING, np.inf, np.inf)
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in np.radians([10.0, 80.0])])
 SIGMA_RAD, END_S = 2e-5, 6.0
 FIRST = np.array([4.2e6, 3.9e6, 3.2e6, -1500.0, 2500.0, 5000.0])
@@ -55,17 +55,17 @@ def looks(states: np.ndarray, seed: int = 3) -> tuple[Sights, np.ndarray]:
     return Sights.concatenate(parts), np.concatenate(sensors)
 
 
-def begun(states: np.ndarray, sigma_m: float = 5000.0) -> Bank:
+def begun(states: np.ndarray, sigma_m: float = 5000.0) -> ModeEstimates:
     """Return what is known beforehand of as many targets: that they are about the middle of all."""
     count = len(states)
     mean = np.tile(states.mean(axis=0), (count, 1))
     root = np.tile(np.diag(1.0 / np.repeat([sigma_m, 50.0, 20.0, 0.5], 3)), (count, 1, 1))
     boost = np.concatenate([mean, np.zeros((count, 6))], axis=1)
     coast_root = root[:, :COAST, :COAST].copy()
-    return Bank(np.tile([0.0, 1.0], (count, 1)), boost, root, mean, coast_root, np.ones((count, 3)))
+    return ModeEstimates(np.tile([0.0, 1.0], (count, 1)), boost, root, mean, coast_root, np.ones((count, 3)))
 
 
-def known(states: np.ndarray, order: tuple[int, ...]) -> tuple[Histories, Bank]:
+def known(states: np.ndarray, order: tuple[int, ...]) -> tuple[Histories, ModeEstimates]:
     """Return histories in which track k has the second sensor's history of target order[k], and what follows."""
     sights, sensor = looks(states)
     holder = np.argsort(order)
@@ -76,7 +76,7 @@ def known(states: np.ndarray, order: tuple[int, ...]) -> tuple[Histories, Bank]:
     return Histories(np.arange(len(states)), np.zeros(len(states)), first, *means), bank
 
 
-def errors_m(bank: Bank, states: np.ndarray) -> np.ndarray:
+def errors_m(bank: ModeEstimates, states: np.ndarray) -> np.ndarray:
     return np.linalg.norm(bank.coast_mean[:, :3] - states[:, :3], axis=1)
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import impacts, launches, shots, states_at
-from opir_trackers.arc.fit import Arcs
+from opir_trackers.arc.fit import ArcFits
 from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilities
-from opir_trackers.sensor_schedule import Watch
+from opir_trackers.sensor_schedule import SensorSchedule
 from scipy.optimize import least_squares
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.flight import propagate_kepler
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.geometry import ecef_to_eci, ecef_to_geodetic, eci_to_ecef, geodetic_to_ecef
@@ -48,7 +48,7 @@ def rays_at(time_s, sensor, noise=None, light_time=True):
         unit = unit + SIGMA_RAD * noise.normal(size=unit.shape)
         unit /= np.linalg.norm(unit, axis=1)[:, None]
     scan = np.arange(len(time_s), dtype=np.int64)
-    return Rays(time_s, sensor.astype(np.int32), scan, origin, unit, np.full(len(time_s), SIGMA_RAD))
+    return LinesOfSight(time_s, sensor.astype(np.int32), scan, origin, unit, np.full(len(time_s), SIGMA_RAD))
 
 
 def both(times):
@@ -58,7 +58,7 @@ def both(times):
 
 def begun(rays, climb_m_s2=15.0, light_time=True, launch_s=0.0):
     owner = np.zeros(len(rays), dtype=np.int64)
-    arcs = Arcs.unbegun(np.zeros(1, dtype=np.int64), 2)
+    arcs = ArcFits.unbegun(np.zeros(1, dtype=np.int64), 2)
     return arc_fit.begun(arcs, rays, owner, np.full(1, launch_s), climb_m_s2, light_time)
 
 
@@ -118,9 +118,9 @@ def test_errors_of_an_arc_are_as_its_covariance_says():
     rng, at = np.random.default_rng(5), np.array([60.0])
     truth = true_position(at)[0]
     count, sight = 200, rays_at(time_s, sensor)
-    rays = Rays.concatenate([rays_at(time_s, sensor, rng) for _ in range(count)])
+    rays = LinesOfSight.concatenate([rays_at(time_s, sensor, rng) for _ in range(count)])
     owner = np.repeat(np.arange(count), len(sight))
-    arcs = arc_fit.begun(Arcs.unbegun(np.arange(count), 2), rays, owner, np.zeros(count), 15.0, True)
+    arcs = arc_fit.begun(ArcFits.unbegun(np.arange(count), 2), rays, owner, np.zeros(count), 15.0, True)
     state, covariance = states_at(arcs, np.repeat(at, count))
     error = state[:, :3] - truth
     squares = np.sum(error * np.linalg.solve(covariance[:, :3, :3], error[:, :, None])[:, :, 0], axis=1)
@@ -177,11 +177,11 @@ def test_launches_are_where_first_rays_meet_the_ground():
         stub_sensor("A", -150.0, detection_probability={"ICBM": 0.5, "IRBM": 0.5, "SRBM": 0.5}),
         stub_sensor("B", -90.0, detection_probability={"ICBM": 0.8, "IRBM": 0.8, "SRBM": 0.8}),
     )
-    watch = Watch.of(sensors, least=0.01, most=1.0)
+    watch = SensorSchedule.of(sensors, least=0.01, most=1.0)
     owner, sensor = np.array([0, 0, 1, 1]), np.array([0, 1, 0, 1])
     line = places[owner] - origins[sensor]
     distance = np.linalg.norm(line, axis=1)
-    rays = Rays(
+    rays = LinesOfSight(
         np.array([10.0, 10.1, 20.0, 20.1]) + distance / SPEED_OF_LIGHT_M_S,
         sensor.astype(np.int32),
         np.arange(4),
@@ -209,8 +209,8 @@ def test_launches_err_as_their_covariance_says():
     noisy = np.tile(unit, (count, 1)) + SIGMA_RAD * rng.normal(size=(2 * count, 3))
     noisy /= np.linalg.norm(noisy, axis=1)[:, None]
     sensor = np.tile([0, 1], count).astype(np.int32)
-    watch = Watch.of((stub_sensor("A", -150.0), stub_sensor("B", -90.0)), least=0.01, most=1.0)
-    rays = Rays(
+    watch = SensorSchedule.of((stub_sensor("A", -150.0), stub_sensor("B", -90.0)), least=0.01, most=1.0)
+    rays = LinesOfSight(
         np.full(2 * count, 5.0), sensor, np.arange(2 * count), origins[sensor], noisy, np.full(2 * count, SIGMA_RAD)
     )
     found = launches(rays, np.repeat(np.arange(count), 2), count, watch, True)

@@ -11,13 +11,13 @@ from scipy.special import ndtr
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.planning.looks import Looks, exposures
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.radiometry.earth import EarthBackground
 from opir_core.radiometry.lowtran import LowtranAtmosphere
 from opir_core.radiometry.plume import PlumeSignatures
 from opir_core.radiometry.protocols import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
-from opir_core.simulation.interpolation.probability import Knots
-from opir_core.simulation.interpolation.refinement import KNOTS, Weaver, sure_beyond
+from opir_core.simulation.interpolation.probability import ProbabilityInterpolant
+from opir_core.simulation.interpolation.refinement import KNOTS, GridRefiner, sure_beyond
 
 AIR = {"atmosphere": "lowtran", "background": "earth"}
 
@@ -50,7 +50,7 @@ class Counting:
     def __init__(self, model: Any) -> None:
         self.asked: list[tuple[int, int]] = []
         self._model = model
-        self.probability_tolerance, self.kinks_s = model.probability_tolerance, model.kinks_s
+        self.probability_tolerance, self.breakpoints_s = model.probability_tolerance, model.breakpoints_s
         self.measure_response = model.measure_response
 
     def response(self, exposed: Any, *, slack: float = 0.0) -> Any:
@@ -67,7 +67,7 @@ class Counting:
 def test_a_pair_is_asked_for_few_looks_in_few_calls(calibrate: str, sky: dict[str, Any], most: int) -> None:
     plan = planned(calibrate, sky)
     counting = Counting(plan.detection)
-    Knots.of(evolve(plan, detection=counting), Sites.of(plan.sensors), 1e-4)
+    ProbabilityInterpolant.of(evolve(plan, detection=counting), SensorStates.of(plan.sensors), 1e-4)
     pairs = int((plan.pairs.looks > 0).sum())
     assert sum(rows for rows, _ in counting.asked) <= most * pairs
     # One call a halving, all pairs at once.
@@ -77,7 +77,7 @@ def test_a_pair_is_asked_for_few_looks_in_few_calls(calibrate: str, sky: dict[st
 
 def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:
     plan = planned("none", {})
-    woven = Weaver(plan, Sites.of(plan.sensors), plan.detection, 1e-4).woven()
+    woven = GridRefiner(plan, SensorStates.of(plan.sensors), plan.detection, 1e-4).woven()
     assert len(woven.settled.scan) == 3
     assert len(woven.curved.scan) == KNOTS
     assert len(woven.settled.pair) > 0.5 * len(woven.curved.pair)
@@ -87,9 +87,9 @@ def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
 def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(tolerance: float) -> None:
     plan = planned("none", {}, tolerance)
-    knots = Knots.of(plan, Sites.of(plan.sensors), tolerance)
+    knots = ProbabilityInterpolant.of(plan, SensorStates.of(plan.sensors), tolerance)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair, looks.scan, geometry=True)
     probability, exact = knots.over(looks).probability(), ndtr(plan.detection.response(exposed).probit)
     sure = (probability == 0.0) | (probability == 1.0)
     assert sure.mean() > 0.5
@@ -98,28 +98,28 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
 
 def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = planned("paper", AIR)
-    weaver = Weaver(plan, Sites.of(plan.sensors), plan.detection, 1e-4)
-    rooms, keep = [], Weaver._keep
+    weaver = GridRefiner(plan, SensorStates.of(plan.sensors), plan.detection, 1e-4)
+    rooms, keep = [], GridRefiner._keep
 
-    def keeping(self: Weaver, values: np.ndarray) -> None:
+    def keeping(self: GridRefiner, values: np.ndarray) -> None:
         keep(self, values)
         rooms.append(self._known.shape[1])
 
-    monkeypatch.setattr(Weaver, "_keep", keeping)
+    monkeypatch.setattr(GridRefiner, "_keep", keeping)
     woven = weaver.woven()
     assert len(rooms) >= 5
     assert len(set(rooms)) <= 3
     assert woven.values.shape[1] == weaver._count <= rooms[-1]
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair[::53], looks.scan[::53], geometry=True)
+    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair[::53], looks.scan[::53], geometry=True)
     true_m = ecef_to_geodetic(exposed.target_ecef_m).height_m
     assert np.abs(plan.detection.scenery.paths(exposed).height_m - true_m).max() < 3e-8
 
 
 def test_pitch_over_is_told_beside_what_plumes_and_air_tell() -> None:
     plan = planned("none", {})
-    told_s = plan.detection.kinks_s()
-    pitched_s = plan.targets.trajectories[0].course_kinks_s
+    told_s = plan.detection.breakpoints_s()
+    pitched_s = plan.targets.trajectories[0].course_breakpoints_s
     assert np.all((plan.targets.ignition_s < pitched_s[:, 0]) & (pitched_s[:, 0] < plan.targets.burnout_s))
     assert np.all((told_s[:, :, None] == pitched_s[:, None, :]).any(axis=(1, 2)))
     # Before it flight is vertical: the direction bends there, not sooner.
@@ -135,7 +135,7 @@ def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, An
     plan = planned("none", sky)
     looks, scenery = Looks.between(plan.pairs, 0, plan.end_ns), plan.detection.scenery
     every = slice(None, None, 97)
-    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair[every], looks.scan[every], geometry=True)
+    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair[every], looks.scan[every], geometry=True)
     view, path, aspect = scenery.views(exposed), scenery.paths(exposed), scenery.aspect_rad(exposed)
     bands = list(range(len(scenery.bands)))
     radiance, clutter = radiances_and_clutter_w_m2_sr(scenery.background, bands, view)
@@ -163,7 +163,7 @@ def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(monkeyp
         inner = getattr(kind, name)
         monkeypatch.setattr(kind, name, lambda *given, inner=inner, name=name: asked.append(name) or inner(*given))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair[::97], looks.scan[::97], geometry=True)
+    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair[::97], looks.scan[::97], geometry=True)
     plan.detection.response(exposed)
     assert {name: asked.count(name) for name in asked} == dict.fromkeys(asked, len(plan.sensors))
     assert len(set(asked)) == 3

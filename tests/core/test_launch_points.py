@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from opir_trackers.launch_points import _add_noise, _covariances, _on_ground, _turned, _whitened
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation.motion import BOOST, weights_at
@@ -37,10 +37,10 @@ def test_height_grows_along_the_direction_in_which_it_is_said_to() -> None:
     assert np.allclose(up.T, local_axes(place)[:, 2], atol=1e-7)
 
 
-def outlook_of(count: int) -> Outlook:
+def outlook_of(count: int) -> PredictedMeasurements:
     rng = np.random.default_rng(9)
     scale = np.repeat([150.0, 20.0, 2.0, 0.1], 3)[:, None]
-    return Outlook(0.0, rng.normal(size=(count, 5, 3)), scale * rng.normal(size=(count, BOOST, BOOST)))
+    return PredictedMeasurements(0.0, rng.normal(size=(count, 5, 3)), scale * rng.normal(size=(count, BOOST, BOOST)))
 
 
 @pytest.mark.parametrize("count", [1, 4])

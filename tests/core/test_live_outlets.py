@@ -13,7 +13,7 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
-from opir_core.live.sink_thread import QUEUED_WINDOWS, Outlet
+from opir_core.live.sink_thread import QUEUED_WINDOWS, SinkThread
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_from_mapping
@@ -74,7 +74,10 @@ def some_window(scene: Scene, host: Host) -> Window:
 
 def test_a_slow_sink_loses_nothing_and_one_that_fails_is_told(scene: Scene, host: Host) -> None:
     window, gate = some_window(scene, host), threading.Event()
-    slow, broken = Outlet("outputs[0]", "slow", Slow(gate)), Outlet("outputs[1]", "broken", Slow(gate, "no room"))
+    slow, broken = (
+        SinkThread("outputs[0]", "slow", Slow(gate)),
+        SinkThread("outputs[1]", "broken", Slow(gate, "no room")),
+    )
     for _ in range(QUEUED_WINDOWS // 2):
         slow.write(window, threading.Event())
         broken.write(window, threading.Event())
@@ -108,7 +111,7 @@ def test_nobody_hears_of_an_event_before_the_outputs_with_a_spool_have_it(scene:
     other = Slow(threading.Event())
     other.gate.set()
     kept = Kept(lambda: max(run.status().detections, told(shown), other.taken))
-    run._outlets = (Outlet("outputs[0]", "other", other), Outlet("outputs[1]", "kept", kept, is_kept=True))
+    run._outlets = (SinkThread("outputs[0]", "other", other), SinkThread("outputs[1]", "kept", kept, is_kept=True))
     run._state = "running"
     run._thread.start()
     until(lambda: run.state == "ended")
@@ -124,7 +127,7 @@ def told(shown: list[LiveWindow]) -> int:
 def test_a_kept_output_that_fails_is_told_and_the_run_goes_on(scene: Scene, host: Host) -> None:
     window, gate = some_window(scene, host), threading.Event()
     gate.set()
-    broken = Outlet("outputs[0]", "broken", Slow(gate, "no room"), is_kept=True)
+    broken = SinkThread("outputs[0]", "broken", Slow(gate, "no room"), is_kept=True)
     for _ in range(3):
         broken.write(window, threading.Event())
     broken.close(time.monotonic() + 5.0)
@@ -151,7 +154,7 @@ def test_a_spooled_output_that_is_changed_loses_nothing(tmp_path: Any, host: Hos
 
 
 def test_a_sink_that_hangs_does_not_keep_the_run_from_stopping(scene: Scene, host: Host) -> None:
-    hanging = Outlet("outputs[0]", "hanging", Slow(threading.Event()))
+    hanging = SinkThread("outputs[0]", "hanging", Slow(threading.Event()))
     hanging.write(some_window(scene, host), threading.Event())
     before = time.monotonic()
     hanging.close(before + 0.2)

@@ -7,7 +7,7 @@ import pytest
 from opir_trackers.low_orbit_ranges import from_afar, near_ground
 
 import opir_core as opir
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.interfaces.records import Tracks
 from opir_core.planning.plan import compile_plan
 from opir_core.simulation.run import run_of_plan
@@ -54,12 +54,12 @@ def test_each_launch_of_the_arctic_example_has_one_track() -> None:
     assert np.unique(tracks.track).tolist() == [0, 1]
 
 
-def rays(origin_m: np.ndarray, aim_m: np.ndarray) -> Rays:
+def rays(origin_m: np.ndarray, aim_m: np.ndarray) -> LinesOfSight:
     """Return rays of 20 urad from points (n, 3) at a point (3,), half a second apart."""
     count, along = len(origin_m), aim_m - origin_m
     direction = along / np.linalg.norm(along, axis=1)[:, None]
     index = np.zeros(count, dtype=np.int32)
-    return Rays(0.5 * np.arange(count), index, np.arange(count), origin_m, direction, np.full(count, 2e-5))
+    return LinesOfSight(0.5 * np.arange(count), index, np.arange(count), origin_m, direction, np.full(count, 2e-5))
 
 
 def test_what_stands_still_stays_in_its_direction_as_a_low_sensor_moves() -> None:

@@ -12,11 +12,11 @@ import opir_core as opir
 from opir_core.errors import ModelError
 from opir_core.geometry import local_axes
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.protocols import Band, Dice, Measured
+from opir_core.interfaces.protocols import Band, Measured, RandomDraws
 from opir_core.interfaces.records import Detections, Exposures, Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.truth_file import TruthFile
-from opir_core.planning.pointing_bias import Bias
+from opir_core.planning.pointing_bias import PointingBias
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
@@ -33,7 +33,7 @@ class Radiometer(CertainDetection):
 
     bands: int = 2
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         rows = len(exposures)
         sigma_rad = 1e-6 * (1.0 + exposures.scan)
         return Measured(np.ones(rows, np.uint8), np.ones(rows), sigma_rad, np.full((rows, self.bands), 1e-9))
@@ -102,7 +102,7 @@ def test_a_bias_moves_the_line_to_nadir_east_and_north() -> None:
     sensor_m = stub_sensor(slot_deg=30.0).orbit.position_ecef_m(np.zeros(1))
     axes = local_axes(sensor_m)[0]
     down = -axes[2]
-    bias = Bias(np.array([3e-5]), np.array([-2e-5]))
+    bias = PointingBias(np.array([3e-5]), np.array([-2e-5]))
     moved = bias.applied(*(down[axis : axis + 1] for axis in range(3)), *_at(sensor_m))
     shift = np.array([component[0] for component in moved]) - down
     assert axes @ shift == pytest.approx([3e-5, -2e-5, 0.0], abs=1e-9)
@@ -114,9 +114,9 @@ def _at(sensor_m: Any) -> tuple[Any, Any]:
 
 def test_the_bias_is_one_draw_a_sensor_and_run_that_no_neighbour_changes() -> None:
     sensors = [stub_sensor(f"S{number}", line_of_sight_bias_sigma_rad=2e-5) for number in range(4000)]
-    drawn = Bias.drawn(7, sensors)
-    assert Bias.drawn(7, sensors[1:]).east_rad[0] == drawn.east_rad[1]
-    assert Bias.drawn(8, sensors).east_rad[0] != drawn.east_rad[0]
+    drawn = PointingBias.drawn(7, sensors)
+    assert PointingBias.drawn(7, sensors[1:]).east_rad[0] == drawn.east_rad[1]
+    assert PointingBias.drawn(8, sensors).east_rad[0] != drawn.east_rad[0]
     squared = (drawn.east_rad**2 + drawn.north_rad**2) / 2e-5**2
     assert abs(squared.mean() - 2.0) < 3.29 * 2.0 / np.sqrt(len(sensors))
 
@@ -141,7 +141,7 @@ def test_truth_and_manifest_tell_the_bias(tmp_path: Path) -> None:
     mapping = opir.load_scene(EXAMPLE)
     plan = opir.compile_plan(mapping)
     sensors = [evolve(sensor, line_of_sight_bias_sigma_rad=1e-5) for sensor in plan.sensors]
-    plan = evolve(plan, sensors=tuple(sensors), bias=Bias.drawn(plan.scene.seed, sensors))
+    plan = evolve(plan, sensors=tuple(sensors), bias=PointingBias.drawn(plan.scene.seed, sensors))
     with TruthFile(tmp_path / "truth.jsonl", plan):
         pass
     told = [json.loads(line) for line in (tmp_path / "truth.jsonl").read_text().splitlines()]

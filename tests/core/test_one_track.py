@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.filter.thrust import THRUST, Thrust
 from opir_trackers.gating import candidates, gated
 
-from opir_core.estimation.lines_of_sight import Rays, Sights, axes_across, both_turned, turn_slightly, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, Sights, axes_across, both_turned, turn_slightly, turned
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of
@@ -16,13 +16,13 @@ FORCES, COUNT, END_S = Forces(), 30, 40.0
 FALL = Motion(COAST, 0.01, FORCES)
 THRUSTING = Thrust(0.1, 30.0, 3.0, 0.002, FORCES)
 FILTERS = {
-    "thrust": SwitchingFilter(THRUSTING, FALL, 150.0, 1000.0, cold_chance=0.01, pause_s=2.0),
-    "jerk": SwitchingFilter(Motion(BOOST, 0.3, FORCES), FALL, 150.0, 1000.0),
+    "thrust": ImmFilter(THRUSTING, FALL, 150.0, 1000.0, cold_chance=0.01, pause_s=2.0),
+    "jerk": ImmFilter(Motion(BOOST, 0.3, FORCES), FALL, 150.0, 1000.0),
 }
 SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def bank_of(size: int) -> Bank:
+def bank_of(size: int) -> ModeEstimates:
     """Return tracks that surely burn, surely coast, and anything between; some have been silent."""
     rng = np.random.default_rng(5)
     scale = np.repeat([1e3, 100.0, 5.0, 0.1], 3)[:size]
@@ -34,10 +34,10 @@ def bank_of(size: int) -> Bank:
     pace = rng.uniform([1.0, 1.0, 0.0], [100.0, 20.0, 3.0], (COUNT, 3))
     narrow = root / scale
     weight = np.stack([burning, 1.0 - burning], axis=1)
-    return Bank(weight, mean, narrow, coast, np.array(narrow[:, :COAST, :COAST]), pace)
+    return ModeEstimates(weight, mean, narrow, coast, np.array(narrow[:, :COAST, :COAST]), pace)
 
 
-def sights_of(bank: Bank, seen: np.ndarray) -> Sights:
+def sights_of(bank: ModeEstimates, seen: np.ndarray) -> Sights:
     """Return ten looks each of two sensors at tracks."""
     rng = np.random.default_rng(6)
     track = np.repeat(seen, 20)
@@ -55,8 +55,8 @@ def sights_of(bank: Bank, seen: np.ndarray) -> Sights:
     )
 
 
-def same(one: Bank, many: Bank, row: int) -> None:
-    for name in names_of(Bank):
+def same(one: ModeEstimates, many: ModeEstimates, row: int) -> None:
+    for name in names_of(ModeEstimates):
         mine, theirs = getattr(one, name)[0], getattr(many, name)[row]
         if name.endswith("root"):
             # Signs of rows are of no account.
@@ -108,7 +108,7 @@ def test_rays_are_gated_for_one_track_as_among_others() -> None:
     apart = outlook.positions(np.arange(COUNT), time_s) - SENSORS_M[0]
     direction = apart / np.linalg.norm(apart, axis=1)[:, None] + 2e-5 * rng.normal(size=(COUNT, 3))
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    rays = Rays(
+    rays = LinesOfSight(
         time_s,
         np.zeros(COUNT, dtype=np.int32),
         np.arange(COUNT),

@@ -8,7 +8,7 @@ from attrs import asdict, frozen
 
 from opir_core.orbits import OrbitConfig
 from opir_core.scene.fields import nested
-from opir_core.scene.reading.nodes import Refused
+from opir_core.scene.reading.nodes import InvalidNode
 from opir_core.scene.reading.plain_data import node_of_data
 from opir_core.scene.reading.strict_yaml import node_of_yaml
 from opir_core.scene.reading.structuring import class_reader
@@ -53,7 +53,7 @@ def read_data(orbit):
 
 
 def complaints(orbit):
-    with pytest.raises(Refused) as caught:
+    with pytest.raises(InvalidNode) as caught:
         read_data(orbit)
     return [(complaint.path, complaint.message) for complaint in caught.value.complaints]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from opir_trackers.profile.bank import Fitting
 from opir_trackers.profile.beginning import caught_up
-from opir_trackers.profile.strain import Bank
+from opir_trackers.profile.strain import OffModelFilters
 from profile_flights import PRIORS, flights, lines_of_sight, watch_of
 from scipy.stats import chi2
 
@@ -23,7 +23,7 @@ def test_a_track_that_catches_up_stands_where_it_would_have_stood() -> None:
     now_s = float(np.ceil(rays.time_s[early[-1]]))
     # Track 1 is known from the first ray on, 0 and 2 begin at the last tick.
     always, late = (np.isin(track[early], which) for which in ([1], [0, 2]))
-    along, followed = Bank.empty(1), Bank.empty(1)
+    along, followed = OffModelFilters.empty(1), OffModelFilters.empty(1)
     for tick_s in np.arange(np.floor(rays.time_s[0]) + 1.0, now_s + 1.0):
         mine = early[(rays.time_s[early] < tick_s) & (rays.time_s[early] >= tick_s - 1.0)]
         along = known.stepped(along, tick_s, track[mine], rays.take(mine), stray[mine])

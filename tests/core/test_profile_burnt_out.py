@@ -5,7 +5,7 @@ import pytest
 from attrs import evolve
 from followed_flights import followed, rows_of, usual
 from opir_trackers.configs import BoostProfileConfig
-from opir_trackers.profile.seen import Seen
+from opir_trackers.profile.seen import TrackHistory
 from other_flights import Flown, away_from, flown
 from profile_flights import watch_of
 
@@ -21,7 +21,7 @@ def seen_since(last_s, first_s=0.0, hits=400.0):
     """Return what sensors have seen of a track whose light came last at times (sensors,)."""
     last_s = np.atleast_2d(np.asarray(last_s, dtype=np.float64))
     shape = last_s.shape
-    nothing = Seen.nothing(np.arange(len(last_s)), shape[1])
+    nothing = TrackHistory.nothing(np.arange(len(last_s)), shape[1])
     return evolve(
         nothing, first_s=np.full(shape, first_s), last_s=last_s, hits=np.tile(hits, (len(last_s), 1)) * np.ones(shape)
     )
@@ -56,11 +56,11 @@ def test_impacts_wait_for_the_end_of_burns_unless_they_are_asked_for():
 
 
 @pytest.mark.parametrize(("period_s", "chance", "dark_s"), [(0.1, 0.8, 4.0), (1.0, 0.9, 4.0), (10.0, 0.9, 20.0)])
-def test_silence_tells_the_end_of_a_burn_once_it_is_longer_than_chance_and_stages(period_s, chance, dark_s):
+def test_silence_tells_the_end_of_a_burn_once_it_is_longer_than_chance_and_stages(period_s, chance, time_since_last_s):
     watch = watch_of(2, period_s=period_s, chance=chance)
     seen = seen_since([40.0, 40.0], hits=chance * 40.0 / period_s)
-    assert not seen.are_out(40.0 + dark_s - 0.1, watch)[0]
-    assert seen.are_out(40.0 + dark_s + 0.2, watch)[0]
+    assert not seen.are_out(40.0 + time_since_last_s - 0.1, watch)[0]
+    assert seen.are_out(40.0 + time_since_last_s + 0.2, watch)[0]
 
 
 def test_a_burn_goes_on_while_any_sensor_sees_it_and_a_sensor_that_failed_tells_nothing():

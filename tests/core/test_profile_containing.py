@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from opir_trackers.profile.containing import Arcs, containing_sigmas, factors
+from opir_trackers.profile.containing import ContainingArcs, containing_sigmas, factors
 from opir_trackers.profile.end import DEVIATES, normal_quantiles, normal_rule
 from opir_trackers.profile.flight import Moments, off_ground
 
@@ -46,7 +46,7 @@ def of_parts(away_m, sigmas_m, weights):
     total = np.einsum("n,nij->ij", weights, covariances(sigmas_m))
     total[:2, :2] += np.einsum("n,ni,nj->ij", weights, away - mean, away - mean)
     told = Moments(places(mean[None]), total[None])
-    arcs = Arcs.still(impacts, nodes, normal_quantiles(len(away)))
+    arcs = ContainingArcs.still(impacts, nodes, normal_quantiles(len(away)))
     return containing_sigmas(arcs, weights, np.zeros(len(away), dtype=np.int64), told)[0], total[:2, :2]
 
 
@@ -65,7 +65,7 @@ def along_an_arc(law, east_m, moments_m, sigma_m):
     )
     mean, sigma = moments_m
     told = Moments(places(np.array([[mean, 0.0]])), covariances([[np.hypot(sigma, sigma_m), sigma_m]]))
-    arcs = Arcs.of(*straight(away, sigma_m), nodes[None], law.ppf(norm.cdf(DEVIATES))[None], np.zeros((1, 5)))
+    arcs = ContainingArcs.of(*straight(away, sigma_m), nodes[None], law.ppf(norm.cdf(DEVIATES))[None], np.zeros((1, 5)))
     return containing_sigmas(arcs, np.ones(1), np.zeros(1, dtype=np.int64), told)[0]
 
 
@@ -182,7 +182,7 @@ def test_what_does_not_come_down_is_no_part_of_what_ellipses_hold():
     place, sides, bend = straight(away, 3e3)
     place[0, 3:], sides[0, 3:] = np.nan, np.nan
     told = Moments(places(np.zeros((1, 2))), covariances([[1e4, 3e3]]))
-    arcs = Arcs.of(place, sides, bend, nodes, normal_quantiles(1), np.zeros((1, 5)))
+    arcs = ContainingArcs.of(place, sides, bend, nodes, normal_quantiles(1), np.zeros((1, 5)))
     (radii,) = containing_sigmas(arcs, np.ones(1), np.zeros(1, dtype=np.int64), told)
     # What is nearer to an end that does not come down is left out: beyond half way from 0 to 1.356.
     cut = 0.5 * nodes[0, 3]
@@ -201,7 +201,7 @@ def test_ends_that_are_likelier_hold_more_of_an_ellipse():
     place, sides, bend = straight(np.column_stack([sigmas[0] * nodes[0], np.zeros(5)]), sigmas[1])
     # A normal distribution times exp(shift z) is the same one about the shift.
     told = Moments(places(np.array([[shift * sigmas[0], 0.0]])), covariances([[np.hypot(*sigmas), sigmas[1]]]))
-    arcs = Arcs.of(place, sides, bend, nodes, normal_quantiles(1), shift * nodes)
+    arcs = ContainingArcs.of(place, sides, bend, nodes, normal_quantiles(1), shift * nodes)
     (radii,) = containing_sigmas(arcs, np.ones(1), np.zeros(1, dtype=np.int64), told)
     assert radii == pytest.approx(USUAL, rel=0.03)
 
@@ -209,7 +209,7 @@ def test_ends_that_are_likelier_hold_more_of_an_ellipse():
 def test_what_is_not_told_has_no_radii():
     nodes, _ = normal_rule(2)
     impacts = Moments(np.full((2, 3), np.nan), np.full((2, 3, 3), np.nan))
-    arcs = Arcs.still(impacts, nodes, normal_quantiles(2))
+    arcs = ContainingArcs.still(impacts, nodes, normal_quantiles(2))
     told = Moments(np.full((1, 3), np.nan), np.full((1, 3, 3), np.nan))
     assert np.isnan(containing_sigmas(arcs, np.full(2, 0.5), np.zeros(2, dtype=np.int64), told)).all()
 
@@ -240,7 +240,7 @@ def test_a_track_s_radii_do_not_depend_on_others(seed):
     rng = np.random.default_rng(seed)
     nodes, _ = normal_rule(5)
     impacts = Moments(places(3e4 * rng.normal(size=(5, 2))), covariances(rng.uniform(1e3, 2e4, (5, 2))))
-    arcs, row = Arcs.still(impacts, nodes, normal_quantiles(5)), np.array([0, 1, 0, 2, 1])
+    arcs, row = ContainingArcs.still(impacts, nodes, normal_quantiles(5)), np.array([0, 1, 0, 2, 1])
     told = Moments(places(3e4 * rng.normal(size=(3, 2))), covariances(rng.uniform(2e4, 4e4, (3, 2))))
     weight = np.array([0.4, 0.7, 0.6, 1.0, 0.3])
     every = containing_sigmas(arcs, weight, row, told)

@@ -29,7 +29,7 @@ from opir_trackers.profile.rows import compressed, normal_points, single
 from opir_trackers.profile.windows import windowed
 from profile_flights import GEO_M, PRIORS, flights, lines_of_sight
 
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.flight.aiming import aim
 from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile, boost_profiles
 from opir_core.geometry import Geodetic
@@ -135,7 +135,7 @@ def rays_along_a_line(count, sigma_rad, seed):
 
     origin = np.tile([GEO_M, 0.0, 0.0], (count, 1))
     unused = np.zeros(count, dtype=np.int64)
-    rays = Rays(time_s, unused.astype(np.int32), unused, origin, origin, np.full(count, sigma_rad))
+    rays = LinesOfSight(time_s, unused.astype(np.int32), unused, origin, origin, np.full(count, sigma_rad))
     line = path(single(unused, rays)) - origin + rng.normal(size=(count, 3)) * sigma_rad * 3.6e7
     return evolve(rays, direction_ecef=line / np.linalg.norm(line, axis=1)[:, None]), path
 

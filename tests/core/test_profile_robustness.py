@@ -9,8 +9,8 @@ from opir_trackers.profile import flight as profile_flight
 from opir_trackers.profile.bank import Fitting
 from opir_trackers.profile.family import SIZE
 from opir_trackers.profile.rows import Rows
-from opir_trackers.profile.seen import FIRST_STRANGE, LEAN_VARIANCE, Seen
-from opir_trackers.profile.strain import KEPT, TURNS, Bank, judged
+from opir_trackers.profile.seen import FIRST_STRANGE, LEAN_VARIANCE, TrackHistory
+from opir_trackers.profile.strain import KEPT, TURNS, OffModelFilters, judged
 from opir_trackers.profile.trust import apart, blended, chances, typed
 from other_flights import Flown, away_from, flown
 from profile_flights import PRIORS, flights, lines_of_sight, watch_of
@@ -34,7 +34,7 @@ def rows_at(time_s, sensors, tracks=1):
 def odds_of(innovation):
     """Return the log odds (tracks, ticks) told by innovations (tracks, ticks, sensors, 2)."""
     tracks, ticks, sensors, _ = innovation.shape
-    known, told = Seen.nothing(np.arange(tracks), sensors), []
+    known, told = TrackHistory.nothing(np.arange(tracks), sensors), []
     for tick in range(ticks):
         rows = rows_at([float(tick)], sensors, tracks)
         known = judged(known, rows, innovation[:, tick].reshape(-1, 2))
@@ -74,7 +74,7 @@ def test_light_that_comes_back_after_a_pause_of_all_sensors_is_a_stage(pause_s, 
     looks = 0.1 * np.arange(1, 101)
     early = rows_at(looks, 2)
     early = early.take(np.flatnonzero(np.random.default_rng(3).random(len(early)) < 0.6))
-    known = Seen.nothing(np.zeros(0, dtype=np.int64), 2).with_rays(early, early.time_s)
+    known = TrackHistory.nothing(np.zeros(0, dtype=np.int64), 2).with_rays(early, early.time_s)
     late = rows_at([early.time_s.max() + pause_s], 2)
     after = known.with_rays(late, late.time_s).paused(known, late, watch)
     assert (after.strange[0] > FIRST_STRANGE + 4.0) == strange
@@ -88,7 +88,7 @@ def test_light_that_comes_back_after_a_pause_of_all_sensors_is_a_stage(pause_s, 
 def test_a_pause_is_not_forgotten_however_white_the_innovations_after_it_are():
     watch, looks = watch_of(2, period_s=0.1, chance=0.8), 0.1 * np.arange(1, 101)
     early, late = rows_at(looks, 2), rows_at([looks[-1] + 1.2], 2)
-    known = Seen.nothing(np.zeros(0, dtype=np.int64), 2).with_rays(early, early.time_s)
+    known = TrackHistory.nothing(np.zeros(0, dtype=np.int64), 2).with_rays(early, early.time_s)
     known = known.with_rays(late, late.time_s).paused(known, late, watch)
     told = known.otherwise[0]
     assert told > 2.0
@@ -99,7 +99,7 @@ def test_a_pause_is_not_forgotten_however_white_the_innovations_after_it_are():
     # One flight in three with a pause is fitted on: by a third the odds at the pause were larger than the others alone.
     assert told - np.log(4.0) - 1e-9 < known.otherwise[0] < told - 0.5
     # A flight without a pause has no odds beside those of its innovations.
-    white = Seen.nothing(np.zeros(1, dtype=np.int64), 2)
+    white = TrackHistory.nothing(np.zeros(1, dtype=np.int64), 2)
     assert white.otherwise[0] == FIRST_STRANGE
 
 
@@ -228,7 +228,7 @@ def test_how_far_a_stranger_flies_tells_its_type_beside_what_sensors_report():
 
 
 def test_only_what_two_sensors_see_is_certainly_strange():
-    known = evolve(Seen.nothing(np.arange(3), 2), strange=np.array([12.0, 14.0, 14.0]))
+    known = evolve(TrackHistory.nothing(np.arange(3), 2), strange=np.array([12.0, 14.0, 14.0]))
     known.hits[...] = [[9.0, 9.0], [9.0, 9.0], [9.0, 0.0]]
     assert known.strangers().tolist() == [1]
 
@@ -286,7 +286,7 @@ def test_biases_that_sensors_tell_of_make_no_target_strange():
     track, rays = lines_of_sight(truth, 2e-5, 23, biases_rad=6e-5)
     odds = []
     for told_rad in (6e-5, 0.0):
-        fitting, bank, cut = Fitting(PRIORS, watch_of(2, bias_sigma_rad=told_rad), True), Bank.empty(2), 0
+        fitting, bank, cut = Fitting(PRIORS, watch_of(2, bias_sigma_rad=told_rad), True), OffModelFilters.empty(2), 0
         for tick in range(1, 36):
             end = int(np.searchsorted(rays.time_s, tick))
             bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))

@@ -13,8 +13,8 @@ from profile_flights import PRIORS, flights
 COUNT, PERIOD_S, CHANCE, KNOWN = 4, 0.1, 0.6, 0.02
 
 
-def of_open_ends(kind, dark_s):
-    """Return hypotheses whose burns were last seen `dark_s` before a tick, the tick, and draws of burns (n, m), s.
+def of_open_ends(kind, time_since_last_s):
+    """Return hypotheses last seen burning `time_since_last_s` before a tick, the tick, and draws of burns (n, m), s.
 
     Before that the logarithm of the burn's length is normal, and known to 2 %.
     """
@@ -25,7 +25,7 @@ def of_open_ends(kind, dark_s):
     parameters = truth.parameters.copy()
     parameters[:, START] += tick_s - 0.98 * burn_s - family.start_s
     start_s = tick_s - 0.98 * burn_s
-    last, until = np.full((COUNT, 1), tick_s - dark_s), np.full((COUNT, 1), tick_s)
+    last, until = np.full((COUNT, 1), tick_s - time_since_last_s), np.full((COUNT, 1), tick_s)
     silence = Silence(last, until, np.full((COUNT, 1), CHANCE), np.array([PERIOD_S]))
     ends = ends_of(start_s, np.log(burn_s), np.full(COUNT, KNOWN**2), silence)
     parameters[:, BURN] += ends.mean - np.log(burn_s)
@@ -39,15 +39,15 @@ def of_open_ends(kind, dark_s):
     return (
         evolve(truth, **columns),
         tick_s,
-        [_burns(rng, *each, dark_s, tick_s) for each in zip(start_s, burn_s, strict=True)],
+        [_burns(rng, *each, time_since_last_s, tick_s) for each in zip(start_s, burn_s, strict=True)],
     )
 
 
-def _burns(rng, start_s, burn_s, dark_s, tick_s):
+def _burns(rng, start_s, burn_s, time_since_last_s, tick_s):
     """Return burns that last to the last light, each as likely as the looks that missed it since."""
     burn_s = burn_s * np.exp(KNOWN * rng.normal(size=100_000))
-    past_s = start_s + burn_s - (tick_s - dark_s)
-    missed = np.floor(np.minimum(past_s, dark_s) / PERIOD_S - 1e-6)
+    past_s = start_s + burn_s - (tick_s - time_since_last_s)
+    missed = np.floor(np.minimum(past_s, time_since_last_s) / PERIOD_S - 1e-6)
     return burn_s[(past_s > 0.0) & (rng.random(100_000) < (1.0 - CHANCE) ** missed)][:3000]
 
 
@@ -66,8 +66,8 @@ def flown(hypotheses, tick_s, burns):
 
 @pytest.mark.parametrize("kind", ["SRBM", "ICBM"])
 @pytest.mark.parametrize(("dark_s", "off", "wide"), [(0.15, 0.1, 0.05), (0.35, 0.1, 0.1), (0.6, 0.3, 0.2)])
-def test_moments_are_those_of_flights_that_burn_on_and_of_some_that_do_not(kind, dark_s, off, wide):
-    hypotheses, tick_s, burns = of_open_ends(kind, dark_s)
+def test_moments_are_those_of_flights_that_burn_on_and_of_some_that_do_not(kind, time_since_last_s, off, wide):
+    hypotheses, tick_s, burns = of_open_ends(kind, time_since_last_s)
     family = fit.family_of(hypotheses, PRIORS)
     plain = flight.states(family, hypotheses.spread, tick_s, *flight.burnouts(family, hypotheses.spread))
     told = with_ends(plain, hypotheses, family, np.arange(COUNT), tick_s)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from opir_core.errors import ModelError, SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
-from opir_core.output.pump import Outlets, PumpReport, SinkReport, pump
+from opir_core.output.pump import PumpReport, SinkGroup, SinkReport, pump
 from opir_core.testing.doubles import stub_window
 
 
@@ -43,7 +43,7 @@ def stream(*counts: int) -> Iterator[Window]:
         yield stub_window(count)
 
 
-def write_all(outlets: Outlets, windows: Iterator[Window]) -> None:
+def write_all(outlets: SinkGroup, windows: Iterator[Window]) -> None:
     with outlets:
         for window in windows:
             outlets.write(window)
@@ -146,7 +146,7 @@ def test_a_sink_that_fails_to_write_and_to_close_is_reported_for_the_first() -> 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), RuntimeError("a defect")])
 def test_an_error_in_closing_one_does_not_keep_the_others_open(error: BaseException) -> None:
     first, bad, last = Recorder(), Recorder(fails_to_close=error), Recorder()
-    outlets = Outlets({"first": first, "bad": bad, "last": last})
+    outlets = SinkGroup({"first": first, "bad": bad, "last": last})
     with pytest.raises(type(error)), outlets:
         outlets.write(stub_window(1))
     assert (first.closed, bad.closed, last.closed) == (1, 1, 1)
@@ -156,7 +156,7 @@ def test_an_error_in_closing_one_does_not_keep_the_others_open(error: BaseExcept
 
 
 def test_the_report_can_be_had_after_an_interruption() -> None:
-    outlets = Outlets({"a": Recorder()})
+    outlets = SinkGroup({"a": Recorder()})
     with pytest.raises(KeyboardInterrupt):
         write_all(outlets, failing_stream(KeyboardInterrupt()))
     assert outlets.report() == PumpReport(1, 2, (SinkReport("a", 2, 0, 0),))

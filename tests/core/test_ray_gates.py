@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 from opir_trackers.gating import candidates, gated
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 
-from opir_core.estimation.lines_of_sight import Rays, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, turned
 from opir_core.estimation.motion import BOOST
 
 COUNT, END_S, SPAN_S, GATE = 60, 5000.0, 1.0, 4.5
 SENSORS_M = 42164e3 * np.array([[np.cos(a), np.sin(a), 0.0] for a in (0.2, 1.7)])
 
 
-def crowd(east: float) -> Outlook:
+def crowd(east: float) -> PredictedMeasurements:
     """Return tracks within 100 km, all flying east, or west, in the inertial frame."""
     rng = np.random.default_rng(12)
     derivative = np.zeros((COUNT, 5, 3))
@@ -22,10 +22,10 @@ def crowd(east: float) -> Outlook:
     derivative[:, 1] = east * aside + 30.0 * rng.normal(size=(COUNT, 3))
     derivative[:, 2] = -9.0 * up
     side = np.repeat([300.0, 30.0, 3.0, 0.1], 3)[:, None] * np.eye(BOOST)
-    return Outlook(END_S, derivative, np.tile(side, (COUNT, 1, 1)))
+    return PredictedMeasurements(END_S, derivative, np.tile(side, (COUNT, 1, 1)))
 
 
-def rays_at(outlook: Outlook) -> Rays:
+def rays_at(outlook: PredictedMeasurements) -> LinesOfSight:
     """Return ten looks of each sensor at all tracks, and as many anywhere about them."""
     rng = np.random.default_rng(13)
     looks = np.arange(20)
@@ -38,7 +38,7 @@ def rays_at(outlook: Outlook) -> Rays:
     direction = apart / np.linalg.norm(apart, axis=1)[:, None] + 2e-5 * rng.normal(size=apart.shape)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     sigma = np.full(len(time_s), 2e-5)
-    return Rays(time_s, sensor, np.repeat(looks // 2, 2 * COUNT), SENSORS_M[sensor], direction, sigma)
+    return LinesOfSight(time_s, sensor, np.repeat(looks // 2, 2 * COUNT), SENSORS_M[sensor], direction, sigma)
 
 
 @pytest.mark.parametrize("east_m_s", [7000.0, -7000.0])

@@ -16,7 +16,7 @@ from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.comparison import compared
-from opir_core.scoring.evidence import Evidence
+from opir_core.scoring.evidence import RunEvidence
 from opir_core.scoring.files import evidence_of_files
 from opir_core.scoring.ownership import ownership
 from opir_core.scoring.scorecard import ScoreSettings
@@ -28,7 +28,7 @@ def synthetic(track, target):
     plan = compile_plan(scene_from_mapping(SCENE))
     run = run_of_plan(plan)
     rows = np.arange(len(track))
-    return Evidence(
+    return RunEvidence(
         plan=plan,
         tracks=run.tracks.take(np.zeros(1, dtype=np.int64)),
         time_s=rows.astype(np.float64),

@@ -2,7 +2,7 @@
 
 import numpy as np
 from attrs import evolve
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.filter.thrust import THRUST, Thrust
 
 from opir_core.estimation import square_root
@@ -12,13 +12,11 @@ from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of
 
 FORCES, COUNT, END_S = Forces(), 12, 40.0
-FILTER = SwitchingFilter(
-    Thrust(0.1, 30.0, 3.0, 0.002, FORCES), Motion(COAST, 0.01, FORCES), 150.0, 1000.0, cold_chance=0.01
-)
+FILTER = ImmFilter(Thrust(0.1, 30.0, 3.0, 0.002, FORCES), Motion(COAST, 0.01, FORCES), 150.0, 1000.0, cold_chance=0.01)
 SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
-def burning(coasts: float) -> Bank:
+def burning(coasts: float) -> ModeEstimates:
     """Return boosts known as well as after a minute of looks, whose coasts are believed in this much."""
     rng = np.random.default_rng(3)
     sigma = np.repeat([150.0, 15.0, 1.0, 0.001], [3, 3, 3, 1])
@@ -28,10 +26,10 @@ def burning(coasts: float) -> Bank:
     weight = np.tile([1.0 - coasts, coasts], (COUNT, 1))
     pace = np.tile([200.0, 15.0, 0.05], (COUNT, 1))
     nobody = np.full((COUNT, COAST), 1e7), np.tile(np.eye(COAST), (COUNT, 1, 1))
-    return Bank(weight, mean, root, *nobody, pace)
+    return ModeEstimates(weight, mean, root, *nobody, pace)
 
 
-def looks_at(bank: Bank, tracks: np.ndarray) -> Sights:
+def looks_at(bank: ModeEstimates, tracks: np.ndarray) -> Sights:
     """Return a second's looks of two sensors at the boosts of tracks, one every tenth of a second."""
     rng = np.random.default_rng(4)
     track, time_s = np.repeat(tracks, 20), END_S - np.tile(np.repeat(np.linspace(0.9, 0.0, 10), 2), len(tracks))
@@ -49,8 +47,8 @@ def looks_at(bank: Bank, tracks: np.ndarray) -> Sights:
     )
 
 
-def rows_alike(one: Bank, other: Bank, rows: np.ndarray) -> None:
-    for name in names_of(Bank):
+def rows_alike(one: ModeEstimates, other: ModeEstimates, rows: np.ndarray) -> None:
+    for name in names_of(ModeEstimates):
         assert np.allclose(getattr(one, name)[rows], getattr(other, name)[rows], rtol=1e-12, atol=1e-300), name
 
 

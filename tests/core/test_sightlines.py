@@ -11,7 +11,7 @@ from opir_core.geometry import elevation_rad, is_occluded
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.looks import look_times_s
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.planning.visibility import Sight, compile_pairs, visible_now
+from opir_core.planning.visibility import Visibility, compile_pairs, visible_now
 from opir_core.simulation.engine import Engine
 
 
@@ -93,7 +93,7 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
     """Every look of every pair, judged exactly, agrees with what the grid holds for certain."""
     made = PLANS["ICBM"]()
     made = made if height_m is None else with_orbits(made, height_m)
-    judged = dict.fromkeys(Sight, 0)
+    judged = dict.fromkeys(Visibility, 0)
     for pair in range(len(made.pairs)):
         scans = np.arange(1, 6800)
         time_s = look_times_s(made.pairs, np.full(len(scans), pair), scans)
@@ -101,13 +101,13 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
         exact, inside = seen_exactly(made, sensor, time_s)
         point = made.sightlines.first_point[pair] + np.floor(time_s[inside]).astype(int)
         sight = made.sightlines.sight[point]
-        assert exact[sight == Sight.ALWAYS].all()
-        assert not exact[sight == Sight.NEVER].any()
-        for kind in Sight:
+        assert exact[sight == Visibility.ALWAYS].all()
+        assert not exact[sight == Visibility.NEVER].any()
+        for kind in Visibility:
             judged[kind] += int((sight == kind).sum())
-    assert judged[Sight.ALWAYS] > 1000
-    assert judged[Sight.NEVER] > 1000
-    assert judged[Sight.PERHAPS] < judged[Sight.ALWAYS] / 5
+    assert judged[Visibility.ALWAYS] > 1000
+    assert judged[Visibility.NEVER] > 1000
+    assert judged[Visibility.PERHAPS] < judged[Visibility.ALWAYS] / 5
 
 
 def seen_exactly(made: Plan, sensor: Sensor, time_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:

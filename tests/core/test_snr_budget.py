@@ -6,7 +6,7 @@ from scipy.constants import c, h
 
 import opir_core as opir
 from opir_core.planning.looks import Looks, exposures
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.scene.reading.canonical import scene_mapping
 
 SENSORS = [
@@ -32,7 +32,7 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
     mapping = {**scene_mapping(scene), "sensors": SENSORS, **SKIES[sky]}
     plan = opir.compile_plan(opir.scene_from_mapping(mapping))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair[::7], looks.scan[::7], geometry=True)
+    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair[::7], looks.scan[::7], geometry=True)
     found, chain = plan.detection.response(exposed), plan.detection.scenery
     compared, noisy = 0, 0
     for number, sensor in enumerate(plan.sensors):
@@ -43,7 +43,7 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
             name = chain.bands.index(band)
             intensity = chain.intensities_w_sr([name], own, path.height_m, aspect)[0]
             irradiance = intensity * chain.atmosphere.transmittance(name, path) / own.range_m**2
-            cell_sr = light.footprint_rad**2
+            cell_sr = light.ifov_rad**2
             behind = chain.background.radiance_w_m2_sr(name, view) * cell_sr
             clutter = chain.background.clutter_w_m2_sr(name, view) * cell_sr
             photon_j = h * c / (0.5e-6 * (band.lower_um + band.upper_um))

@@ -11,9 +11,9 @@ from snr_scene import DSP, NEXTGEN, joined, scene, windows_of
 import opir_core as opir
 from opir_core.errors import ModelError
 from opir_core.planning.looks import Looks, exposures
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.simulation.engine import Engine
-from opir_core.simulation.interpolation.probability import Knots
+from opir_core.simulation.interpolation.probability import ProbabilityInterpolant
 from opir_core.simulation.interpolation.refinement import SIGNAL_SHARE, SIGNAL_SIGMA
 
 SKIES = {
@@ -32,7 +32,7 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, calib
     engine, looks = Engine(near), Looks.between(near.pairs, 0, near.end_ns)
     assert engine._knots is not None
     spans = engine._knots.over(looks)
-    exposed = exposures(near, Sites.of(near.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = exposures(near, SensorStates.of(near.sensors), looks.pair, looks.scan, geometry=True)
     exact = near.detection.response(exposed)
     probability = spans.probability()
     assert np.abs(probability - ndtr(exact.probit)).max() <= tolerance
@@ -49,9 +49,9 @@ def test_without_word_of_its_kinks_a_model_is_held_to_the_tolerance_too() -> Non
     near = opir.compile_plan(scene(detection=chosen, duration_s=220, atmosphere="lowtran", background="earth"))
     mute = evolve(near, detection=_Mute(near.detection))
     looks = Looks.between(near.pairs, 0, near.end_ns)
-    exposed = exposures(near, Sites.of(near.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = exposures(near, SensorStates.of(near.sensors), looks.pair, looks.scan, geometry=True)
     exact = ndtr(near.detection.response(exposed).probit)
-    knots = [Knots.of(plan, Sites.of(plan.sensors), 1e-4) for plan in (near, mute)]
+    knots = [ProbabilityInterpolant.of(plan, SensorStates.of(plan.sensors), 1e-4) for plan in (near, mute)]
     for each in knots:
         assert np.abs(each.over(looks).probability() - exact).max() <= 1e-4
     assert len(knots[0].at[0]) < len(knots[1].at[0])
@@ -68,7 +68,7 @@ class _Mute:
 def test_detections_follow_the_formula_in_bins_of_signal() -> None:
     plan = opir.compile_plan(scene([DSP], "IR", detection={"model": "snr", "exact": True}, duration_s=200))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, Sites.of(plan.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair, looks.scan, geometry=True)
     chance = plan.detection.probability(exposed)
     margin = plan.detection.response(exposed).snr[:, 0] - 5.0
     assert np.allclose(chance, ndtr(margin), rtol=1e-12)
@@ -112,7 +112,7 @@ def test_a_sensor_that_says_nothing_of_light_is_refused() -> None:
     from opir_core.interfaces.contexts import ModelContext
 
     context = ModelContext(
-        sensors=(mute,), target_type_code=plan.targets.type_code, make_scenery=lambda: plan.detection.scenery
+        sensors=(mute,), target_type_code=plan.targets.type_code, make_environment=lambda: plan.detection.scenery
     )
     with pytest.raises(ModelError, match="does not say how it measures light"):
         snr_detection(SnrConfig(), context)

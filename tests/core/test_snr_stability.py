@@ -105,7 +105,7 @@ def test_probabilities_everywhere(name: str, sky: str, nei: float) -> None:
 def cells(plan: Any) -> float:
     """Return the resolution cells of the first sensor's field of regard."""
     half = plan.sensors[0].field_of_regard_half_angle_rad
-    return float(4.0 * np.pi * (np.sin(0.5 * half) / plan.sensors[0].radiometer.footprint_rad) ** 2)
+    return float(4.0 * np.pi * (np.sin(0.5 * half) / plan.sensors[0].radiometer.ifov_rad) ** 2)
 
 
 @pytest.mark.parametrize("longitude_deg", LONGITUDES_DEG[:3])

@@ -13,13 +13,13 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 import opir_core as opir
-from opir_core.classification.bank import Bank, elevation_bin
+from opir_core.classification.bank import TypeDensities, elevation_bin
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.imagined import evenly_spread
 from opir_core.classification.mixture import Components, Mixture
 from opir_core.classification.spectral import SpectralClassifier
 from opir_core.errors import ModelError
-from opir_core.interfaces.records import Sightings, Tracks
+from opir_core.interfaces.records import ClassifierInputs, Tracks
 from opir_core.output.events import detection_schema
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
@@ -37,11 +37,13 @@ def one(log_weight: float, mean: list[float], sigma: list[float]) -> Components:
     return Components(np.array([log_weight]), np.array([mean]), np.diag(np.square(sigma))[None])
 
 
-def known_bank() -> Bank:
+def known_bank() -> TypeDensities:
     """Return a bank of one component a type, seen equally long, and one of anything else, in one band and a count."""
     types = [[one(0.0, [mean, 50.0], [3.0, 40.0])] for mean in (100.0, 60.0, 30.0)]
     plumes = Mixture.of([[part for (part,) in types]] * PLACES)
-    return Bank(1, plumes, np.zeros((PLACES, 3)), Mixture.of([[one(0.0, [45.0, 1.0], [30.0, 1.0])]] * PLACES), 1000.0)
+    return TypeDensities(
+        1, plumes, np.zeros((PLACES, 3)), Mixture.of([[one(0.0, [45.0, 1.0], [30.0, 1.0])]] * PLACES), 1000.0
+    )
 
 
 def known_classifier(**changes: Any) -> SpectralClassifier:
@@ -50,12 +52,12 @@ def known_classifier(**changes: Any) -> SpectralClassifier:
     return evolve(known, **changes)
 
 
-def sightings(intensity: Any, noise: Any, count: Any = 50) -> Sightings:
+def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
     """Return sightings of apparent intensities and noise (n,) or (n, B), W/sr."""
     signal = np.atleast_2d(np.asarray(intensity, dtype=np.float64).T).T
     rows, zeros = len(signal), np.zeros(len(signal))
     whole = np.zeros(rows, dtype=np.int32)
-    return Sightings(
+    return ClassifierInputs(
         time_s=zeros,
         sensor=whole,
         target=whole - 1,

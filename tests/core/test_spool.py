@@ -24,7 +24,7 @@ from spool_stand import (
 )
 from waiting import until
 
-from opir_core.builtin.memory_sinks import Memory
+from opir_core.builtin.memory_sinks import MemorySink
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Tracks
@@ -33,13 +33,13 @@ from opir_core.output.spool import batches
 from opir_core.output.spool.batches import PARCEL_EVENTS, Packer
 from opir_core.output.spool.dispatch import AHEAD_BYTES, Dispatch, Policy
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport import Carrier
+from opir_core.output.spool.transport import Transport
 from opir_core.output.spool.windows import WindowCarrier, WindowPacker
 from opir_core.testing.doubles import stub_estimates, stub_window
 
 
 def test_the_stand_keeps_the_protocol() -> None:
-    assert isinstance(Holding(), Carrier)
+    assert isinstance(Holding(), Transport)
 
 
 def test_what_a_carrier_acknowledges_is_delivered(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_a_carrier_that_fails_at_the_end_is_told_by_closing(tmp_path: Path) -> N
 
 def test_a_defect_of_a_carrier_is_passed_on(tmp_path: Path) -> None:
     class Broken(Holding):
-        def carry(self, parcel: batches.Parcel) -> "Future[None]":
+        def carry(self, parcel: batches.Batch) -> "Future[None]":
             raise ZeroDivisionError
 
     sink = spooled(tmp_path / "spool", Broken())
@@ -177,7 +177,7 @@ def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
     for each in windows:
         first.write(each)
     assert first.close() == Delivery(delivered=0, spooled=6)
-    kept = Memory(lambda: ENCODER)
+    kept = MemorySink(lambda: ENCODER)
     second = Dispatch("stub", WindowCarrier(kept), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
     assert second.close() == Delivery(delivered=6, recovered=6)
     assert kept.lines() == b"".join(map(ENCODER.encode, windows))

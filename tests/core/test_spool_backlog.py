@@ -109,6 +109,6 @@ def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
     assert carrier.ids == ids_of(window(told.delivered))
 
 
-def put_for_ever(journal: Journal, parcel: batches.Parcel) -> None:
+def put_for_ever(journal: Journal, parcel: batches.Batch) -> None:
     while True:
         journal.put(parcel)

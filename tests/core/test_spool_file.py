@@ -16,7 +16,7 @@ from spool_stand import (
     window,
 )
 
-from opir_core.builtin.memory_sinks import Memory
+from opir_core.builtin.memory_sinks import MemorySink
 from opir_core.errors import SinkError
 from opir_core.output.spool.batches import Packer
 from opir_core.output.spool.dispatch import Dispatch
@@ -101,7 +101,7 @@ def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
     first = spooled(tmp_path / "spool", Holding("hold"))
     first.write(window(5))
     first.close()
-    kept = Memory(lambda: ENCODER)
+    kept = MemorySink(lambda: ENCODER)
     second = Dispatch("memory", WindowCarrier(kept), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
     told = second.close()
     assert told.spooled == 5

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_trackers.configs import StereoFilterConfig
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 from opir_trackers.stereo.tracker import StereoTracker, stereo_filter
 
 from opir_core.estimation.lines_of_sight import axes_across
@@ -277,7 +277,7 @@ def test_covariances_of_positions_are_those_of_their_sides() -> None:
     rng = np.random.default_rng(4)
     side = rng.normal(size=(5, 12, 12)) * np.repeat([1e3, 300.0, 10.0, 1.0], 3)[:, None]
     side[1, 6:] = 0.0
-    outlook = Outlook(30.0, np.zeros((5, 5, 3)), side)
+    outlook = PredictedMeasurements(30.0, np.zeros((5, 5, 3)), side)
     track, time_s = np.arange(40) % 5, 30.0 + rng.uniform(-2.0, 1.0, 40)
     told = outlook.position_sides(track, time_s)
     expected = told @ told.transpose(0, 2, 1)

@@ -6,8 +6,8 @@ from attrs import evolve
 from followed_flights import followed, rows_of, usual
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from opir_trackers.gating import Pairs
-from opir_trackers.stereo.outlier_fraction import SHARES, Strays, doubtful, shares_told, unsuspected
+from opir_trackers.gating import GatedPairs
+from opir_trackers.stereo.outlier_fraction import SHARES, Outliers, doubtful, shares_told, unsuspected
 from other_flights import flown
 
 from opir_core.scoring.consistency import nees
@@ -19,7 +19,7 @@ def pairs_of(track, distance):
     """Return pairs of tracks (n,) with rays at squared distances (n,)."""
     count = len(track)
     none, square = np.zeros(count), np.zeros((count, 2, 2))
-    return Pairs(
+    return GatedPairs(
         np.array(track), np.arange(count), none, np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 2)),
         square, np.array(distance, dtype=np.float64), none, none,
     )  # fmt: skip
@@ -40,7 +40,7 @@ def squares_of(strays, tracks, rays, seed):
 
 def nothing_of(tracks):
     """Return what is known of the shares of so many tracks before any ray."""
-    return Strays(np.zeros((tracks, len(SHARES))))
+    return Outliers(np.zeros((tracks, len(SHARES))))
 
 
 def told_by(square):

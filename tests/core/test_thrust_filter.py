@@ -2,7 +2,7 @@
 
 import numpy as np
 from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.profile import fit
 from profile_flights import GEO_M, PRIORS, SLOTS_RAD, flights
@@ -51,7 +51,7 @@ class Watched:
 
 def errors(watched: Watched, boost: Dynamics, rate: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return each flight's mean NEES / 6 (n,), and all errors of speed (m,), from 20 s after ignition to burnout."""
-    filter_ = SwitchingFilter(boost, Motion(COAST, 0.01, FREE), np.inf, np.inf)
+    filter_ = ImmFilter(boost, Motion(COAST, 0.01, FREE), np.inf, np.inf)
     every, burnout = np.arange(FLIGHTS), watched.family.burnout_s
     place = watched.places(every, np.full(FLIGHTS, TICKS_S[0] - 1.0))
     up = place / np.linalg.norm(place, axis=1)[:, None]
@@ -59,7 +59,7 @@ def errors(watched: Watched, boost: Dynamics, rate: np.ndarray, sigma: np.ndarra
     mean = np.concatenate([place, speed, 20.0 * up, np.tile(rate, (FLIGHTS, 1))], axis=1)
     root = np.tile(np.diag(1.0 / np.concatenate([np.repeat([20e3, 300.0], 3), sigma])), (FLIGHTS, 1, 1))
     coast = mean[:, :COAST], root[:, :COAST, :COAST]
-    bank = Bank(np.tile([1.0, 0.0], (FLIGHTS, 1)), mean, root, *coast, np.zeros((FLIGHTS, 3)))
+    bank = ModeEstimates(np.tile([1.0, 0.0], (FLIGHTS, 1)), mean, root, *coast, np.zeros((FLIGHTS, 3)))
     squares, off, before = [[] for _ in every], [], 0
     for tick_s in TICKS_S:
         cut = int(np.searchsorted(watched.looks.time_s, tick_s + 1e-9))
@@ -90,12 +90,12 @@ def test_rays_of_a_target_say_that_it_burns_where_no_sensor_sees_it_cold() -> No
     watched, odds = Watched(4), []
     mean = np.concatenate([watched.states(np.arange(FLIGHTS), 20.0), np.full((FLIGHTS, 6), 0.1)], axis=1)
     root = np.tile(np.diag(1.0 / np.repeat([1e3, 100.0, 10.0, 0.5], 3)), (FLIGHTS, 1, 1))
-    bank = Bank(np.full((FLIGHTS, 2), 0.5), mean, root, mean[:, :COAST], root[:, :COAST, :COAST], np.ones((FLIGHTS, 3)))
+    bank = ModeEstimates(
+        np.full((FLIGHTS, 2), 0.5), mean, root, mean[:, :COAST], root[:, :COAST, :COAST], np.ones((FLIGHTS, 3))
+    )
     cuts = np.searchsorted(watched.looks.time_s, [19.5, 20.0])
     for chance in (1.0, 0.01):
-        filter_ = SwitchingFilter(
-            Motion(BOOST, 0.3, FREE), Motion(COAST, 0.01, FREE), 150.0, 1000.0, cold_chance=chance
-        )
+        filter_ = ImmFilter(Motion(BOOST, 0.3, FREE), Motion(COAST, 0.01, FREE), 150.0, 1000.0, cold_chance=chance)
         weight = filter_.updated(bank, 20.0, watched.looks.take(slice(*cuts)), 0.5).weight
         odds.append(weight[:, 0] / weight[:, 1])
     assert np.allclose(odds[1] / odds[0], 100.0)

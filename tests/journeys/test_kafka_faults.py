@@ -32,7 +32,7 @@ from spool_stand import SENSORS, fill, window
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
-from opir_core.output.pump import Outlets
+from opir_core.output.pump import SinkGroup
 
 #: Codes that the protocol's table gives for taking messages and that may pass. 46 (DUPLICATE_SEQUENCE_NUMBER) is not
 #: among them: it says that the message is there.
@@ -262,7 +262,7 @@ def test_of_two_sinks_one_is_dead(broker: Any, tmp_path: Path) -> None:
         "dead": kafka_sink(dead_address(), other, tmp_path / "dead", brief()),
         "alive": kafka_sink(broker.address, topic, tmp_path / "alive"),
     }
-    with Outlets(sinks) as outlets:
+    with SinkGroup(sinks) as outlets:
         fill(outlets, 20, 20, 0, 0.0)
         give_up_at = time.monotonic() + 10.0
         while sinks["alive"].standing().delivered < 400:

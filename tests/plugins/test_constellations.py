@@ -19,7 +19,7 @@ from opir_core.builtin.classification import confusion_classifier
 from opir_core.builtin.configs import ConfusionConfig, ConstantConfig
 from opir_core.builtin.detection import constant_detection
 from opir_core.interfaces.contexts import ModelContext, SensorContext
-from opir_core.interfaces.records import Sightings
+from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import CATALOGUE
 from opir_core.plugin.host import Host
 from opir_core.scene.fields import field_infos
@@ -139,7 +139,9 @@ def test_what_is_reported_follows_the_matrix(name, true_type):
     index, floats = np.zeros(rows, np.int32), np.zeros(rows)
     target = np.full(rows, TARGET_TYPES.index(true_type), dtype=np.int32)
     mask, count = np.ones(rows, np.uint8), np.ones(rows, np.int64)
-    seen = Sightings(floats, index, target, floats, floats, mask, count, count, index, floats, np.empty((rows, 0)))
+    seen = ClassifierInputs(
+        floats, index, target, floats, floats, mask, count, count, index, floats, np.empty((rows, 0))
+    )
     codes = classifier.reported_type(seen, SeededDice(rows))
     for code, reported in enumerate(REPORTED_TYPES):
         low, high = binom.interval(0.999, rows, sensor.confusion[true_type][reported])

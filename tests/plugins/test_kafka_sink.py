@@ -22,7 +22,7 @@ from opir_core.errors import SceneError
 from opir_core.output.delivery import deliver
 from opir_core.output.spool.batches import Packer
 from opir_core.output.spool.dispatch import Policy
-from opir_core.output.spool.transport import Carrier
+from opir_core.output.spool.transport import Transport
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import load_scene
 
@@ -41,7 +41,7 @@ def scene_with(settings: str) -> Any:
 
 def test_the_carrier_keeps_the_protocol() -> None:
     made = carrier(dead_address(), "topic")
-    assert isinstance(made, Carrier)
+    assert isinstance(made, Transport)
     made.close(5.0)
 
 

@@ -4,7 +4,7 @@ from datetime import timedelta
 
 import numpy as np
 import pytest
-from opir_stonesoup.models import EarthFixedMotion, SightModel, sensor_axes
+from opir_stonesoup.models import EarthFixedTransition, SightModel, sensor_axes
 from stonesoup.types.array import StateVector
 from stonesoup.types.state import State
 
@@ -30,7 +30,7 @@ def differences(function, mean, step):
 @pytest.mark.parametrize("step_s", [0.1, 5.0, 60.0, -7.0])
 def test_two_body_motion_is_the_propagation_of_keplers_arcs(step_s):
     mean, _ = state(6)
-    model = EarthFixedMotion(ndim_state=6, noise=0.0)
+    model = EarthFixedTransition(ndim_state=6, noise=0.0)
     found = np.array(model.function(State(StateVector(mean)), time_interval=timedelta(seconds=step_s)), float)[:, 0]
     start = ecef_to_eci_state(mean[None, :3], mean[None, 3:], np.zeros(1))
     end = eci_to_ecef_state(*propagate_kepler(*start, np.array([step_s])), np.array([step_s]))
@@ -42,7 +42,7 @@ def test_two_body_motion_is_the_propagation_of_keplers_arcs(step_s):
 @pytest.mark.parametrize("ndim", [6, 9, 12])
 def test_slopes_of_the_motion_are_those_of_differences(ndim):
     mean, step = state(ndim)
-    model = EarthFixedMotion(ndim_state=ndim, noise=1.0, forces="kepler")
+    model = EarthFixedTransition(ndim_state=ndim, noise=1.0, forces="kepler")
     interval = timedelta(seconds=2.0)
     expected = differences(lambda at: model.function(at, time_interval=interval), mean, step)
     np.testing.assert_allclose(model.jacobian(State(StateVector(mean)), time_interval=interval), expected, atol=1e-6)
@@ -53,7 +53,7 @@ def test_noise_is_that_of_an_integrated_random_walk():
 
     What the Earth's turning moves from position to velocity is 7e-5 of it.
     """
-    spread = np.array(EarthFixedMotion(noise=3.0).covar(time_interval=timedelta(seconds=2.0)), float)
+    spread = np.array(EarthFixedTransition(noise=3.0).covar(time_interval=timedelta(seconds=2.0)), float)
     expected = 9.0 * np.repeat([2.0**5 / 20.0, 2.0**3 / 3.0, 2.0], 3)
     np.testing.assert_allclose(np.diag(spread), expected, rtol=1e-3)
     np.testing.assert_allclose(spread, spread.T, rtol=1e-12)

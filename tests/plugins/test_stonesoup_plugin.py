@@ -7,7 +7,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
-from opir_stonesoup.models import EarthFixedMotion, SightModel, sensor_axes
+from opir_stonesoup.models import EarthFixedTransition, SightModel, sensor_axes
 from opir_stonesoup.reader import OpirDetectionReader
 from opir_stonesoup.tracker import StoneSoupTracker
 from opir_stonesoup.upkeep import SilenceDeleter, ground_prior
@@ -143,7 +143,7 @@ def test_of_a_particle_filter_the_mean_is_told():
     inner = MultiTargetTracker(initiator=None, deleter=None, detector=None, data_associator=None, updater=None)
     inner._tracks.add(Track([seen]))
     context = TrackerContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, duration_s=60.0)
-    predictor = ParticlePredictor(EarthFixedMotion(noise=0.0))
+    predictor = ParticlePredictor(EarthFixedTransition(noise=0.0))
     told = StoneSoupTracker(inner, predictor, context).step(0.0, Detections.empty())
     assert told.state[0] == pytest.approx(np.average(np.array(cloud, float), axis=1, weights=weight)[:6], rel=1e-9)
     assert told.state_covariance[0] == pytest.approx(np.cov(np.array(cloud, float)[:6], aweights=weight, ddof=0))
@@ -151,7 +151,7 @@ def test_of_a_particle_filter_the_mean_is_told():
 
 def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_filter():
     run = run_of_plan(plan_of("tracker=stonesoup"))
-    predictor, updater = ExtendedKalmanPredictor(EarthFixedMotion()), ExtendedKalmanUpdater(use_joseph_cov=True)
+    predictor, updater = ExtendedKalmanPredictor(EarthFixedTransition()), ExtendedKalmanUpdater(use_joseph_cov=True)
     now, first = None, run.detections.line_of_sight_ecef[:1]
     for time, found in OpirDetectionReader.of_run(run):
         for detection in found:

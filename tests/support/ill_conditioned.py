@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import mpmath
 import numpy as np
-from opir_trackers.filter.switching import SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter
 
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import Sights, axes_across
@@ -99,7 +99,7 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
     """Return how the filter compares with 50 digits after every so many slices."""
     rng = np.random.default_rng(case.seed)
     motion = Motion(case.size, case.noise, KEPLER)
-    filter_ = SwitchingFilter(motion, motion, np.inf, np.inf, rounds=4)
+    filter_ = ImmFilter(motion, motion, np.inf, np.inf, rounds=4)
     truth = np.concatenate([case.start, np.zeros(case.size - 6)])[None]
     sigma = case.prior[: case.size]
     mean = truth + rng.normal(size=truth.shape) * np.minimum(sigma, np.repeat([1e3, 1e2, 10.0, 1.0], 3)[: case.size])

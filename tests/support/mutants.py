@@ -19,8 +19,8 @@ from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, Weighted
 from opir_core.builtin.detection import ConstantDetection, always_detection
 from opir_core.builtin.scanner import ScannerConfig
 from opir_core.builtin.targets import ballistic_targets
-from opir_core.interfaces.protocols import Band, Delivery, Dice, Measured
-from opir_core.interfaces.records import Detections, Exposures, Sightings, Tracks, Window
+from opir_core.interfaces.protocols import Band, Delivery, Measured, RandomDraws
+from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks, Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.plugin import (
     ClassifierModel,
@@ -297,7 +297,7 @@ class NeedsWhatItDenies(Changed):
 class Bandless(Changed):
     """No band confirms."""
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         return Measured(np.zeros(len(exposures), dtype=np.uint8), np.full(len(exposures), np.nan))
 
 
@@ -305,7 +305,7 @@ class Bandless(Changed):
 class SnrByRank(Changed):
     """The SNR is the place in the call."""
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.arange(len(exposures), dtype=np.float64))
 
 
@@ -313,7 +313,7 @@ class SnrByRank(Changed):
 class DrawsAgain(Changed):
     """The SNR is drawn from the numbers that decided the detection."""
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         return Measured(np.ones(len(exposures), dtype=np.uint8), dice.uniforms("detection")[:, 0])
 
 
@@ -412,7 +412,7 @@ class AfraidOfTheEmpty(Changed):
 class InfinitelyClear(Changed):
     """An infinite SNR, over the pole."""
 
-    def measure(self, exposures: Exposures, dice: Dice) -> Measured:
+    def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
         over = np.abs(exposures.target_ecef_m[:, 2]) > 6.3e6
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.where(over, np.inf, 5.0))
 
@@ -432,10 +432,10 @@ class KeepsALock(Changed):
 class OwnConfidence:
     """The built-in confidence, changed."""
 
-    change: Callable[[FloatArray, Sightings], FloatArray]
+    change: Callable[[FloatArray, ClassifierInputs], FloatArray]
     model: Any
 
-    def confidence(self, sightings: Sightings) -> FloatArray:
+    def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         return self.change(self.model.confidence(sightings), sightings)
 
 
@@ -453,22 +453,22 @@ def confidence_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
 
 
 @confidence_mutant("certain-by-rank", "test_each_detection_has_its_own_confidence")
-def certain_by_rank(confidence: FloatArray, _sightings: Sightings) -> FloatArray:
+def certain_by_rank(confidence: FloatArray, _sightings: ClassifierInputs) -> FloatArray:
     return np.linspace(0.0, 1.0, len(confidence))
 
 
 @confidence_mutant("snr-for-granted", "test_confidences_lie_in_the_unit_interval")
-def snr_for_granted(confidence: FloatArray, sightings: Sightings) -> FloatArray:
+def snr_for_granted(confidence: FloatArray, sightings: ClassifierInputs) -> FloatArray:
     return np.clip(confidence * sightings.snr, 0.0, 1.0)
 
 
 @confidence_mutant("one-by-one", "test_detections_are_not_worked_through_one_by_one")
-def one_by_one(confidence: FloatArray, _sightings: Sightings) -> FloatArray:
+def one_by_one(confidence: FloatArray, _sightings: ClassifierInputs) -> FloatArray:
     return np.array([min(value, 1.0) for value in confidence.tolist()])
 
 
 @confidence_mutant("writes-to-its-input", "test_confidences_lie_in_the_unit_interval")
-def writes_to_its_input(confidence: FloatArray, sightings: Sightings) -> FloatArray:
+def writes_to_its_input(confidence: FloatArray, sightings: ClassifierInputs) -> FloatArray:
     sightings.snr[:] = 0.0
     return confidence
 
@@ -476,14 +476,14 @@ def writes_to_its_input(confidence: FloatArray, sightings: Sightings) -> FloatAr
 class UnknownCodes(ConfusionClassifier):
     """Codes of types that do not exist."""
 
-    def pair_type(self, sensor: Any, target: Any, dice: Dice) -> Any:
+    def pair_type(self, sensor: Any, target: Any, dice: RandomDraws) -> Any:
         return np.full(len(sensor), 9, dtype=np.uint8)
 
 
 class ThreeStates(ConfusionClassifier):
     """One type for the pair, another for the detection."""
 
-    def reported_type(self, sightings: Sightings, dice: Dice) -> Any:
+    def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> Any:
         return (super().reported_type(sightings, dice) + 1) % 4
 
 

@@ -14,7 +14,7 @@ from opir_trackers.profile.rows import axes_about
 from profile_flights import GEO_M, PRIORS, SLOTS_RAD, flights
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
@@ -255,7 +255,7 @@ def seen(truth, seeing, seed, sensors=2):
         if seeing.everywhere:
             line = np.where(wrong[:, None], -origin, line)
         stray = np.where(wrong[:, None], elsewhere, stray)
-        rays = Rays(
+        rays = LinesOfSight(
             time_s,
             np.full(len(whose), sensor, dtype=np.int32),
             np.round(time_s / seeing.period_s).astype(np.int64),
@@ -267,7 +267,7 @@ def seen(truth, seeing, seed, sensors=2):
         turned = rays.direction_ecef + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
         parts.append(evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None]))
         owners.append(np.where(wrong, -1, whose))
-    every, owner = Rays.concatenate(parts), np.concatenate(owners)
+    every, owner = LinesOfSight.concatenate(parts), np.concatenate(owners)
     order = np.lexsort((owner, every.sensor, every.time_s))
     return owner[order], every.take(order)
 

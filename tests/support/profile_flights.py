@@ -8,11 +8,11 @@ from opir_trackers.profile import flight as profile_flight
 from opir_trackers.profile.family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH, fitted
 from opir_trackers.profile.priors import priors_of
 from opir_trackers.profile.rows import axes_about
-from opir_trackers.profile.strain import Bank
-from opir_trackers.sensor_schedule import Watch
+from opir_trackers.profile.strain import OffModelFilters
+from opir_trackers.sensor_schedule import SensorSchedule
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.scene.scene import TARGET_TYPES
 
 GEO_M = 4.2164e7
@@ -23,7 +23,7 @@ PRIORS = priors_of(BoostProfileConfig().priors)
 
 def watch_of(sensors, period_s=0.25, chance=0.7, bias_sigma_rad=0.0):
     """Return like sensors."""
-    return Watch(
+    return SensorSchedule(
         np.full(sensors, period_s),
         np.full((sensors, len(TARGET_TYPES)), chance),
         np.full(sensors, bias_sigma_rad),
@@ -93,7 +93,7 @@ def lines_of_sight(truth, sigma_rad, seed, *, sensors=2, period_s=0.25, chance=0
             left_s = time_s - np.linalg.norm(line, axis=1) / SPEED_OF_LIGHT_M_S
         seen = (left_s > clear_s[track]) & (left_s < family.burnout_s[track])
         track, time_s, line = track[seen], time_s[seen], line[seen]
-        rays = Rays(
+        rays = LinesOfSight(
             time_s,
             np.full(len(track), sensor, dtype=np.int32),
             np.round(time_s / period_s).astype(np.int64),
@@ -103,7 +103,7 @@ def lines_of_sight(truth, sigma_rad, seed, *, sensors=2, period_s=0.25, chance=0
         )
         parts.append(_turned(rays, bias[track] + sigma_rad * rng.normal(size=(len(track), 2))))
         tracks.append(track)
-    every, whose = Rays.concatenate(parts), np.concatenate(tracks)
+    every, whose = LinesOfSight.concatenate(parts), np.concatenate(tracks)
     order = np.lexsort((whose, every.sensor, every.time_s))
     return whose[order], every.take(order)
 
@@ -123,7 +123,7 @@ def _turned(rays, stray):
 
 def bank_after(fitting, track, rays, ticks):
     """Return the bank of a fit after so many ticks, a second each, of rays (m,) by time, given to tracks (m,)."""
-    bank, cut = Bank.empty(len(fitting.watch.period_s)), 0
+    bank, cut = OffModelFilters.empty(len(fitting.watch.period_s)), 0
     for tick in range(1, ticks + 1):
         end = int(np.searchsorted(rays.time_s, tick))
         bank = fitting.stepped(bank, float(tick), track[cut:end], rays.take(slice(cut, end)))

@@ -15,7 +15,7 @@ from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Window
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.spool.batches import MemoryBacklog, Packer, Parcel
+from opir_core.output.spool.batches import Batch, MemoryBacklog, Packer
 from opir_core.output.spool.dispatch import Dispatch, Policy
 from opir_core.output.spool.journal import Journal
 from opir_core.testing import stub_sensor
@@ -33,11 +33,11 @@ class Holding:
     def __init__(self, mood: str = "take") -> None:
         self.mood = mood
         self.trouble: str | None = None
-        self.parcels: list[Parcel] = []
+        self.parcels: list[Batch] = []
         self.held: list[Future[None]] = []
         self.closed = 0
 
-    def carry(self, parcel: Parcel) -> "Future[None]":
+    def carry(self, parcel: Batch) -> "Future[None]":
         future: Future[None] = Future()
         self.parcels.append(parcel)
         if self.mood == "take":
@@ -82,7 +82,7 @@ class Appending(Holding):
             os.write(self._file, b"\n")
         self._nap_s = nap_s
 
-    def carry(self, parcel: Parcel) -> "Future[None]":
+    def carry(self, parcel: Batch) -> "Future[None]":
         time.sleep(self._nap_s)
         os.write(self._file, parcel.body)
         return super().carry(parcel)

@@ -21,7 +21,7 @@ PARCEL_EVENTS = 1024
 
 
 @frozen(eq=False, kw_only=True)
-class Parcel:
+class Batch:
     """Encoded events in the order of their times.
 
     `body` holds the messages, each ended by a newline; `keys` the sensors' ids, and `key_of` (n,) which of them is each
@@ -46,7 +46,7 @@ class Parcel:
 class Packing(Protocol):
     """Makes parcels of windows."""
 
-    def parcels(self, window: Window) -> Iterator[Parcel]:
+    def parcels(self, window: Window) -> Iterator[Batch]:
         """Yield a window's events as parcels, in order."""
 
 
@@ -57,7 +57,7 @@ class Packer:
         self._encoder = encoder
         self._ids = np.array([sensor.id for sensor in sensors], dtype=object)
 
-    def parcels(self, window: Window) -> Iterator[Parcel]:
+    def parcels(self, window: Window) -> Iterator[Batch]:
         """Yield a window's events as parcels; those that the encoder has no message for are left out."""
         for block in window_blocks(window):
             kept = only_encodable(block, self._encoder)
@@ -65,7 +65,7 @@ class Packer:
             if len(kept.detections):
                 yield from self._cut(lines, kept.detections.sensor)
 
-    def _cut(self, lines: bytes, sensor: NDArray[np.int32]) -> Iterator[Parcel]:
+    def _cut(self, lines: bytes, sensor: NDArray[np.int32]) -> Iterator[Batch]:
         """Yield parcels of at most `PARCEL_EVENTS` events of a block's lines."""
         whole = self._parcel(lines, sensor)
         if len(whole) <= PARCEL_EVENTS:
@@ -76,9 +76,9 @@ class Packer:
             part = slice(first, first + PARCEL_EVENTS)
             yield self._parcel(b"\n".join([*messages[part], b""]), sensor[part])
 
-    def _parcel(self, body: bytes, sensor: NDArray[np.int32]) -> Parcel:
+    def _parcel(self, body: bytes, sensor: NDArray[np.int32]) -> Batch:
         found, key_of = np.unique(sensor, return_inverse=True)
-        return Parcel(
+        return Batch(
             body=body,
             keys=tuple(self._ids[found].tolist()),
             key_of=key_of.astype(np.uint16),
@@ -102,13 +102,13 @@ class Backlog(Protocol):
     def outlives_the_process(self) -> bool:
         """Whether what is left in it at closing is still there for the next run."""
 
-    def put(self, parcel: Parcel) -> None:
+    def put(self, parcel: Batch) -> None:
         """Take in a parcel; raise `FullError` where there is no room for it."""
 
-    def after(self, number: int) -> tuple[int, Parcel] | None:
+    def after(self, number: int) -> tuple[int, Batch] | None:
         """Return the first parcel with a number above that, or None."""
 
-    def strike(self, numbers: Iterable[int]) -> None:
+    def acknowledge(self, numbers: Iterable[int]) -> None:
         """Forget the parcels of those numbers."""
 
     def drop_oldest(self, after: int) -> int:
@@ -124,13 +124,13 @@ class MemoryBacklog:
     outlives_the_process = False
 
     def __init__(self, max_bytes: int) -> None:
-        self._parcels: OrderedDict[int, Parcel] = OrderedDict()
+        self._parcels: OrderedDict[int, Batch] = OrderedDict()
         self._last = 0
         self._bytes = 0
         self._max_bytes = max_bytes
         self.waiting = 0
 
-    def put(self, parcel: Parcel) -> None:
+    def put(self, parcel: Batch) -> None:
         """Take in a parcel; raise `FullError` where there is no room for it."""
         if self._parcels and self._bytes + len(parcel.body) > self._max_bytes:
             raise FullError
@@ -139,13 +139,13 @@ class MemoryBacklog:
         self._bytes += len(parcel.body)
         self.waiting += len(parcel)
 
-    def after(self, number: int) -> tuple[int, Parcel] | None:
+    def after(self, number: int) -> tuple[int, Batch] | None:
         """Return the first parcel with a number above that, or None."""
         if number + 1 in self._parcels:
             return number + 1, self._parcels[number + 1]
         return next(((each, parcel) for each, parcel in self._parcels.items() if each > number), None)
 
-    def strike(self, numbers: Iterable[int]) -> None:
+    def acknowledge(self, numbers: Iterable[int]) -> None:
         """Forget the parcels of those numbers."""
         for number in numbers:
             parcel = self._parcels.pop(number)
@@ -157,7 +157,7 @@ class MemoryBacklog:
         found = self.after(after)
         if found is None:
             return 0
-        self.strike([found[0]])
+        self.acknowledge([found[0]])
         return len(found[1])
 
     def close(self) -> None:

@@ -16,8 +16,8 @@ from attrs import evolve, frozen
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
-from opir_core.output.spool.batches import Backlog, FullError, Packing, Parcel
-from opir_core.output.spool.transport import Carrier
+from opir_core.output.spool.batches import Backlog, Batch, FullError, Packing
+from opir_core.output.spool.transport import Transport
 from opir_core.scene.spool_settings import DROP_NEWEST, DROP_OLDEST, WAIT
 
 #: Bytes of messages handed to a carrier and not yet acknowledged.
@@ -56,7 +56,7 @@ class Dispatch:
     it has ended, `close` touch what is sent.
     """
 
-    def __init__(self, name: str, carrier: Carrier, backlog: Backlog, packing: Packing, policy: Policy) -> None:
+    def __init__(self, name: str, carrier: Transport, backlog: Backlog, packing: Packing, policy: Policy) -> None:
         self._name = name
         self._carrier = carrier
         self._backlog = backlog
@@ -134,7 +134,7 @@ class Dispatch:
         waiting = self._backlog.waiting
         return Delivery(self._delivered, waiting, self._dropped, self._withheld, self._recovered, complaint)
 
-    def _put(self, parcel: Parcel) -> None:
+    def _put(self, parcel: Batch) -> None:
         """Put a parcel into the backlog, or do what the policy says when that is full; holds the lock."""
         self._refuse_if_failed()
         give_up_at, waited = time.monotonic() + self._policy.wait_s, False
@@ -155,7 +155,7 @@ class Dispatch:
             self._room.wait(min(_NAP_S, left_s))
             self._refuse_if_failed()
 
-    def _is_put(self, parcel: Parcel) -> bool:
+    def _is_put(self, parcel: Batch) -> bool:
         try:
             self._backlog.put(parcel)
         except FullError:
@@ -217,14 +217,14 @@ class Dispatch:
         since = self._closing_since or 0.0
         return time.monotonic() >= min(self._end_at, max(since, self._arrived_at) + self._policy.stall_s)
 
-    def _next(self) -> tuple[int, Parcel] | None:
+    def _next(self) -> tuple[int, Batch] | None:
         with self._room:
             found = self._backlog.after(self._handed)
             if found is not None:
                 self._handed = found[0]
             return found
 
-    def _hand_over(self, number: int, parcel: Parcel) -> None:
+    def _hand_over(self, number: int, parcel: Batch) -> None:
         future = self._carrier.carry(parcel)
         self._sent.append(_Sent(number, len(parcel.body), future))
         self._ahead_bytes += len(parcel.body)
@@ -250,7 +250,7 @@ class Dispatch:
             return
         with self._room:
             before = self._backlog.waiting
-            self._backlog.strike(numbers)
+            self._backlog.acknowledge(numbers)
             self._delivered += before - self._backlog.waiting
             self._arrived_at = time.monotonic()
             self._room.notify_all()

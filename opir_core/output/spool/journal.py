@@ -16,7 +16,7 @@ from zlib import crc32
 import numpy as np
 
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import FullError, Parcel
+from opir_core.output.spool.batches import Batch, FullError
 
 #: "OPIR", so that a SQLite file of something else is told from a spool.
 _APPLICATION = 0x4F504952
@@ -86,7 +86,7 @@ class Journal:
             raise
 
     @_told
-    def put(self, parcel: Parcel) -> None:
+    def put(self, parcel: Batch) -> None:
         """Write a parcel down; raise `FullError` where there is no room for it in the file or on its disk."""
         key_of = parcel.key_of.astype("<u2").tobytes()
         cost = _cost(parcel)
@@ -99,7 +99,7 @@ class Journal:
         self.waiting += len(parcel)
 
     @_told
-    def after(self, number: int) -> tuple[int, Parcel] | None:
+    def after(self, number: int) -> tuple[int, Batch] | None:
         """Return the first parcel with a number above that, or None; raise `SinkError` where it is damaged."""
         row = self._database.execute(_NEXT, (number,)).fetchone()
         if row is None:
@@ -107,7 +107,7 @@ class Journal:
         found, crc, content_type, schema_version, keys, key_of, body = row
         if _checksum(content_type, schema_version, keys, key_of, body) != crc:
             raise SinkError(f"the spool {self.path} is damaged: parcel {found} is not what was written; {_MOVE}")
-        return found, Parcel(
+        return found, Batch(
             body=body,
             keys=tuple(json.loads(keys)),
             key_of=np.frombuffer(key_of, dtype="<u2").astype(np.uint16),
@@ -116,7 +116,7 @@ class Journal:
         )
 
     @_told
-    def strike(self, numbers: Iterable[int]) -> None:
+    def acknowledge(self, numbers: Iterable[int]) -> None:
         """Forget the parcels of those numbers, all or none."""
         gone = [(number,) for number in numbers]
         events, cost = 0, 0
@@ -141,7 +141,7 @@ class Journal:
         if row[0] is None:
             return 0
         before = self.waiting
-        self.strike([row[0]])
+        self.acknowledge([row[0]])
         return before - self.waiting
 
     def close(self) -> None:
@@ -216,7 +216,7 @@ def _code(error: sqlite3.Error) -> str:
     return "_".join(name.split("_")[:2])
 
 
-def _cost(parcel: Parcel) -> int:
+def _cost(parcel: Batch) -> int:
     """Return at least what a row takes in the file: a small one may leave as much of its page empty as it fills."""
     content = len(parcel.body) + 2 * len(parcel) + sum(6 * len(key) + 4 for key in parcel.keys) + _ROW_BYTES
     return content + min(content, 2 * _PAGE_BYTES)

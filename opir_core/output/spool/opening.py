@@ -7,7 +7,7 @@ from opir_core.interfaces.protocols import Encoder, Sensor, Sink
 from opir_core.output.spool.batches import Backlog, MemoryBacklog, Packer, Packing
 from opir_core.output.spool.dispatch import Dispatch, Policy
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport import Carrier
+from opir_core.output.spool.transport import Transport
 from opir_core.output.spool.windows import WindowCarrier, WindowPacker
 from opir_core.scene.scene import Choice
 
@@ -18,7 +18,7 @@ SPOOLED_STALL_S = 3.0
 
 
 def dispatched(
-    choice: Choice, made: Sink | Carrier, make_encoder: Callable[[], Encoder], sensors: Sequence[Sensor]
+    choice: Choice, made: Sink | Transport, make_encoder: Callable[[], Encoder], sensors: Sequence[Sensor]
 ) -> Dispatch:
     """Return the sink of an output that carries, or of any output with a spool; on failure what was made is closed."""
     carrier, packing = _ends(made, make_encoder, sensors)
@@ -31,9 +31,9 @@ def dispatched(
 
 
 def _ends(
-    made: Sink | Carrier, make_encoder: Callable[[], Encoder], sensors: Sequence[Sensor]
-) -> tuple[Carrier, Packing]:
-    if isinstance(made, Carrier):
+    made: Sink | Transport, make_encoder: Callable[[], Encoder], sensors: Sequence[Sensor]
+) -> tuple[Transport, Packing]:
+    if isinstance(made, Transport):
         return made, Packer(make_encoder(), sensors)
     return WindowCarrier(made), WindowPacker()
 

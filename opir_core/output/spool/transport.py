@@ -3,11 +3,11 @@
 from concurrent.futures import Future
 from typing import Protocol, runtime_checkable
 
-from opir_core.output.spool.batches import Parcel
+from opir_core.output.spool.batches import Batch
 
 
 @runtime_checkable
-class Carrier(Protocol):
+class Transport(Protocol):
     """Carries encoded events away and says later which have arrived: what a sink's `build` may return for a sink.
 
     The core makes a sink of it: it encodes, queues in memory or in a spool, feeds the carrier from a thread of its own,
@@ -19,7 +19,7 @@ class Carrier(Protocol):
     def trouble(self) -> str | None:
         """Why nothing gets through at the moment, for people; None while all is well."""
 
-    def carry(self, parcel: Parcel) -> "Future[None]":
+    def carry(self, parcel: Batch) -> "Future[None]":
         """Take events on their way, without waiting; of one key, they arrive in the order in which they were given.
 
         The future is done once every one is acknowledged. A `SinkError` in it is final: the sink has failed.

@@ -16,7 +16,7 @@ from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.output.events.blocks import window_blocks
-from opir_core.output.spool.batches import Parcel
+from opir_core.output.spool.batches import Batch
 
 _CONTENT_TYPE = "application/vnd.opir.window+npz"
 _VERSION = "1"
@@ -30,10 +30,10 @@ _Record = TypeVar("_Record", bound=Columns)
 class WindowPacker:
     """Makes parcels of windows, block by block, each with the estimates that its detections point to."""
 
-    def parcels(self, window: Window) -> Iterator[Parcel]:
+    def parcels(self, window: Window) -> Iterator[Batch]:
         """Yield a window as parcels of columns."""
         for block in window_blocks(window):
-            yield Parcel(
+            yield Batch(
                 body=_packed(_with_own_estimates(block)),
                 keys=("",),
                 key_of=np.zeros(len(block.detections), dtype=np.uint16),
@@ -50,7 +50,7 @@ class WindowCarrier:
     def __init__(self, sink: Sink) -> None:
         self._sink = sink
 
-    def carry(self, parcel: Parcel) -> "Future[None]":
+    def carry(self, parcel: Batch) -> "Future[None]":
         """Write the parcel's window; the future is done."""
         future: Future[None] = Future()
         try:
@@ -85,7 +85,7 @@ def _packed(window: Window) -> bytes:
     return archive.getvalue()
 
 
-def _unpacked(parcel: Parcel) -> Window:
+def _unpacked(parcel: Batch) -> Window:
     if (parcel.content_type, parcel.schema_version) != (_CONTENT_TYPE, _VERSION):
         raise SinkError(
             f"its spool holds {parcel.content_type} of an output of another kind; give each output a spool of its own"

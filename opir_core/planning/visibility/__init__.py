@@ -8,6 +8,6 @@ looks of a pair with an uncertain stretch are judged one by one, in that stretch
 from opir_core.planning.visibility.compilation import compile_pairs
 from opir_core.planning.visibility.grid import distance_m
 from opir_core.planning.visibility.margins import visible_now
-from opir_core.planning.visibility.records import Blocked, GridPlace, Pairs, Sight, Sightlines
+from opir_core.planning.visibility.records import Blocked, GridPlace, Pairs, Sightlines, Visibility
 
-__all__ = ["Blocked", "GridPlace", "Pairs", "Sight", "Sightlines", "compile_pairs", "distance_m", "visible_now"]
+__all__ = ["Blocked", "GridPlace", "Pairs", "Sightlines", "Visibility", "compile_pairs", "distance_m", "visible_now"]

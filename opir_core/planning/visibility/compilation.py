@@ -8,8 +8,8 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.targets import Targets
 from opir_core.planning.visibility.grid import Grid, distance_m, look_time_s, sampled
-from opir_core.planning.visibility.margins import Margins, has_doubt, judged
-from opir_core.planning.visibility.records import Blocked, Pairs, Sight, Sightlines
+from opir_core.planning.visibility.margins import Margins, judged, needs_look_test
+from opir_core.planning.visibility.records import Blocked, Pairs, Sightlines, Visibility
 
 _NS = 1_000_000_000
 
@@ -44,13 +44,13 @@ def _sensor_pairs(
     travel_s, sensor_ecef_m, target_ecef_m = sampled(sensor, targets, grid, light_time)
     margins = Margins.of(sensor, sensor_ecef_m, target_ecef_m)
     sight, blocked = judged(grid, margins, distance_m(sensor_ecef_m, target_ecef_m))
-    first_s, last_s = grid.span(np.flatnonzero(sight != Sight.NEVER), start_s, stop_s)
+    first_s, last_s = grid.span(np.flatnonzero(sight != Visibility.NEVER), start_s, stop_s)
     phase_ns = _phase_ns(sensor, targets, uniform)
     first_scan, last_scan = _scans(first_s, last_s, phase_ns, sensor.scan.period_ns, end_ns)
     last_scan = np.where(blocked == Blocked.NOT, last_scan, first_scan - 1)
     blocked = np.where((blocked == Blocked.NOT) & (last_scan < first_scan), Blocked.NO_LOOK, blocked)
     sensors, periods = np.full_like(everyone, number), np.full_like(phase_ns, sensor.scan.period_ns)
-    is_checked = has_doubt(grid, sight, first_s, last_s)
+    is_checked = needs_look_test(grid, sight, first_s, last_s)
     pairs = Pairs(sensors, everyone, periods, phase_ns, first_scan, last_scan, is_checked, blocked, until_s)
     return pairs, Sightlines(grid.first_point, travel_s, np.sin(margins.horizon_rad), sight)
 

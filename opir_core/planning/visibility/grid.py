@@ -56,7 +56,7 @@ class Grid:
 
 
 @frozen(eq=False)
-class Path:
+class TargetPath:
     """Targets' ways, drawn out straight before and after what is watched: the grid's outer cells stay smooth."""
 
     targets: Targets
@@ -65,7 +65,7 @@ class Path:
     velocity_out_m_s: FloatArray
 
     @classmethod
-    def of(cls, targets: Targets, end_s: FloatArray) -> "Path":
+    def of(cls, targets: Targets, end_s: FloatArray) -> "TargetPath":
         """Return the ways of all targets, each to its end (n,)."""
         everyone = np.arange(len(targets.ids), dtype=np.int32)
         start_s = targets.ignition_s
@@ -97,7 +97,7 @@ def sampled(
     sensor: Sensor, targets: Targets, grid: Grid, light_time: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return light times, sensor and target positions at the grid's points."""
-    path = Path.of(targets, targets.watched_until_s(sensor))
+    path = TargetPath.of(targets, targets.watched_until_s(sensor))
     sensor_ecef_m = sensor.orbit.position_ecef_m(grid.time_s)
     travel_s = np.zeros(len(grid.time_s))
     target_ecef_m = path.position_ecef_m(grid.pair, grid.time_s)

@@ -9,7 +9,7 @@ from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.visibility.grid import Grid
-from opir_core.planning.visibility.records import GRID_STEP_S, Blocked, Sight
+from opir_core.planning.visibility.records import GRID_STEP_S, Blocked, Visibility
 
 #: No target or satellite here moves off a straight line faster than this relative acceleration, m/s² (about 10 g).
 _ACCELERATION_BOUND_M_S2 = 100.0
@@ -55,7 +55,7 @@ class Margins(Columns):
 
 
 def judged(grid: Grid, margins: Margins, range_m: FloatArray) -> tuple[NDArray[np.uint8], IntArray]:
-    """Return the `Sight` of each cell, by the point it starts at, and why pairs are blocked."""
+    """Return the `Visibility` of each cell, by the point it starts at, and why pairs are blocked."""
     guard_rad = 2.0 * STRAY_M / range_m
     cells = grid.cells()
     horizon, hidden = _certain(margins.horizon_rad, guard_rad, cells)
@@ -74,7 +74,7 @@ def judged(grid: Grid, margins: Margins, range_m: FloatArray) -> tuple[NDArray[n
         blocked = np.where(newly, reason, blocked)
     sight = np.zeros(len(grid.pair), dtype=np.uint8)
     sure = (horizon | grazing) & inside & above
-    sight[cells] = np.where(impossible, Sight.NEVER, np.where(sure, Sight.ALWAYS, Sight.PERHAPS))
+    sight[cells] = np.where(impossible, Visibility.NEVER, np.where(sure, Visibility.ALWAYS, Visibility.PERHAPS))
     return sight, blocked
 
 
@@ -87,9 +87,9 @@ def _certain(margin: FloatArray, guard: FloatArray, cells: IntArray) -> tuple[Bo
     return always, never
 
 
-def has_doubt(grid: Grid, sight: NDArray[np.uint8], first_s: FloatArray, last_s: FloatArray) -> BoolArray:
+def needs_look_test(grid: Grid, sight: NDArray[np.uint8], first_s: FloatArray, last_s: FloatArray) -> BoolArray:
     """Return which pairs have, between their first and last moment in view, a cell that is not seen throughout."""
     cells = grid.cells()
     time_s, pair = grid.time_s[cells], grid.pair[cells]
     between = (time_s + GRID_STEP_S > first_s[pair]) & (time_s < last_s[pair])
-    return grid.any_of_pair(cells[between & (sight[cells] != Sight.ALWAYS)])
+    return grid.any_of_pair(cells[between & (sight[cells] != Visibility.ALWAYS)])

@@ -23,7 +23,7 @@ class Blocked(IntEnum):
     BELOW_MINIMUM_ELEVATION = 4
 
 
-class Sight(IntEnum):
+class Visibility(IntEnum):
     """Whether looks in a cell of the grid see their target."""
 
     NEVER = 0

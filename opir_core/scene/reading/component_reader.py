@@ -11,9 +11,9 @@ from opir_core.plugin.host import Host
 from opir_core.scene.fields import TwoWays, told_twice, two_ways
 from opir_core.scene.reading.nodes import (
     Complaint,
-    Gathering,
+    ErrorCollector,
+    InvalidNode,
     Node,
-    Refused,
     complaints_inside,
     key_step,
     shown_text,
@@ -62,7 +62,7 @@ class Chooser:
                 self.failures.append(error)
         component = self._found[hook, name]
         if component is None:
-            raise Refused
+            raise InvalidNode
         return component
 
     def named(self, hook: str, node: Node, path: str) -> Choice:
@@ -81,16 +81,16 @@ class Chooser:
         component = self.component(hook, name, path)
         try:
             return Choice(hook, name, self._config(component, path, settings), path)
-        except Refused:
+        except InvalidNode:
             raise
         except Exception as error:  # whatever a configuration class of a plugin may raise
             raise self.blamed(component, path, f"its configuration fails: {type(error).__name__}: {error}") from error
 
-    def blamed(self, component: Any, path: str, reason: str) -> Refused:
+    def blamed(self, component: Any, path: str, reason: str) -> InvalidNode:
         """Keep that a plugin is at fault, and return the refusal of the node, without another word."""
         owner = self._host.provenance(component.hook, component.name)
         self.failures.append(PluginError(f"{path}: {component.kind} {component.name!r} of {owner}: {reason}"))
-        return Refused()
+        return InvalidNode()
 
     def _config(self, component: Any, path: str, settings: Settings) -> Any:
         reader, pairs = self._reader(component, path, settings), two_ways(component.config)
@@ -104,10 +104,10 @@ class Chooser:
         block = _laid_over(pairs, block_of(supplied), written)
         try:
             return _made(reader, block, settings.block, beside, partial(self._home, component, settings))
-        except Refused as refused:
+        except InvalidNode as refused:
             theirs = {key_step(key): giver for key, giver in givers.items() if key not in written}
             complaints = [*complaints_inside(supplied), *refused.complaints]
-            raise Refused(self._own_complaints(complaints, theirs, component, path)) from refused
+            raise InvalidNode(self._own_complaints(complaints, theirs, component, path)) from refused
 
     def home_elsewhere(self, key: str, is_near: bool) -> str:
         """Return where in a scene a key would mean something; it is not looked for where a known one is like it."""
@@ -145,7 +145,7 @@ class Chooser:
 
 
 def component_name(node: Node) -> str:
-    """Return the name of a component; raises `Refused` where the node is no text or empty."""
+    """Return the name of a component; raises `InvalidNode` where the node is no text or empty."""
     name = read_text(node)
     if not name:
         raise node.refused("a component's name is needed")
@@ -157,7 +157,7 @@ def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_key
 
     What the block tells plainly its class's default does not tell otherwise.
     """
-    gathering, silent = Gathering(), {}
+    gathering, silent = ErrorCollector(), {}
     for pair in two_ways(reader.config_class):
         told = _told(pair, block)
         if told == [pair.plain] and pair.is_other_default:
@@ -170,7 +170,7 @@ def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_key
         return reader.made(node, other_keys, home)
     with gathering.at():
         reader.values(node, gathering, other_keys, home)
-    raise Refused(gathering.complaints)
+    raise InvalidNode(gathering.complaints)
 
 
 def _laid_over(pairs: Iterable[TwoWays], lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
@@ -190,6 +190,6 @@ def _preset(component: Any, node: Node) -> Mapping[str, Any]:
     if name not in component.presets:
         known = f"it has {', '.join(sorted(component.presets))}" if component.presets else "it has none"
         message = f"the {component.kind} {component.name} has no preset {shown_text(name)}; {known}"
-        raise Refused([Complaint(message, node.place, (".preset",))])
+        raise InvalidNode([Complaint(message, node.place, (".preset",))])
     preset: Mapping[str, Any] = component.presets[name]
     return preset

@@ -8,7 +8,7 @@ from typing import Any
 from opir_core.errors import PluginError, Problem, SceneError
 from opir_core.plugin.host import Host
 from opir_core.scene.reading.limits import MAXIMUM_FILE_BYTES
-from opir_core.scene.reading.nodes import Complaint, Node, Refused, complaints_inside, cut_short, ordered
+from opir_core.scene.reading.nodes import Complaint, InvalidNode, Node, complaints_inside, cut_short, ordered
 from opir_core.scene.reading.overrides import overridden
 from opir_core.scene.reading.plain_data import node_of_data
 from opir_core.scene.reading.readers import block_of
@@ -31,7 +31,7 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = (), h
     source = os.fspath(path)
     try:
         root = node_of_yaml(_text_of_file(source))
-    except Refused as refused:
+    except InvalidNode as refused:
         raise _scene_error(refused.complaints, source) from None
     return _scene_of_node(root, overrides, host, source)
 
@@ -46,7 +46,7 @@ def scene_from_mapping(
     """
     try:
         root = node_of_data(mapping)
-    except Refused as refused:
+    except InvalidNode as refused:
         raise _scene_error(refused.complaints, source) from None
     return _scene_of_node(root, overrides, host, source)
 
@@ -54,7 +54,7 @@ def scene_from_mapping(
 def _scene_of_node(root: Node, overrides: Sequence[str], host: Host | None, source: str) -> Scene:
     try:
         block_of(root, ("scene", "epoch", "duration_s", "sensors"))
-    except Refused as refused:
+    except InvalidNode as refused:
         raise _scene_error([*complaints_inside(root), *refused.complaints], source) from None
     complaints = overridden(root, overrides, _DEFAULTS)
     complaints += complaints_inside(root)
@@ -72,14 +72,14 @@ def _text_of_file(source: str) -> str:
     raw = _bytes_of_file(source)
     for mark, encoding in _BYTE_ORDER_MARKS.items():
         if raw.startswith(mark):
-            raise Refused([Complaint(f"begins with a byte-order mark of {encoding}; save it as UTF-8 without one")])
+            raise InvalidNode([Complaint(f"begins with a byte-order mark of {encoding}; save it as UTF-8 without one")])
     if b"\0" in raw:
-        raise Refused([Complaint("is not text: it contains zero bytes")])
+        raise InvalidNode([Complaint("is not text: it contains zero bytes")])
     try:
         return raw.decode("utf-8")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        raise Refused([Complaint(f"is not UTF-8: byte 0x{raw[error.start]:02x} in line {line}")]) from None
+        raise InvalidNode([Complaint(f"is not UTF-8: byte 0x{raw[error.start]:02x} in line {line}")]) from None
 
 
 def _bytes_of_file(source: str) -> bytes:
@@ -87,14 +87,16 @@ def _bytes_of_file(source: str) -> bytes:
         with Path(source).open("rb") as file:
             raw = file.read(MAXIMUM_FILE_BYTES + 1)
     except FileNotFoundError:
-        raise Refused([Complaint("there is no such file")]) from None
+        raise InvalidNode([Complaint("there is no such file")]) from None
     except IsADirectoryError:
-        raise Refused([Complaint("is a directory; a scene is a file")]) from None
+        raise InvalidNode([Complaint("is a directory; a scene is a file")]) from None
     except (OSError, ValueError) as error:
         words = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise Refused([Complaint(f"cannot be read: {words}")]) from None
+        raise InvalidNode([Complaint(f"cannot be read: {words}")]) from None
     if len(raw) > MAXIMUM_FILE_BYTES:
-        raise Refused([Complaint(f"is larger than {MAXIMUM_FILE_BYTES} bytes, the most that a scene file may have")])
+        raise InvalidNode(
+            [Complaint(f"is larger than {MAXIMUM_FILE_BYTES} bytes, the most that a scene file may have")]
+        )
     return raw
 
 

@@ -62,7 +62,7 @@ class Complaint:
         return f"{self.message} ({place_text(self.place)})"
 
 
-class Refused(Exception):  # noqa: N818 - never seen outside the reading package
+class InvalidNode(Exception):  # noqa: N818 - never seen outside the reading package
     """What is wrong with a node and the nodes in it; empty where the node complains of itself already."""
 
     def __init__(self, complaints: Iterable[Complaint] = ()) -> None:
@@ -84,13 +84,13 @@ class Node:
     written: str | None = None
     complaints: Sequence[Complaint] = ()
 
-    def refused(self, message: str, *, at_key: bool = False) -> Refused:
+    def refused(self, message: str, *, at_key: bool = False) -> InvalidNode:
         """Return the refusal of this node, or of its having been written at all (`at_key`)."""
-        return Refused([Complaint(message, self.key_place if at_key else self.place)])
+        return InvalidNode([Complaint(message, self.key_place if at_key else self.place)])
 
 
 @define
-class Gathering:
+class ErrorCollector:
     """Reads many things and keeps what is wrong with each, so that all of it can be told at once."""
 
     complaints: list[Complaint] = Factory(list)
@@ -103,15 +103,15 @@ class Gathering:
     def require_whole(self) -> None:
         """Raise all that was refused, if anything was."""
         if not self.is_whole:
-            raise Refused(self.complaints)
+            raise InvalidNode(self.complaints)
 
 
 class _Gather:
-    """The `with` block of `Gathering.at`: a class, because a scene enters one for every value."""
+    """The `with` block of `ErrorCollector.at`: a class, because a scene enters one for every value."""
 
     __slots__ = ("_gathering", "_steps")
 
-    def __init__(self, gathering: Gathering, steps: tuple[str, ...]) -> None:
+    def __init__(self, gathering: ErrorCollector, steps: tuple[str, ...]) -> None:
         self._gathering = gathering
         self._steps = steps
 
@@ -119,7 +119,7 @@ class _Gather:
         pass
 
     def __exit__(self, kind: object, error: object, trace: object) -> bool:
-        if not isinstance(error, Refused):
+        if not isinstance(error, InvalidNode):
             return False
         self._gathering.is_whole = False
         self._gathering.complaints += [complaint.under(*self._steps) for complaint in error.complaints]
@@ -131,8 +131,8 @@ def under(*steps: str) -> Iterator[None]:
     """Let what is refused inside the `with` block be seen from `steps` further up."""
     try:
         yield
-    except Refused as refused:
-        raise Refused(complaint.under(*steps) for complaint in refused.complaints) from refused
+    except InvalidNode as refused:
+        raise InvalidNode(complaint.under(*steps) for complaint in refused.complaints) from refused
 
 
 def place_text(place: tuple[int, int] | str) -> str:

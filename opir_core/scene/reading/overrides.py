@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 
-from opir_core.scene.reading.nodes import UNREADABLE, Complaint, Node, Refused, index_step, key_step, shown_text
+from opir_core.scene.reading.nodes import UNREADABLE, Complaint, InvalidNode, Node, index_step, key_step, shown_text
 from opir_core.scene.reading.strict_yaml import node_of_scalar, node_of_yaml
 
 _STEP = re.compile(r"\.([^\s.\[\]=]+)|\[([0-9]{1,9})\]")
@@ -23,7 +23,7 @@ def overridden(root: Node, overrides: Sequence[str], defaults: Mapping[str, str 
     for override in overrides:
         try:
             _apply(root, override, defaults)
-        except Refused as refused:
+        except InvalidNode as refused:
             complaints += refused.complaints
     return complaints
 
@@ -32,7 +32,7 @@ def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> Non
     path, equals, text = override.partition("=")
     shown = f"override {shown_text(override if not _is_secret(path) else f'{path}=...')}"
     if not equals:
-        raise Refused([Complaint(f"{shown} has no '='; write path=value")])
+        raise InvalidNode([Complaint(f"{shown} has no '='; write path=value")])
     steps = _steps(path.strip(), shown)
     value = _value(text.strip(), shown)
     if steps[0] in defaults:
@@ -52,22 +52,22 @@ def _steps(path: str, shown: str) -> list[str | int]:
         steps.append(found[1] if found[1] is not None else int(found[2]))
         at = found.end()
     if at < len(dotted) or not steps:
-        raise Refused([Complaint(f"{shown}: {shown_text(path)} is not a scene path; write it like sensors[0].id")])
+        raise InvalidNode([Complaint(f"{shown}: {shown_text(path)} is not a scene path; write it like sensors[0].id")])
     return steps
 
 
 def _value(text: str, shown: str) -> Node:
     """Return the node of an override's value: an unquoted scalar as it stands, or quotes, [...] and {...} of YAML."""
     if not text:
-        raise Refused([Complaint(f"{shown} has no value; write null for none, or '' for empty text")])
+        raise InvalidNode([Complaint(f"{shown} has no value; write null for none, or '' for empty text")])
     if text[0] not in _YAML:
         return node_of_scalar(text, shown)
     if not text.endswith(_YAML[text[0]]):
-        raise Refused([Complaint(f"{shown}: text that begins with {text[0]} needs quotes")])
+        raise InvalidNode([Complaint(f"{shown}: text that begins with {text[0]} needs quotes")])
     try:
         return node_of_yaml(text, shown)
-    except Refused as refused:
-        raise Refused(Complaint(f"{shown}: {complaint.message}") for complaint in refused.complaints) from refused
+    except InvalidNode as refused:
+        raise InvalidNode(Complaint(f"{shown}: {complaint.message}") for complaint in refused.complaints) from refused
 
 
 def _open_choice(root: Node, steps: list[str | int], defaults: Mapping[str, str | None], shown: str) -> None:
@@ -84,7 +84,7 @@ def _set(root: Node, steps: list[str | int], value: Node, shown: str) -> None:
     node, path = root, ""
     for step in steps:
         if node.value is UNREADABLE:
-            raise Refused
+            raise InvalidNode
         node = _item(node, step, path, shown) if isinstance(step, int) else _entry(node, step, path, shown)
         path = f"{path}{index_step(step) if isinstance(step, int) else key_step(step)}".removeprefix(".")
     node.value, node.place, node.written, node.complaints = value.value, value.place, value.written, value.complaints
@@ -93,17 +93,17 @@ def _set(root: Node, steps: list[str | int], value: Node, shown: str) -> None:
 def _entry(node: Node, key: str, path: str, shown: str) -> Node:
     """Return the value of a key, an empty block where there is none."""
     if not isinstance(node.value, dict):
-        raise Refused([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")])
+        raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")])
     entry: Node = node.value.setdefault(key, Node({}, shown, shown))
     return entry
 
 
 def _item(node: Node, index: int, path: str, shown: str) -> Node:
     if not isinstance(node.value, list):
-        raise Refused([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no item {index}")])
+        raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no item {index}")])
     count = len(node.value)
     if index >= count:
-        raise Refused([Complaint(f"{shown}: {path} has {count} item{'s' if count != 1 else ''}, numbered from 0")])
+        raise InvalidNode([Complaint(f"{shown}: {path} has {count} item{'s' if count != 1 else ''}, numbered from 0")])
     item: Node = node.value[index]
     return item
 

@@ -6,7 +6,7 @@ from itertools import count
 from typing import Any
 
 from opir_core.scene.reading.limits import MAXIMUM_DEPTH, MAXIMUM_DIGITS, MAXIMUM_VALUES
-from opir_core.scene.reading.nodes import UNREADABLE, Complaint, Node, Refused, SwitchWord
+from opir_core.scene.reading.nodes import UNREADABLE, Complaint, InvalidNode, Node, SwitchWord
 from opir_core.scene.reading.yaml_scalars import quoted_value
 
 _TOO_LONG = 10**MAXIMUM_DIGITS
@@ -15,13 +15,13 @@ _TOO_LONG = 10**MAXIMUM_DIGITS
 def node_of_data(data: Any) -> Node:
     """Return the nodes of plain data: mappings with text keys, lists, tuples, text, finite numbers, bools and None.
 
-    What is wrong with single values waits in the nodes; data that is too deep or too large raises `Refused`.
+    What is wrong with single values waits in the nodes; data that is too deep or too large raises `InvalidNode`.
     """
     return _node(data, 0, count(1))
 
 
 def data_of_node(node: Node) -> Any:
-    """Return a node's plain data: dicts, lists and scalars; raises `Refused` where some of it cannot be read."""
+    """Return a node's plain data: dicts, lists and scalars; raises `InvalidNode` where some of it cannot be read."""
     value = node.value
     if isinstance(value, list):
         return [data_of_node(child) for child in value]
@@ -32,16 +32,16 @@ def data_of_node(node: Node) -> Any:
             f"{value} is a truth value to some YAML readers; write true or false, or '{value}' in quotes"
         )
     if value is UNREADABLE:
-        raise Refused
+        raise InvalidNode
     return value
 
 
 def _node(data: Any, depth: int, counter: "count[int]") -> Node:
     if next(counter) > MAXIMUM_VALUES:
-        raise Refused([Complaint(f"there are more than {MAXIMUM_VALUES} values")])
+        raise InvalidNode([Complaint(f"there are more than {MAXIMUM_VALUES} values")])
     if isinstance(data, Mapping | list | tuple):
         if depth >= MAXIMUM_DEPTH:
-            raise Refused([Complaint(f"blocks and lists are more than {MAXIMUM_DEPTH} deep")])
+            raise InvalidNode([Complaint(f"blocks and lists are more than {MAXIMUM_DEPTH} deep")])
         return _container(data, depth + 1, counter)
     try:
         return Node(_scalar(data))

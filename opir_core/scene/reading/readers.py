@@ -9,9 +9,9 @@ from typing import Any
 
 from opir_core.scene.reading.nodes import (
     UNREADABLE,
-    Gathering,
+    ErrorCollector,
+    InvalidNode,
     Node,
-    Refused,
     SwitchWord,
     index_step,
     key_step,
@@ -19,7 +19,7 @@ from opir_core.scene.reading.nodes import (
 )
 from opir_core.scene.reading.yaml_scalars import is_decimal_text, is_on
 
-#: Takes a node and its type (which the reader knows already); returns the value or raises `Refused`.
+#: Takes a node and its type (which the reader knows already); returns the value or raises `InvalidNode`.
 Reader = Callable[[Node, Any], Any]
 
 _FEW_KEYS = 8
@@ -113,10 +113,10 @@ def items_of(node: Node) -> list[Node]:
     raise refusal(node, "a list is needed")
 
 
-def refusal(node: Node, needed: str) -> Refused:
+def refusal(node: Node, needed: str) -> InvalidNode:
     """Return that a node is something other than what is needed; nothing more where it already complains of itself."""
     if node.value is UNREADABLE:
-        return Refused()
+        return InvalidNode()
     return node.refused(f"{_what_it_is(node)}; {needed}")
 
 
@@ -139,7 +139,7 @@ def _as_written(node: Node) -> str:
     return node.written or str(node.value)
 
 
-def _no_number(node: Node, needed: str) -> Refused:
+def _no_number(node: Node, needed: str) -> InvalidNode:
     if isinstance(node.value, str) and is_decimal_text(node.value):
         return refusal(node, f"{needed}: write {node.value} without quotes")
     return refusal(node, needed)
@@ -147,7 +147,7 @@ def _no_number(node: Node, needed: str) -> Refused:
 
 def _all_read(parts: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
     """Return what all parts come to, or raise the complaints of all parts."""
-    gathering, values = Gathering(), []
+    gathering, values = ErrorCollector(), []
     for step, reader, node in parts:
         with gathering.at(step):
             values.append(reader(node, None))

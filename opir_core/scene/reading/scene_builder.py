@@ -6,7 +6,7 @@ from attrs import evolve
 
 from opir_core.plugin.host import Host
 from opir_core.scene.reading.component_reader import Chooser, Settings
-from opir_core.scene.reading.nodes import Gathering, Node, index_step, key_step, under
+from opir_core.scene.reading.nodes import ErrorCollector, Node, index_step, key_step, under
 from opir_core.scene.reading.readers import block_of, items_of, refusal
 from opir_core.scene.reading.scene_schema import CHOICES, SceneFile
 from opir_core.scene.reading.sensors import SensorReader
@@ -25,7 +25,7 @@ class Assembler:
     """Reads one scene; `gathering` has what is wrong with it, `chooser.failures` what is wrong with plugins."""
 
     def __init__(self, host: Host) -> None:
-        self.gathering = Gathering()
+        self.gathering = ErrorCollector()
         self.chooser = Chooser(host)
 
     def scene(self, root: Node) -> Scene | None:
@@ -75,7 +75,7 @@ class Assembler:
         return self.chooser.named(hook, node, key)
 
     def _outputs(self, node: Node) -> tuple[Choice, ...]:
-        gathering, outputs = Gathering(), list[Choice]()
+        gathering, outputs = ErrorCollector(), list[Choice]()
         for index, item in enumerate(items_of(node)):
             with gathering.at(index_step(index)):
                 choice = self._output(item, f"outputs[{index}]")
@@ -98,7 +98,7 @@ class Assembler:
         with under(key_step(name)):
             settings = {} if node.value is None else dict(block_of(node))
             spooled = {"spool": settings.pop("spool")} if "spool" in settings else {}
-            gathering = Gathering()
+            gathering = ErrorCollector()
             with gathering.at():
                 chosen = Settings(node, settings, other_keys=("preset", "spool"))
                 choice = self.chooser.choice(_SINKS, name, path, chosen)

@@ -8,7 +8,7 @@ from attrs import evolve
 from opir_core.plugin.components import Constellation
 from opir_core.scene.reading.component_reader import Chooser, Settings, component_name
 from opir_core.scene.reading.limits import MAXIMUM_SENSORS
-from opir_core.scene.reading.nodes import Gathering, Node, index_step, key_step, under
+from opir_core.scene.reading.nodes import ErrorCollector, Node, index_step, key_step, under
 from opir_core.scene.reading.readers import block_of, items_of, refusal
 from opir_core.scene.reading.structuring import nearest, unknown_key
 from opir_core.scene.reading.targets import ID_RULE, Identifier, is_id
@@ -33,7 +33,7 @@ class SensorReader:
         items = items_of(node)
         if not items:
             raise node.refused("a scene needs a sensor: a constellation, or a model with an id")
-        gathering, sensors = Gathering(), list[SceneSensor]()
+        gathering, sensors = ErrorCollector(), list[SceneSensor]()
         for index, item in enumerate(items):
             with gathering.at(index_step(index)):
                 sensors += self._sensors_of(item, f"sensors[{index}]")
@@ -58,7 +58,7 @@ class SensorReader:
 
     def _members(self, block: dict[str, Node], name: str, path: str) -> list[SceneSensor]:
         """Return a constellation whose members the scene writes out, as `scene_mapping` does."""
-        gathering, sensors = Gathering(), list[SceneSensor]()
+        gathering, sensors = ErrorCollector(), list[SceneSensor]()
         for key, node in block.items():
             if key != "members":
                 with gathering.at(key_step(key)):
@@ -75,7 +75,7 @@ class SensorReader:
 
     def _fleet(self, node: Node, written: dict[str, Node], name: str, path: str) -> list[SceneSensor]:
         """Return a constellation's own members, with the scene's settings applied to each."""
-        gathering, sensors = Gathering(), list[SceneSensor]()
+        gathering, sensors = ErrorCollector(), list[SceneSensor]()
         for key in [key for key in ("id", "model") if key in written]:
             with gathering.at(key_step(key)):
                 raise written.pop(key).refused(f"a constellation brings the {key} of its sensors", at_key=True)

@@ -16,9 +16,9 @@ from opir_core.scene.reading.limits import MAXIMUM_DEPTH, MAXIMUM_VALUES
 from opir_core.scene.reading.nodes import (
     UNREADABLE,
     Complaint,
+    InvalidNode,
     Node,
     Place,
-    Refused,
     complaints_inside,
     key_step,
     place_text,
@@ -51,7 +51,7 @@ def node_of_yaml(text: str, origin: str | None = None) -> Node:
     """Return the nodes of a YAML document.
 
     `origin` stands in for line and column where the text is not a file. What is wrong with single values waits in the
-    nodes; `Refused` is raised where the text as a whole cannot be read.
+    nodes; `InvalidNode` is raised where the text as a whole cannot be read.
     """
     _refuse_unprintable(text, origin)
     composer = _Composer(origin)
@@ -61,7 +61,7 @@ def node_of_yaml(text: str, origin: str | None = None) -> Node:
     except yaml.MarkedYAMLError as error:
         composer.stop(*_syntax_message(error, origin is None))
     if composer.root is None:
-        raise Refused([Complaint("there is nothing in it", origin)])
+        raise InvalidNode([Complaint("there is nothing in it", origin)])
     return composer.root
 
 
@@ -102,7 +102,7 @@ class _Composer:
     def stop(self, message: str, mark: Any) -> None:
         """Raise what is wrong with the text, after what was wrong before."""
         known = complaints_inside(self.root) if self.root else ()
-        raise Refused([*known, Complaint(message, self._place(mark))])
+        raise InvalidNode([*known, Complaint(message, self._place(mark))])
 
     def _begin_document(self, event: yaml.DocumentStartEvent) -> None:
         if self.root is not None:
@@ -192,8 +192,8 @@ def _refuse_unprintable(text: str, origin: str | None) -> None:
     line = text.count("\n", 0, found.start()) + 1
     place = origin or (line, found.start() - text.rfind("\n", 0, found.start()))
     if found[0] == "\t":
-        raise Refused([Complaint("a tab stands here; scenes are indented and spaced with blanks", place)])
-    raise Refused([Complaint(f"U+{ord(found[0]):04X} stands here, which is not text", place)])
+        raise InvalidNode([Complaint("a tab stands here; scenes are indented and spaced with blanks", place)])
+    raise InvalidNode([Complaint(f"U+{ord(found[0]):04X} stands here, which is not text", place)])
 
 
 def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, Any]:

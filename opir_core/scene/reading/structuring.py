@@ -15,7 +15,7 @@ from cattrs import Converter
 
 from opir_core.scene.fields import METADATA_KEY, info_of
 from opir_core.scene.reading import readers
-from opir_core.scene.reading.nodes import Gathering, Node, Refused, key_step
+from opir_core.scene.reading.nodes import ErrorCollector, InvalidNode, Node, key_step
 from opir_core.scene.reading.plain_data import data_of_node
 from opir_core.scene.reading.readers import Reader, block_of
 
@@ -66,7 +66,7 @@ class ClassReader:
 
         What the block leaves out is as in `base`, where one is given.
         """
-        gathering = Gathering()
+        gathering = ErrorCollector()
         values = self.values(node, gathering, other_keys, home, base)
         gathering.require_whole()
         try:
@@ -77,7 +77,7 @@ class ClassReader:
     def values(
         self,
         node: Node,
-        gathering: Gathering,
+        gathering: ErrorCollector,
         other_keys: Sequence[str] = (),
         home: Home | None = None,
         base: Any = None,
@@ -127,7 +127,7 @@ def reader_of(kind: Any) -> Reader:
     return _converter().get_structure_hook(kind)
 
 
-def unknown_key(key: str, node: Node, known: Sequence[str], home: Home | None = None) -> Refused:
+def unknown_key(key: str, node: Node, known: Sequence[str], home: Home | None = None) -> InvalidNode:
     """Return the refusal of a key that means nothing here: the nearest known one, where it belongs, or all known."""
     near = nearest(key, known)
     if node.written == "" and ":" in key:

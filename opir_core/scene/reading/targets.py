@@ -12,7 +12,7 @@ from attrs import evolve
 
 from opir_core.scene.reading.component_reader import Chooser, Settings, component_name
 from opir_core.scene.reading.limits import MAXIMUM_ID_LENGTH, MAXIMUM_SOURCES, MAXIMUM_TARGETS
-from opir_core.scene.reading.nodes import Gathering, Node, Refused, index_step, key_step, shown_text, under
+from opir_core.scene.reading.nodes import ErrorCollector, InvalidNode, Node, index_step, key_step, shown_text, under
 from opir_core.scene.reading.readers import block_of, items_of, read_text, refusal
 from opir_core.scene.reading.scene_schema import DEFAULT_TARGET_MODEL
 from opir_core.scene.reading.structuring import class_reader, nearest, required
@@ -37,7 +37,7 @@ class Identifier:
     def identified(self, node: Node, path: str, other_keys: tuple[str, ...], choice_path: str) -> tuple[str, Choice]:
         """Return a block's id and its model; `choice_path` is the path that the model goes by."""
         settings = dict(block_of(node, other_keys))
-        gathering = Gathering()
+        gathering = ErrorCollector()
         with gathering.at(".id"):
             found = required(settings, "id", node)
             given_id = self.claimed(read_text(found), path, found)
@@ -48,7 +48,7 @@ class Identifier:
         return given_id, choice
 
     def claimed(self, text: str, path: str, node: Node) -> str:
-        """Return an id, which is `path`'s from there on; raises `Refused` for a text that is none or is taken."""
+        """Return an id, which is `path`'s from there on; raises `InvalidNode` for a text that is none or is taken."""
         if not is_id(text):
             raise node.refused(f"{shown_text(text)} is not an id; {ID_RULE}")
         home = self._homes.setdefault(text, path)
@@ -76,7 +76,7 @@ _ITEM_NEEDED = f"one of {', '.join(_KNOWN)}, or drag with its settings indented 
 
 
 def read_forces(node: Node) -> SceneForces:
-    """Return the forces of a node; raises `Refused` with all that is wrong with it."""
+    """Return the forces of a node; raises `InvalidNode` with all that is wrong with it."""
     if node.value == KEPLER:
         return SceneForces()
     if not isinstance(node.value, list):
@@ -84,7 +84,7 @@ def read_forces(node: Node) -> SceneForces:
         raise refusal(node, f"{_NEEDED}{hint}")
     if not node.value:
         raise node.refused(f"this list is empty; for the point mass alone, write {KEPLER}")
-    gathering, found = Gathering(), dict[str, SceneDrag | None]()
+    gathering, found = ErrorCollector(), dict[str, SceneDrag | None]()
     for index, item in enumerate(items_of(node)):
         with gathering.at(index_step(index)):
             name, drag = _force(item)
@@ -117,7 +117,7 @@ def _named(name: object, node: Node) -> str:
     return name
 
 
-def _unknown(name: str, node: Node) -> Refused:
+def _unknown(name: str, node: Node) -> InvalidNode:
     if name == KEPLER:
         return node.refused(f"{KEPLER} is the point mass alone: write it in the place of the list, or leave it out")
     near = nearest(name, _KNOWN)
@@ -141,7 +141,7 @@ class TargetReader:
         items = items_of(node)
         if len(items) > MAXIMUM_TARGETS:
             raise node.refused(f"there are {len(items)} targets; at most {MAXIMUM_TARGETS} are read")
-        gathering, targets = Gathering(), list[SceneTarget]()
+        gathering, targets = ErrorCollector(), list[SceneTarget]()
         for index, item in enumerate(items):
             with gathering.at(index_step(index)):
                 path = f"targets[{index}]"
@@ -151,7 +151,7 @@ class TargetReader:
 
     def _target(self, node: Node, path: str) -> SceneTarget:
         block = dict(block_of(node, _TARGET_KEYS))
-        gathering, signature = Gathering(), None
+        gathering, signature = ErrorCollector(), None
         if "signature" in block:
             with gathering.at(".signature"):
                 named = block.pop("signature")
@@ -185,7 +185,7 @@ class SourceReader:
         items = items_of(node)
         if len(items) > MAXIMUM_SOURCES:
             raise node.refused(f"there are {len(items)} blocks of sources; at most {MAXIMUM_SOURCES} are read")
-        gathering, sources = Gathering(), list[SceneSource]()
+        gathering, sources = ErrorCollector(), list[SceneSource]()
         for index, item in enumerate(items):
             with gathering.at(index_step(index)):
                 path = f"sources[{index}]"

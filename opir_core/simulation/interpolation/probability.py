@@ -1,7 +1,7 @@
 """Looks that share their reckoning: detection models are asked at knots along each pair's looks, and not between them.
 
 Signals vary slowly along a track, but for moments at which plumes or the air bend them, which models may know
-(`opir_core.interfaces.signal_models.Kinked`). Pieces between these have five knots each
+(`opir_core.interfaces.signal_models.WithBreakpoints`). Pieces between these have five knots each
 (`opir_core.simulation.interpolation.refinement`), or three where all that they have is certain or hopeless: through
 them goes the quantile of the probability of detection, a polynomial over the number of the scan; each band's signal and
 noise are straight lines from knot to knot. A piece is halved until what the curve is judged to miss would cost the
@@ -15,13 +15,20 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.interfaces.protocols import Dice, Measured
-from opir_core.interfaces.signal_models import Response, Responsive
+from opir_core.interfaces.protocols import Measured, RandomDraws
+from opir_core.interfaces.signal_models import Response, SignalModel
 from opir_core.planning.looks import Looks
 from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.simulation.interpolation.polynomials import Curves
-from opir_core.simulation.interpolation.refinement import KNOTS, Pieces, Weaver, Woven, judged_terms, sure_beyond
+from opir_core.simulation.interpolation.refinement import (
+    KNOTS,
+    GridRefiner,
+    Intervals,
+    RefinedGrid,
+    judged_terms,
+    sure_beyond,
+)
 
 #: Rows whose curves are evaluated at once.
 _ROWS = 8192
@@ -54,14 +61,14 @@ class _Stretches(NamedTuple):
 
 
 @frozen(eq=False)
-class Knots:
+class ProbabilityInterpolant:
     """Curves of quantiles, one a piece, and straight lines of signals, one a stretch from knot to knot.
 
     `model` is who was asked; `sure` (p,) is the probability of pieces whose looks are certain or hopeless, nan of
     others. `at` and `rise` (2 B, k) are signals and noise at a stretch's first scan, and by how much they rise a scan.
     """
 
-    model: Responsive
+    model: SignalModel
     pieces: _Stretches
     curves: Curves
     sure: FloatArray
@@ -70,13 +77,13 @@ class Knots:
     rise: FloatArray
 
     @classmethod
-    def of(cls, plan: Plan, sites: Sites, tolerance: float) -> "Knots":
+    def of(cls, plan: Plan, sites: SensorStates, tolerance: float) -> "ProbabilityInterpolant":
         """Return the knots of all pairs that have looks."""
         model = plan.detection
-        assert isinstance(model, Responsive)
-        woven = Weaver(plan, sites, model, tolerance).woven()
+        assert isinstance(model, SignalModel)
+        woven = GridRefiner(plan, sites, model, tolerance).woven()
         pieces, curves, sure = _curved(plan, woven, sure_beyond(tolerance))
-        lines = Pieces.joined([_lines(woven.settled), _lines(woven.curved)])
+        lines = Intervals.joined([_lines(woven.settled), _lines(woven.curved)])
         lines = lines.take(_in_order(lines.pair, lines.scan[0]))
         light = woven.values[1:]
         at = light.take(lines.row[0], axis=1)
@@ -84,15 +91,15 @@ class Knots:
         stretches = _Stretches.of(plan, lines.pair, lines.scan[0])
         return cls(model, pieces, curves, sure, stretches, at, rise)
 
-    def over(self, looks: Looks) -> "Spans":
+    def over(self, looks: Looks) -> "WindowInterpolant":
         """Return which pieces and stretches a window's looks fall in."""
-        return Spans(self, looks)
+        return WindowInterpolant(self, looks)
 
 
-class Spans:
+class WindowInterpolant:
     """The knots of a window's looks."""
 
-    def __init__(self, knots: Knots, looks: Looks) -> None:
+    def __init__(self, knots: ProbabilityInterpolant, looks: Looks) -> None:
         self._knots, self._looks = knots, looks
         start, count = knots.stretches.rows(looks)
         self._used = np.flatnonzero(count)
@@ -123,7 +130,7 @@ class Spans:
         undecided[np.searchsorted(self._looks.active, self._knots.pieces.pair[open_])] = True
         return undecided
 
-    def measured(self, row: IntArray, sensor: IndexArray, dice: Dice, probability: FloatArray) -> Measured:
+    def measured(self, row: IntArray, sensor: IndexArray, dice: RandomDraws, probability: FloatArray) -> Measured:
         """Return what is measured in looks (n,) that detected, given by their rows in the window, in order."""
         return self._knots.model.measure_response(self.response(row), sensor, dice, probability)
 
@@ -155,13 +162,13 @@ def _drawn_out(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatAr
     return columns
 
 
-def _curved(plan: Plan, woven: Woven, beyond: float) -> tuple[_Stretches, Curves, FloatArray]:
+def _curved(plan: Plan, woven: RefinedGrid, beyond: float) -> tuple[_Stretches, Curves, FloatArray]:
     """Return pieces with their curves and what is sure of them; where all looks are knots, lines from look to look."""
     settled, quantile = woven.settled, woven.values[0]
     is_dense = np.all(np.diff(woven.curved.scan, axis=0) <= 1, axis=0)
     dense, smooth = _lines(woven.curved.take(is_dense)), woven.curved.take(~is_dense)
     # What is settled has no curve but its sureness: a line stands in for one.
-    straight = Pieces.joined([dense, settled.knots(slice(0, 3, 2))])
+    straight = Intervals.joined([dense, settled.knots(slice(0, 3, 2))])
     inner, ends = quantile[smooth.row], quantile[straight.row]
     pair = np.concatenate([smooth.pair, straight.pair])
     first = np.concatenate([smooth.scan[0], straight.scan[0]])
@@ -180,10 +187,10 @@ def _in_order(pair: IntArray, scan: IntArray) -> IntArray:
     return np.argsort(pair * (int(scan.max(initial=0)) + 1) + scan, kind="stable")
 
 
-def _lines(pieces: Pieces) -> Pieces:
+def _lines(pieces: Intervals) -> Intervals:
     """Return the lines from knot to knot, as pieces of two knots; one of a lone look."""
     long = np.diff(pieces.scan, axis=0) > 0
     long[-1, ~long.any(axis=0)] = True
     piece, place = np.nonzero(long.T)
     scan, row = (np.stack([each[place, piece], each[place + 1, piece]]) for each in (pieces.scan, pieces.row))
-    return Pieces(pieces.pair[piece], scan, row, pieces.foretold[:, piece])
+    return Intervals(pieces.pair[piece], scan, row, pieces.predicted[:, piece])

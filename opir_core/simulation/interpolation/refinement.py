@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces.signal_models import Kinked, Responsive
+from opir_core.interfaces.signal_models import SignalModel, WithBreakpoints
 from opir_core.planning.looks import blocks, exposures, look_times_s
 from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import Sites
+from opir_core.planning.sensor_states import SensorStates
 from opir_core.simulation.interpolation.polynomials import Curves
 
 #: Pieces that smooth stretches are cut into at first: no longer than this, s, but no more of them than that.
@@ -39,56 +39,56 @@ SURE_SHARE = 1e-4
 KNOTS, _SPARE = 5, slice(0, 5, 2)
 
 
-class Pieces(NamedTuple):
+class Intervals(NamedTuple):
     """Pieces of pairs' looks: pairs (k,), scans (m, k) of their knots, and the knots' rows (m, k) among all asked.
 
-    `foretold` (2, k) is what the curve through the piece that one was halved from says of the quantiles at its second
+    `predicted` (2, k) is what the curve through the piece that one was halved from says of the quantiles at its second
     and fourth knots; nan where there is none.
     """
 
     pair: IntArray
     scan: IntArray
     row: IntArray
-    foretold: FloatArray
+    predicted: FloatArray
 
-    def take(self, rows: Any) -> "Pieces":
+    def take(self, rows: Any) -> "Intervals":
         """Return some of the pieces: those of a slice, of a mask, or of numbers."""
         if isinstance(rows, slice):
-            return Pieces(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.foretold[:, rows])
+            return Intervals(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.predicted[:, rows])
         numbers = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
         scan, row = self.scan.take(numbers, axis=1), self.row.take(numbers, axis=1)
-        return Pieces(self.pair.take(numbers), scan, row, self.foretold.take(numbers, axis=1))
+        return Intervals(self.pair.take(numbers), scan, row, self.predicted.take(numbers, axis=1))
 
-    def knots(self, places: Any) -> "Pieces":
+    def knots(self, places: Any) -> "Intervals":
         """Return the pieces with some of their knots."""
-        return Pieces(self.pair, self.scan[places], self.row[places], self.foretold)
+        return Intervals(self.pair, self.scan[places], self.row[places], self.predicted)
 
     @classmethod
-    def joined(cls, parts: "Sequence[Pieces]") -> "Pieces":
+    def joined(cls, parts: "Sequence[Intervals]") -> "Intervals":
         """Return the pieces of all parts, in order."""
         return cls(*(np.concatenate(columns, axis=-1) for columns in zip(*parts, strict=True)))
 
 
-class Woven(NamedTuple):
+class RefinedGrid(NamedTuple):
     """Pieces of three knots that are certain or hopeless, pieces of five that curves go through, and what was asked.
 
     `values` (1 + 2 B, knots) are quantile, signals and noise.
     """
 
-    settled: Pieces
-    curved: Pieces
+    settled: Intervals
+    curved: Intervals
     values: FloatArray
 
 
-class Weaver:
+class GridRefiner:
     """Lays the knots of a plan."""
 
-    def __init__(self, plan: Plan, sites: Sites, model: Responsive, tolerance: float) -> None:
+    def __init__(self, plan: Plan, sites: SensorStates, model: SignalModel, tolerance: float) -> None:
         self._plan, self._sites, self._model, self._tolerance = plan, sites, model, tolerance
         self._sure = sure_beyond(tolerance)
         self._known, self._count = np.empty((1, 0)), 0
 
-    def woven(self) -> Woven:
+    def woven(self) -> RefinedGrid:
         """Return the pieces, and what was asked."""
         pieces = self._first_pieces()
         settled, curved = [pieces.take(slice(0, 0)).knots(_SPARE)], [pieces.take(slice(0, 0))]
@@ -102,9 +102,9 @@ class Weaver:
             fine[open_] = self._is_fine(pieces.take(open_))
             curved.append(pieces.take(fine))
             pieces = _halved(pieces.take(~fine), self._values()[0])
-        return Woven(Pieces.joined(settled), Pieces.joined(curved), self._values())
+        return RefinedGrid(Intervals.joined(settled), Intervals.joined(curved), self._values())
 
-    def _first_pieces(self) -> Pieces:
+    def _first_pieces(self) -> Intervals:
         """Return the first pieces, with their first, middle and last knots asked."""
         pair, first, last = _smooth_stretches(self._plan, self._model)
         period_s = self._plan.pairs.period_ns[pair] * 1e-9
@@ -116,9 +116,9 @@ class Weaver:
         scan = start + (stop - start) * np.arange(KNOTS)[:, None] // (KNOTS - 1)
         row = np.full(scan.shape, -1)
         row[::2] = self._rows(np.broadcast_to(pair, (3, len(pair))), scan[::2])
-        return Pieces(pair, scan, row, np.full((2, len(pair)), np.nan))
+        return Intervals(pair, scan, row, np.full((2, len(pair)), np.nan))
 
-    def _filled(self, pieces: Pieces) -> Pieces:
+    def _filled(self, pieces: Intervals) -> Intervals:
         """Return pieces with their second and fourth knots asked, where these are scans of their own."""
         lower, own = pieces.scan[0:3:2], pieces.scan[1::2]
         new = np.nonzero(own != lower)
@@ -160,7 +160,7 @@ class Weaver:
     def _values(self) -> FloatArray:
         return self._known[:, : self._count]
 
-    def _is_settled(self, pieces: Pieces) -> BoolArray:
+    def _is_settled(self, pieces: Intervals) -> BoolArray:
         """Return which pieces of three knots are certain or hopeless throughout, with lines as near as they must be."""
         values = self._values()
         quantile = values[0].take(pieces.row)
@@ -170,14 +170,14 @@ class Weaver:
         settled[certain] = self._is_steady(pieces.take(certain), values)
         return settled
 
-    def _is_steady(self, pieces: Pieces, values: FloatArray) -> BoolArray:
+    def _is_steady(self, pieces: Intervals, values: FloatArray) -> BoolArray:
         """Return which pieces have signals that three knots are enough for: near to lines, and not changing much."""
         signals = values[1 : 1 + (len(values) - 1) // 2].take(pieces.row, axis=1)
         change = np.ptp(signals, axis=1) <= np.maximum(STEADY_SHARE * signals.max(axis=1), SIGNAL_SIGMA)
         steady: BoolArray = np.all(change, axis=0) & self._is_straight(pieces, values)
         return steady
 
-    def _is_fine(self, pieces: Pieces) -> BoolArray:
+    def _is_fine(self, pieces: Intervals) -> BoolArray:
         """Return which pieces are said to within the tolerance by curves and lines through their knots."""
         values = self._values()
         at = _places(pieces)
@@ -189,7 +189,7 @@ class Weaver:
             np.where(quantile.min(axis=0) * quantile.max(axis=0) > 0.0, np.abs(quantile).min(axis=0), 0.0) - judged, 0.0
         )
         density = np.exp(-0.5 * nearest * nearest) / np.sqrt(2.0 * np.pi)
-        missed = np.abs(quantile[1::2] - pieces.foretold).max(axis=0)
+        missed = np.abs(quantile[1::2] - pieces.predicted).max(axis=0)
         allowed = self._tolerance / np.maximum(density, 1e-300)
         near = (third <= THIRD_SHARE * allowed) & (fourth <= FOURTH_SHARE * allowed)
         fine: BoolArray = near | ((judged <= _FORETOLD_SHARE * allowed) & (missed <= MISSED_SHARE * allowed))
@@ -197,7 +197,7 @@ class Weaver:
         fine[seen] = self._is_straight(pieces.take(seen), values)
         return fine
 
-    def _is_straight(self, pieces: Pieces, values: FloatArray) -> BoolArray:
+    def _is_straight(self, pieces: Intervals, values: FloatArray) -> BoolArray:
         """Return of which pieces signals and noise are near enough to lines between their knots."""
         width, at = (len(values) - 1) // 2, _places(pieces)
         straight = np.ones(len(pieces.pair), dtype=np.bool_)
@@ -216,13 +216,13 @@ def sure_beyond(tolerance: float) -> float:
     return -float(ndtri(SURE_SHARE * tolerance))
 
 
-def _places(pieces: Pieces) -> FloatArray:
+def _places(pieces: Intervals) -> FloatArray:
     """Return where knots (m, k) lie between the first and the last of their piece."""
     places: FloatArray = (pieces.scan - pieces.scan[0]) / np.maximum(pieces.scan[-1] - pieces.scan[0], 1)
     return places
 
 
-def _halved(pieces: Pieces, quantile: FloatArray) -> Pieces:
+def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
     """Return both halves of pieces, all first halves, then all second ones, whose second and fourth knots are open."""
     halves = []
     distinct = np.all(np.diff(pieces.scan, axis=0) > 0, axis=0)
@@ -231,10 +231,10 @@ def _halved(pieces: Pieces, quantile: FloatArray) -> Pieces:
         scan, row = np.empty_like(pieces.scan), np.full(pieces.row.shape, -1)
         scan[::2], row[::2] = pieces.scan[first : first + 3], pieces.row[first : first + 3]
         scan[1::2] = (scan[0:3:2] + scan[2:5:2]) // 2
-        foretold = np.full((2, len(pieces.pair)), np.nan)
-        foretold[:, distinct] = [curves.each_at(one) for one in scan[1::2, distinct]]
-        halves.append(Pieces(pieces.pair, scan, row, foretold))
-    return Pieces.joined(halves)
+        predicted = np.full((2, len(pieces.pair)), np.nan)
+        predicted[:, distinct] = [curves.each_at(one) for one in scan[1::2, distinct]]
+        halves.append(Intervals(pieces.pair, scan, row, predicted))
+    return Intervals.joined(halves)
 
 
 def judged_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -258,14 +258,14 @@ def _off_neighbours(at: FloatArray, values: FloatArray) -> FloatArray:
     return off
 
 
-def _smooth_stretches(plan: Plan, model: Responsive) -> tuple[IntArray, IntArray, IntArray]:
+def _smooth_stretches(plan: Plan, model: SignalModel) -> tuple[IntArray, IntArray, IntArray]:
     """Return stretches of looks in which the model says that nothing jumps or bends: pairs, first and last scans."""
     pairs = plan.pairs
     looking = np.flatnonzero(pairs.looks > 0)
     first, last = pairs.first_scan[looking], pairs.last_scan[looking]
     starts = first[:, None]
-    if isinstance(model, Kinked):
-        cut = _scans_from(plan, looking, model.kinks_s()[pairs.target[looking]])
+    if isinstance(model, WithBreakpoints):
+        cut = _scans_from(plan, looking, model.breakpoints_s()[pairs.target[looking]])
         cut = np.clip(cut, first[:, None], last[:, None] + 1)
         starts = np.sort(np.concatenate([starts, cut], axis=1), axis=1)
     stops = np.concatenate([starts[:, 1:], last[:, None] + 1], axis=1)

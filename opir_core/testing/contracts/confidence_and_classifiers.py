@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from opir_core.interfaces.records import Sightings
+from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing.bench import LookTable, bench_scene, sightings_of
@@ -30,7 +30,7 @@ class ConfidenceContract(SceneContract):
 
     @classmethod
     @cache
-    def sightings(cls) -> Sightings:
+    def sightings(cls) -> ClassifierInputs:
         """Return sightings of every kind."""
         plan = cls.plan()
         return sightings_of(plan, LookTable.of(plan))
@@ -85,7 +85,7 @@ class ClassifierContract(SceneContract):
 
     @classmethod
     @cache
-    def sightings(cls) -> Sightings:
+    def sightings(cls) -> ClassifierInputs:
         """Return sightings of every kind."""
         return sightings_of(cls.plan(), cls.looks())
 

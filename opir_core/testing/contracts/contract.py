@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 from opir_core.plugin.components import Component
 from opir_core.plugin.host import Host
-from opir_core.scene.reading.nodes import Node, Refused
+from opir_core.scene.reading.nodes import InvalidNode, Node
 from opir_core.scene.reading.plain_data import node_of_data
 from opir_core.scene.reading.structuring import class_reader
 from opir_core.testing.bench import BenchRun, bench_host, bench_run
@@ -96,7 +96,7 @@ def read_config(component: Any, settings: Mapping[str, Any]) -> Any:
         written = {key: value for key, value in settings.items() if key != "preset"}
         node: Node = node_of_data({**preset, **written})
         return class_reader(component.config)(node)
-    except Refused as refused:
+    except InvalidNode as refused:
         told = "; ".join(
             f"{complaint.path.lstrip('.')}: {complaint.message}".removeprefix(": ") for complaint in refused.complaints
         )

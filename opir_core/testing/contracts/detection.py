@@ -7,8 +7,8 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.protocols import DetectionProbability, Dice
-from opir_core.interfaces.signal_models import Exceedances
+from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
+from opir_core.interfaces.signal_models import FalseAlarmModel
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.testing.bench import LookTable, bench_scene
 from opir_core.testing.chance import excess_of_count, excess_of_rate
@@ -24,7 +24,7 @@ RESERVED_PURPOSES = frozenset({"detection", "line-of-sight", "scan-phase"})
 class WatchedDice:
     """Dice that keep note of the purposes they are asked for."""
 
-    def __init__(self, dice: Dice, purposes: set[str] | None = None) -> None:
+    def __init__(self, dice: RandomDraws, purposes: set[str] | None = None) -> None:
         self._dice = dice
         self.purposes: set[str] = set() if purposes is None else purposes
 
@@ -43,7 +43,7 @@ class WatchedDice:
         self.purposes.add(purpose)
         return self._dice.pair_uniforms(purpose, words)
 
-    def take(self, rows: Any) -> Dice:
+    def take(self, rows: Any) -> RandomDraws:
         """Return the dice of some of the rows."""
         return WatchedDice(self._dice.take(rows), self.purposes)
 
@@ -164,9 +164,9 @@ class DetectionContract(SceneContract):
         if per_scan is None:
             return
         insist(
-            isinstance(self.model(), Exceedances),
+            isinstance(self.model(), FalseAlarmModel),
             "rate_per_scan says how often noise crosses, and nothing says as what",
-            "Add words and measure_noise (opir_core.interfaces.signal_models.Exceedances), or leave rate_per_scan out.",
+            "Add words and measure_noise (opir_core.interfaces.signal_models.FalseAlarmModel) or leave out rate_per_scan.",
         )
         run = self.run_of(self.scene(targets=[]))
         scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]

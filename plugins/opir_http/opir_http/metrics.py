@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from opir_core.live.running import LATE_EDGES_S, LiveStatus
-from opir_core.live.sink_thread import OutletStatus
+from opir_core.live.sink_thread import SinkStatus
 from opir_http.service import Service
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
@@ -34,7 +34,7 @@ def metrics_text(service: Service) -> str:
     return "".join(parts)
 
 
-def _sinks(sinks: tuple[OutletStatus, ...]) -> Iterable[str]:
+def _sinks(sinks: tuple[SinkStatus, ...]) -> Iterable[str]:
     counters = {
         "given": "given to",
         "delivered": "delivered by",

@@ -13,7 +13,7 @@ from attrs import asdict, evolve, fields
 
 from opir_core.errors import OpirError
 from opir_core.live.running import LiveRun, LiveStatus
-from opir_core.live.sink_thread import OutletStatus
+from opir_core.live.sink_thread import SinkStatus
 from opir_core.output.events.text import timestamp_text
 from opir_http.confined import refuse_names, refuse_other_names
 from opir_http.feed import Feed
@@ -121,7 +121,7 @@ class Service:
                 reasons.append(f"what waits for the sink {sink.path} grows")
         return not reasons, reasons
 
-    def _grows(self, sink: OutletStatus) -> bool:
+    def _grows(self, sink: SinkStatus) -> bool:
         """Return whether what waits for a sink has grown at the last looks, and has not shrunk since."""
         waiting, now_s = sink.spooled + sink.queued_windows, time.monotonic()
         before, looked_s, rises = self._waiting.get(sink.path, (waiting, now_s, 0))
@@ -216,7 +216,7 @@ def etag_of(config: Mapping[str, Any]) -> str:
     return f'"{hashlib.sha256(text).hexdigest()[:32]}"'
 
 
-def _lag(sink: OutletStatus) -> int:
+def _lag(sink: SinkStatus) -> int:
     """Return how many events a sink was given, or found in its spool, that are not accounted for yet."""
     return max(0, sink.given + sink.recovered - sink.delivered - sink.dropped - sink.withheld)
 

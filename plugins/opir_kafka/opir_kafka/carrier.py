@@ -13,7 +13,7 @@ from aiokafka import AIOKafkaProducer
 from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import Parcel
+from opir_core.output.spool.batches import Batch
 from opir_kafka.connection import OURS, Connector, goodbye
 from opir_kafka.failures import is_fatal, words
 from opir_kafka.lanes import Lane, Shipment
@@ -46,7 +46,7 @@ class KafkaCarrier:
         self._thread = threading.Thread(target=self._run, name=OURS, daemon=True)
         self._thread.start()
 
-    def carry(self, parcel: Parcel) -> "Future[None]":
+    def carry(self, parcel: Batch) -> "Future[None]":
         """Take events on their way; the future is done when all are acknowledged, or has what stopped them for good."""
         future: Future[None] = Future()
         self._loop.call_soon_threadsafe(self._accept, parcel, future)
@@ -80,7 +80,7 @@ class KafkaCarrier:
         else:
             self._loop.stop()
 
-    def _accept(self, parcel: Parcel, future: "Future[None]") -> None:
+    def _accept(self, parcel: Batch, future: "Future[None]") -> None:
         if self._fatal is not None:
             future.set_exception(self._fatal)
             return

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.output.spool.batches import Parcel
+from opir_core.output.spool.batches import Batch
 
 Rows = list[int]
 
@@ -24,7 +24,7 @@ class Shipment:
     holds its last shipments until the garbage collector comes by.
     """
 
-    def __init__(self, parcel: Parcel, future: "Future[None]") -> None:
+    def __init__(self, parcel: Batch, future: "Future[None]") -> None:
         self.future = future
         self._keys = tuple(key.encode() for key in parcel.keys)
         self._key_of = parcel.key_of

@@ -8,10 +8,10 @@ from opir_kafka.settings import KafkaConfig
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import SinkContext
-    from opir_core.output.spool.transport import Carrier
+    from opir_core.output.spool.transport import Transport
 
 
-def _kafka(config: KafkaConfig, _context: "SinkContext") -> "Carrier":
+def _kafka(config: KafkaConfig, _context: "SinkContext") -> "Transport":
     from opir_kafka.carrier import KafkaCarrier
     from opir_kafka.connection import connector
 

@@ -27,7 +27,7 @@ SIZES = {"two-body": 6, "acceleration": 9, "jerk": 12}
 _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 
-class EarthFixedMotion(TransitionModel, GaussianModel, TimeVariantModel):  # type: ignore[misc]
+class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  # type: ignore[misc]
     """Motion under gravity over the turning Earth, driven by white noise in the state's last derivative.
 
     Two-body motion (6; with the zonal harmonics that `forces` has), a nearly constant specific force (9), or a nearly

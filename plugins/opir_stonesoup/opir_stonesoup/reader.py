@@ -29,7 +29,7 @@ _STEPS = timedelta(microseconds=1)
 
 
 @frozen
-class Sight:
+class SensorSight:
     """One line of sight: microseconds of UTC since 1970, sensor, its place and the direction in ECEF, and its error."""
 
     time_us: int
@@ -47,7 +47,7 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
     `detection_id`, `reported_type` and `confidence`; no truth is in them.
     """
 
-    sights: Any = Property(doc="`Sight`s in order of time; iterated once for each iteration of the reader")
+    sights: Any = Property(doc="`SensorSight`s in order of time; iterated once for each iteration of the reader")
     ndim_state: int = Property(default=9, doc="size of the states that the measurement models are to read")
     light_time: bool = Property(default=True, doc="whether light takes its time")
 
@@ -79,7 +79,7 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
     @BufferedGenerator.generator_method  # type: ignore[untyped-decorator]
     def detections_gen(self) -> Iterator[tuple[datetime, "OrderedSet[Detection]"]]:
         """Yield the time and the detections of each sensor's instants."""
-        step: list[Sight] = []
+        step: list[SensorSight] = []
         for sight in self.sights:
             if step and (sight.time_us, sight.sensor_id) != (step[0].time_us, step[0].sensor_id):
                 yield self._step(step)
@@ -88,12 +88,12 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
         if step:
             yield self._step(step)
 
-    def _step(self, sights: Sequence[Sight]) -> tuple[datetime, "OrderedSet[Detection]"]:
+    def _step(self, sights: Sequence[SensorSight]) -> tuple[datetime, "OrderedSet[Detection]"]:
         found = [detection_of(sight, self.ndim_state, self.light_time) for sight in sights]
         return found[0].timestamp, OrderedSet(found)
 
 
-def detection_of(sight: Sight, ndim_state: int, light_time: bool) -> Detection:
+def detection_of(sight: SensorSight, ndim_state: int, light_time: bool) -> Detection:
     """Return a line of sight as a detection with its measurement model.
 
     The error across is the same both ways, so that of the bearing grows with 1 / cos(elevation).
@@ -118,13 +118,13 @@ def detection_of(sight: Sight, ndim_state: int, light_time: bool) -> Detection:
     )
 
 
-def sights_of(detections: Detections, sensor_ids: Sequence[str], epoch_us: int) -> Iterator[Sight]:
+def sights_of(detections: Detections, sensor_ids: Sequence[str], epoch_us: int) -> Iterator[SensorSight]:
     """Yield detections as lines of sight."""
     time_us = epoch_us + np.round(detections.time_ns * 1e-3).astype(np.int64)
     for row in range(len(detections)):
         high, low = (int(half) for half in detections.detection_id[row])
         sensor_id = sensor_ids[detections.sensor[row]]
-        yield Sight(
+        yield SensorSight(
             time_us=int(time_us[row]),
             sensor_id=sensor_id,
             sensor_ecef_m=detections.sensor_ecef_m[row],
@@ -139,7 +139,7 @@ def sights_of(detections: Detections, sensor_ids: Sequence[str], epoch_us: int) 
         )
 
 
-class _Event(msgspec.Struct):
+class _JsonEvent(msgspec.Struct):
     detection_id: str
     timestamp: str
     sensor_id: str
@@ -151,8 +151,8 @@ class _Event(msgspec.Struct):
     sensor_position_ecef_m: tuple[float, float, float]
 
 
-def _events(path: Path) -> Iterator[Sight]:
-    decoder = msgspec.json.Decoder(_Event)
+def _events(path: Path) -> Iterator[SensorSight]:
+    decoder = msgspec.json.Decoder(_JsonEvent)
     try:
         lines = path.read_bytes().splitlines()
     except OSError as error:
@@ -169,7 +169,7 @@ def _events(path: Path) -> Iterator[Sight]:
         yield _sight(event, time_us)
 
 
-def _require_sense(event: _Event) -> None:
+def _require_sense(event: _JsonEvent) -> None:
     """Raise `ValueError` where an event's numbers give no line of sight."""
     if not event.line_of_sight_sigma_urad > 0.0:
         raise ValueError(f"line_of_sight_sigma_urad is {event.line_of_sight_sigma_urad}, not above 0")
@@ -179,14 +179,14 @@ def _require_sense(event: _Event) -> None:
         raise ValueError(f"timestamp {event.timestamp!r} is not UTC with a Z")
 
 
-def _sight(event: _Event, time_us: int) -> Sight:
+def _sight(event: _JsonEvent, time_us: int) -> SensorSight:
     from opir_core.geometry import local_axes
 
     place = np.array(event.sensor_position_ecef_m)
     azimuth, elevation = np.radians([event.azimuth_deg, event.elevation_deg])
     level = np.cos(elevation)
     local = np.array([level * np.sin(azimuth), level * np.cos(azimuth), np.sin(elevation)])
-    return Sight(
+    return SensorSight(
         time_us=time_us,
         sensor_id=event.sensor_id,
         sensor_ecef_m=place,

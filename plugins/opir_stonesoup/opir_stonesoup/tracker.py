@@ -17,7 +17,7 @@ from opir_core.arrays import IntArray
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
-from opir_stonesoup.models import SIZES, EarthFixedMotion
+from opir_stonesoup.models import SIZES, EarthFixedTransition
 from opir_stonesoup.reader import OpirDetectionReader, sights_of
 from opir_stonesoup.settings import StoneSoupConfig
 from opir_stonesoup.upkeep import GroundInitiator, SilenceDeleter, has_hits
@@ -122,7 +122,7 @@ def stone_soup_tracker(config: StoneSoupConfig, context: TrackerContext) -> Trac
 
 def filter_of(config: StoneSoupConfig, context: TrackerContext) -> tuple[Any, Any]:
     """Return Stone Soup's predictor and updater with opir's motion."""
-    motion = EarthFixedMotion(ndim_state=SIZES[config.motion], noise=config.noise, forces=context.forces)
+    motion = EarthFixedTransition(ndim_state=SIZES[config.motion], noise=config.noise, forces=context.forces)
     if config.filter == "ekf":
         return ExtendedKalmanPredictor(motion), ExtendedKalmanUpdater(use_joseph_cov=True)
     # Sigma points of equal weight about the mean: the usual kappa of 3 - d is negative here, and so might be variances.

@@ -5,7 +5,7 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from opir_trackers.initiation import Beginnings
+from opir_trackers.initiation import TrackInitiator
 from opir_trackers.low_orbit_ranges import FIRST_HEIGHT_M
 from opir_trackers.track_priors import (
     FIRST_FORCE_M_S2,
@@ -82,7 +82,7 @@ def has_hits(track: Any, needed: int) -> bool:
 
 def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray, FloatArray]:
     """Return mean (d, 1) and covariance (d, d) in ECEF of a target near the ground at a place (3,)."""
-    begun = Beginnings(place_ecef_m[None], np.zeros(1), _ONE)
+    begun = TrackInitiator(place_ecef_m[None], np.zeros(1), _ONE)
     axes = prior_axes(begun)[0]
     sides, speed = prior_sides(begun)
     mean, covariance = np.zeros(ndim_state), np.zeros((ndim_state, ndim_state))

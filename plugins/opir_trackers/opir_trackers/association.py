@@ -6,9 +6,9 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, Sights
+from opir_core.estimation.lines_of_sight import LinesOfSight, Sights
 from opir_trackers.assignment import components, different, lone, nearest, ranks
-from opir_trackers.gating import Pairs
+from opir_trackers.gating import GatedPairs
 from opir_trackers.joint_association import marginals
 
 #: A pair that a joint association believes in less than this is left out of the track's sight.
@@ -38,7 +38,7 @@ class Associated(NamedTuple):
 
     sights: Sights
     owner: IntArray
-    own: Pairs
+    own: GatedPairs
     contested: bool = True
 
 
@@ -57,25 +57,25 @@ class Chances:
     false_per_sr: float
     odds: FloatArray = field(default=Factory(_odds, takes_self=True), init=False)
 
-    def log_ratio(self, pairs: Pairs, rays: Rays) -> FloatArray:
+    def log_ratio(self, pairs: GatedPairs, rays: LinesOfSight) -> FloatArray:
         """Return the log likelihood (n,) that pairs belong together over that of a miss and a false alarm."""
         log: FloatArray = self.odds.take(rays.sensor.take(pairs.ray)) - 0.5 * (pairs.distance + pairs.log_volume)
         return log
 
 
-def scan_groups(pairs: Pairs, rays: Rays) -> IntArray:
+def scan_groups(pairs: GatedPairs, rays: LinesOfSight) -> IntArray:
     """Return a number (n,) for each pair's track, sensor and scan: at most one ray of a group is the track's own."""
     scan = scan_numbers(rays.sensor, rays.scan)
     return ranks(pairs.track * (int(scan.max(initial=0)) + 1) + scan[pairs.ray])
 
 
-def crowded(pairs: Pairs, rays: Rays) -> IntArray:
+def crowded(pairs: GatedPairs, rays: LinesOfSight) -> IntArray:
     """Return the tracks, in order, that share a ray with another or have several rays of one scan to choose from."""
     rivals = ~lone(scan_groups(pairs, rays), pairs.ray)
     return different(pairs.track[rivals])
 
 
-def related(pairs: Pairs, tracks: IntArray) -> BoolArray:
+def related(pairs: GatedPairs, tracks: IntArray) -> BoolArray:
     """Return which tracks, up to the last that has a pair, are some or share rays with them, directly or in turn."""
     found = np.zeros(int(max(pairs.track.max(initial=-1), tracks.max(initial=-1))) + 1, dtype=bool)
     found[tracks] = True
@@ -94,7 +94,7 @@ def scan_numbers(sensor: IndexArray, scan: IntArray) -> IntArray:
     return ranks(sensor * (since.max() + 1) + since)
 
 
-def uncontested(pairs: Pairs, rays: Rays) -> bool:
+def uncontested(pairs: GatedPairs, rays: LinesOfSight) -> bool:
     """Return whether it is plain that no ray has two tracks to choose from and no track two rays of a scan."""
     ray, count = pairs.ray.tolist(), len(rays.scan)
     if len(ray) > _FEW or len(set(ray)) < len(ray):
@@ -112,7 +112,7 @@ def nobody(count: int) -> IntArray:
     return owner
 
 
-def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
+def associate_nearest(pairs: GatedPairs, rays: LinesOfSight, chances: Chances) -> Associated:
     """Return each track's ray of each scan by global nearest neighbour."""
     ratio = chances.log_ratio(pairs, rays)
     if uncontested(pairs, rays):
@@ -120,7 +120,7 @@ def associate_nearest(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
     return as_owned(pairs, rays, nearest(scan_groups(pairs, rays), pairs.ray, -ratio))
 
 
-def as_owned(pairs: Pairs, rays: Rays, chosen: BoolArray) -> Associated:
+def as_owned(pairs: GatedPairs, rays: LinesOfSight, chosen: BoolArray) -> Associated:
     """Return undoubted sights of the pairs chosen."""
     used = pairs if np.count_nonzero(chosen) == len(chosen) else pairs.take(np.flatnonzero(chosen))
     owner = nobody(len(rays.scan))
@@ -128,12 +128,12 @@ def as_owned(pairs: Pairs, rays: Rays, chosen: BoolArray) -> Associated:
     return Associated(plain(used), owner, used)
 
 
-def plain(pairs: Pairs) -> Sights:
+def plain(pairs: GatedPairs) -> Sights:
     """Return pairs as undoubted sights."""
     return pairs.sights(pairs.seen, _UNIT / pairs.sigma_rad[:, None, None])
 
 
-def associate_joint(pairs: Pairs, rays: Rays, chances: Chances) -> Associated:
+def associate_joint(pairs: GatedPairs, rays: LinesOfSight, chances: Chances) -> Associated:
     """Return one sight for each track and scan that stands for all its rays, each as probable as it is.
 
     The joint probabilistic update of Fortmann, Bar-Shalom and Scheffe ("Sonar tracking of multiple targets using joint
@@ -163,7 +163,7 @@ def _believed(group: IntArray, ray: IntArray, beta: FloatArray, ratio: FloatArra
     return chosen
 
 
-def _blended(pairs: Pairs, group: IntArray, beta: FloatArray) -> Sights:
+def _blended(pairs: GatedPairs, group: IntArray, beta: FloatArray) -> Sights:
     count = int(group.max(initial=-1)) + 1
     lead = np.full(count, -1, dtype=np.int64)
     order = np.lexsort((-np.arange(len(beta)), beta))
@@ -181,7 +181,7 @@ def _blended(pairs: Pairs, group: IntArray, beta: FloatArray) -> Sights:
     return _as_sights(first, belief, mean, told)
 
 
-def _as_sights(first: Pairs, belief: FloatArray, mean: FloatArray, told: FloatArray) -> Sights:
+def _as_sights(first: GatedPairs, belief: FloatArray, mean: FloatArray, told: FloatArray) -> Sights:
     """Return the sights whose plain update takes K `told` Kᵀ from the covariance and moves the mean by K `mean`.
 
     In the coordinates in which S is the identity: information I = M / (I - M + R) is worked out direction by direction

@@ -12,7 +12,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray
-from opir_core.estimation.lines_of_sight import Rays, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, turned
 from opir_core.interfaces.protocols import Sensor
 
 #: Where rays say nothing of a direction, a place is known this well beforehand, m.
@@ -32,7 +32,7 @@ class Biases:
         """Return the biases of sensors."""
         return cls(tuple(sensors), np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]))
 
-    def widened(self, rays: Rays) -> Rays:
+    def widened(self, rays: LinesOfSight) -> LinesOfSight:
         """Return rays as uncertain as noise and the biases of their sensors together make each of them."""
         if not self.any:
             return rays

@@ -11,7 +11,7 @@ whole likelihood: sharp rays that meet say more than blurred ones, and launches 
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, dot
+from opir_core.estimation.lines_of_sight import LinesOfSight, dot
 from opir_core.geometry import ecef_to_geodetic
 from opir_trackers.assignment import nearest, ranks
 from opir_trackers.low_orbit_ranges import FAR_M, FIRST_HEIGHT_M
@@ -30,7 +30,9 @@ _SPEED_M_S = 300.0
 _DEEP_M = 500.0
 
 
-def parted(spot: IntArray, rays: Rays, direction: FloatArray, sigma_rad: FloatArray) -> tuple[IntArray, BoolArray]:
+def parted(
+    spot: IntArray, rays: LinesOfSight, direction: FloatArray, sigma_rad: FloatArray
+) -> tuple[IntArray, BoolArray]:
     """Return the spots (n,) of rays, from 0, once wide ones are parted, and which spots (m,) are such parts.
 
     `direction` (n, 3), unit vectors, and `sigma_rad` (n,) are those that the spots were formed by.

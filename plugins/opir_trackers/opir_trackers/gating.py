@@ -12,7 +12,7 @@ from attrs import frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation.lines_of_sight import (
-    Rays,
+    LinesOfSight,
     Sights,
     along,
     axes_across,
@@ -23,7 +23,7 @@ from opir_core.estimation.lines_of_sight import (
     turned,
 )
 from opir_core.interfaces.columns import Columns
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 
 #: Bits of each of three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
 _BITS = 18
@@ -49,7 +49,7 @@ _FIRST_RANGE_M = 3.6e7
 
 
 @frozen(eq=False)
-class Pairs(Columns):
+class GatedPairs(Columns):
     """Gated pairs of a track and a ray: where the ray passes the track, in the plane across the expected direction.
 
     `seen` (n, 2), rad, is measured less expected, `spread` (n, 2, 2) its covariance; `distance` (n,) its squared
@@ -72,7 +72,9 @@ class Pairs(Columns):
         return Sights(self.track, self.time_s, self.origin_m, self.axes, seen, whitener)
 
 
-def candidates(outlook: Outlook, rays: Rays, span_s: float, gate: float, light_time: bool) -> tuple[IntArray, IntArray]:
+def candidates(
+    outlook: PredictedMeasurements, rays: LinesOfSight, span_s: float, gate: float, light_time: bool
+) -> tuple[IntArray, IntArray]:
     """Return tracks and rays of pairs that may pass the gate (and some that do not): the bins of the two touch."""
     count, number = len(outlook.side), len(rays.time_s)
     if count == 1 and number <= _FEW_PAIRS:
@@ -94,7 +96,7 @@ def candidates(outlook: Outlook, rays: Rays, span_s: float, gate: float, light_t
     return _touching(track, place, apart, reach, which * parts + part, rays.direction_ecef)
 
 
-def _middles(rays: Rays, which: IntArray, sensors: int) -> tuple[FloatArray, FloatArray]:
+def _middles(rays: LinesOfSight, which: IntArray, sensors: int) -> tuple[FloatArray, FloatArray]:
     """Return the mean place of each sensor and its largest error."""
     total = np.bincount(which, minlength=sensors)
     origin = np.stack([np.bincount(which, rays.origin_ecef_m[:, axis], sensors) / total for axis in range(3)], axis=1)
@@ -103,7 +105,7 @@ def _middles(rays: Rays, which: IntArray, sensors: int) -> tuple[FloatArray, Flo
     return origin, sigma
 
 
-def _parallax(rays: Rays, which: IntArray, origin: FloatArray) -> FloatArray:
+def _parallax(rays: LinesOfSight, which: IntArray, origin: FloatArray) -> FloatArray:
     """Return how far each sensor strays from its mean place, m."""
     stray, apart = np.zeros(len(origin)), rays.origin_ecef_m - origin.take(which, axis=0)
     np.maximum.at(stray, which, np.sqrt(dot(apart, apart)))
@@ -111,7 +113,7 @@ def _parallax(rays: Rays, which: IntArray, origin: FloatArray) -> FloatArray:
 
 
 def _directions(
-    outlook: Outlook, track: IntArray, origin: FloatArray, time_s: FloatArray, light_time: bool
+    outlook: PredictedMeasurements, track: IntArray, origin: FloatArray, time_s: FloatArray, light_time: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Return ECEF unit vectors (n, 3) to tracks as seen at looks (n,), and the distances (n,)."""
     range_m = np.full(len(time_s), _FIRST_RANGE_M)
@@ -123,7 +125,7 @@ def _directions(
 
 
 def _reach(
-    outlook: Outlook, track: IntArray, range_m: FloatArray, span_s: float, part_s: float, gate: float
+    outlook: PredictedMeasurements, track: IntArray, range_m: FloatArray, span_s: float, part_s: float, gate: float
 ) -> FloatArray:
     """Return how far from its middle direction a track may be seen within a part of the span, rad."""
     # Over the ground, which itself turns by so much at most.
@@ -182,7 +184,9 @@ def _met(keys: IntArray, place: IntArray, bins: IntArray) -> tuple[IntArray, Int
     return entry, spot
 
 
-def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: float, light_time: bool) -> Pairs:
+def gated(
+    outlook: PredictedMeasurements, rays: LinesOfSight, track: IntArray, ray: IntArray, gate: float, light_time: bool
+) -> GatedPairs:
     """Return those of candidate pairs (n,) that are within `gate` standard deviations of each other."""
     whole = _paired(outlook, rays, track, ray, light_time)
     local = along(whole.axes, whole.direction)
@@ -209,7 +213,7 @@ def gated(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, gate: fl
     determinant = first * second - both * both
     x, y = seen[:, 0], seen[:, 1]
     distance = (second * x * x - 2.0 * both * x * y + first * y * y) / determinant
-    pairs = Pairs(
+    pairs = GatedPairs(
         track, ray, whole.time_s, whole.origin_m, whole.axes, seen, spread, distance, np.log(determinant), sigma
     )
     inside = distance <= gate * gate
@@ -231,7 +235,9 @@ class _Paired(NamedTuple):
     axes: FloatArray
 
 
-def _paired(outlook: Outlook, rays: Rays, track: IntArray, ray: IntArray, light_time: bool) -> _Paired:
+def _paired(
+    outlook: PredictedMeasurements, rays: LinesOfSight, track: IntArray, ray: IntArray, light_time: bool
+) -> _Paired:
     guess = emission_s(rays.time_s, _FIRST_RANGE_M, light_time)
     both, time_s = both_turned(rays.origin_ecef_m, rays.direction_ecef, guess).take(ray, axis=1), guess.take(ray)
     if light_time:

@@ -10,7 +10,7 @@ import numpy as np
 from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.interfaces.columns import Columns
@@ -49,7 +49,7 @@ _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84
 
 
 @frozen(eq=False)
-class Spots(Columns):
+class Clusters(Columns):
     """Directions of one sensor from which unclaimed rays come: the mean ray, its error, and from how many scans.
 
     `is_part` (n,) says which are parts of a wide spot.
@@ -65,7 +65,7 @@ class Spots(Columns):
 
 
 @frozen(eq=False)
-class Beginnings(Columns):
+class TrackInitiator(Columns):
     """Places where tracks begin: position (n, 3) in ECEF, m, when, and how many sensors see it.
 
     `sine` (n,) is that of the angle at which the ray of a sensor alone meets the ground; `is_of_parts` (n,) says which
@@ -85,7 +85,7 @@ class Shown:
 
     spot: IntArray
     place: IntArray
-    begun: Beginnings
+    begun: TrackInitiator
 
     def owned(self, place: IntArray, ray: IntArray, sensor: IndexArray) -> BoolArray:
         """Return which pairs (n,) of a place and a ray in its gate, which `sensor` saw, may be a track's first.
@@ -100,7 +100,7 @@ class Shown:
         return own
 
 
-def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Shown:
+def beginnings(rays: LinesOfSight, scans_needed: int, bias_sigma_rad: FloatArray) -> Shown:
     """Return the places that rays (all recent and unclaimed) show, with at least `scans_needed` scans each.
 
     `bias_sigma_rad` (sensors,) is the standard deviation of each sensor's bias, which no averaging over scans lessens.
@@ -121,11 +121,11 @@ def beginnings(rays: Rays, scans_needed: int, bias_sigma_rad: FloatArray) -> Sho
     place, number = np.full(len(spots), -1), np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place[used] = number[group]
-    begun = Beginnings(position, time_s, sensors, sine, np.bincount(group, likely.is_part, count) > 0.0)
+    begun = TrackInitiator(position, time_s, sensors, sine, np.bincount(group, likely.is_part, count) > 0.0)
     return Shown(spot, place[spot], begun.take(ready))
 
 
-def spots_of(rays: Rays) -> tuple[Spots, IntArray]:
+def spots_of(rays: LinesOfSight) -> tuple[Clusters, IntArray]:
     """Return the spots of rays, and which (m,) each is in.
 
     They are connected groups of occupied bins of directions, sensor by sensor, or parts of such.
@@ -168,7 +168,7 @@ def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> Int
 _FORWARD = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)])
 
 
-def _means(rays: Rays, spot: IntArray) -> Spots:
+def _means(rays: LinesOfSight, spot: IntArray) -> Clusters:
     count = int(spot.max(initial=-1)) + 1
     total = np.maximum(np.bincount(spot, minlength=count), 1)
     scan_of = np.unique(np.stack([spot, rays.scan], axis=1), axis=0)[:, 0]
@@ -181,7 +181,7 @@ def _means(rays: Rays, spot: IntArray) -> Spots:
         direction = mean_directions(origin, direction, aim)
     else:
         direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
-    return Spots(
+    return Clusters(
         sensor=sensor,
         time_s=np.bincount(spot, rays.time_s, count) / total,
         origin_ecef_m=origin,
@@ -196,7 +196,7 @@ def _mean_vectors(group: IntArray, vectors: FloatArray, total: IntArray) -> Floa
     return np.stack([np.bincount(group, vectors[:, axis], len(total)) / total for axis in range(3)], axis=1)
 
 
-def _places_of(spots: Spots) -> tuple[IntArray, int]:
+def _places_of(spots: Clusters) -> tuple[IntArray, int]:
     """Return a group number for each spot, with no sensor twice in a group: the best meetings are joined first."""
     leader = list(range(len(spots)))
     members = {number: [number] for number in leader}
@@ -212,7 +212,7 @@ def _places_of(spots: Spots) -> tuple[IntArray, int]:
     return group.astype(np.int64), len(members)
 
 
-def _meetings(spots: Spots) -> list[tuple[int, int]]:
+def _meetings(spots: Clusters) -> list[tuple[int, int]]:
     """Return pairs of spots of different sensors whose mean rays meet at a height a target can have, the best first."""
     from scipy.spatial import cKDTree
 
@@ -246,7 +246,7 @@ def _meetings(spots: Spots) -> list[tuple[int, int]]:
     return [(int(first), int(second)) for first, second in pairs[order]]
 
 
-def _ground_reach_m(spots: Spots, ground: FloatArray) -> FloatArray:
+def _ground_reach_m(spots: Clusters, ground: FloatArray) -> FloatArray:
     """Return how far (n,) from where mean rays meet the ground at points (n, 3) those of other sensors may, m."""
     apart = ground - spots.origin_ecef_m
     shift: FloatArray = HIGHER_M + _SHIFT_SIGMAS * spots.sigma_rad * np.sqrt(np.sum(apart * apart, axis=1))
@@ -260,12 +260,12 @@ def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
     return sine
 
 
-def _blurred(spots: Spots) -> FloatArray:
+def _blurred(spots: Clusters) -> FloatArray:
     """Return the errors of mean rays with what motion during a spot may add."""
     return np.hypot(spots.sigma_rad, 0.1 * _SPEED_M_S / ranges_m(spots.origin_ecef_m, spots.direction_ecef))
 
 
-def _positions(spots: Spots, group: IntArray, count: int, sensors: IntArray) -> FloatArray:
+def _positions(spots: Clusters, group: IntArray, count: int, sensors: IntArray) -> FloatArray:
     """Return where places are: where the rays of several sensors meet, or near the ground on a single ray."""
     position = np.full((count, 3), np.nan)
     single = sensors[group] == 1

@@ -15,7 +15,7 @@ from opir_core.estimation.motion import weights_at
 from opir_core.flight.ellipsoidal_height import height_and_up
 from opir_core.geometry.ellipsoid import WGS84
 from opir_trackers.ground_points import GroundPoints
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 
 #: A launch is sought so long before the first look that saw it, s, at so many times, denser towards that look. The
 #: class profiles reach 10 km after 34 to 51 s, and 20 km, the highest top of a cloud, after 49 to 73 s.
@@ -46,7 +46,11 @@ _BELOW = np.tril_indices(3, -1)
 
 
 def launches(
-    outlook: Outlook, first_s: FloatArray, pause_s: FloatArray, noise: float, biased: FloatArray | None = None
+    outlook: PredictedMeasurements,
+    first_s: FloatArray,
+    pause_s: FloatArray,
+    noise: float,
+    biased: FloatArray | None = None,
 ) -> GroundPoints:
     """Return where boosts began, from rest on the ground at an unknown time before `first_s` (n,); nan for nowhere.
 
@@ -89,7 +93,7 @@ class _Starts(NamedTuple):
     log: FloatArray
 
 
-def _from_rest(outlook: Outlook, when: FloatArray, noise: float, biased: FloatArray | None) -> _Starts:
+def _from_rest(outlook: PredictedMeasurements, when: FloatArray, noise: float, biased: FloatArray | None) -> _Starts:
     """Return what starts from rest at times (m,), as many of each track in turn, say."""
     count = len(outlook.side)
     weight = weights_at(when - outlook.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
@@ -159,7 +163,7 @@ def _rows(each: FloatArray) -> FloatArray:
     return np.ascontiguousarray(each.transpose(1, 0, 2)).reshape(each.shape[1], -1)
 
 
-def _covariances(outlook: Outlook, weight: FloatArray) -> FloatArray:
+def _covariances(outlook: PredictedMeasurements, weight: FloatArray) -> FloatArray:
     """Return the covariances (6, 6, m) of position and velocity at times of weights (n, 5, t).
 
     Each is a sum of products of two weights; rounding is of the largest one's size.

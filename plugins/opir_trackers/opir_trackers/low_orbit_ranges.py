@@ -9,7 +9,7 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
 
@@ -47,7 +47,7 @@ def near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
     return point
 
 
-def from_afar(rays: Rays, which: IntArray) -> tuple[FloatArray, FloatArray]:
+def from_afar(rays: LinesOfSight, which: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return directions (n, 3) that stand still as launches do, and their errors (n,), rad; `which` (n,) is the sensor.
 
     Rays of low sensors that meet nothing keep their directions.

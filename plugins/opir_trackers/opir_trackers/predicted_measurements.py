@@ -8,7 +8,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.motion import BOOST, followed, weights_at
 
 
-class Outlook(NamedTuple):
+class PredictedMeasurements(NamedTuple):
     """Tracks about a time: derivatives (n, 5, 3) of the position and the spread S (n, 12, 12) of the state.
 
     `blur` (n, sensors, 3, 3), m², is what the biases of the sensors that see a track, but for each one's own, add to

@@ -4,21 +4,21 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.interfaces.records import Detections
 
 #: What makes detections rays.
 _seen = attrgetter("time_ns", "sensor", "scan", "line_of_sight_ecef", "sensor_ecef_m", "line_of_sight_sigma_rad")
 
 
-class RaysOfLast:
+class LineOfSightCache:
     """The rays that some way makes of detections; those asked for last are kept."""
 
-    def __init__(self, way: Callable[[Detections], Rays]) -> None:
+    def __init__(self, way: Callable[[Detections], LinesOfSight]) -> None:
         self._way = way
-        self._met: tuple[Detections, Rays] | None = None
+        self._met: tuple[Detections, LinesOfSight] | None = None
 
-    def of(self, detections: Detections) -> Rays:
+    def of(self, detections: Detections) -> LinesOfSight:
         """Return the rays of detections: the same record for the same rays."""
         if self._met is None or not _alike(self._met[0], detections):
             self._met = detections, self._way(detections)

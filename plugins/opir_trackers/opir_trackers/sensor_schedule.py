@@ -14,7 +14,7 @@ _UNSTATED = 0.5
 
 
 @frozen(eq=False)
-class Watch:
+class SensorSchedule:
     """Scan periods (sensors,), s, chances of detection (sensors, types), spreads of bias (sensors,), and who follows.
 
     A sensor that `follows` bodies sees them after the burn too: of its end it tells nothing.
@@ -26,7 +26,7 @@ class Watch:
     follows: BoolArray
 
     @classmethod
-    def of(cls, sensors: Sequence[Sensor], *, least: float, most: float) -> "Watch":
+    def of(cls, sensors: Sequence[Sensor], *, least: float, most: float) -> "SensorSchedule":
         """Return the watch of a scene's sensors; what they state of their chances is believed from least to most."""
         chance = [[sensor.detection_probability.get(kind, _UNSTATED) for kind in TARGET_TYPES] for sensor in sensors]
         stated = np.array(chance, dtype=np.float64).reshape(len(sensors), len(TARGET_TYPES))
@@ -40,5 +40,5 @@ class Watch:
 
 def looks_a_second(sensors: Sequence[Sensor]) -> float:
     """Return how many detections a second sensors promise of a target that all of them see, over all types alike."""
-    watch = Watch.of(sensors, least=0.01, most=1.0)
+    watch = SensorSchedule.of(sensors, least=0.01, most=1.0)
     return float(np.sum(watch.chance.mean(axis=1) / watch.period_s))

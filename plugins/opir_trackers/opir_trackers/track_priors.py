@@ -11,9 +11,9 @@ from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.contexts import TrackerContext
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.filter.thrust import Thrust
-from opir_trackers.initiation import HIGHER_M, Beginnings
+from opir_trackers.initiation import HIGHER_M, TrackInitiator
 from opir_trackers.low_orbit_ranges import FIRST_HEIGHT_M, GRAZING
 
 #: Specific force of a boost before anything is known of it: straight up, and how far from that with any jerk, m/s².
@@ -34,11 +34,11 @@ _STRAY = 0.01
 _PAUSE_SCANS = 4.0
 
 
-def filter_of(config: StereoFilterConfig, context: TrackerContext) -> SwitchingFilter:
+def filter_of(config: StereoFilterConfig, context: TrackerContext) -> ImmFilter:
     """Return the filter for the scene's forces and the modes its settings name."""
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
-    return SwitchingFilter(
+    return ImmFilter(
         boost=_boost_of(config, free),
         coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
@@ -65,7 +65,7 @@ def _boost_of(config: StereoFilterConfig, forces: Forces) -> Dynamics:
     return Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, forces)
 
 
-def first_bank(begun: Beginnings, time_s: float, config: StereoFilterConfig) -> Bank:
+def first_bank(begun: TrackInitiator, time_s: float, config: StereoFilterConfig) -> ModeEstimates:
     """Return the estimates (n,) at a time of tracks that are about to get their first rays: priors only."""
     count = len(begun)
     now = np.full(count, time_s)
@@ -85,10 +85,10 @@ def first_bank(begun: Beginnings, time_s: float, config: StereoFilterConfig) -> 
     burning = {"boost-coast": _BURNING, "boost": 1.0, "coast": 0.0}[config.motion]
     weight = np.tile([burning, 1.0 - burning], (count, 1))
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
-    return Bank(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
+    return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
 
 
-def prior_sides(begun: Beginnings) -> tuple[FloatArray, FloatArray]:
+def prior_sides(begun: TrackInitiator) -> tuple[FloatArray, FloatArray]:
     """Return standard deviations (n, 3) of position and (n,) of speed before the first update, in local east-north-up.
 
     A place seen by one sensor is within 30 km along the ground and 5 km in height, and slow: 400 m/s. Where its ray
@@ -107,7 +107,7 @@ def prior_sides(begun: Beginnings) -> tuple[FloatArray, FloatArray]:
     return place, np.where(alone, 400.0, 300.0 + 1.5 * np.sqrt(40.0 * height))
 
 
-def prior_axes(begun: Beginnings) -> FloatArray:
+def prior_axes(begun: TrackInitiator) -> FloatArray:
     """Return the local axes (n, 3, 3), rows east, north and up, in ECEF."""
     axes: FloatArray = local_axes(begun.position_ecef_m)
     return axes

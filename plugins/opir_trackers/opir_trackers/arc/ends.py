@@ -5,18 +5,18 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, along, emission_s
+from opir_core.estimation.lines_of_sight import LinesOfSight, along, emission_s
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state, local_axes
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
-from opir_trackers.arc.fit import STEPS, Arcs, solved
+from opir_trackers.arc.fit import STEPS, ArcFits, solved
 from opir_trackers.ground_points import GroundPoints
 from opir_trackers.range_types import burn_s
-from opir_trackers.sensor_schedule import Watch
+from opir_trackers.sensor_schedule import SensorSchedule
 
 
-class Shot(NamedTuple):
+class LaunchGuess(NamedTuple):
     """The paper's parameters of a trajectory, relative to the turning Earth: (n,) each, rad and m/s."""
 
     azimuth_rad: FloatArray
@@ -24,7 +24,7 @@ class Shot(NamedTuple):
     speed_m_s: FloatArray
 
 
-def latency_s(watch: Watch) -> tuple[FloatArray, FloatArray]:
+def latency_s(watch: SensorSchedule) -> tuple[FloatArray, FloatArray]:
     """Return mean and standard deviation (s,) of the time from ignition to a sensor's first detection, s.
 
     The paper's section 5.1: T/P, of a geometric number of scans; and a scan's phase, which is not known.
@@ -34,14 +34,14 @@ def latency_s(watch: Watch) -> tuple[FloatArray, FloatArray]:
     return watch.period_s / chance, watch.period_s * spread
 
 
-def expected_looks(watch: Watch, seen: BoolArray, kind: IntArray) -> FloatArray:
+def expected_looks(watch: SensorSchedule, seen: BoolArray, kind: IntArray) -> FloatArray:
     """Return how many detections (n,) the sensors that see (n, s) expect of a whole boost of types (n,)."""
     rate = (watch.chance / watch.period_s[:, None])[:, kind].T
     expected: FloatArray = burn_s()[kind] * np.where(seen, rate, 0.0).sum(axis=1)
     return expected
 
 
-def launches(rays: Rays, owner: IntArray, count: int, watch: Watch, light_time: bool) -> GroundPoints:
+def launches(rays: LinesOfSight, owner: IntArray, count: int, watch: SensorSchedule, light_time: bool) -> GroundPoints:
     """Return where `count` tracks were launched: where the first rays of their sensors meet the ground.
 
     Rays (m,) come in order of time, `owner` (m,) says whose. The time is the first light's less the latency expected;
@@ -100,7 +100,7 @@ def _pooled(
     return points
 
 
-def states_at(arcs: Arcs, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def states_at(arcs: ArcFits, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ECEF states (n, 6) at times (n,) and covariances (n, 6, 6): the fit's, grown where the arc fits badly.
 
     The covariance is that of the noise, times the mean squared residual where that is above 1.
@@ -116,14 +116,14 @@ def states_at(arcs: Arcs, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     return state[:, 0], 0.5 * (spread + spread.transpose(0, 2, 1))
 
 
-def shots(state: FloatArray) -> Shot:
+def shots(state: FloatArray) -> LaunchGuess:
     """Return azimuth, flight path angle and speed of ECEF states (n, 6)."""
     east, north, up = along(local_axes(state[:, :3]), state[:, 3:]).T
     azimuth = np.remainder(np.arctan2(east, north), 2.0 * np.pi)
-    return Shot(azimuth, np.arctan2(up, np.hypot(east, north)), np.sqrt(east**2 + north**2 + up**2))
+    return LaunchGuess(azimuth, np.arctan2(up, np.hypot(east, north)), np.sqrt(east**2 + north**2 + up**2))
 
 
-def impacts(arcs: Arcs) -> FloatArray:
+def impacts(arcs: ArcFits) -> FloatArray:
     """Return latitude, longitude, rad, and time, s, (n, 3), where arcs come down after their last light; nan if not."""
     flown = propagate_kepler(arcs.state[:, :3], arcs.state[:, 3:], arcs.last_s - arcs.epoch_s)
     flight_s, point = kepler_impact(*flown)

@@ -11,7 +11,7 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.estimation.lines_of_sight import Rays, emission_s, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, emission_s, turned
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
 from opir_core.interfaces.columns import Columns
@@ -42,7 +42,7 @@ _TURN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
 
 @frozen(eq=False)
-class Arcs(Columns):
+class ArcFits(Columns):
     """Arcs, one row a track: its number, when its first light left, s, and the inertial state then, m and m/s.
 
     `across` and `along` (n, 7, 7) are normal equations of six differences from `reference`, bordered by their right
@@ -64,12 +64,12 @@ class Arcs(Columns):
     launch_covariance: FloatArray
 
     @classmethod
-    def none(cls, sensors: int) -> "Arcs":
+    def none(cls, sensors: int) -> "ArcFits":
         """Return no arcs."""
         return cls.unbegun(np.empty(0, dtype=np.int64), sensors)
 
     @classmethod
-    def unbegun(cls, number: IntArray, sensors: int) -> "Arcs":
+    def unbegun(cls, number: IntArray, sensors: int) -> "ArcFits":
         """Return the arcs of tracks that have no detections yet."""
         count = len(number)
         unknown = np.full((count, 6), np.nan)
@@ -99,7 +99,7 @@ class Arcs(Columns):
         alone = (self.seen.sum(axis=1) < 2) | (told[:, 0] < _PARALLAX * told[:, 2])
         return self.across + np.where(alone[:, None, None], self.along, 0.0)
 
-    def faded(self, share: float) -> "Arcs":
+    def faded(self, share: float) -> "ArcFits":
         """Return the arcs with all that was seen so far counting for a share of what it did."""
         return self if share == 1.0 else evolve(self, across=self.across * share, along=self.along * share)
 
@@ -122,7 +122,9 @@ def solved(normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return step, covariance, left
 
 
-def begun(arcs: Arcs, rays: Rays, owner: IntArray, launch_s: FloatArray, climb_m_s2: float, light_time: bool) -> Arcs:
+def begun(
+    arcs: ArcFits, rays: LinesOfSight, owner: IntArray, launch_s: FloatArray, climb_m_s2: float, light_time: bool
+) -> ArcFits:
     """Return arcs that have no state yet, fitted to their first rays (m,), whose arc is `owner`.
 
     `launch_s` (n,) are when the targets are taken to have left the ground. Arcs that the rays do not determine stay as
@@ -145,14 +147,14 @@ def begun(arcs: Arcs, rays: Rays, owner: IntArray, launch_s: FloatArray, climb_m
 
 
 def taken_in(
-    arcs: Arcs,
-    rays: Rays,
+    arcs: ArcFits,
+    rays: LinesOfSight,
     owner: IntArray,
     launch_s: FloatArray,
     climb_m_s2: float,
     light_time: bool,
     rounds: int = _ROUNDS,
-) -> Arcs:
+) -> ArcFits:
     """Return the arcs with rays (m,) in order of time taken in; those that are not determined are without a state."""
     before = moved = arcs
     added, left_s = arcs, rays.time_s
@@ -171,7 +173,9 @@ def taken_in(
     return evolve(added, state=moved.state, last_s=last_s, seen=seen, looks=looks)
 
 
-def _left_s(arcs: Arcs, rays: Rays, owner: IntArray, left_s: FloatArray, light_time: bool, passes: int) -> FloatArray:
+def _left_s(
+    arcs: ArcFits, rays: LinesOfSight, owner: IntArray, left_s: FloatArray, light_time: bool, passes: int
+) -> FloatArray:
     """Return when the light of rays left their arcs, (m,) s, from a guess."""
     for _ in range(passes if light_time else 0):
         apart = _followed(arcs.state[:, None], arcs.epoch_s, owner, left_s)[:, 0] - turned(rays.origin_ecef_m, left_s)
@@ -179,20 +183,20 @@ def _left_s(arcs: Arcs, rays: Rays, owner: IntArray, left_s: FloatArray, light_t
     return left_s
 
 
-def _moved(arcs: Arcs, added: Arcs) -> Arcs:
+def _moved(arcs: ArcFits, added: ArcFits) -> ArcFits:
     """Return the arcs with the state that solves the equations of `added`, nan where those do not determine it."""
     return evolve(arcs, state=added.reference + solved(added.normal())[0])
 
 
 def _added(
-    arcs: Arcs,
-    rays: Rays,
+    arcs: ArcFits,
+    rays: LinesOfSight,
     owner: IntArray,
     left_s: FloatArray,
     paths: tuple[FloatArray, FloatArray],
     launch_s: FloatArray,
     climb_m_s2: float,
-) -> Arcs:
+) -> ArcFits:
     """Return the arcs with the equations of rays added, linearised about positions (m, 3) with slopes (m, 3, 6)."""
     position, slope = paths
     origin, direction = turned(rays.origin_ecef_m, left_s), turned(rays.direction_ecef, left_s)
@@ -216,7 +220,7 @@ def _added(
     return evolve(arcs, across=across, along=along, seen=seen)
 
 
-def _straight_paths(arcs: Arcs, owner: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _straight_paths(arcs: ArcFits, owner: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return positions (m, 3) and slopes (m, 3, 6) at times (m,) of paths under a steady gravity."""
     since = time_s - arcs.epoch_s[owner]
     place, speed = arcs.state[owner, :3], arcs.state[owner, 3:]

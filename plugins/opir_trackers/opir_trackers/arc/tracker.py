@@ -8,19 +8,19 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, no_rays
+from opir_core.estimation.lines_of_sight import LinesOfSight, no_rays
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, shots, states_at
-from opir_trackers.arc.fit import Arcs
+from opir_trackers.arc.fit import ArcFits
 from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.gating import candidates, gated
 from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilities
-from opir_trackers.ray_cache import RaysOfLast
-from opir_trackers.sensor_schedule import Watch
+from opir_trackers.ray_cache import LineOfSightCache
+from opir_trackers.sensor_schedule import SensorSchedule
 from opir_trackers.stereo.tracking import StereoTracking
 
 #: The least detections of an arc.
@@ -42,21 +42,21 @@ class ArcTracker:
         self._tracking = tracking
         self._context = context
         self._now = tracking.start()
-        self._watch = Watch.of(context.sensors, least=_LEAST_CHANCE, most=1.0)
+        self._watch = SensorSchedule.of(context.sensors, least=_LEAST_CHANCE, most=1.0)
         self._light_time = context.light_time
-        self._rays = RaysOfLast(Rays.of)
+        self._rays = LineOfSightCache(LinesOfSight.of)
         self._pool = no_rays()
-        self._arcs = Arcs.none(len(context.sensors))
+        self._arcs = ArcFits.none(len(context.sensors))
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
         return self._tracking.nearest(self._now, self._rays.of(detections))
 
-    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Take the sensors to be these from the last tick on: as many, with other settings."""
         self._context = evolve(self._context, sensors=sensors)
         self._tracking = StereoTracking.of(self._tracking.config, self._context)
-        self._watch = Watch.of(sensors, least=_LEAST_CHANCE, most=1.0)
+        self._watch = SensorSchedule.of(sensors, least=_LEAST_CHANCE, most=1.0)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Take in the detections since the last tick and return the estimates at this one."""
@@ -72,11 +72,11 @@ class ArcTracker:
     def _follow(self, number: IntArray) -> None:
         """Drop the arcs of tracks that are gone, and add those of new ones."""
         kept = self._arcs.take(np.isin(self._arcs.number, number))
-        fresh = Arcs.unbegun(np.setdiff1d(number, kept.number), len(self._watch.period_s))
-        arcs = Arcs.concatenate([kept, fresh])
+        fresh = ArcFits.unbegun(np.setdiff1d(number, kept.number), len(self._watch.period_s))
+        arcs = ArcFits.concatenate([kept, fresh])
         self._arcs = arcs.take(np.argsort(arcs.number, kind="stable"))
 
-    def _take_in(self, rays: Rays, before_s: float) -> None:
+    def _take_in(self, rays: LinesOfSight, before_s: float) -> None:
         """Give this tick's rays to the tracks, and to those that have no arc yet the rays of the pool too."""
         owner = self._owners(rays, self._now.time_s - before_s)
         follows = np.isin(owner, np.flatnonzero(self._arcs.is_begun))
@@ -84,7 +84,7 @@ class ArcTracker:
             mine = np.flatnonzero(follows)
             used = (rays.take(mine), owner[mine], self._launch_s(), self._config.climb_m_s2, self._light_time)
             self._arcs = arc_fit.taken_in(self._arcs, *used)
-        pool = Rays.concatenate([self._pool, rays.take(~follows)])
+        pool = LinesOfSight.concatenate([self._pool, rays.take(~follows)])
         keep_s = np.maximum(_POOL_S, _POOL_SCANS * self._watch.period_s)[pool.sensor]
         self._pool = pool.take(pool.time_s > self._now.time_s - keep_s)
         if len(self._arcs) and not self._arcs.is_begun.all() and len(self._pool):
@@ -101,19 +101,19 @@ class ArcTracker:
             return
         rays, whose = self._pool.take(mine), np.searchsorted(rows, owner[mine])
         launch = launches(rays, whose, len(rows), self._watch, self._light_time)
-        arcs = Arcs.unbegun(self._arcs.number[rows], len(self._watch.period_s))
+        arcs = ArcFits.unbegun(self._arcs.number[rows], len(self._watch.period_s))
         arcs = evolve(arcs, launch=launch.place, launch_covariance=launch.covariance)
         arcs = arc_fit.begun(arcs, rays, whose, launch.place[:, 2], self._config.climb_m_s2, self._light_time)
         good = arcs.is_begun
         others = np.setdiff1d(np.arange(len(self._arcs)), rows[good])
-        every = Arcs.concatenate([self._arcs.take(others), arcs.take(good)])
+        every = ArcFits.concatenate([self._arcs.take(others), arcs.take(good)])
         self._arcs = every.take(np.argsort(every.number, kind="stable"))
         self._pool = self._pool.take(np.setdiff1d(np.arange(len(self._pool)), mine[good[whose]]))
 
     def _launch_s(self) -> FloatArray:
         return np.where(np.isfinite(self._arcs.launch[:, 2]), self._arcs.launch[:, 2], self._arcs.epoch_s)
 
-    def _owners(self, rays: Rays, span_s: float) -> IntArray:
+    def _owners(self, rays: LinesOfSight, span_s: float) -> IntArray:
         """Return the row of the arc (n,) that each ray of the last span belongs to, by the tracks as of this tick."""
         owner = np.full(len(rays), -1, dtype=np.int64)
         rows = np.flatnonzero(np.isin(self._now.roster.number, self._arcs.number))
@@ -169,14 +169,14 @@ class ArcTracker:
         told.impact_covariance[rows] = np.where(known[:, None, None], variance[:, :, None] * np.eye(3), np.nan)
         told.type_probability[rows] = type_probabilities(range_m, sigma_m)
 
-    def _sigma_m(self, arcs: Arcs, kind: IntArray) -> FloatArray:
+    def _sigma_m(self, arcs: ArcFits, kind: IntArray) -> FloatArray:
         """Return the paper's σ₀ exp(-k n/N) of each arc, n of N expected detections in; beyond N no less."""
         expected = expected_looks(self._watch, arcs.seen, kind)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
         sigma_m: FloatArray = self._config.sigma_0_m * np.exp(-self._config.convergence * share)
         return sigma_m
 
-    def _with_end(self, covariance: FloatArray, arcs: Arcs) -> FloatArray:
+    def _with_end(self, covariance: FloatArray, arcs: ArcFits) -> FloatArray:
         """Return covariances (n, 7, 7) with the doubt about when the burn ended: one wait for a detection."""
         late_s = np.where(arcs.seen, latency_s(self._watch)[0], np.inf).min(axis=1)
         whole = np.zeros((len(arcs), 7, 7))

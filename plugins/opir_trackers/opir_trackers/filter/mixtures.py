@@ -9,7 +9,7 @@ from opir_core.interfaces.columns import Columns, names_of
 
 
 @frozen(eq=False)
-class Bank(Columns):
+class ModeEstimates(Columns):
     """The estimates of tracks, one row each, all at one time: mean and root of information of each mode, and weights.
 
     `weight` (n, 2) are the probabilities of boost and coast; `pace` (n, 3) the looks that detected and the time, s,
@@ -24,7 +24,7 @@ class Bank(Columns):
     pace: FloatArray
 
     @classmethod
-    def empty(cls) -> "Bank":
+    def empty(cls) -> "ModeEstimates":
         """Return the bank of no tracks."""
         boost, coast = np.empty((0, BOOST)), np.empty((0, COAST))
         roots = np.empty((0, BOOST, BOOST)), np.empty((0, COAST, COAST))
@@ -35,11 +35,11 @@ class Bank(Columns):
         """Return the inertial positions (n, 3) of the likelier mode of each track."""
         return np.where(self.weight[:, 1:] > self.weight[:, :1], self.coast_mean[:, :3], self.boost_mean[:, :3])
 
-    def put(self, rows: IntArray, part: "Bank") -> "Bank":
+    def put(self, rows: IntArray, part: "ModeEstimates") -> "ModeEstimates":
         """Return the bank with its rows (m,) replaced by those of another."""
         columns = []
-        for name in names_of(Bank):
+        for name in names_of(ModeEstimates):
             column = getattr(self, name).copy()
             column[rows] = getattr(part, name)
             columns.append(column)
-        return Bank(*columns)
+        return ModeEstimates(*columns)

@@ -24,7 +24,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import along
 from opir_core.estimation.motion import COAST
-from opir_trackers.filter.mixtures import Bank
+from opir_trackers.filter.mixtures import ModeEstimates
 
 #: The standard deviation of targets' velocities over the ground along any axis, m/s: half as much again as the root
 #: mean square of one component through the burns of the three classes' median profiles (1240 m/s), three quarters of
@@ -118,7 +118,7 @@ _RESTS_S, _COASTS = 30.0, 0.9
 SHUT_OUT = 1e-3
 
 
-def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float, least: float = 0.0) -> Bank:
+def mixed(bank: ModeEstimates, step_s: float, boost_s: float, coast_s: float, least: float = 0.0) -> ModeEstimates:
     """Return a bank whose modes are mixed by the chance of having switched during a step.
 
     `boost_s` and `coast_s` are the mean times spent in each mode, inf for one that never ends. Coasts that are less
@@ -135,10 +135,10 @@ def mixed(bank: Bank, step_s: float, boost_s: float, coast_s: float, least: floa
         coast = _put(coast, into_coast, _into_coast(bank.part(into_coast), share[into_coast, :, 1]))
     if len(into_boost):
         boost = _put(boost, into_boost, _into_boost(bank.part(into_boost), share[into_boost, :, 0]))
-    return Bank(weight, *boost, *coast, bank.pace)
+    return ModeEstimates(weight, *boost, *coast, bank.pace)
 
 
-def _mixed_alone(bank: Bank, leave: tuple[float, float], least: float) -> Bank:
+def _mixed_alone(bank: ModeEstimates, leave: tuple[float, float], least: float) -> ModeEstimates:
     """Return what `mixed` does, of one track."""
     boost, coast = bank.weight[0].tolist()
     weight, into_boost, into_coast = shared_of_one((boost, coast), leave)
@@ -147,7 +147,7 @@ def _mixed_alone(bank: Bank, leave: tuple[float, float], least: float) -> Bank:
         coasting = _into_coast(bank, np.array([into_coast]))
     if into_boost[1] > _LEAST_SHARE and coast >= SHUT_OUT:
         burning = _into_boost(bank, np.array([into_boost]))
-    return Bank(np.array([weight]), *burning, *coasting, bank.pace)
+    return ModeEstimates(np.array([weight]), *burning, *coasting, bank.pace)
 
 
 @lru_cache(maxsize=64)
@@ -178,7 +178,7 @@ def _put(
     return mean, root
 
 
-def _into_coast(bank: Bank, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _into_coast(bank: ModeEstimates, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the coast's means and roots, of which shares (n, 2) come from boost and coast."""
     burnt = burnt_out(bank)
     if not np.count_nonzero(share[:, 1]):
@@ -186,13 +186,13 @@ def _into_coast(bank: Bank, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     return square_root.mixed(share, (burnt[0], bank.coast_mean), (burnt[1], bank.coast_root))
 
 
-def _into_boost(bank: Bank, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _into_boost(bank: ModeEstimates, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the boost's means and roots, of which shares (n, 2) come from boost and coast."""
     means, roots = (bank.boost_mean, _extended_mean(bank)), (bank.boost_root, _extended_root(bank))
     return square_root.mixed(share, means, roots)
 
 
-def burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
+def burnt_out(bank: ModeEstimates) -> tuple[FloatArray, FloatArray]:
     """Return position and velocity of boosts that ended soon after they were last seen.
 
     Of a target seen r times a second the burn ended 1/r ± 1/r after the last look. A time u after the end, velocity and
@@ -215,7 +215,7 @@ def burnt_out(bank: Bank) -> tuple[FloatArray, FloatArray]:
     return bank.boost_mean[:, :COAST] - less, square_root.triangular(rows)[:, -COAST:, -COAST:]
 
 
-def _burnt_out_alone(bank: Bank) -> tuple[FloatArray, FloatArray]:
+def _burnt_out_alone(bank: ModeEstimates) -> tuple[FloatArray, FloatArray]:
     """Return what `burnt_out` does, of one track."""
     less, spread = burnt_out_of_one(bank.pace[0].tolist(), bank.boost_mean[0, COAST : COAST + 3].tolist())
     root, size = bank.boost_root[0], bank.boost_root.shape[1]
@@ -226,28 +226,28 @@ def _burnt_out_alone(bank: Bank) -> tuple[FloatArray, FloatArray]:
     return bank.boost_mean[:, :COAST] - np.array(less), square_root.triangular(rows)[:, -COAST:, -COAST:]
 
 
-def resting(bank: Bank) -> IntArray:
+def resting(bank: ModeEstimates) -> IntArray:
     """Return the rows of tracks that have been dark for so long that a burn would be a new one."""
     rows: IntArray = ((bank.pace[:, 2] > _RESTS_S) & (bank.weight[:, 1] > _COASTS)).nonzero()[0]
     return rows
 
 
-def begun_anew(bank: Bank, mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
+def begun_anew(bank: ModeEstimates, mean: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the boost of targets that would begin to burn where they coast, with means (n, 6) and roots (n, 6, 6).
 
     Of its force a bank of a while ago tells. Moved on as if they had burnt since, unseen boosts know less and less,
     without bound: how a force turns with a slow velocity is far from linear.
     """
-    after = Bank(bank.weight, bank.boost_mean, bank.boost_root, mean, root, bank.pace)
+    after = ModeEstimates(bank.weight, bank.boost_mean, bank.boost_root, mean, root, bank.pace)
     return _extended_mean(after), _extended_root(after)
 
 
-def _extended_mean(bank: Bank) -> FloatArray:
+def _extended_mean(bank: ModeEstimates) -> FloatArray:
     """Return the coast means with the boost's specific force and its rate."""
     return np.concatenate([bank.coast_mean, bank.boost_mean[:, COAST:]], axis=1)
 
 
-def _extended_root(bank: Bank) -> FloatArray:
+def _extended_root(bank: ModeEstimates) -> FloatArray:
     """Return the coast roots with what the boost knows of specific force and its rate alone."""
     root = np.zeros_like(bank.boost_root)
     root[:, :COAST, :COAST] = bank.coast_root
@@ -256,7 +256,7 @@ def _extended_root(bank: Bank) -> FloatArray:
 
 
 def weighed_alone(
-    bank: Bank,
+    bank: ModeEstimates,
     hits: int,
     silent_s: float,
     change: tuple[float, float],
@@ -271,7 +271,7 @@ def weighed_alone(
 
 
 def weighed(
-    bank: Bank,
+    bank: ModeEstimates,
     hits: FloatArray,
     silent_s: FloatArray,
     change: FloatArray,

@@ -21,15 +21,15 @@ from opir_core.estimation.motion import BOOST, COAST
 from opir_trackers.filter import iterated_update, mode_mixing
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.iterated_update import Mode
-from opir_trackers.filter.mixtures import Bank
+from opir_trackers.filter.mixtures import ModeEstimates
 from opir_trackers.filter.mode_mixing import SHUT_OUT, restrained
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 
-__all__ = ("Bank", "SwitchingFilter")
+__all__ = ("ImmFilter", "ModeEstimates")
 
 
 @frozen(eq=False)
-class SwitchingFilter:
+class ImmFilter:
     """A filter of two modes; `boost_s` and `coast_s` are the mean times spent in each, inf for one that never ends.
 
     `rounds` bounds the relinearisations of an update. `cold_chance` is how likely a coasting target is seen in a slice
@@ -56,24 +56,26 @@ class SwitchingFilter:
         """Return the weight from which on a coast stays open whatever is seen; 0 where looks shut out none."""
         return SHUT_OUT / self.cold_chance if self.boost_s < np.inf and self.cold_chance < 1.0 else 0.0
 
-    def moved(self, bank: Bank, step_s: float) -> Bank:
+    def moved(self, bank: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return the bank a step later."""
         return self._moved(bank, step_s, 0.0) if len(bank.weight) else bank
 
-    def expected(self, bank: Bank, step_s: float) -> Bank:
+    def expected(self, bank: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return the bank a step later, but for coasts that a look would shut out: `completed` has those still open."""
         return self._moved(bank, step_s, self.least_open) if len(bank.weight) else bank
 
-    def completed(self, bank: Bank, expected: Bank, before: Bank, step_s: float) -> Bank:
+    def completed(
+        self, bank: ModeEstimates, expected: ModeEstimates, before: ModeEstimates, step_s: float
+    ) -> ModeEstimates:
         """Return a bank after a slice, `expected` from the one `before`, with all coasts that are still open."""
         rows = ((bank.weight[:, 1] >= SHUT_OUT) & (expected.weight[:, 1] < self.least_open)).nonzero()[0]
         if not len(rows):
             return bank
         burnt = mode_mixing.burnt_out(before.part(rows))
         known = _spread(_modes_of(bank)[1], self._carried(self.coast, *burnt, np.full(len(rows), step_s)), rows)
-        return Bank(bank.weight, bank.boost_mean, bank.boost_root, *known, bank.pace)
+        return ModeEstimates(bank.weight, bank.boost_mean, bank.boost_root, *known, bank.pace)
 
-    def _moved(self, bank: Bank, step_s: float, least: float) -> Bank:
+    def _moved(self, bank: ModeEstimates, step_s: float, least: float) -> ModeEstimates:
         """Return the bank a step later; coasts that are then less probable than `least` stay as they were."""
         mixed = mode_mixing.mixed(bank, step_s, self.boost_s, self.coast_s, least) if self.switches else bank
         boost, coast = _modes_of(mixed)
@@ -89,7 +91,7 @@ class SwitchingFilter:
             coast = _spread(coast, self._carried(self.coast, *part, steps[rows]), rows)
         if rests.size:
             boost = _spread(boost, mode_mixing.begun_anew(bank.part(rests), coast[0][rests], coast[1][rests]), rests)
-        return Bank(mixed.weight, *boost, *coast, mixed.pace)
+        return ModeEstimates(mixed.weight, *boost, *coast, mixed.pace)
 
     def _carried(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, step_s: FloatArray
@@ -100,7 +102,7 @@ class SwitchingFilter:
         back = motion.transition(0.5 * (mean + after), -step_s)
         return after, square_root.moved(root, back, motion.noise_root(step_s, after))
 
-    def updated(self, bank: Bank, time_s: float, sights: Sights, step_s: float) -> Bank:
+    def updated(self, bank: ModeEstimates, time_s: float, sights: Sights, step_s: float) -> ModeEstimates:
         """Return the bank with sights of a slice of length `step_s` that ends at `time_s` taken in."""
         if not len(bank.weight):
             return bank
@@ -110,14 +112,14 @@ class SwitchingFilter:
         seen = hits > 0.0
         boost, coast, change = self._taken_in(bank, seen, time_s, sights)
         if not self.switches and not all(_in_use(bank)):
-            return Bank(bank.weight, *boost, *coast, bank.pace)
+            return ModeEstimates(bank.weight, *boost, *coast, bank.pace)
         last_s = np.full(len(bank), time_s - step_s)
         np.maximum.at(last_s, sights.track, sights.time_s)
         change[seen, 1] += log(self.cold_chance)
         weighed = mode_mixing.weighed(bank, hits, time_s - last_s, change, step_s, self.memory_s, self.pause_s)
-        return Bank(weighed[0], *boost, *coast, weighed[1])
+        return ModeEstimates(weighed[0], *boost, *coast, weighed[1])
 
-    def _updated_alone(self, bank: Bank, time_s: float, sights: Sights, step_s: float) -> Bank:
+    def _updated_alone(self, bank: ModeEstimates, time_s: float, sights: Sights, step_s: float) -> ModeEstimates:
         """Return what `updated` does, of one track."""
         every, change = list(_modes_of(bank)), [0.0, 0.0]
         weight = bank.weight[0].tolist()
@@ -132,13 +134,13 @@ class SwitchingFilter:
             change[1] += log(self.cold_chance)
             silent_s = min(step_s, time_s - float(np.maximum.reduce(sights.time_s)))
         if not self.switches and not all(weight):
-            return Bank(bank.weight, *every[0], *every[1], bank.pace)
+            return ModeEstimates(bank.weight, *every[0], *every[1], bank.pace)
         both = change[0], change[1]
         weighed = mode_mixing.weighed_alone(bank, looks, silent_s, both, step_s, self.memory_s, self.pause_s)
-        return Bank(weighed[0], *every[0], *every[1], weighed[1])
+        return ModeEstimates(weighed[0], *every[0], *every[1], weighed[1])
 
     def _taken_in(
-        self, bank: Bank, seen: BoolArray, time_s: float, sights: Sights
+        self, bank: ModeEstimates, seen: BoolArray, time_s: float, sights: Sights
     ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray], FloatArray]:
         """Return means and roots of both modes after sights, and log likelihoods (n, 2) where both are in use."""
         every, change, used = list(_modes_of(bank)), np.zeros((len(bank), 2)), _in_use(bank)
@@ -157,10 +159,10 @@ class SwitchingFilter:
                     change[slice(None) if rows is None else rows, number] = iterated_update.gained(mode, after)
         return every[0], every[1], change
 
-    def restrained(self, bank: Bank, rows: IntArray) -> Bank:
+    def restrained(self, bank: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the bank whose tracks `rows` have velocities no less certain than those of all targets."""
         boost, coast = (_spread(mode, restrained(mode[0][rows], mode[1][rows]), rows) for mode in _modes_of(bank))
-        return Bank(bank.weight, *boost, *coast, bank.pace)
+        return ModeEstimates(bank.weight, *boost, *coast, bank.pace)
 
     def taken_in(
         self, motion: Dynamics, mean: FloatArray, root: FloatArray, time_s: float, sights: Sights
@@ -170,21 +172,21 @@ class SwitchingFilter:
         (after,) = iterated_update.updated([mode], time_s, sights, self.rounds)
         return after.mean, after.root, iterated_update.gained(mode, after)
 
-    def outlook(self, bank: Bank, time_s: float) -> Outlook:
+    def outlook(self, bank: ModeEstimates, time_s: float) -> PredictedMeasurements:
         """Return where tracks are about the bank's time, by the likelier mode of each."""
         coasts = bank.weight[:, 1] > bank.weight[:, 0]
         boost, coast = _modes_of(bank)
         count = np.count_nonzero(coasts)
         if not count:
-            return Outlook(time_s, *_seen_ahead(self.boost, *boost))
+            return PredictedMeasurements(time_s, *_seen_ahead(self.boost, *boost))
         if count == len(coasts):
-            return Outlook(time_s, *_seen_ahead(self.coast, *coast))
+            return PredictedMeasurements(time_s, *_seen_ahead(self.coast, *coast))
         derivative, side = np.empty((len(bank), 5, 3)), np.empty((len(bank), BOOST, BOOST))
         derivative[coasts], side[coasts] = _seen_ahead(self.coast, coast[0][coasts], coast[1][coasts])
         derivative[~coasts], side[~coasts] = _seen_ahead(self.boost, boost[0][~coasts], boost[1][~coasts])
-        return Outlook(time_s, derivative, side)
+        return PredictedMeasurements(time_s, derivative, side)
 
-    def moments(self, bank: Bank) -> tuple[FloatArray, FloatArray]:
+    def moments(self, bank: ModeEstimates) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity, over both modes."""
         open_ = bank.weight[:, 1:] >= (SHUT_OUT if self.least_open else 0.0)
         if not np.count_nonzero(open_):
@@ -205,12 +207,12 @@ class SwitchingFilter:
 _BURNS, _NONE = np.array([1.0, 0.0]), np.empty(0, dtype=np.int64)
 
 
-def _modes_of(bank: Bank) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+def _modes_of(bank: ModeEstimates) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
     """Return means and roots of boost and coast."""
     return (bank.boost_mean, bank.boost_root), (bank.coast_mean, bank.coast_root)
 
 
-def _in_use(bank: Bank) -> tuple[bool, bool]:
+def _in_use(bank: ModeEstimates) -> tuple[bool, bool]:
     """Return whether any track may be in boost, and in coast."""
     boost, coast = (bank.weight[0] if len(bank.weight) == 1 else np.maximum.reduce(bank.weight, axis=0)).tolist()
     return boost > 0.0, coast > 0.0

@@ -5,20 +5,20 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_trackers.profile import fit, trials, windows
 from opir_trackers.profile import hypotheses as hypotheses_of
-from opir_trackers.profile.end import Ends, ends_of
+from opir_trackers.profile.end import BurnEnds, ends_of
 from opir_trackers.profile.family import Family, Priors
 from opir_trackers.profile.fit import Hypotheses, Solved
 from opir_trackers.profile.hypotheses import joined
-from opir_trackers.profile.memory import Memory
+from opir_trackers.profile.memory import FitMemory
 from opir_trackers.profile.rows import SPAN_S, Rows, compressed, means, normal_points, single
-from opir_trackers.profile.seen import Seen
+from opir_trackers.profile.seen import TrackHistory
 from opir_trackers.profile.start import started
 from opir_trackers.profile.start_parts import are_open, parted, parts_of
-from opir_trackers.profile.strain import Bank, strained
-from opir_trackers.sensor_schedule import Watch
+from opir_trackers.profile.strain import OffModelFilters, strained
+from opir_trackers.sensor_schedule import SensorSchedule
 
 #: Ticks of a track at which its hypotheses are reviewed: linearised anew, row by row.
 REVIEWS = frozenset({1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50, 63, 79, 100, 126, 158, 200, 251, 316})
@@ -51,10 +51,12 @@ class Fitting:
     """How one bank leads to the next."""
 
     priors: Priors
-    watch: Watch
+    watch: SensorSchedule
     light_time: bool
 
-    def stepped(self, bank: Bank, tick_s: float, track: IntArray, rays: Rays, stray: FloatArray | None = None) -> Bank:
+    def stepped(
+        self, bank: OffModelFilters, tick_s: float, track: IntArray, rays: LinesOfSight, stray: FloatArray | None = None
+    ) -> OffModelFilters:
         """Return the bank at a tick, with rays (m,) since the last one, given to tracks by number (m,).
 
         `stray` (m,) is the share of strays among each ray's track's, where that is known. Tracks of certain strangers
@@ -67,7 +69,7 @@ class Fitting:
         ticks[np.searchsorted(seen.track, bank.seen.track)] = bank.ticks
         begun = np.setdiff1d(seen.track, bank.seen.track)
         hypotheses = Hypotheses.concatenate([bank.hypotheses, self._begun(fresh, begun)])
-        bank = Bank(hypotheses, bank.rows, seen, ticks + 1)
+        bank = OffModelFilters(hypotheses, bank.rows, seen, ticks + 1)
         if not len(hypotheses):
             return bank
         fresh = fresh.take(np.isin(fresh.track, hypotheses.track))
@@ -75,17 +77,17 @@ class Fitting:
         bank = bank.without_fits(bank.seen.strangers())
         return self._fitted(bank, fresh.take(np.isin(fresh.track, bank.hypotheses.track)), tick_s)
 
-    def memory(self, bank: Bank) -> Memory:
+    def memory(self, bank: OffModelFilters) -> FitMemory:
         """Return what a bank remembers."""
-        return Memory(bank.rows, bank.seen, self.priors, self.watch.bias_sigma_rad)
+        return FitMemory(bank.rows, bank.seen, self.priors, self.watch.bias_sigma_rad)
 
-    def parts(self, bank: Bank, tick_s: float) -> Hypotheses | None:
+    def parts(self, bank: OffModelFilters, tick_s: float) -> Hypotheses | None:
         """Return the hypotheses of a bank, those of what one sensor alone sees in parts by when the boost started.
 
         None where none has parts.
         """
         every = bank.hypotheses
-        apart = (every.window[:, 3] > 0.0) & bank.seen.are_alone(every.track) & are_open(every, tick_s)
+        apart = (every.window[:, 3] > 0.0) & bank.seen.seen_by_one_sensor(every.track) & are_open(every, tick_s)
         chosen = np.flatnonzero(apart & (hypotheses_of.probability(every) > _TELLING))
         if not len(chosen):
             return None
@@ -99,7 +101,9 @@ class Fitting:
         trial = self._finished(trial, parts.given(solution), family, bank.seen, tick_s)
         return parted(every, trial, chosen[parts.origin])
 
-    def _points(self, bank: Bank, track: IntArray, rays: Rays, stray: FloatArray | None) -> tuple[Rows, Rows]:
+    def _points(
+        self, bank: OffModelFilters, track: IntArray, rays: LinesOfSight, stray: FloatArray | None
+    ) -> tuple[Rows, Rows]:
         """Return the normal points of rays, and the rays as rows at the times at which light left."""
         rows = single(track, rays)
         known = np.isin(track, bank.hypotheses.track)
@@ -109,7 +113,7 @@ class Fitting:
             left[new] = self.left_s(rows.take(new), hypotheses_of.on_the_ground(rows.take(new)))
             parts.append(means(evolve(rows.take(new), time_s=left[new]), None if stray is None else stray[new]))
         if len(old):
-            path = hypotheses_of.Path.of(bank.hypotheses, self.priors, rows.take(old))
+            path = hypotheses_of.HypothesisPath.of(bank.hypotheses, self.priors, rows.take(old))
             left[old] = self.left_s(rows.take(old), path.at(rows.take(old)))
             mine = evolve(rows.take(old), time_s=left[old])
             span = np.floor(rays.time_s[old] / SPAN_S).astype(np.int64)
@@ -130,7 +134,7 @@ class Fitting:
         lead = lead.take(np.searchsorted(lead.track, track))
         return hypotheses_of.first(lead, len(self.priors.burn_s), len(self.watch.period_s))
 
-    def _fitted(self, bank: Bank, fresh: Rows, tick_s: float) -> Bank:
+    def _fitted(self, bank: OffModelFilters, fresh: Rows, tick_s: float) -> OffModelFilters:
         hypotheses = bank.hypotheses
         ticks = bank.ticks[np.searchsorted(bank.seen.track, hypotheses.track)]
         due = self._due(bank, ticks, fresh, tick_s)
@@ -144,9 +148,9 @@ class Fitting:
         every = every.take(np.lexsort((-every.evidence, every.kind, every.track)))
         ticks = bank.ticks[np.searchsorted(bank.seen.track, every.track)]
         likely = hypotheses_of.probability(every) > np.where(ticks < _TRIED, 0.0, hypotheses_of.GIVEN_UP)
-        return Bank(every.take(likely), rows, bank.seen, bank.ticks)
+        return OffModelFilters(every.take(likely), rows, bank.seen, bank.ticks)
 
-    def _due(self, bank: Bank, ticks: IntArray, fresh: Rows, tick_s: float) -> BoolArray:
+    def _due(self, bank: OffModelFilters, ticks: IntArray, fresh: Rows, tick_s: float) -> BoolArray:
         """Return which hypotheses are to be reviewed: all of a track, so that they stay comparable."""
         hypotheses = bank.hypotheses
         last = np.max(bank.seen.of(hypotheses.track).last_s, axis=1)
@@ -157,13 +161,13 @@ class Fitting:
         every: BoolArray = np.isin(hypotheses.track, hypotheses.track[due])
         return every
 
-    def _compressed(self, bank: Bank, track: IntArray, tick_s: float) -> Rows:
+    def _compressed(self, bank: OffModelFilters, track: IntArray, tick_s: float) -> Rows:
         mine = np.isin(bank.rows.track, track)
-        path = hypotheses_of.Path.of(bank.hypotheses, self.priors, None)
+        path = hypotheses_of.HypothesisPath.of(bank.hypotheses, self.priors, None)
         joined_rows = compressed(bank.rows.take(mine), tick_s, path.at)
         return Rows.concatenate([bank.rows.take(~mine), joined_rows])
 
-    def _added(self, hypotheses: Hypotheses, fresh: Rows, seen: Seen, tick_s: float) -> Hypotheses:
+    def _added(self, hypotheses: Hypotheses, fresh: Rows, seen: TrackHistory, tick_s: float) -> Hypotheses:
         """Return the hypotheses with this tick's rows, each linearised where its hypothesis stands."""
         if not len(hypotheses):
             return hypotheses
@@ -172,7 +176,9 @@ class Fitting:
         share = np.ones(len(chosen))
         return self._settled(fit.with_rows(hypotheses, family, fresh.take(chosen), owner, share), family, seen, tick_s)
 
-    def _reviewed(self, hypotheses: Hypotheses, rows: Rows, seen: Seen, tick_s: float, ticks: IntArray) -> Hypotheses:
+    def _reviewed(
+        self, hypotheses: Hypotheses, rows: Rows, seen: TrackHistory, tick_s: float, ticks: IntArray
+    ) -> Hypotheses:
         """Return the hypotheses with all their rows linearised anew, and those that bend now through windows."""
         if not len(hypotheses):
             return hypotheses
@@ -185,18 +191,20 @@ class Fitting:
         if not bends.any():
             return hypotheses_of.distinct(settled)
         spread = hypotheses.take(bends)
-        spread = windows.windowed(spread, self.priors, seen.are_alone(spread.track))
+        spread = windows.windowed(spread, self.priors, seen.seen_by_one_sensor(spread.track))
         spread = hypotheses_of.distinct(self._relinearised(spread, rows, seen, tick_s, _STEPS))
         spread = self._relinearised(spread, rows, seen, tick_s, _STEPS)
         return hypotheses_of.distinct(Hypotheses.concatenate([settled, spread]))
 
-    def _through_windows(self, trial: Hypotheses, rows: Rows, seen: Seen, tick_s: float, older: IntArray) -> Hypotheses:
+    def _through_windows(
+        self, trial: Hypotheses, rows: Rows, seen: TrackHistory, tick_s: float, older: IntArray
+    ) -> Hypotheses:
         """Return hypotheses with all their rows linearised anew, and windows no wider and no longer than they need."""
         if not len(trial):
             return trial
         trial, fresh = windows.laid(trial, self.priors)
         young, split = ~np.isin(trial.track, older) | fresh, trial.window[:, 3] > 0.0
-        lone = split & seen.are_alone(trial.track) & (hypotheses_of.probability(trial) > _TELLING)
+        lone = split & seen.seen_by_one_sensor(trial.track) & (hypotheses_of.probability(trial) > _TELLING)
         parts = (
             (young, _STEPS),
             (~young & ~split, _LATER_STEPS),
@@ -210,24 +218,26 @@ class Fitting:
         again = self._relinearised(trial.take(lone), rows, seen, tick_s, _LATER_STEPS)
         return Hypotheses.concatenate([trial.take(~lone), again])
 
-    def _again(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
+    def _again(self, found: Hypotheses, rows: Rows, seen: TrackHistory, tick_s: float, track: IntArray) -> Hypotheses:
         """Return hypotheses with those that tracks by number have in headings where none was left."""
         mine = found.take(np.isin(found.track, track))
-        trial = windows.anew(mine, self.priors, seen.are_alone(mine.track))
+        trial = windows.anew(mine, self.priors, seen.seen_by_one_sensor(mine.track))
         if not len(trial):
             return found
         for _ in range(2):
             trial = hypotheses_of.distinct(self._relinearised(trial, rows, seen, tick_s, _STEPS))
         return trials.enlarged(found, trial)
 
-    def _pitched_early(self, found: Hypotheses, rows: Rows, seen: Seen, tick_s: float, track: IntArray) -> Hypotheses:
+    def _pitched_early(
+        self, found: Hypotheses, rows: Rows, seen: TrackHistory, tick_s: float, track: IntArray
+    ) -> Hypotheses:
         """Return hypotheses with those of tracks, by number, that one sensor sees, which pitched over unseen."""
-        may = (found.window[:, 3] > 0.0) & seen.are_alone(found.track) & are_open(found, tick_s)
+        may = (found.window[:, 3] > 0.0) & seen.seen_by_one_sensor(found.track) & are_open(found, tick_s)
         may &= np.isin(found.track, track) & (hypotheses_of.probability(found) > _TELLING)
         trial = trials.pitched_early(found.take(may), self.priors)
         return Hypotheses.concatenate([found, self._relinearised(trial, rows, seen, tick_s, _EARLY_STEPS)])
 
-    def _relinearised(self, trial: Hypotheses, rows: Rows, seen: Seen, tick_s: float, steps: int) -> Hypotheses:
+    def _relinearised(self, trial: Hypotheses, rows: Rows, seen: TrackHistory, tick_s: float, steps: int) -> Hypotheses:
         chosen, owner = joined(trial.track, rows.track)
         part, share = rows.take(chosen), np.ones(len(chosen))
         for _ in range(steps if len(trial) else 0):
@@ -235,13 +245,13 @@ class Fitting:
             trial = self._settled(fit.with_rows(trial.cleared(), family, part, owner, share), family, seen, tick_s)
         return evolve(trial, stood=trial.parameters)
 
-    def _settled(self, hypotheses: Hypotheses, family: Family, seen: Seen, tick_s: float) -> Hypotheses:
+    def _settled(self, hypotheses: Hypotheses, family: Family, seen: TrackHistory, tick_s: float) -> Hypotheses:
         """Return the hypotheses at the solutions of their normal equations, given when their burns may end."""
         solution = fit.solved(hypotheses, self.priors, self.watch.bias_sigma_rad)
         return self._finished(hypotheses, started(hypotheses, solution, self.priors, seen), family, seen, tick_s)
 
     def _finished(
-        self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: Seen, tick_s: float
+        self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: TrackHistory, tick_s: float
     ) -> Hypotheses:
         """Return the hypotheses at solutions, given when their burns may end."""
         solution, ends = self._ended(hypotheses, solution, family, seen, tick_s)
@@ -257,8 +267,8 @@ class Fitting:
         )
 
     def _ended(
-        self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: Seen, tick_s: float
-    ) -> tuple[Solved, Ends]:
+        self, hypotheses: Hypotheses, solution: Solved, family: Family, seen: TrackHistory, tick_s: float
+    ) -> tuple[Solved, BurnEnds]:
         """Return the solution given what was seen, or not, of the ends of burns, and these."""
         away, spread = solution.parameters - hypotheses.parameters, solution.spread
         mean = np.log(family.courses.burn_s) + np.sum(family.end_slope() * away, axis=1)

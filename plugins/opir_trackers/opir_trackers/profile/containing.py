@@ -29,7 +29,7 @@ _LEAST_M2 = 1e-12
 
 
 @frozen(eq=False)
-class Arcs(Columns):
+class ContainingArcs(Columns):
     """The impacts of n hypotheses as their burns may end; those with ends that are not open (`is_open`) are one place.
 
     `place` (n, k, 3) are impacts at k ends of the burn, `nodes` (n, k), latitude and longitude, rad, and time, nan of
@@ -56,12 +56,12 @@ class Arcs(Columns):
         nodes: FloatArray,
         quantiles: FloatArray,
         log: FloatArray,
-    ) -> "Arcs":
+    ) -> "ContainingArcs":
         """Return the arcs of hypotheses whose burns' ends are open."""
         return cls(place, sides, bend, nodes, quantiles, log, np.ones(len(nodes), dtype=np.bool_))
 
     @classmethod
-    def still(cls, impacts: Moments, nodes: FloatArray, quantiles: FloatArray) -> "Arcs":
+    def still(cls, impacts: Moments, nodes: FloatArray, quantiles: FloatArray) -> "ContainingArcs":
         """Return the arcs of impacts (n, 3) of covariances (n, 3, 3) that do not depend on the end."""
         again, count = nodes.shape[1], len(nodes)
         place, spread = (np.repeat(each[:, None], again, axis=1) for each in (impacts.mean, impacts.covariance))
@@ -70,7 +70,7 @@ class Arcs(Columns):
         return cls(place, factors(spread), straight, nodes, quantiles, alike, np.zeros(count, dtype=np.bool_))
 
 
-def containing_sigmas(arcs: Arcs, weight: FloatArray, row: IntArray, told: Moments) -> FloatArray:
+def containing_sigmas(arcs: ContainingArcs, weight: FloatArray, row: IntArray, told: Moments) -> FloatArray:
     """Return the radii (count, 3) of ellipses of told impacts that hold `TOLD_CONTAINMENTS` of what they stand for.
 
     They are in standard deviations of the told covariances (count, 3, 3). Hypotheses (n,) of one `row` of what is told
@@ -98,7 +98,7 @@ def containing_sigmas(arcs: Arcs, weight: FloatArray, row: IntArray, told: Momen
     return found
 
 
-def _squares(arcs: Arcs, told: Moments) -> tuple[FloatArray, FloatArray]:
+def _squares(arcs: ContainingArcs, told: Moments) -> tuple[FloatArray, FloatArray]:
     """Return the squared distances (n, points) of points from what is told, in its covariances, and their shares."""
     likelier, arc = _whitened(arcs, told)
     # Between two deviates an arc is straight.
@@ -111,7 +111,7 @@ def _squares(arcs: Arcs, told: Moments) -> tuple[FloatArray, FloatArray]:
     return square.reshape(len(arc), -1), np.repeat(share, _BESIDE, axis=1)
 
 
-def _whitened(arcs: Arcs, told: Moments) -> tuple[FloatArray, FloatArray]:
+def _whitened(arcs: ContainingArcs, told: Moments) -> tuple[FloatArray, FloatArray]:
     """Return how much likelier ends at `DEVIATES` are (n, d), 0 of what does not come down, and where (n, d, 2, 4).
 
     That is in the standard deviations told. The last axis is the place on the arc, and by what the two sides and the

@@ -58,7 +58,7 @@ class Silence:
         return Silence(self.last_s[rows], self.until_s[rows], self.chance[rows], self.period_s)
 
 
-class Ends(NamedTuple):
+class BurnEnds(NamedTuple):
     """Burns' lengths: means and variances (n,) of their logarithms, and the logarithms of the likelihoods (n,).
 
     `nodes` and `weights` (n, nodes) are Gauss's rule for their distribution, of mean 0 and variance 1: what is taken
@@ -74,7 +74,7 @@ class Ends(NamedTuple):
     quantiles: FloatArray
 
 
-def ends_of(start_s: FloatArray, mean: FloatArray, variance: FloatArray, silence: Silence) -> Ends:
+def ends_of(start_s: FloatArray, mean: FloatArray, variance: FloatArray, silence: Silence) -> BurnEnds:
     """Return the ends of burns from starts (n,), the logarithms of whose lengths the fit holds for normal (n,)."""
     sigma = np.sqrt(variance)
     last = np.max(np.where(np.isfinite(silence.last_s), silence.last_s, -np.inf), axis=1, initial=-np.inf)
@@ -85,7 +85,7 @@ def ends_of(start_s: FloatArray, mean: FloatArray, variance: FloatArray, silence
     near = np.flatnonzero(told & np.isfinite(last) & (early < np.maximum(last, until)) & (last > start_s))
     middle = (start_s + np.exp(length))[:, None]
     evidence = sum(_log_silence(silence, each, middle)[0][:, 0] for each in range(silence.last_s.shape[1]))
-    found = Ends(
+    found = BurnEnds(
         mean.copy(),
         variance.copy(),
         np.zeros(len(mean)) + evidence,
@@ -114,7 +114,7 @@ def normal_quantiles(count: int) -> FloatArray:
 
 def _moments(
     start: FloatArray, mean: FloatArray, sigma: FloatArray, last: FloatArray, until: FloatArray, silence: Silence
-) -> Ends:
+) -> BurnEnds:
     """Return the ends of n burns, by quadrature over ends e = last + fine (e^x - 1), x evenly spaced."""
     latest = np.maximum(start + np.exp(mean + 6.0 * sigma), until)
     reach = np.maximum(latest - last, sigma * (last - start)) + 1.0
@@ -135,7 +135,7 @@ def _moments(
     rule = gauss_rule(apart / scale, share, RULE)
     x = _quantiles(share) / _PLACES * top[:, None]
     quantiles = (np.log((last - start)[:, None] + _FINEST_S * np.expm1(x)) - middle[:, None]) / scale
-    return Ends(middle, np.maximum(variance, np.square(_SHARPEST_S / (last - start))), evidence, *rule, quantiles)
+    return BurnEnds(middle, np.maximum(variance, np.square(_SHARPEST_S / (last - start))), evidence, *rule, quantiles)
 
 
 def _quantiles(share: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from opir_trackers.profile import fit
 from opir_trackers.profile.burnout_speed import Placed
 from opir_trackers.profile.family import Family
 from opir_trackers.profile.fit import Hypotheses, Solved
-from opir_trackers.profile.memory import Memory
+from opir_trackers.profile.memory import FitMemory
 from opir_trackers.profile.start import started
 
 #: No burn is over sooner than this after its start, s.
@@ -21,7 +21,7 @@ _SOONEST_S = 1e-3
 
 
 def given_ends(
-    hypotheses: Hypotheses, origin: IntArray, parts: Hypotheses, end_s: FloatArray, memory: Memory
+    hypotheses: Hypotheses, origin: IntArray, parts: Hypotheses, end_s: FloatArray, memory: FitMemory
 ) -> Placed:
     """Return where parts (m,) of hypotheses (n,) are likeliest given when their burns end, and what is left of them.
 

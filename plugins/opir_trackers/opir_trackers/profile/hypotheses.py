@@ -25,7 +25,7 @@ _SAME = 4.0
 _LIGHT_S = 0.2
 
 
-class Path(NamedTuple):
+class HypothesisPath(NamedTuple):
     """The likeliest paths of tracks: positions at the times of rows, read or, for many rows, by parabolas."""
 
     track: IntArray
@@ -34,7 +34,7 @@ class Path(NamedTuple):
     positions_m: FloatArray
 
     @classmethod
-    def of(cls, hypotheses: Hypotheses, priors: Priors, rows: Rows | None) -> "Path":
+    def of(cls, hypotheses: Hypotheses, priors: Priors, rows: Rows | None) -> "HypothesisPath":
         """Return the paths; of those of which `rows` hold many, as parabolas over all their times."""
         likely = likeliest(hypotheses)
         family = fit.family_of(likely, priors)

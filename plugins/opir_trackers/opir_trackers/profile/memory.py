@@ -9,15 +9,15 @@ from opir_trackers.profile.family import Family, Priors
 from opir_trackers.profile.fit import Hypotheses, Solved
 from opir_trackers.profile.hypotheses import joined
 from opir_trackers.profile.rows import Rows
-from opir_trackers.profile.seen import Seen
+from opir_trackers.profile.seen import TrackHistory
 
 
 @frozen(eq=False)
-class Memory:
+class FitMemory:
     """All rows of tracks, what was seen of them, the priors of their classes and the biases (sensors,) of sensors."""
 
     rows: Rows
-    seen: Seen
+    seen: TrackHistory
     priors: Priors
     bias_sigma_rad: FloatArray
 

@@ -13,12 +13,12 @@ from attrs import evolve
 from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.profile import flight
 from opir_trackers.profile.burnout_speed import Placed, moved_by_speed, placed
-from opir_trackers.profile.containing import Arcs
+from opir_trackers.profile.containing import ContainingArcs
 from opir_trackers.profile.end_parts import given_ends
 from opir_trackers.profile.family import SPEED, Priors
 from opir_trackers.profile.fit import Hypotheses, family_of, plausible
 from opir_trackers.profile.flight import HERMITE_NODES, HERMITE_WEIGHTS, Moments, off_ground, on_ground
-from opir_trackers.profile.memory import Memory
+from opir_trackers.profile.memory import FitMemory
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
@@ -44,8 +44,8 @@ def open_impacts(
     variance: FloatArray,
     priors: Priors,
     forces: "ForceModel",
-    memory: Memory | None = None,
-) -> tuple[Moments, Arcs]:
+    memory: FitMemory | None = None,
+) -> tuple[Moments, ContainingArcs]:
     """Return impacts (n, 3), as `flight.impacts` does, of burns whose ends are open, and the arcs these lie along.
 
     `ends` are those of the hypotheses (n,), `variance` (n,) those of the logarithms of the burns' ends, the
@@ -64,12 +64,12 @@ def open_impacts(
     told = _moments(spots, np.where(known, weights * np.exp(log), 0.0), middle)
     place = off_ground(on_ground(spots.point, middle[:, None]), centre[:, None])
     place[~known] = np.nan
-    arcs = Arcs.of(place, spots.sides[:, :, :2], spots.bend[:, :, :2], nodes, hypotheses.end_quantiles, log)
+    arcs = ContainingArcs.of(place, spots.sides[:, :, :2], spots.bend[:, :, :2], nodes, hypotheses.end_quantiles, log)
     return Moments(off_ground(told.mean, centre), told.covariance), arcs
 
 
 def _by_ends(
-    hypotheses: Hypotheses, gain: FloatArray, variance: FloatArray, priors: Priors, memory: Memory | None
+    hypotheses: Hypotheses, gain: FloatArray, variance: FloatArray, priors: Priors, memory: FitMemory | None
 ) -> tuple[Hypotheses, FloatArray, FloatArray]:
     """Return hypotheses given when their burns end, all with their first end, and so on: (n k) in all.
 
@@ -90,7 +90,7 @@ def _by_ends(
 
 
 def _linearised_anew(
-    hypotheses: Hypotheses, origin: IntArray, parts: Hypotheses, found: Placed, away: FloatArray, memory: Memory
+    hypotheses: Hypotheses, origin: IntArray, parts: Hypotheses, found: Placed, away: FloatArray, memory: FitMemory
 ) -> tuple[Hypotheses, Placed]:
     """Return parts (m,) of hypotheses (n,), and what was found of them, anew where that is sound.
 

@@ -12,13 +12,13 @@ import numpy as np
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
 from opir_trackers.profile import flight
-from opir_trackers.profile.containing import Arcs, containing_sigmas
+from opir_trackers.profile.containing import ContainingArcs, containing_sigmas
 from opir_trackers.profile.doubts import doubts
 from opir_trackers.profile.family import EAST, NORTH, RADIUS_M, START, Family, Priors
 from opir_trackers.profile.fit import Hypotheses, family_of
 from opir_trackers.profile.flight import Moments, off_ground, on_ground
 from opir_trackers.profile.holding import holding_sigmas
-from opir_trackers.profile.memory import Memory
+from opir_trackers.profile.memory import FitMemory
 from opir_trackers.profile.open_impacts import open_impacts
 from opir_trackers.profile.thrust_end import with_ends
 
@@ -42,7 +42,7 @@ class Basis(NamedTuple):
 
     priors: Priors
     forces: "ForceModel"
-    memory: Memory | None = None
+    memory: FitMemory | None = None
     largest_impact_m: float = np.inf
     falls: IntArray | None = None
 
@@ -143,7 +143,7 @@ def _fallen(blend: _Blend, basis: Basis) -> tuple[Moments, FloatArray]:
     return impact, sigmas
 
 
-def _contained(impacts: Moments, arcs: Arcs, mixture: "_Mixture") -> tuple[Moments, FloatArray]:
+def _contained(impacts: Moments, arcs: ContainingArcs, mixture: "_Mixture") -> tuple[Moments, FloatArray]:
     """Return impacts by track, and the radii of their ellipses, of those of hypotheses (n,)."""
     impact = _blended(impacts, mixture, True)
     return impact, containing_sigmas(arcs, mixture.weight, mixture.row, impact)
@@ -158,7 +158,7 @@ def _to_be_linearised(blend: _Blend, basis: Basis, semi_axis_m: FloatArray) -> I
         return np.empty(0, dtype=np.int64)
     may = ~(semi_axis_m > _SHRINKS * basis.largest_impact_m)[blend.mixture.row]
     _, variance = blend.family.with_end(blend.hypotheses.spread)
-    may &= (variance > _OPEN**2) & basis.memory.seen.are_alone(blend.hypotheses.track)
+    may &= (variance > _OPEN**2) & basis.memory.seen.seen_by_one_sensor(blend.hypotheses.track)
     return np.flatnonzero(may)
 
 
@@ -181,7 +181,7 @@ class _Mixture(NamedTuple):
         return found
 
 
-def _impacts(blend: _Blend, basis: Basis) -> tuple[Moments, Arcs]:
+def _impacts(blend: _Blend, basis: Basis) -> tuple[Moments, ContainingArcs]:
     """Return impacts; where the end of the burn is open, as sums over when it may come, along arcs."""
     hypotheses, ends, spread = blend.hypotheses, blend.ends, blend.hypotheses.spread
     gain, variance = blend.family.with_end(spread)
@@ -190,13 +190,13 @@ def _impacts(blend: _Blend, basis: Basis) -> tuple[Moments, Arcs]:
     parts = []
     if len(closed):
         found = flight.impacts(ends.take(closed), blend.slope[closed], spread[closed], basis.forces)
-        parts.append((found, Arcs.still(found, hypotheses.end[closed, 0], hypotheses.end_quantiles[closed])))
+        parts.append((found, ContainingArcs.still(found, hypotheses.end[closed, 0], hypotheses.end_quantiles[closed])))
     if len(rows):
         apart = hypotheses.take(rows), ends.take(rows), gain[rows], variance[rows]
         parts.append(open_impacts(*apart, basis.priors, basis.forces))
     order = np.argsort(np.concatenate([closed, rows]))
     impacts, arcs = zip(*parts, strict=True)
-    return Moments.concatenate(impacts).take(order), Arcs.concatenate(arcs).take(order)
+    return Moments.concatenate(impacts).take(order), ContainingArcs.concatenate(arcs).take(order)
 
 
 #: A burn whose length is less certain than this, of it, has an open end.

@@ -12,7 +12,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.geometry import local_axes
 from opir_core.interfaces.columns import Columns
 from opir_trackers.profile.robust_means import Weights, detrended, weights_of
@@ -51,12 +51,12 @@ class Rows(Columns):
 Reference = Callable[[Rows], FloatArray]
 
 
-def single(track: IntArray, rays: Rays) -> Rows:
+def single(track: IntArray, rays: LinesOfSight) -> Rows:
     """Return rays (n,) of tracks by number (n,) as rows, in their order, as if light took no time."""
     return Rows(track, rays.time_s, rays.sensor, rays.origin_ecef_m, axes_about(rays), rays.sigma_rad)
 
 
-def axes_about(rays: Rays) -> FloatArray:
+def axes_about(rays: LinesOfSight) -> FloatArray:
     """Return axes (n, 3, 3) of rays: towards the east and the north of their sensors, and along."""
     return _axes(rays.origin_ecef_m, rays.direction_ecef)
 

@@ -7,7 +7,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_trackers.profile.end import Silence
 from opir_trackers.profile.rows import Rows
-from opir_trackers.sensor_schedule import Watch
+from opir_trackers.sensor_schedule import SensorSchedule
 from opir_trackers.stereo.report import STAGED_S
 
 #: A sensor's chance of detection is believed as much as so many looks.
@@ -40,7 +40,7 @@ _FAILED_S = 5.0
 
 
 @frozen(eq=False)
-class Seen(Columns):
+class TrackHistory(Columns):
     """What sensors saw of tracks, sorted by number: first and last light, times at which it left, and how often.
 
     `drift` (n, sensors, 2) is the running mean of whitened innovations, `wander` (n, sensors) its variance if well.
@@ -67,7 +67,7 @@ class Seen(Columns):
     jumps: FloatArray
 
     @classmethod
-    def nothing(cls, track: IntArray, sensors: int) -> "Seen":
+    def nothing(cls, track: IntArray, sensors: int) -> "TrackHistory":
         """Return what is seen of tracks before anything is."""
         shape = (len(track), sensors)
         return cls(
@@ -105,19 +105,21 @@ class Seen(Columns):
         beyond: FloatArray = square.sum(axis=(1, 2)) - 2.0 * np.count_nonzero(self.wander, axis=1)
         return beyond
 
-    def of(self, track: IntArray) -> "Seen":
+    def of(self, track: IntArray) -> "TrackHistory":
         """Return what is seen of tracks by number (n,)."""
         return self.take(np.searchsorted(self.track, track))
 
-    def are_alone(self, track: IntArray) -> BoolArray:
+    def seen_by_one_sensor(self, track: IntArray) -> BoolArray:
         """Return which tracks by number (n,) one sensor alone has seen."""
         alone: BoolArray = np.count_nonzero(self.of(track).hits > 0, axis=1) < 2
         return alone
 
-    def with_rays(self, rays: Rows, look_s: FloatArray) -> "Seen":
+    def with_rays(self, rays: Rows, look_s: FloatArray) -> "TrackHistory":
         """Return what is seen with rays (m,), looked at `look_s` (m,)."""
         fresh = np.setdiff1d(rays.track, self.track)
-        every = Seen.concatenate([self, Seen.nothing(fresh, self.hits.shape[1])]) if len(fresh) else self
+        every = (
+            TrackHistory.concatenate([self, TrackHistory.nothing(fresh, self.hits.shape[1])]) if len(fresh) else self
+        )
         every = every.take(np.argsort(every.track, kind="stable"))
         first, last, hits = every.first_s.copy(), every.last_s.copy(), every.hits.copy()
         travel = every.travel_s.copy()
@@ -128,7 +130,7 @@ class Seen(Columns):
         travel[key] = look_s - rays.time_s
         return evolve(every, first_s=first, last_s=last, hits=hits, travel_s=travel)
 
-    def paused(self, before: "Seen", rays: Rows, watch: Watch) -> "Seen":
+    def paused(self, before: "TrackHistory", rays: Rows, watch: SensorSchedule) -> "TrackHistory":
         """Return what is seen, made stranger where rays (m,) come after a pause that no single burn has by chance.
 
         Between stages nothing burns. `before` is what was seen before the rays. The pause's probability is that of as
@@ -149,7 +151,7 @@ class Seen(Columns):
         staged = np.maximum(self.staged, np.where(gain > 0.0, FIRST_STRANGE + gain + _FITTED, -np.inf))
         return evolve(self, strange=self.strange + gain, staged=staged)
 
-    def log_missed(self, looks: FloatArray, watch: Watch) -> FloatArray:
+    def log_missed(self, looks: FloatArray, watch: SensorSchedule) -> FloatArray:
         """Return the log chances (n,) that sensors miss burning targets in looks (n, sensors), whatever their class.
 
         Only those sensors count that have seen the target lately, and none that follows it after the burn.
@@ -162,19 +164,19 @@ class Seen(Columns):
         log: FloatArray = np.sum(np.where(hears, looks * np.log1p(-np.nan_to_num(share, nan=0.01)), 0.0), axis=1)
         return log
 
-    def dark_s(self, tick_s: float) -> FloatArray:
+    def time_since_last_s(self, tick_s: float) -> FloatArray:
         """Return for how long (n,), s, no sensor has seen the tracks."""
         dark: FloatArray = tick_s - np.max(self.last_s, axis=1)
         return dark
 
-    def are_out(self, tick_s: float, watch: Watch) -> BoolArray:
+    def are_out(self, tick_s: float, watch: SensorSchedule) -> BoolArray:
         """Return of which tracks (n,) the burn is over by their silence alone, too long for chance and for a stage."""
         since_s = np.maximum(tick_s - self.travel_s - self.last_s, 0.0)
         missed = self.log_missed(np.floor(since_s / watch.period_s), watch)
-        out: BoolArray = (self.dark_s(tick_s) > STAGED_S) & (missed < _OUT)
+        out: BoolArray = (self.time_since_last_s(tick_s) > STAGED_S) & (missed < _OUT)
         return out
 
-    def silence(self, kind: IntArray, tick_s: float, watch: Watch) -> Silence:
+    def silence(self, kind: IntArray, tick_s: float, watch: SensorSchedule) -> Silence:
         """Return the silence at a tick of hypotheses (n,) of these classes, one row each.
 
         The chance of a detection is what the sensor is built for, and the more what was seen, the longer it was.

@@ -11,7 +11,7 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_trackers.profile.family import START, Priors
 from opir_trackers.profile.fit import Hypotheses, Solved
-from opir_trackers.profile.seen import Seen
+from opir_trackers.profile.seen import TrackHistory
 
 #: The chance that what counts as a boost's first light was none of it: its start may then as well come later.
 _STRAY = 0.01
@@ -20,7 +20,7 @@ _STRAY = 0.01
 _FAR = 12.0
 
 
-def started(hypotheses: Hypotheses, solution: Solved, priors: Priors, seen: Seen) -> Solved:
+def started(hypotheses: Hypotheses, solution: Solved, priors: Priors, seen: TrackHistory) -> Solved:
     """Return the solution, its covariance grown by its misfit, given what the first light says of the start."""
     first_s = np.min(seen.of(hypotheses.track).first_s, axis=1) - hypotheses.anchor_s
     spread = solution.spread * solution.misfit[:, None, None]

@@ -14,7 +14,7 @@ from opir_trackers.profile import hypotheses as hypotheses_of
 from opir_trackers.profile.family import Priors
 from opir_trackers.profile.fit import Hypotheses
 from opir_trackers.profile.rows import Rows
-from opir_trackers.profile.seen import LEAN_VARIANCE, Seen
+from opir_trackers.profile.seen import LEAN_VARIANCE, TrackHistory
 
 #: What a new innovation weighs in the running mean.
 _FRESH = 0.15
@@ -42,33 +42,33 @@ _STRAYS = 4.0
 
 
 @frozen(eq=False)
-class Bank:
+class OffModelFilters:
     """Hypotheses, sorted by track and class, normal points, what was seen, and how many ticks each track has."""
 
     hypotheses: Hypotheses
     rows: Rows
-    seen: Seen
+    seen: TrackHistory
     ticks: IntArray
 
     @classmethod
-    def empty(cls, sensors: int) -> "Bank":
+    def empty(cls, sensors: int) -> "OffModelFilters":
         """Return the bank of no tracks."""
         whole = np.empty(0, dtype=np.int64)
-        return cls(fit.blank(0, sensors), Rows.empty(), Seen.nothing(whole, sensors), whole)
+        return cls(fit.blank(0, sensors), Rows.empty(), TrackHistory.nothing(whole, sensors), whole)
 
-    def joined(self, other: "Bank") -> "Bank":
+    def joined(self, other: "OffModelFilters") -> "OffModelFilters":
         """Return the bank with the tracks of another, none of which it has."""
         hypotheses = Hypotheses.concatenate([self.hypotheses, other.hypotheses])
-        seen = Seen.concatenate([self.seen, other.seen])
+        seen = TrackHistory.concatenate([self.seen, other.seen])
         order = np.argsort(seen.track, kind="stable")
-        return Bank(
+        return OffModelFilters(
             hypotheses.take(np.argsort(hypotheses.track, kind="stable")),
             Rows.concatenate([self.rows, other.rows]),
             seen.take(order),
             np.concatenate([self.ticks, other.ticks])[order],
         )
 
-    def without_fits(self, track: IntArray) -> "Bank":
+    def without_fits(self, track: IntArray) -> "OffModelFilters":
         """Return the bank without the hypotheses and rows of tracks, of which it remains known what was seen."""
         if not len(track):
             return self
@@ -78,7 +78,7 @@ class Bank:
             rows=self.rows.take(~np.isin(self.rows.track, track)),
         )
 
-    def without(self, track: IntArray) -> "Bank":
+    def without(self, track: IntArray) -> "OffModelFilters":
         """Return the bank without tracks."""
         if not len(track):
             return self
@@ -86,7 +86,7 @@ class Bank:
         return evolve(self.without_fits(track), seen=self.seen.take(kept), ticks=self.ticks[kept])
 
 
-def strained(bank: Bank, fresh: Rows, priors: Priors, bias_sigma_rad: FloatArray) -> Bank:
+def strained(bank: OffModelFilters, fresh: Rows, priors: Priors, bias_sigma_rad: FloatArray) -> OffModelFilters:
     """Return the bank, before fresh rows (m,) are taken in, with the past weakened of tracks that fly otherwise."""
     likely = hypotheses_of.likeliest(bank.hypotheses.take(bank.hypotheses.rows > 0.0))
     mine = np.isin(fresh.track, likely.track)
@@ -103,7 +103,7 @@ def strained(bank: Bank, fresh: Rows, priors: Priors, bias_sigma_rad: FloatArray
     return _faded(bank, np.where(beyond, _SHARE, 1.0)) if beyond.any() else bank
 
 
-def _drifted(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
+def _drifted(seen: TrackHistory, rows: Rows, innovation: FloatArray) -> TrackHistory:
     """Return what is seen with the running means of innovations (m, 2) gone on, row by row."""
     drift, wander = seen.drift.copy(), seen.wander.copy()
     place = np.searchsorted(seen.track, rows.track)
@@ -118,7 +118,7 @@ def _drifted(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
     return evolve(seen, drift=drift, wander=wander)
 
 
-def judged(seen: Seen, rows: Rows, innovation: FloatArray) -> Seen:
+def judged(seen: TrackHistory, rows: Rows, innovation: FloatArray) -> TrackHistory:
     """Return what is seen with the odds told by innovations (m, 2) that targets do not fly as the family does.
 
     Those of the family's targets are white, and as large as they differ by from one to the next. Those of others are
@@ -183,7 +183,7 @@ def _biases(likely: Hypotheses, bias_sigma_rad: FloatArray) -> FloatArray:
     return told
 
 
-def _faded(bank: Bank, share: FloatArray) -> Bank:
+def _faded(bank: OffModelFilters, share: FloatArray) -> OffModelFilters:
     """Return the bank with what tracks' rows say weakened to shares (tracks,)."""
     by_row = share[np.searchsorted(bank.seen.track, bank.rows.track)]
     by_hypothesis = share[np.searchsorted(bank.seen.track, bank.hypotheses.track)]

@@ -4,7 +4,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, no_rays
+from opir_core.estimation.lines_of_sight import LinesOfSight, no_rays
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
@@ -16,9 +16,9 @@ from opir_trackers.profile.beginning import caught_up
 from opir_trackers.profile.fit import Hypotheses
 from opir_trackers.profile.priors import priors_of
 from opir_trackers.profile.report import Basis, report
-from opir_trackers.profile.strain import Bank
+from opir_trackers.profile.strain import OffModelFilters
 from opir_trackers.profile.trust import apart, blended, chances, typed
-from opir_trackers.sensor_schedule import Watch
+from opir_trackers.sensor_schedule import SensorSchedule
 from opir_trackers.stereo.tracker import StereoTracker
 
 #: Rays that belong to no track are kept for this long, s, or this many scans, for a track that begins later.
@@ -42,16 +42,16 @@ class ProfileTracker:
         self._forces = context.forces
         self._largest_impact_m = 1e3 * config.largest_impact_km
         self._impacts_in_burn = config.impacts_in_burn
-        self._bank = Bank.empty(len(context.sensors))
+        self._bank = OffModelFilters.empty(len(context.sensors))
         self._pool = no_rays()
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
         return self._inner.associate(detections)
 
-    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Take the sensors to be these from the last tick on: as many, with other settings."""
-        self._inner.sees_with(sensors)
+        self._inner.set_sensors(sensors)
         before, watch = self._fitting.watch, _watch_of(sensors)
         share = before.period_s / watch.period_s * (watch.chance / before.chance).mean(axis=1)
         self._fitting = evolve(self._fitting, watch=watch)
@@ -62,7 +62,7 @@ class ProfileTracker:
         """Take in the detections since the last tick and return the estimates at this one."""
         followed = self._inner.step(tick_s, detections)
         mine = detections.track >= 0
-        rays = Rays.of(detections)
+        rays = LinesOfSight.of(detections)
         track = detections.track[mine]
         stray = self._inner.stray_shares(track)
         self._bank = self._fitting.stepped(self._bank, tick_s, track, rays.take(mine), stray)
@@ -71,10 +71,10 @@ class ProfileTracker:
         self._begin(np.setdiff1d(followed.track, self._bank.seen.track), tick_s)
         return self._told(followed, tick_s)
 
-    def _wait(self, free: Rays, tick_s: float) -> None:
+    def _wait(self, free: LinesOfSight, tick_s: float) -> None:
         """Keep rays that belong to no track for tracks to come."""
         keep_s = np.maximum(_POOL_S, _POOL_SCANS * self._fitting.watch.period_s)[self._pool.sensor]
-        self._pool = Rays.concatenate([self._pool.take(self._pool.time_s > tick_s - keep_s), free])
+        self._pool = LinesOfSight.concatenate([self._pool.take(self._pool.time_s > tick_s - keep_s), free])
 
     def _begin(self, track: IntArray, tick_s: float) -> None:
         """Begin tracks by number with the rays that wait and are theirs."""
@@ -117,13 +117,15 @@ class ProfileTracker:
         filtered, fitted = followed.take(row[present]), told.take(present)
         seen = self._bank.seen.of(filtered.track)
         odds = seen.otherwise + apart(fitted, filtered)
-        mixed = blended(fitted, filtered, chances(odds, seen.are_alone(seen.track)), seen.dark_s(tick_s))
+        mixed = blended(
+            fitted, filtered, chances(odds, seen.seen_by_one_sensor(seen.track)), seen.time_since_last_s(tick_s)
+        )
         every = Tracks.concatenate([told.take(~np.isin(told.track, mixed.track)), mixed])
         return every.take(np.argsort(every.track, kind="stable"))
 
 
-def _watch_of(sensors: tuple[Sensor, ...]) -> Watch:
-    return Watch.of(sensors, least=_LEAST_STATED, most=_MOST_STATED)
+def _watch_of(sensors: tuple[Sensor, ...]) -> SensorSchedule:
+    return SensorSchedule.of(sensors, least=_LEAST_STATED, most=_MOST_STATED)
 
 
 def _weighed(hypotheses: Hypotheses, followed: Tracks) -> tuple[Hypotheses, FloatArray]:

@@ -42,7 +42,7 @@ def chances(log_odds: FloatArray, alone: BoolArray) -> FloatArray:
     return counts
 
 
-def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatArray) -> Tracks:
+def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, time_since_last_s: FloatArray) -> Tracks:
     """Return the tracks of both, row by row, as mixtures in which the filter's have these chances (n,).
 
     The radii of impacts' ellipses are the fit's where nothing is mixed in. A burn that has stages may go on: of targets
@@ -57,7 +57,7 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, dark_s: FloatA
     impact, impact_spread = _mixed_places(
         fitted.impact, fitted.impact_covariance, filtered.impact, filtered.impact_covariance, chance, heavy
     )
-    early = heavy & (dark_s <= STAGED_S)
+    early = heavy & (time_since_last_s <= STAGED_S)
     is_mixed = (chance > 0.0) & np.isfinite(filtered.impact).all(axis=1) | heavy
     return evolve(
         fitted,

@@ -4,14 +4,14 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, Sights, dot
+from opir_core.estimation.lines_of_sight import LinesOfSight, Sights, dot
 from opir_trackers.assignment import different, lone
 from opir_trackers.association import Chances, plain, scan_groups, scan_numbers
-from opir_trackers.filter.switching import Bank, SwitchingFilter
-from opir_trackers.gating import Pairs
-from opir_trackers.predicted_measurements import Outlook
-from opir_trackers.stereo.ambiguous_measurements import LEAST_WEIGHT, Contested, expected
-from opir_trackers.stereo.associate_and_update import Followed
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.gating import GatedPairs
+from opir_trackers.predicted_measurements import PredictedMeasurements
+from opir_trackers.stereo.ambiguous_measurements import LEAST_WEIGHT, AmbiguousMeasurements, expected
+from opir_trackers.stereo.associate_and_update import AssociationResult
 from opir_trackers.stereo.histories import Histories, parted_sights, weighed
 
 #: A ray this much less likely (log) to be a track's than noise is none of its, wherever the track turns out to be.
@@ -37,8 +37,13 @@ _RECENT_S = 20.0
 
 
 def slice_sights(
-    path: Outlook, told: Followed, rows: IntArray, rays: Rays, chances: Chances, span: float
-) -> tuple[Sights, IntArray, Contested]:
+    path: PredictedMeasurements,
+    told: AssociationResult,
+    rows: IntArray,
+    rays: LinesOfSight,
+    chances: Chances,
+    span: float,
+) -> tuple[Sights, IntArray, AmbiguousMeasurements]:
     """Return the lines of sight of tracks in a slice of length `span`, whose sensors', and the contested rays in them.
 
     The tracks are `rows` of the bank that was followed, and `path` says where they are after the slice.
@@ -55,9 +60,9 @@ def slice_sights(
     means, whose, part = parted_sights(path, weighed_sights, sensor, span)
     rows = np.flatnonzero(contested)
     if not len(rows):
-        return means, whose, Contested.empty()
+        return means, whose, AmbiguousMeasurements.empty()
     residual = sights.missed(path.positions(pairs.track, pairs.time_s))
-    open_ = Contested(
+    open_ = AmbiguousMeasurements(
         sight=part[rows],
         ray=pairs.ray[rows],
         scan=scan_numbers(rays.sensor, rays.scan)[pairs.ray[rows]],
@@ -70,7 +75,9 @@ def slice_sights(
     return means, whose, open_
 
 
-def _disputed(path: Outlook, pairs: Pairs, owner: IntArray, rays: Rays, chances: Chances) -> tuple[Pairs, BoolArray]:
+def _disputed(
+    path: PredictedMeasurements, pairs: GatedPairs, owner: IntArray, rays: LinesOfSight, chances: Chances
+) -> tuple[GatedPairs, BoolArray]:
     """Return the pairs that count, and which of them (n,) are of lines of sight in which some ray has a rival."""
     if len(path.side) < 2:
         return pairs, np.zeros(len(pairs), dtype=bool)
@@ -87,11 +94,11 @@ def _disputed(path: Outlook, pairs: Pairs, owner: IntArray, rays: Rays, chances:
     return pairs.take(some), contested[some]
 
 
-def turned(filter_: SwitchingFilter, known: Histories, bank: Bank, time_s: float) -> tuple[Histories, Bank]:
+def turned(filter_: ImmFilter, known: Histories, bank: ModeEstimates, time_s: float) -> tuple[Histories, ModeEstimates]:
     """Return histories with their contested rays weighed anew by estimates (a bank) at `time_s`, and what follows."""
     recent = np.flatnonzero(known.contested.end_s > time_s - _RECENT_S)
     if not len(recent):
-        return evolve(known, contested=Contested.empty()) if len(known.contested) else known, bank
+        return evolve(known, contested=AmbiguousMeasurements.empty()) if len(known.contested) else known, bank
     known = evolve(known, contested=known.contested.part(recent))
     whose = known.sights.track
     used = different(known.contested.sight)
@@ -109,10 +116,10 @@ def turned(filter_: SwitchingFilter, known: Histories, bank: Bank, time_s: float
     return known, bank.put(rows, _of_likelier_mode(part, after))
 
 
-def _of_likelier_mode(before: Bank, after: Bank) -> Bank:
+def _of_likelier_mode(before: ModeEstimates, after: ModeEstimates) -> ModeEstimates:
     """Return estimates with those of each track's likelier mode alone replaced."""
     coasts = (before.weight[:, 1] > before.weight[:, 0])[:, None]
-    return Bank(
+    return ModeEstimates(
         before.weight,
         np.where(coasts, before.boost_mean, after.boost_mean),
         np.where(coasts[:, None], before.boost_root, after.boost_root),

@@ -16,7 +16,7 @@ from opir_core.estimation.lines_of_sight import Sights, along, dot
 from opir_core.interfaces.columns import Columns
 from opir_trackers.assignment import ranks
 from opir_trackers.joint_association import marginals
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 
 #: A ray that is less probably a track's than this, by its rivals for the ray alone, is none of its.
 _LEAST_SHARE = 5e-3
@@ -26,7 +26,7 @@ LEAST_WEIGHT = 1e-6
 
 
 @frozen(eq=False)
-class Contested(Columns):
+class AmbiguousMeasurements(Columns):
     """Rays that may be part of lines of sight, one row each: which line of sight, which ray and which scan it is of.
 
     `seen` (n, 2), rad, is where the ray is in the plane of the line of sight; `odds` (n,) the log likelihood that a ray
@@ -44,12 +44,12 @@ class Contested(Columns):
     end_s: FloatArray
 
     @classmethod
-    def empty(cls) -> "Contested":
+    def empty(cls) -> "AmbiguousMeasurements":
         """Return the record of no rays."""
         whole, none = np.empty(0, dtype=np.int64), np.empty(0)
         return cls(whole, whole, whole, np.empty((0, 2)), none, none, none, none)
 
-    def weighed(self, track: IntArray, seen: FloatArray) -> "Contested":
+    def weighed(self, track: IntArray, seen: FloatArray) -> "AmbiguousMeasurements":
         """Return the rays with how probably each is the track's, one ray a track and scan, and one track a ray.
 
         `track` (m,) are the tracks of the lines of sight, `seen` (m, 2) is where they are expected to be seen.
@@ -74,7 +74,7 @@ class Contested(Columns):
         whitener[mine] = np.sqrt(total[mine])[:, None, None] * np.eye(2)
         return evolve(sights, seen=seen, whitener=whitener), mine
 
-    def without(self, gone: BoolArray, sight: IntArray) -> "Contested":
+    def without(self, gone: BoolArray, sight: IntArray) -> "AmbiguousMeasurements":
         """Return what is left once lines of sight (m,) are gone, others now being numbered `sight` (m,).
 
         A ray that was theirs with some probability is the less others'.
@@ -86,7 +86,7 @@ class Contested(Columns):
         return evolve(self, odds=odds, sight=sight[self.sight]).take(np.flatnonzero(~left))
 
 
-def expected(path: Outlook, sights: Sights) -> FloatArray:
+def expected(path: PredictedMeasurements, sights: Sights) -> FloatArray:
     """Return where (n, 2) lines of sight would be, each in its own plane, if tracks were where they are taken to be."""
     local = along(sights.axes, path.positions(sights.track, sights.time_s) - sights.origin_m)
     seen: FloatArray = local[:, :2] / local[:, 2:]

@@ -7,7 +7,7 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_trackers.association import (
     Associated,
     Chances,
@@ -22,12 +22,12 @@ from opir_trackers.association import (
 from opir_trackers.biases import Biases
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.mode_mixing import are_loose
-from opir_trackers.filter.switching import Bank, SwitchingFilter
-from opir_trackers.gating import Pairs, candidates, gated
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.gating import GatedPairs, candidates, gated
+from opir_trackers.predicted_measurements import PredictedMeasurements
 from opir_trackers.stereo.ghosts import RANGE_M, Slice, without_ghosts
-from opir_trackers.stereo.outlier_fraction import FEW, Span, Strays, doubtful, unsuspected, weighed
-from opir_trackers.stereo.track_management import Roster
+from opir_trackers.stereo.outlier_fraction import FEW, Outliers, Span, doubtful, unsuspected, weighed
+from opir_trackers.stereo.track_management import TrackTable
 
 #: A settled assignment may reach this much farther than the first gate, in standard deviations.
 _SETTLING_GATE = 6.0
@@ -42,43 +42,43 @@ _Answer = TypeVar("_Answer")
 _NONE = np.empty(0, dtype=np.int64)
 
 
-class Followed(NamedTuple):
+class AssociationResult(NamedTuple):
     """Estimates after a slice, the row that each ray was given to, -1 for none, the pairs in which it was, and all.
 
     `strays` (n, shares) is what each track's own rays so far tell of the share of strays among them; it is missing
     where all tracks are known to have next to none.
     """
 
-    bank: Bank
+    bank: ModeEstimates
     owner: IntArray
-    own: Pairs
-    pairs: Pairs
+    own: GatedPairs
+    pairs: GatedPairs
     strays: FloatArray | None = None
 
 
 @frozen(eq=False)
-class Following:
+class AssociateAndUpdate:
     """How tracks take in rays."""
 
     config: StereoFilterConfig
-    filter: SwitchingFilter
+    filter: ImmFilter
     chances: Chances
     light_time: bool
     biases: Biases
     #: The last bank moved, and the last one looked out from and held against rays: labels and estimates ask the same.
     last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
-    met: list[tuple[Outlook, float, Rays, Pairs]] = field(factory=list)
-    assigned: list[tuple[Pairs, IntArray | None, Associated]] = field(factory=list)
+    met: list[tuple[PredictedMeasurements, float, LinesOfSight, GatedPairs]] = field(factory=list)
+    assigned: list[tuple[GatedPairs, IntArray | None, Associated]] = field(factory=list)
 
-    def moved(self, bank: Bank, step_s: float) -> Bank:
+    def moved(self, bank: ModeEstimates, step_s: float) -> ModeEstimates:
         """Return a bank a step later, as far as it is `expected`."""
         return self.remembered("moved", self.filter.expected, bank, step_s)
 
-    def outlook(self, bank: Bank, time_s: float) -> Outlook:
+    def outlook(self, bank: ModeEstimates, time_s: float) -> PredictedMeasurements:
         """Return where the tracks of a bank are about its time."""
         return self.remembered("outlook", self.filter.outlook, bank, time_s)
 
-    def blurred(self, bank: Bank, time_s: float, reports: IntArray) -> Outlook:
+    def blurred(self, bank: ModeEstimates, time_s: float, reports: IntArray) -> PredictedMeasurements:
         """Return where the tracks of a bank are, with what the biases of those that see them, by `reports`, add."""
         outlook = self.outlook(bank, time_s)
         if not self.biases.any:
@@ -88,11 +88,11 @@ class Following:
             "blurred", lambda one, when: one._replace(blur=self.biases.of_others(place, when, seen)), outlook, time_s
         )
 
-    def moments(self, bank: Bank) -> tuple[FloatArray, FloatArray]:
+    def moments(self, bank: ModeEstimates) -> tuple[FloatArray, FloatArray]:
         """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity of a bank's tracks."""
         return self.remembered("moments", lambda one, _: self.filter.moments(one), bank, 0.0)
 
-    def restrained(self, bank: Bank, rows: IntArray) -> Bank:
+    def restrained(self, bank: ModeEstimates, rows: IntArray) -> ModeEstimates:
         """Return the bank, of whose tracks `rows` no velocity is less certain than those of all targets are."""
         rows = rows[are_loose(self.moments(bank)[1][rows])]
         return self.filter.restrained(bank, rows) if len(rows) else bank
@@ -105,7 +105,9 @@ class Following:
         answer: _Answer = known[2]
         return answer
 
-    def followed(self, bank: Bank, end_s: float, rays: Rays, span: float, young: IntArray, known: Roster) -> Followed:
+    def followed(
+        self, bank: ModeEstimates, end_s: float, rays: LinesOfSight, span: float, young: IntArray, known: TrackTable
+    ) -> AssociationResult:
         """Return the bank with a slice's rays taken in, and what each ray told, given what is `known` of the tracks.
 
         The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
@@ -113,13 +115,13 @@ class Following:
         was seen of them.
         """
         ahead = self.blurred(bank, end_s, known.reports)
-        pairs, stray = self.paired(ahead, rays, span), Strays(known.strays)
+        pairs, stray = self.paired(ahead, rays, span), Outliers(known.strays)
         found = self._associated(pairs, rays)
         after = self.filter.updated(bank, end_s, found.sights, span)
         busy = self._restless(bank, after, pairs, rays, young) if self.config.settling and found.contested else _NONE
-        first = Followed(after, found.owner, found.own, pairs)
+        first = AssociationResult(after, found.owner, found.own, pairs)
         told = self._settled(first, bank, ahead, rays, span, pairs, busy) if len(busy) else first
-        share = self.remembered("shares", lambda log, _: Strays(log).share, stray.log, 0.0)
+        share = self.remembered("shares", lambda log, _: Outliers(log).share, stray.log, 0.0)
         doubted = doubtful(told.own, share) if self.config.association == "nearest" else _NONE
         if len(doubted) and found.contested:
             doubted = np.setdiff1d(doubted, crowded(pairs, rays), assume_unique=True)
@@ -127,10 +129,12 @@ class Following:
             if not np.count_nonzero(share > FEW):
                 return told
             strays = stray.log + unsuspected(told.own, stray, self.config.gate_sigma)
-            return Followed(told.bank, told.owner, told.own, told.pairs, strays)
+            return AssociationResult(told.bank, told.owner, told.own, told.pairs, strays)
         return self._weighed(told, bank, Span(end_s, span, self.config.gate_sigma), stray, doubted)
 
-    def _weighed(self, told: Followed, bank: Bank, span: Span, stray: Strays, doubted: IntArray) -> Followed:
+    def _weighed(
+        self, told: AssociationResult, bank: ModeEstimates, span: Span, stray: Outliers, doubted: IntArray
+    ) -> AssociationResult:
         """Return what was followed with the rays of tracks `doubted`, which have no rivals, weighed."""
         strays = unsuspected(told.own, stray, span.gate)
         place = np.full(len(bank), -1, dtype=np.int64)
@@ -141,7 +145,9 @@ class Following:
         strays[doubted] = found.strays
         return told._replace(bank=told.bank.put(doubted, found.bank), strays=stray.after(strays).log)
 
-    def _restless(self, bank: Bank, after: Bank, pairs: Pairs, rays: Rays, young: IntArray) -> IntArray:
+    def _restless(
+        self, bank: ModeEstimates, after: ModeEstimates, pairs: GatedPairs, rays: LinesOfSight, young: IntArray
+    ) -> IntArray:
         """Return the tracks that have rivals, of clusters in which one, not young, moved enough for other rays."""
         rivals = crowded(pairs, rays)
         shift = after.take(rivals).likelier_position_m - bank.take(rivals).likelier_position_m
@@ -150,8 +156,15 @@ class Following:
         return rivals[related(pairs, restless)[rivals]]
 
     def _settled(
-        self, first: Followed, bank: Bank, ahead: Outlook, rays: Rays, span: float, pairs: Pairs, busy: IntArray
-    ) -> Followed:
+        self,
+        first: AssociationResult,
+        bank: ModeEstimates,
+        ahead: PredictedMeasurements,
+        rays: LinesOfSight,
+        span: float,
+        pairs: GatedPairs,
+        busy: IntArray,
+    ) -> AssociationResult:
         """Return what was followed with the rays of the tracks `busy`, which have rivals, assigned anew."""
         place = np.full(len(bank) + 1, -1, dtype=np.int64)
         place[busy] = np.arange(len(busy))
@@ -174,20 +187,22 @@ class Following:
         others = np.where((first.owner >= 0) & (place[first.owner] < 0), first.owner, -1)
         kept = first.own.take(np.flatnonzero(place[first.own.track] < 0))
         settled = evolve(found.own, track=busy[found.own.track])
-        return Followed(
+        return AssociationResult(
             first.bank.put(busy, then),
             np.where(mine >= 0, busy[mine], others),
-            Pairs.concatenate([kept, settled]),
+            GatedPairs.concatenate([kept, settled]),
             pairs,
         )
 
-    def _unghosted(self, bank: Bank, end_s: float, pairs: Pairs, rays: Rays, found: Associated) -> Associated:
+    def _unghosted(
+        self, bank: ModeEstimates, end_s: float, pairs: GatedPairs, rays: LinesOfSight, found: Associated
+    ) -> Associated:
         """Return the association with the rays of one sensor exchanged where that explains the slice better."""
         used = found.owner[pairs.ray] == pairs.track
         better = without_ghosts(Slice(self.filter, self.chances, self.light_time, bank, end_s, rays), pairs, used)
         return found if np.array_equal(better, used) else as_owned(pairs, rays, better)
 
-    def paired(self, outlook: Outlook, rays: Rays, span: float) -> Pairs:
+    def paired(self, outlook: PredictedMeasurements, rays: LinesOfSight, span: float) -> GatedPairs:
         """Return the gated pairs of all tracks and the rays of a span; the same question twice is worked out once."""
         if self.met:
             before, reach, known, pairs = self.met[0]
@@ -198,12 +213,12 @@ class Following:
         self.met[:] = [(outlook, span, rays, pairs)]
         return pairs
 
-    def _associated(self, pairs: Pairs, rays: Rays) -> Associated:
+    def _associated(self, pairs: GatedPairs, rays: LinesOfSight) -> Associated:
         if self.config.association == "joint":
             return associate_joint(pairs, rays, self.chances)
         return self.nearest(pairs, rays)
 
-    def nearest(self, pairs: Pairs, rays: Rays) -> Associated:
+    def nearest(self, pairs: GatedPairs, rays: LinesOfSight) -> Associated:
         """Return the likeliest assignment of each scan; the same question twice is worked out once."""
         if self.assigned and self.assigned[0][0] is pairs:
             _, known, found = self.assigned[0]

@@ -8,7 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.interfaces.columns import Columns
 from opir_trackers.association import scan_numbers
 
@@ -23,7 +23,7 @@ _ENOUGH_SCANS = 4
 
 
 @frozen(eq=False)
-class Sightings(Columns):
+class SharedDetections(Columns):
     """Which track, by number, was seen in which scan of which sensor, and when: one row each."""
 
     number: IntArray
@@ -32,20 +32,22 @@ class Sightings(Columns):
     time_s: FloatArray
 
     @classmethod
-    def empty(cls) -> "Sightings":
+    def empty(cls) -> "SharedDetections":
         """Return the record of no sightings."""
         none = np.empty(0, dtype=np.int64)
         return cls(none, none.astype(np.int32), none, np.empty(0))
 
-    def after(self, number: IntArray, owner: IntArray, rays: Rays, time_s: float, memory_s: FloatArray) -> "Sightings":
+    def after(
+        self, number: IntArray, owner: IntArray, rays: LinesOfSight, time_s: float, memory_s: FloatArray
+    ) -> "SharedDetections":
         """Return those of a slice that ends at `time_s`, and earlier ones as long as each sensor's are remembered.
 
         `owner` (m,) is the row, in `number`, of the track that each ray of the slice belongs to, -1 for none.
         """
         mine = np.flatnonzero(owner >= 0)
-        fresh = Sightings(number[owner[mine]], rays.sensor[mine], rays.scan[mine], rays.time_s[mine])
+        fresh = SharedDetections(number[owner[mine]], rays.sensor[mine], rays.scan[mine], rays.time_s[mine])
         old = np.flatnonzero(self.time_s > time_s - memory_s[self.sensor])
-        return Sightings.concatenate([self.take(old), fresh]) if len(old) else fresh
+        return SharedDetections.concatenate([self.take(old), fresh]) if len(old) else fresh
 
 
 def remembered_s(period_s: FloatArray, slice_s: float, scans: int) -> FloatArray:
@@ -55,7 +57,7 @@ def remembered_s(period_s: FloatArray, slice_s: float, scans: int) -> FloatArray
 
 
 def doubles(
-    number: IntArray, state: FloatArray, covariance: FloatArray, sightings: Sightings, hits: IntArray
+    number: IntArray, state: FloatArray, covariance: FloatArray, sightings: SharedDetections, hits: IntArray
 ) -> BoolArray:
     """Return which tracks (n,), of rising numbers, are the lesser of two that follow one target.
 
@@ -95,7 +97,7 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
     return ordered
 
 
-def _never_both(near: IntArray, number: IntArray, sightings: Sightings) -> BoolArray:
+def _never_both(near: IntArray, number: IntArray, sightings: SharedDetections) -> BoolArray:
     """Return which pairs (k,) scans enough have spoken of, none of which saw both."""
     row = np.searchsorted(number, sightings.number)
     here = np.flatnonzero(np.append(number, -1)[row] == sightings.number)

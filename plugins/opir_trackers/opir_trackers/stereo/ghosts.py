@@ -12,11 +12,11 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, Sights
+from opir_core.estimation.lines_of_sight import LinesOfSight, Sights
 from opir_trackers.assignment import nearest
 from opir_trackers.association import Chances, scan_groups
-from opir_trackers.filter.switching import Bank, SwitchingFilter
-from opir_trackers.gating import Pairs, gated
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.gating import GatedPairs, gated
 
 #: Rivals share at least this share of the rays that one of them holds of a sensor.
 _LEAST_SHARED = 0.25
@@ -38,12 +38,12 @@ _GATE = 4.5
 class Slice:
     """The rays of a slice that ends at `time_s`, and the estimates (a bank) before they are taken in."""
 
-    filter: SwitchingFilter
+    filter: ImmFilter
     chances: Chances
     light_time: bool
-    bank: Bank
+    bank: ModeEstimates
     time_s: float
-    rays: Rays
+    rays: LinesOfSight
 
 
 class Exchange(NamedTuple):
@@ -59,7 +59,7 @@ class Exchange(NamedTuple):
         return np.stack([self.first, self.second], axis=1).ravel()
 
 
-def without_ghosts(known: Slice, pairs: Pairs, used: BoolArray) -> BoolArray:
+def without_ghosts(known: Slice, pairs: GatedPairs, used: BoolArray) -> BoolArray:
     """Return which pairs (n,) are used after the exchanges of one sensor's rays that explain a slice better.
 
     `used` says which pairs an assignment chose.
@@ -96,7 +96,7 @@ def _those(rows: IntArray, side: IntArray, trials: IntArray) -> tuple[IntArray, 
 
 
 def _anew(
-    known: Slice, pairs: Pairs, used: BoolArray, rows: IntArray, side: IntArray, trial: Exchange
+    known: Slice, pairs: GatedPairs, used: BoolArray, rows: IntArray, side: IntArray, trial: Exchange
 ) -> tuple[IntArray, IntArray]:
     """Return pairs and sides after the rays of each trial are assigned anew by the estimates that `rows` lead to.
 
@@ -125,7 +125,7 @@ def _first_s(known: Slice) -> float:
     return float(known.rays.time_s.min(initial=known.time_s))
 
 
-def _rivals(pairs: Pairs, used: BoolArray, rays: Rays) -> Exchange:
+def _rivals(pairs: GatedPairs, used: BoolArray, rays: LinesOfSight) -> Exchange:
     """Return who may exchange what: neighbours in the lists of the tracks that gate each used ray."""
     order = np.lexsort((pairs.track, pairs.ray))
     track, ray = pairs.track[order], pairs.ray[order]
@@ -141,7 +141,7 @@ def _rivals(pairs: Pairs, used: BoolArray, rays: Rays) -> Exchange:
     return Exchange(*trials[enough & both].T)
 
 
-def _exchanged(pairs: Pairs, held: IntArray, rays: Rays, trial: Exchange) -> tuple[IntArray, IntArray]:
+def _exchanged(pairs: GatedPairs, held: IntArray, rays: LinesOfSight, trial: Exchange) -> tuple[IntArray, IntArray]:
     """Return pairs and the side (twice the trial, and one for the second track) they are used on after an exchange."""
     size = len(rays) + 1
     key = pairs.track * size + pairs.ray
@@ -160,7 +160,7 @@ def _exchanged(pairs: Pairs, held: IntArray, rays: Rays, trial: Exchange) -> tup
     return np.concatenate(found), np.concatenate(sides)
 
 
-def _all_rays(pairs: Pairs, held: IntArray, tracks: IntArray) -> tuple[IntArray, IntArray]:
+def _all_rays(pairs: GatedPairs, held: IntArray, tracks: IntArray) -> tuple[IntArray, IntArray]:
     """Return the held pairs of each of tracks (n,), and which of them each pair is for."""
     order = held[np.argsort(pairs.track[held], kind="stable")]
     sorted_tracks = pairs.track[order]
@@ -171,13 +171,13 @@ def _all_rays(pairs: Pairs, held: IntArray, tracks: IntArray) -> tuple[IntArray,
     return order[spot], which
 
 
-def _sights(pairs: Pairs, rows: IntArray, side: IntArray) -> Sights:
+def _sights(pairs: GatedPairs, rows: IntArray, side: IntArray) -> Sights:
     """Return undoubted sights of pairs, of the tracks in whose stead `side` (n,) stands."""
     part = pairs.take(rows)
     return part.sights(part.seen, np.eye(2) / part.sigma_rad[:, None, None]).placed(side)
 
 
-def _score(known: Slice, pairs: Pairs, rows: IntArray, side: IntArray, tracks: IntArray) -> FloatArray:
+def _score(known: Slice, pairs: GatedPairs, rows: IntArray, side: IntArray, tracks: IntArray) -> FloatArray:
     """Return the log likelihood ratio (trials,) of what both sides use to misses and false alarms.
 
     Each track is taken in its likelier mode.
@@ -204,7 +204,7 @@ def _score(known: Slice, pairs: Pairs, rows: IntArray, side: IntArray, tracks: I
 
 
 def _applied(
-    used: BoolArray, pairs: Pairs, trial: Exchange, gain: FloatArray, pulled: IntArray, whose: IntArray
+    used: BoolArray, pairs: GatedPairs, trial: Exchange, gain: FloatArray, pulled: IntArray, whose: IntArray
 ) -> BoolArray:
     """Return which pairs are used once the best exchanges are made, each track in one of them at most."""
     busy: set[int] = set()

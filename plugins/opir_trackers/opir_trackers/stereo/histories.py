@@ -14,9 +14,9 @@ from attrs import Factory, evolve, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import Sights, along, axes_across, dot, no_sights
-from opir_trackers.filter.switching import Bank, SwitchingFilter
-from opir_trackers.predicted_measurements import Outlook
-from opir_trackers.stereo.ambiguous_measurements import Contested
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.predicted_measurements import PredictedMeasurements
+from opir_trackers.stereo.ambiguous_measurements import AmbiguousMeasurements
 
 _NONE = np.empty(0, dtype=np.int64)
 
@@ -33,16 +33,16 @@ class Histories:
 
     number: IntArray
     begun_s: FloatArray
-    first: Bank
+    first: ModeEstimates
     sights: Sights
     sensor: IntArray
-    contested: Contested = field(factory=Contested.empty)
+    contested: AmbiguousMeasurements = field(factory=AmbiguousMeasurements.empty)
     doubt: FloatArray = field(default=Factory(lambda self: np.ones(len(self.first)), takes_self=True))
 
     @classmethod
     def none(cls) -> "Histories":
         """Return the histories of no tracks."""
-        return cls(_NONE, np.empty(0), Bank.empty(), no_sights(), _NONE)
+        return cls(_NONE, np.empty(0), ModeEstimates.empty(), no_sights(), _NONE)
 
     def __len__(self) -> int:
         return len(self.number)
@@ -60,14 +60,14 @@ class Histories:
         return Histories(
             number=np.concatenate([self.number, new.number]),
             begun_s=np.concatenate([self.begun_s, new.begun_s]),
-            first=Bank.concatenate([self.first, new.first]),
+            first=ModeEstimates.concatenate([self.first, new.first]),
             sights=Sights.concatenate([self.sights, sights]),
             sensor=np.concatenate([self.sensor, new.sensor]),
             contested=self.contested,
             doubt=np.concatenate([self.doubt, new.doubt]),
         )
 
-    def moved(self, move: Callable[[Bank, float], Bank], step_s: float) -> "Histories":
+    def moved(self, move: Callable[[ModeEstimates, float], ModeEstimates], step_s: float) -> "Histories":
         """Return the histories a step later."""
         return evolve(self, first=move(self.first, step_s)) if len(self.number) else self
 
@@ -89,7 +89,7 @@ class Histories:
             doubt=self.doubt[keep],
         )
 
-    def seen(self, sights: Sights, sensor: IntArray, contested: Contested) -> "Histories":
+    def seen(self, sights: Sights, sensor: IntArray, contested: AmbiguousMeasurements) -> "Histories":
         """Return the histories with more lines of sight, and the rays that may be part of these."""
         sensor = np.concatenate([self.sensor, sensor])
         if not len(contested):
@@ -104,7 +104,7 @@ class Histories:
             self,
             sights=Sights.concatenate([self.sights, sights]),
             sensor=sensor,
-            contested=Contested.concatenate([self.contested, fresh]),
+            contested=AmbiguousMeasurements.concatenate([self.contested, fresh]),
         )
 
 
@@ -119,7 +119,9 @@ def lasting_s(jerk_noise_m_s3: float, look_m: float, period_s: float) -> float:
     return float((look_m * np.sqrt(84.0 * period_s) / jerk_noise_m_s3) ** 0.25)
 
 
-def mean_sights(outlook: Outlook, sights: Sights, sensor: IntArray, slice_s: float) -> tuple[Sights, IntArray]:
+def mean_sights(
+    outlook: PredictedMeasurements, sights: Sights, sensor: IntArray, slice_s: float
+) -> tuple[Sights, IntArray]:
     """Return one line of sight for all sights of a track by a sensor in a slice, and the sensors.
 
     Residuals to the track's own path are averaged, each as sure as it is: near that path nothing is lost.
@@ -128,7 +130,7 @@ def mean_sights(outlook: Outlook, sights: Sights, sensor: IntArray, slice_s: flo
 
 
 def parted_sights(
-    outlook: Outlook, sights: Sights, sensor: IntArray, slice_s: float
+    outlook: PredictedMeasurements, sights: Sights, sensor: IntArray, slice_s: float
 ) -> tuple[Sights, IntArray, IntArray]:
     """Return mean lines of sight and the sensors, as `mean_sights`, and which mean (n,) each sight is part of."""
     if not len(sights):
@@ -170,7 +172,7 @@ def _sums(group: IntArray, values: FloatArray) -> FloatArray:
     return total
 
 
-def weighed(filter_: SwitchingFilter, bank: Bank, time_s: float, sights: Sights) -> tuple[FloatArray, Bank]:
+def weighed(filter_: ImmFilter, bank: ModeEstimates, time_s: float, sights: Sights) -> tuple[FloatArray, ModeEstimates]:
     """Return the log likelihoods (n,) of sights of the tracks of a bank, and the bank after them.
 
     The likelier mode of each track takes them in. The other stays: it takes all but nothing of a track, and the next
@@ -191,7 +193,7 @@ def weighed(filter_: SwitchingFilter, bank: Bank, time_s: float, sights: Sights)
         part = sights.take(np.flatnonzero(place[sights.track] >= 0))
         part = part.placed(place[part.track])
         mean[rows], root[rows], gained[rows] = filter_.taken_in(motion, mean[rows], root[rows], time_s, part)
-    return gained, Bank(bank.weight, boost, boost_root, coast, coast_root, bank.pace)
+    return gained, ModeEstimates(bank.weight, boost, boost_root, coast, coast_root, bank.pace)
 
 
 def rows_of(track: IntArray, wanted: IntArray) -> tuple[IntArray, IntArray]:

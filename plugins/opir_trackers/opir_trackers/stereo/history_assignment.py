@@ -14,9 +14,9 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import Sights
 from opir_trackers.assignment import different, lone, nearest
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.joint_association import marginals
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.predicted_measurements import PredictedMeasurements
 from opir_trackers.stereo.histories import Histories, rows_of, weighed, with_biases
 from opir_trackers.stereo.swap_likelihood import settled_exchanges
 
@@ -50,8 +50,8 @@ class Decision(NamedTuple):
     """
 
     histories: Histories
-    bank: Bank
-    told: Bank
+    bank: ModeEstimates
+    told: ModeEstimates
 
 
 class _Trials(NamedTuple):
@@ -60,16 +60,16 @@ class _Trials(NamedTuple):
     track: IntArray
     source: IntArray
     gain: FloatArray
-    bank: Bank
+    bank: ModeEstimates
 
     def of(self, rows: IntArray) -> "_Trials":
         return _Trials(self.track[rows], self.source[rows], self.gain[rows], self.bank.take(rows))
 
 
 def decided(
-    filter_: SwitchingFilter,
+    filter_: ImmFilter,
     known: Histories,
-    bank: Bank,
+    bank: ModeEstimates,
     time_s: float,
     bias_sigma_rad: FloatArray,
     asked: BoolArray | None = None,
@@ -130,10 +130,10 @@ def _costs(gain: FloatArray) -> FloatArray:
 
 
 def _trials(
-    filter_: SwitchingFilter,
+    filter_: ImmFilter,
     known: Histories,
     sights: Sights,
-    bank: Bank,
+    bank: ModeEstimates,
     time_s: float,
     sensor: int,
     asked: BoolArray,
@@ -161,7 +161,7 @@ def _trials(
 
 
 def _settled(
-    filter_: SwitchingFilter, known: Histories, trials: _Trials, bank: Bank, time_s: float, sensor: int
+    filter_: ImmFilter, known: Histories, trials: _Trials, bank: ModeEstimates, time_s: float, sensor: int
 ) -> _Trials:
     """Return the trials with those in which two tracks exchange contested histories judged by what both settle into."""
     go, back = _exchanges(trials, different(known.sights.track[known.contested.sight]))
@@ -198,7 +198,9 @@ def _rivals(trials: _Trials) -> _Trials:
     return trials.of(np.flatnonzero(~lone(trials.track, trials.source)))
 
 
-def _near(without: Outlook, whole: Outlook, theirs: Sights, rows: IntArray) -> tuple[IntArray, IntArray]:
+def _near(
+    without: PredictedMeasurements, whole: PredictedMeasurements, theirs: Sights, rows: IntArray
+) -> tuple[IntArray, IntArray]:
     """Return tracks and sources of the histories that pass the gate, and every track with its own."""
     from scipy.spatial import cKDTree
 
@@ -224,8 +226,8 @@ def _near(without: Outlook, whole: Outlook, theirs: Sights, rows: IntArray) -> t
 
 
 def _exchanged(
-    known: Histories, bank: Bank, told: Bank, sensor: int, trials: _Trials, chosen: BoolArray
-) -> tuple[Histories, Bank, Bank]:
+    known: Histories, bank: ModeEstimates, told: ModeEstimates, sensor: int, trials: _Trials, chosen: BoolArray
+) -> tuple[Histories, ModeEstimates, ModeEstimates]:
     """Return histories, estimates and what is told once a sensor's histories are where they were assigned."""
     moved = np.flatnonzero(chosen & (trials.track != trials.source))
     if not len(moved):
@@ -238,7 +240,7 @@ def _exchanged(
     return evolve(known, sights=known.sights.placed(track)), bank.put(rows, after), told.put(rows, after)
 
 
-def _mixed(rows: IntArray, trials: _Trials, chosen: BoolArray, beta: FloatArray, bank: Bank) -> Bank:
+def _mixed(rows: IntArray, trials: _Trials, chosen: BoolArray, beta: FloatArray, bank: ModeEstimates) -> ModeEstimates:
     """Return the estimates of tracks (rows) mixed over the histories they may have, by first and second moments."""
     stands = _nearer(trials, chosen)
     order = np.lexsort((-beta, trials.track))
@@ -253,7 +255,7 @@ def _mixed(rows: IntArray, trials: _Trials, chosen: BoolArray, beta: FloatArray,
     boost = square_root.mixed(share, tuple(p.boost_mean for p in parts), tuple(p.boost_root for p in parts))
     coast = square_root.mixed(share, tuple(p.coast_mean for p in parts), tuple(p.coast_root for p in parts))
     own = bank.take(rows)
-    return Bank(own.weight, *boost, *coast, own.pace)
+    return ModeEstimates(own.weight, *boost, *coast, own.pace)
 
 
 def _nearer(trials: _Trials, chosen: BoolArray) -> IntArray:

@@ -18,9 +18,9 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import Sights
-from opir_trackers.filter.switching import Bank, SwitchingFilter
-from opir_trackers.gating import Pairs
-from opir_trackers.predicted_measurements import Outlook
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.gating import GatedPairs
+from opir_trackers.predicted_measurements import PredictedMeasurements
 from opir_trackers.stereo.ambiguous_measurements import LEAST_WEIGHT, expected
 
 #: Shares of strays, evenly spaced in log odds: none, and from one in a hundred to nine in ten.
@@ -62,7 +62,7 @@ def _believed() -> FloatArray:
 _BEFORE, _CLEAN = _believed(), np.log1p(-SHARES)
 
 
-class Strays(NamedTuple):
+class Outliers(NamedTuple):
     """What tracks' rays so far say of the share of strays among them: log likelihoods (n, shares), at most 0."""
 
     log: FloatArray
@@ -74,30 +74,30 @@ class Strays(NamedTuple):
         share: FloatArray = np.add.reduce(chance * SHARES, axis=1) / np.add.reduce(chance, axis=1)
         return share
 
-    def take(self, rows: IntArray) -> "Strays":
+    def take(self, rows: IntArray) -> "Outliers":
         """Return that of some tracks."""
-        return Strays(self.log[rows])
+        return Outliers(self.log[rows])
 
-    def after(self, told: FloatArray) -> "Strays":
+    def after(self, told: FloatArray) -> "Outliers":
         """Return that after more rays, which told so much (n, shares)."""
         log = self.log + told
-        return Strays(log - np.maximum.reduce(log, axis=1, keepdims=True))
+        return Outliers(log - np.maximum.reduce(log, axis=1, keepdims=True))
 
 
 class Weighed(NamedTuple):
     """Estimates after a slice, and what (n, shares) its rays tell of each track's share of strays."""
 
-    bank: Bank
+    bank: ModeEstimates
     strays: FloatArray
 
 
-def doubtful(own: Pairs, share: FloatArray) -> IntArray:
+def doubtful(own: GatedPairs, share: FloatArray) -> IntArray:
     """Return the rows (k,) of tracks, with these shares (n,) of stray rays, that may have some among their own."""
     some = (own.distance > _IMPROBABLE) | (share.take(own.track) > _SOME)
     return np.unique(own.track[some]) if np.count_nonzero(some) else _NONE
 
 
-def unsuspected(own: Pairs, stray: Strays, gate: float) -> FloatArray:
+def unsuspected(own: GatedPairs, stray: Outliers, gate: float) -> FloatArray:
     """Return what rays none of which is improbable tell of tracks' shares of strays, (n, shares).
 
     Each tells as much as it is probable that a stray one in its place would have been improbable.
@@ -107,7 +107,9 @@ def unsuspected(own: Pairs, stray: Strays, gate: float) -> FloatArray:
     return clean
 
 
-def weighed(filter_: SwitchingFilter, before: Bank, after: Bank, span: Span, own: Pairs, stray: Strays) -> Weighed:
+def weighed(
+    filter_: ImmFilter, before: ModeEstimates, after: ModeEstimates, span: Span, own: GatedPairs, stray: Outliers
+) -> Weighed:
     """Return estimates after a slice with its rays weighed, where the pairs `own` led from `before` to `after`."""
     share = stray.share
     for turn in range(_TURNS + 1):
@@ -137,7 +139,9 @@ def shares_told(square: FloatArray, gate: float, track: IntArray, count: int) ->
     return told
 
 
-def _weights(path: Outlook, span: Span, own: Pairs, share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _weights(
+    path: PredictedMeasurements, span: Span, own: GatedPairs, share: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return how probably rays (m,) are their tracks', where those are seen (m, 2), and how far off, squared (m,)."""
     sights = own.sights(own.seen, np.zeros((len(own), 2, 2)))
     place, sharp, stray = expected(path, sights), 1.0 / np.square(own.sigma_rad), share[own.track]
@@ -147,6 +151,6 @@ def _weights(path: Outlook, span: Span, own: Pairs, share: FloatArray) -> tuple[
     return np.maximum(mine / (mine + others), LEAST_WEIGHT), place, square
 
 
-def _counted(own: Pairs, seen: FloatArray, weight: FloatArray) -> Sights:
+def _counted(own: GatedPairs, seen: FloatArray, weight: FloatArray) -> Sights:
     """Return pairs as lines of sight at places (m, 2) that count as much as weights (m,) say."""
     return own.sights(seen, (np.sqrt(weight) / own.sigma_rad)[:, None, None] * np.eye(2))

@@ -11,16 +11,16 @@ from opir_core.flight.forces import Forces
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.ground_points import impacts
-from opir_trackers.stereo.track_management import Roster
+from opir_trackers.stereo.track_management import TrackTable
 
 
 def estimates(
     state: FloatArray,
     covariance: FloatArray,
     is_free: BoolArray,
-    roster: Roster,
+    roster: TrackTable,
     time_s: float,
     forces: Forces,
     types: FloatArray,
@@ -62,14 +62,14 @@ def _unknown(*shape: int) -> FloatArray:
 STAGED_S = 4.0
 
 
-def free_flights(filter_: SwitchingFilter, bank: Bank) -> BoolArray:
+def free_flights(filter_: ImmFilter, bank: ModeEstimates) -> BoolArray:
     """Return which tracks (n,) are taken for free flights, of which an impact is told.
 
     They more likely coast than burn, for where a burning target comes down depends on when its burn ends; and, where
     silence is what tells the end, they have been dark for longer than stages are.
     """
-    dark_s = bank.pace[:, 2] if filter_.switches and filter_.cold_chance < 1.0 else np.inf
-    return np.asarray((bank.weight[:, 1] > 0.5) & (dark_s > STAGED_S))
+    time_since_last_s = bank.pace[:, 2] if filter_.switches and filter_.cold_chance < 1.0 else np.inf
+    return np.asarray((bank.weight[:, 1] > 0.5) & (time_since_last_s > STAGED_S))
 
 
 def evidence_of(sensors: Sequence[Sensor]) -> FloatArray:

@@ -13,8 +13,8 @@ from attrs import evolve
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import Sights, along, dot
 from opir_trackers.assignment import ranks
-from opir_trackers.filter.switching import Bank, SwitchingFilter
-from opir_trackers.stereo.ambiguous_measurements import Contested, expected
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.stereo.ambiguous_measurements import AmbiguousMeasurements, expected
 from opir_trackers.stereo.histories import Histories, rows_of, weighed
 
 #: So often both tracks take their shares anew.
@@ -32,9 +32,9 @@ class _Rivals(NamedTuple):
     and `trial` (v,) says which trial a scan is of.
     """
 
-    first: Bank
+    first: ModeEstimates
     sights: Sights
-    rays: Contested
+    rays: AmbiguousMeasurements
     second: FloatArray
     meeting: IntArray
     scan: IntArray
@@ -42,8 +42,14 @@ class _Rivals(NamedTuple):
 
 
 def settled_exchanges(
-    filter_: SwitchingFilter, known: Histories, bank: Bank, time_s: float, sensor: int, tracks: IntArray, after: Bank
-) -> tuple[FloatArray, Bank]:
+    filter_: ImmFilter,
+    known: Histories,
+    bank: ModeEstimates,
+    time_s: float,
+    sensor: int,
+    tracks: IntArray,
+    after: ModeEstimates,
+) -> tuple[FloatArray, ModeEstimates]:
     """Return how much likelier (log) exchanges of histories make the rays, and the estimates they settle into.
 
     `tracks` (k, 2) exchange their histories of a sensor, and a bank of 2 k rows says where that would put them at
@@ -54,14 +60,17 @@ def settled_exchanges(
     other = np.where(known.sensor[row] == sensor, side ^ 1, side)
     first = evolve(known.first, weight=bank.weight, pace=bank.pace).take(sides)
     rivals = _rivals(
-        known, Bank.concatenate([first, first]), np.concatenate([row, row]), np.concatenate([side, other + len(sides)])
+        known,
+        ModeEstimates.concatenate([first, first]),
+        np.concatenate([row, row]),
+        np.concatenate([side, other + len(sides)]),
     )
-    settled, evidence = _settled(filter_, rivals, Bank.concatenate([bank.take(sides), after]), time_s)
+    settled, evidence = _settled(filter_, rivals, ModeEstimates.concatenate([bank.take(sides), after]), time_s)
     without, gained = evidence.reshape(2, -1)
     return gained - without, settled.take(slice(len(sides), None))
 
 
-def _rivals(known: Histories, first: Bank, row: IntArray, side: IntArray) -> _Rivals:
+def _rivals(known: Histories, first: ModeEstimates, row: IntArray, side: IntArray) -> _Rivals:
     """Return the trials of sides (m,) that have rows (m,) of the histories' lines of sight.
 
     A ray that other tracks claim counts for as much as they leave.
@@ -82,7 +91,9 @@ def _rivals(known: Histories, first: Bank, row: IntArray, side: IntArray) -> _Ri
     return _Rivals(first, known.sights.take(row).placed(side), rays, second, meeting, scan, trial_of)
 
 
-def _settled(filter_: SwitchingFilter, rivals: _Rivals, bank: Bank, time_s: float) -> tuple[Bank, FloatArray]:
+def _settled(
+    filter_: ImmFilter, rivals: _Rivals, bank: ModeEstimates, time_s: float
+) -> tuple[ModeEstimates, FloatArray]:
     """Return estimates of the sides after their shares are taken anew, from a bank on, and log likelihoods (trials,).
 
     Of the Gaussian likelihood of the lines of sight, what the contested ones say is replaced by what their rays do.

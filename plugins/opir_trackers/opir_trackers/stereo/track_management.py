@@ -26,7 +26,7 @@ _LOWEST_M, _SURE_SIGMAS = -20e3, 3.0
 
 
 @frozen(eq=False)
-class Roster(Columns):
+class TrackTable(Columns):
     """What is kept of tracks beside their estimates: number, when begun, first and last seen, how many rays, whence.
 
     `strays` (n, shares) is what the rays tell of the share of strays among them (`stray_rays`); `reports` (n, sensors)
@@ -45,13 +45,13 @@ class Roster(Columns):
     launch_covariance: FloatArray
 
     @classmethod
-    def of(cls, sensors: int) -> "Roster":
+    def of(cls, sensors: int) -> "TrackTable":
         """Return the roster of no tracks."""
         none = np.empty(0, dtype=np.int64)
         return cls.fresh(none, 0.0, sensors)
 
     @classmethod
-    def fresh(cls, number: IntArray, now_s: float, sensors: int) -> "Roster":
+    def fresh(cls, number: IntArray, now_s: float, sensors: int) -> "TrackTable":
         """Return the roster of tracks just begun."""
         count = len(number)
         return cls(
@@ -66,17 +66,19 @@ class Roster(Columns):
             launch_covariance=np.full((count, 3, 3), np.nan),
         )
 
-    def with_strays(self, strays: FloatArray) -> "Roster":
+    def with_strays(self, strays: FloatArray) -> "TrackTable":
         """Return the roster with what rays tell (n, shares) of the shares of strays."""
         launches = self.launch, self.launch_covariance
-        return Roster(self.number, self.begun_s, self.first_s, self.seen_s, self.hits, strays, self.reports, *launches)
+        return TrackTable(
+            self.number, self.begun_s, self.first_s, self.seen_s, self.hits, strays, self.reports, *launches
+        )
 
-    def with_launches(self, launch: FloatArray, covariance: FloatArray) -> "Roster":
+    def with_launches(self, launch: FloatArray, covariance: FloatArray) -> "TrackTable":
         """Return the roster with other launches (n, 3) and covariances (n, 3, 3)."""
         seen = self.begun_s, self.first_s, self.seen_s
-        return Roster(self.number, *seen, self.hits, self.strays, self.reports, launch, covariance)
+        return TrackTable(self.number, *seen, self.hits, self.strays, self.reports, launch, covariance)
 
-    def seen(self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray) -> "Roster":
+    def seen(self, owner: IntArray, time_s: FloatArray, sensor: IndexArray, reported: IntArray) -> "TrackTable":
         """Return the roster after rays (m,) in order of time were given to rows `owner`, -1 for none."""
         known = owner >= 0
         if np.count_nonzero(known) < len(known):
@@ -95,7 +97,7 @@ class Roster(Columns):
             reports = reports.copy()
             reports[owner, sensor] = reported
         launches = self.launch, self.launch_covariance
-        return Roster(self.number, self.begun_s, first_s, seen_s, hits, self.strays, reports, *launches)
+        return TrackTable(self.number, self.begun_s, first_s, seen_s, hits, self.strays, reports, *launches)
 
 
 def patience_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
@@ -106,7 +108,7 @@ def patience_s(sensors: Sequence[Sensor], scans: int) -> FloatArray:
     return np.asarray(np.maximum(scans, np.log(_LOST_CHANCE) / np.log1p(-chance)) * period_s)
 
 
-def idle(roster: Roster, vague: BoolArray, needed: int, unseen: BoolArray) -> BoolArray:
+def idle(roster: TrackTable, vague: BoolArray, needed: int, unseen: BoolArray) -> BoolArray:
     """Return which tracks (n,), of those `unseen` lately (n,), had too few rays before, or are vague (n,)."""
     gone: BoolArray = (vague | (roster.hits < needed)) & unseen
     return gone

@@ -11,21 +11,21 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays
+from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.association import associate_nearest, nobody
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.gating import candidates, gated
-from opir_trackers.ray_cache import RaysOfLast
+from opir_trackers.ray_cache import LineOfSightCache
 from opir_trackers.sensor_schedule import looks_a_second
-from opir_trackers.stereo.outlier_fraction import SHARES, Strays
-from opir_trackers.stereo.tracker_state import Situation
+from opir_trackers.stereo.outlier_fraction import SHARES, Outliers
+from opir_trackers.stereo.tracker_state import TrackerState
 from opir_trackers.stereo.tracking import StereoTracking
 
 
-def earlier_owners(tracking: StereoTracking, now: Situation, number: IntArray, rays: Rays) -> IntArray:
+def earlier_owners(tracking: StereoTracking, now: TrackerState, number: IntArray, rays: LinesOfSight) -> IntArray:
     """Return which of tracks by number (k,) each ray (n,) is of, -1 for none, judged by their paths followed back."""
     rows = np.flatnonzero(np.isin(now.roster.number, number))
     if not len(rows) or not len(rays.time_s):
@@ -47,9 +47,9 @@ class StereoTracker:
         self._tracking = tracking
         self._context = context
         self._now = tracking.start()
-        self._past: deque[tuple[Situation, float, Detections]] = deque()
+        self._past: deque[tuple[TrackerState, float, Detections]] = deque()
         self._early = Detections.empty()
-        self._rays = RaysOfLast(tracking.rays_of)
+        self._rays = LineOfSightCache(tracking.rays_of)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
@@ -69,7 +69,7 @@ class StereoTracker:
         self._advance(tick_s, detections)
         return self._tracking.told(self._now)
 
-    def sees_with(self, sensors: tuple[Sensor, ...]) -> None:
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Take the sensors to be these from the last tick on: as many, with other settings.
 
         How often a target is seen while it burns changes as what its sensors promise does.
@@ -77,19 +77,19 @@ class StereoTracker:
         share = looks_a_second(sensors) / looks_a_second(self._context.sensors)
         self._context = evolve(self._context, sensors=sensors)
         self._tracking = StereoTracking.of(self._tracking.config, self._context)
-        self._rays = RaysOfLast(self._tracking.rays_of)
+        self._rays = LineOfSightCache(self._tracking.rays_of)
         pace = self._now.bank.pace * [share, 1.0, 1.0]
         self._now = evolve(self._now, bank=evolve(self._now.bank, pace=pace))
 
     def stray_shares(self, track: IntArray) -> FloatArray:
         """Return the shares (n,) of strays among the rays of tracks by number (n,), as known at the last tick."""
         roster = self._now.roster
-        known = Strays(np.concatenate([roster.strays, np.zeros((1, len(SHARES)))])).share
+        known = Outliers(np.concatenate([roster.strays, np.zeros((1, len(SHARES)))])).share
         row = np.searchsorted(roster.number, track)
         here = np.append(roster.number, -1)[row] == track
         return known[np.where(here, row, len(roster))]
 
-    def owners(self, track: IntArray, rays: Rays) -> IntArray:
+    def owners(self, track: IntArray, rays: LinesOfSight) -> IntArray:
         """Return which of tracks by number (k,) each earlier ray (n,) is of, -1 for none, as known at the last tick."""
         return earlier_owners(self._tracking, self._now, track, rays)
 

@@ -8,15 +8,15 @@ import numpy as np
 from attrs import field, frozen
 
 from opir_core.arrays import IntArray
-from opir_core.estimation.lines_of_sight import Rays, no_rays
-from opir_trackers.filter.mixtures import Bank
-from opir_trackers.stereo.duplicate_tracks import Sightings
+from opir_core.estimation.lines_of_sight import LinesOfSight, no_rays
+from opir_trackers.filter.mixtures import ModeEstimates
+from opir_trackers.stereo.duplicate_tracks import SharedDetections
 from opir_trackers.stereo.histories import Histories
-from opir_trackers.stereo.track_management import Roster
+from opir_trackers.stereo.track_management import TrackTable
 
 
 @frozen(eq=False)
-class Situation:
+class TrackerState:
     """All a tracker knows at a time: estimates, roster, recent rays that belong to no track, and the next number.
 
     `doubtful` are the numbers of tracks that may have others' histories, and what is told of them; `recent` says in
@@ -24,21 +24,23 @@ class Situation:
     """
 
     time_s: float
-    bank: Bank
-    roster: Roster
-    pool: Rays
+    bank: ModeEstimates
+    roster: TrackTable
+    pool: LinesOfSight
     reported: IntArray
     histories: Histories = field(factory=Histories.none)
-    doubtful: tuple[IntArray, Bank] = field(factory=lambda: (np.empty(0, dtype=np.int64), Bank.empty()))
+    doubtful: tuple[IntArray, ModeEstimates] = field(
+        factory=lambda: (np.empty(0, dtype=np.int64), ModeEstimates.empty())
+    )
     next_number: int = 0
-    recent: Sightings = field(factory=Sightings.empty)
+    recent: SharedDetections = field(factory=SharedDetections.empty)
 
-    def after(self, time_s: float, bank: Bank, roster: Roster, histories: Histories) -> "Situation":
+    def after(self, time_s: float, bank: ModeEstimates, roster: TrackTable, histories: Histories) -> "TrackerState":
         """Return the situation at a time with its tracks as they are then."""
         known = self.doubtful, self.next_number, self.recent
-        return Situation(time_s, bank, roster, self.pool, self.reported, histories, *known)
+        return TrackerState(time_s, bank, roster, self.pool, self.reported, histories, *known)
 
     @classmethod
-    def first(cls, sensors: int) -> "Situation":
+    def first(cls, sensors: int) -> "TrackerState":
         """Return the situation before the first detection, of a scene with so many sensors."""
-        return cls(0.0, Bank.empty(), Roster.of(sensors), no_rays(), np.empty(0, dtype=np.int64))
+        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_rays(), np.empty(0, dtype=np.int64))

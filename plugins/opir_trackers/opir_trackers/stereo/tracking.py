@@ -1,4 +1,4 @@
-"""The tracker `stereo-filter`: association, track management, the switching filter; a slice makes a new `Situation`."""
+"""The tracker `stereo-filter`: association, track management, the IMM filter; each slice makes a new `TrackerState`."""
 
 from collections.abc import Iterator
 from math import ceil
@@ -7,7 +7,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import Rays, no_sights
+from opir_core.estimation.lines_of_sight import LinesOfSight, no_sights
 from opir_core.flight.forces import Forces, forces_of
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
@@ -16,18 +16,18 @@ from opir_trackers.association import Chances, associate_nearest, nobody, plain
 from opir_trackers.biases import Biases
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
-from opir_trackers.filter.switching import Bank, SwitchingFilter
+from opir_trackers.filter.switching import ImmFilter, ModeEstimates
 from opir_trackers.ground_points import GroundPoints, renewed
 from opir_trackers.launch_points import launches
 from opir_trackers.stereo import track_management
 from opir_trackers.stereo.ambiguous_histories import LONGEST_S, asked, kept, slice_sights, turned
-from opir_trackers.stereo.associate_and_update import Followed, Following
+from opir_trackers.stereo.associate_and_update import AssociateAndUpdate, AssociationResult
 from opir_trackers.stereo.duplicate_tracks import doubles, remembered_s
 from opir_trackers.stereo.ghosts import RANGE_M
 from opir_trackers.stereo.histories import Histories, lasting_s, mean_sights
 from opir_trackers.stereo.history_assignment import decided
 from opir_trackers.stereo.report import estimates, evidence_of, free_flights, type_posterior
-from opir_trackers.stereo.tracker_state import Situation
+from opir_trackers.stereo.tracker_state import TrackerState
 from opir_trackers.track_priors import filter_of, first_bank
 
 #: A track's launch is worked out as long as it is no older than this, s.
@@ -41,8 +41,8 @@ class StereoTracking:
     """How one situation leads to the next."""
 
     config: StereoFilterConfig
-    filter: SwitchingFilter
-    following: Following
+    filter: ImmFilter
+    following: AssociateAndUpdate
     period_s: FloatArray
     biases: Biases
     forces: Forces
@@ -62,7 +62,7 @@ class StereoTracking:
         return cls(
             config=config,
             filter=filter_,
-            following=Following(config, filter_, chances, context.light_time, biases),
+            following=AssociateAndUpdate(config, filter_, chances, context.light_time, biases),
             period_s=period_s,
             biases=biases,
             forces=forces_of(context.forces),
@@ -72,15 +72,17 @@ class StereoTracking:
             patience_s=track_management.patience_s(context.sensors, config.recent_scans),
         )
 
-    def start(self) -> Situation:
+    def start(self) -> TrackerState:
         """Return the situation before the first detection."""
-        return Situation.first(len(self.period_s))
+        return TrackerState.first(len(self.period_s))
 
-    def rays_of(self, detections: Detections) -> Rays:
+    def rays_of(self, detections: Detections) -> LinesOfSight:
         """Return the rays of detections, as uncertain as noise and biases make them."""
-        return self.biases.widened(Rays.of(detections))
+        return self.biases.widened(LinesOfSight.of(detections))
 
-    def stepped(self, now: Situation, tick_s: float, detections: Detections, known: Rays | None = None) -> Situation:
+    def stepped(
+        self, now: TrackerState, tick_s: float, detections: Detections, known: LinesOfSight | None = None
+    ) -> TrackerState:
         """Return the situation at a tick, with the detections since the last one, whose rays may be `known`."""
         rays = self.rays_of(detections) if known is None else known
         reported = detections.reported_type.astype(np.int64)
@@ -92,7 +94,7 @@ class StereoTracking:
             now = self._sliced(now, end, rays.take(slice(first, last)), reported[first:last])
         return now
 
-    def _sliced(self, now: Situation, end_s: float, rays: Rays, reported: IntArray) -> Situation:
+    def _sliced(self, now: TrackerState, end_s: float, rays: LinesOfSight, reported: IntArray) -> TrackerState:
         span = end_s - now.time_s
         then, owner = self.followed(now, end_s, rays)
         if len(owner):
@@ -101,19 +103,21 @@ class StereoTracking:
         then = self._pooled(then, rays, owner, reported, span)
         return self._kept(self._launched(self._begun(then)), rays, owner)
 
-    def _pooled(self, now: Situation, rays: Rays, owner: IntArray, reported: IntArray, span: float) -> Situation:
+    def _pooled(
+        self, now: TrackerState, rays: LinesOfSight, owner: IntArray, reported: IntArray, span: float
+    ) -> TrackerState:
         """Return the situation with the rays that belong to no track in the pool, and those too old for it out."""
         is_free = owner < 0
         if not len(now.pool.time_s) and not np.count_nonzero(is_free):
             return now
         free = np.flatnonzero(is_free)
-        pool = Rays.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
+        pool = LinesOfSight.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
         told = np.concatenate([now.reported, reported[free]])
         recent_s = self.config.recent_scans * self.period_s[pool.sensor] + span
         fresh = np.flatnonzero(now.time_s - pool.time_s <= recent_s)
         return evolve(now, pool=pool.take(fresh), reported=told[fresh])
 
-    def followed(self, now: Situation, end_s: float, rays: Rays) -> tuple[Situation, IntArray]:
+    def followed(self, now: TrackerState, end_s: float, rays: LinesOfSight) -> tuple[TrackerState, IntArray]:
         """Return the situation with a slice's rays taken in by the tracks there are, and whose row each ray is."""
         span, owner = end_s - now.time_s, nobody(len(rays.time_s))
         if not len(now.bank.weight):
@@ -131,7 +135,9 @@ class StereoTracking:
         now = now.after(end_s, bank, roster, histories)
         return self._decided(now, told, young, rays, span), told.owner
 
-    def _decided(self, now: Situation, told: Followed, rows: IntArray, rays: Rays, span: float) -> Situation:
+    def _decided(
+        self, now: TrackerState, told: AssociationResult, rows: IntArray, rays: LinesOfSight, span: float
+    ) -> TrackerState:
         """Return the situation with the histories of tracks `rows` where they belong, as far as that can be told."""
         known = now.histories
         if not len(known.number):
@@ -151,7 +157,7 @@ class StereoTracking:
             doubtful=(known.number[open_], found.told.take(open_)),
         )
 
-    def estimated(self, now: Situation) -> Bank:
+    def estimated(self, now: TrackerState) -> ModeEstimates:
         """Return the estimates to tell: of a track that may have another's history, all it may have mixed."""
         number, told = now.doubtful
         if not len(number):
@@ -160,7 +166,7 @@ class StereoTracking:
         rows = np.searchsorted(now.roster.number, number[here])
         return now.bank.put(rows, told.take(here)) if len(here) else now.bank
 
-    def _launched(self, now: Situation) -> Situation:
+    def _launched(self, now: TrackerState) -> TrackerState:
         """Return the situation with what the young tracks' paths say of their launches."""
         fresh = now.time_s - now.roster.begun_s <= _YOUNG_S
         if not np.count_nonzero(fresh):
@@ -177,7 +183,7 @@ class StereoTracking:
         launch[young], covariance[young] = renewed(GroundPoints(told.launch, told.launch_covariance), found)
         return now.after(now.time_s, now.bank, now.roster.with_launches(launch, covariance), now.histories)
 
-    def _begun(self, now: Situation) -> Situation:
+    def _begun(self, now: TrackerState) -> TrackerState:
         """Return the situation with tracks begun where unclaimed rays show a target."""
         if len(now.pool.time_s) < self.config.needed_scans:
             return now
@@ -189,16 +195,16 @@ class StereoTracking:
         pairs = pairs.take(np.flatnonzero(shown.owned(pairs.track, pairs.ray, now.pool.sensor[pairs.ray])))
         found = associate_nearest(pairs, now.pool, self.following.chances)
         bank = self.filter.updated(first, now.time_s, found.sights, span)
-        return self._joined(now, first, Followed(bank, found.owner, found.own, pairs))
+        return self._joined(now, first, AssociationResult(bank, found.owner, found.own, pairs))
 
-    def _joined(self, now: Situation, first: Bank, told: Followed) -> Situation:
+    def _joined(self, now: TrackerState, first: ModeEstimates, told: AssociationResult) -> TrackerState:
         """Return the situation with those new tracks that got their rays, numbered in order."""
         hits = np.bincount(told.owner[told.owner >= 0], minlength=len(first))
         good = hits >= self.config.needed_scans
         row = np.append(np.where(good, np.cumsum(good) - 1, -1), -1)
         owner, count = row[told.owner], int(good.sum())
         number = np.arange(now.next_number, now.next_number + count)
-        fresh = track_management.Roster.fresh(number, now.time_s, len(self.period_s))
+        fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
         fresh = fresh.seen(owner, now.pool.time_s, now.pool.sensor, now.reported)
         left = np.flatnonzero(owner < 0)
         path = self.filter.outlook(told.bank, now.time_s)
@@ -207,15 +213,15 @@ class StereoTracking:
         begun = Histories(np.arange(len(first)), np.full(len(first), now.time_s), first, *seen).of(good)
         return evolve(
             now,
-            bank=Bank.concatenate([now.bank, told.bank.take(np.flatnonzero(good))]),
-            roster=track_management.Roster.concatenate([now.roster, fresh]),
+            bank=ModeEstimates.concatenate([now.bank, told.bank.take(np.flatnonzero(good))]),
+            roster=track_management.TrackTable.concatenate([now.roster, fresh]),
             pool=now.pool.take(left),
             reported=now.reported[left],
             histories=now.histories.joined(evolve(begun, number=number)),
             next_number=now.next_number + count,
         )
 
-    def _kept(self, now: Situation, rays: Rays, owner: IntArray) -> Situation:
+    def _kept(self, now: TrackerState, rays: LinesOfSight, owner: IntArray) -> TrackerState:
         """Return the situation without doubles and without tracks that are lost or came to nothing."""
         if not len(now.bank.weight):
             return now
@@ -245,12 +251,12 @@ class StereoTracking:
         histories = now.histories.of(np.isin(now.histories.number, roster.number[keep]))
         return evolve(now, bank=now.bank.take(keep), roster=roster.take(keep), histories=histories)
 
-    def _longest(self, time_s: FloatArray, roster: track_management.Roster) -> FloatArray:
+    def _longest(self, time_s: FloatArray, roster: track_management.TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
         longest: FloatArray = np.max(np.where(roster.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
         return longest
 
-    def told(self, now: Situation) -> Tracks:
+    def told(self, now: TrackerState) -> Tracks:
         """Return what is told of the tracks seen often enough."""
         sure = now.roster.hits >= 2 * self.config.needed_scans
         bank, roster = self.estimated(now), now.roster
@@ -263,19 +269,19 @@ class StereoTracking:
         return estimates(state, covariance, is_free, roster, now.time_s, self.forces, self._types(roster))
 
     def _with_biases(
-        self, bank: Bank, time_s: float, roster: track_management.Roster, covariance: FloatArray
+        self, bank: ModeEstimates, time_s: float, roster: track_management.TrackTable, covariance: FloatArray
     ) -> FloatArray:
         """Return covariances (n, 6, 6) with what the sensors' biases add to the positions."""
         wider = covariance.copy()
         wider[:, :3, :3] += self.biases.covariance(bank.likelier_position_m, time_s, roster.reports >= 0)
         return wider
 
-    def _types(self, roster: track_management.Roster) -> FloatArray:
+    def _types(self, roster: track_management.TrackTable) -> FloatArray:
         """Return the probabilities (n, types) of tracks' types, worked out anew where a report is new."""
         reports, evidence = roster.reports, self.evidence
         return self.following.remembered("types", lambda one, _: type_posterior(one, evidence), reports, 0.0)
 
-    def nearest(self, now: Situation, rays: Rays) -> IntArray:
+    def nearest(self, now: TrackerState, rays: LinesOfSight) -> IntArray:
         """Return the number of the track (n,) that each ray is likeliest to belong to; -1 for none.
 
         Rays of one sensor and one instant are weighed against each other, and no others: whatever part of the scene is
