@@ -56,14 +56,14 @@ class MeasuredColumns:
         measured: FloatArray,
         noise: FloatArray,
         rule: Rule,
-        floor_and_footprint_rad: tuple[float, float],
+        floor_and_ifov_rad: tuple[float, float],
     ) -> None:
         """Fill in what one kind measured, in standard deviations (n, B) of the noise (n, B), in some of the rows."""
         width, best = measured.shape[1], measured[:, 0].copy()
         for band in range(1, width):
             np.maximum(best, measured[:, band], out=best)
         self.bands[rows], self.snr[rows] = rule.confirming(measured), best
-        floor_rad, ifov_rad = floor_and_footprint_rad
+        floor_rad, ifov_rad = floor_and_ifov_rad
         spread = ifov_rad / best
         spread *= spread
         spread += floor_rad * floor_rad

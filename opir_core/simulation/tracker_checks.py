@@ -59,7 +59,7 @@ class CheckedTracker:
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Tell the tracker, where it cares, that the sensors are these from here on: as many, with other settings."""
-        told = getattr(self._tracker, "sees_with", None)
+        told = getattr(self._tracker, "set_sensors", None)
         if told is None:
             return
         try:
@@ -67,7 +67,7 @@ class CheckedTracker:
         except OpirError:
             raise
         except Exception as error:
-            raise self._raised("sees_with", error) from error
+            raise self._raised("set_sensors", error) from error
 
     def _raised(self, method: str, error: Exception) -> ModelError:
         return self._wrong(f"{method} raised {described_error(error)}")

@@ -33,7 +33,7 @@ class ScheduledTracker:
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Tell the tracker, where it cares, that the sensors are these from here on: as many, with other settings."""
-        told = getattr(self._tracker, "sees_with", None)
+        told = getattr(self._tracker, "set_sensors", None)
         if told is not None:
             told(sensors)
 

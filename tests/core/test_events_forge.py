@@ -227,7 +227,7 @@ def test_naming_the_encoder_imports_no_msgspec() -> None:
         "import sys; from opir_core.builtin.encoders import ENCODERS; from opir_core.builtin.sinks import SINKS;"
         "import opir_core.random_streams.detection_ids;"
         "assert 'msgspec' not in sys.modules, 'named';"
-        "from opir_core.interfaces.protocols import EncoderContext;"
+        "from opir_core.interfaces.contexts import EncoderContext;"
         "ENCODERS[0].build(ENCODERS[0].config(), EncoderContext(sensors=(), epoch_us=0));"
         "assert 'msgspec' in sys.modules, 'built'"
     )

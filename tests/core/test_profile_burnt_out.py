@@ -55,7 +55,9 @@ def test_impacts_wait_for_the_end_of_burns_unless_they_are_asked_for():
     assert np.array_equal(values[both], asked[both])
 
 
-@pytest.mark.parametrize(("period_s", "chance", "dark_s"), [(0.1, 0.8, 4.0), (1.0, 0.9, 4.0), (10.0, 0.9, 20.0)])
+@pytest.mark.parametrize(
+    ("period_s", "chance", "time_since_last_s"), [(0.1, 0.8, 4.0), (1.0, 0.9, 4.0), (10.0, 0.9, 20.0)]
+)
 def test_silence_tells_the_end_of_a_burn_once_it_is_longer_than_chance_and_stages(period_s, chance, time_since_last_s):
     watch = watch_of(2, period_s=period_s, chance=chance)
     seen = seen_since([40.0, 40.0], hits=chance * 40.0 / period_s)

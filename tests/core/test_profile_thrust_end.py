@@ -65,7 +65,7 @@ def flown(hypotheses, tick_s, burns):
 
 
 @pytest.mark.parametrize("kind", ["SRBM", "ICBM"])
-@pytest.mark.parametrize(("dark_s", "off", "wide"), [(0.15, 0.1, 0.05), (0.35, 0.1, 0.1), (0.6, 0.3, 0.2)])
+@pytest.mark.parametrize(("time_since_last_s", "off", "wide"), [(0.15, 0.1, 0.05), (0.35, 0.1, 0.1), (0.6, 0.3, 0.2)])
 def test_moments_are_those_of_flights_that_burn_on_and_of_some_that_do_not(kind, time_since_last_s, off, wide):
     hypotheses, tick_s, burns = of_open_ends(kind, time_since_last_s)
     family = fit.family_of(hypotheses, PRIORS)

@@ -29,7 +29,7 @@ def python(program: str, *arguments: str) -> "subprocess.CompletedProcess[bytes]
         "from opir_core.builtin.line_file import LineFile\n"
         "from opir_core.errors import SinkError\n"
         "from opir_core.output.events.forge import ForgeEncoder\n"
-        "from opir_core.interfaces.protocols import EncoderContext\n"
+        "from opir_core.interfaces.contexts import EncoderContext\n"
         "from opir_core.testing import stub_sensor\n"
         "from opir_core.testing.doubles import stub_window\n"
         "encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))\n"

@@ -166,7 +166,7 @@ class DetectionContract(SceneContract):
         insist(
             isinstance(self.model(), FalseAlarmModel),
             "rate_per_scan says how often noise crosses, and nothing says as what",
-            "Add words and measure_noise (opir_core.interfaces.signal_models.FalseAlarmModel) or leave out rate_per_scan.",
+            "Add words and measure_noise (opir_core.interfaces.signal_models), or leave rate_per_scan out.",
         )
         run = self.run_of(self.scene(targets=[]))
         scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]
