@@ -32,7 +32,7 @@ What happens to `boost-profile` when a target, a sensor or the environment is ou
 
 ![Errors, ANEES and containment 5 s after burnout, by case](robustness.svg)
 
-5 s after burnout, all classes together, with 95 % intervals:
+5 s after burnout, all classes, with 95 % intervals:
 
 {table}
 
