@@ -9,8 +9,8 @@ PAGE = """# Containment of boost-profile against exact posteriors
 
 How much of the exact posterior do the ellipses and ellipsoids of `boost-profile` contain?
 
-The median over cells is within {worst:.1f} percentage points of the nominal share. A cell is a class, a sensor model and
-a time, with {sensors} sensor{plural}; {few} of {cells} cells have at least {least} flights and count here:
+The median over cells is within {worst:.1f} percentage points of the nominal share. A cell is a class, a sensor model
+and a time, with {sensors} sensor{plural}; {few} of {cells} cells have at least {least} flights and count here:
 
 {table}
 
