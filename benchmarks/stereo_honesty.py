@@ -39,8 +39,8 @@ HEAD = (
 
 PAGE = """# Consistency of the stereo filter
 
-Are the covariances of `stereo-filter` consistent in whole scenes? They are conservative: every mean NEES is below 1, and
-the 95 % ellipses contain at least 95 % of the truths.
+Are the covariances of `stereo-filter` consistent in whole scenes? They are conservative: every mean NEES is below 1,
+and the 95 % ellipses contain at least 95 % of the truths.
 
 {table}
 
