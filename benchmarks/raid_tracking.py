@@ -44,7 +44,7 @@ tracks in {runs} runs, {slow:.0f} to {fast:.0f} times faster than real time.
 
 {table}
 
-A hundred launches in ten seconds (`examples/raid_100.yaml`), five SBIRS-GEO with 10 looks a second, {false} false
+A hundred launches in ten seconds (`examples/raid_100.yaml`), five SBIRS-GEO (10 looks/s), {false} false
 alarms a scan and sensor, {duration} s, default settings, {detections:.0f} detections a run, one core. The error is the
 median at the end. `benchmarks/raid_tracking.py --help` defines the figures.
 """

@@ -39,7 +39,7 @@ HEAD = (
 
 PAGE = """# Consistency of the stereo filter
 
-Are the covariances of `stereo-filter` consistent in whole scenes? They are conservative: every mean NEES is below 1,
+Are the covariances of `stereo-filter` consistent in whole scenes? Conservative: every mean NEES is below 1,
 and the 95 % ellipses contain at least 95 % of the truths.
 
 {table}
