@@ -1,15 +1,10 @@
-"""What ellipses and ellipsoids of boost-profile hold of exact posteriors, found by importance sampling.
+"""How much of exact posteriors the ellipses and ellipsoids of boost-profile contain, by importance sampling.
 
     python benchmarks/exact_posteriors.py [--runs 60] [--samples 5000] [--sensors 1] [--only SRBM] [--pool 1]
                                           [--parts FOLDER] [--write FOLDER]
+    python benchmarks/exact_posteriors.py --from-csv docs/benchmarks/exact_posteriors.csv
 
-Whether a truth lies in an ellipse is one yes or no a flight, and a share of 95 % takes thousands of them to be known to
-a point. The posterior itself, given a flight's looks, tells it far more sharply: what share of it the ellipse holds.
-Flights, looks and marks are those of `boost_profile.py`. Nothing in the posterior is linear: likelihoods are those of
-the paths themselves, of the first light, and of looks that saw nothing since the last; priors are those of natural
-parameters. Boosts are drawn from a mixture of Student's distributions about hypotheses that were fitted anew near
-starts and ends, and weighed by the posterior over that mixture. A flight counts where more than 60 of them do (their
-effective number); of the others, whose posteriors are the longest or the sharpest, no share is known well enough.
+Flights, looks and times are those of `boost_profile.py`. The page states the method (`exact_posteriors_page.py`).
 """
 
 import argparse
@@ -30,6 +25,7 @@ import numpy as np
 from attrs import evolve
 from boost_profile_flights import AFTER_S, MARKS, SENSORS, marks_at
 from exact_boosts import Looks, effective, impacts_of, sampled, states_of
+from exact_posteriors_page import EFFECTIVE, NOMINAL, TIMES, share, write_page
 from opir_trackers.profile import fit
 from opir_trackers.profile.bank import Fitting
 from opir_trackers.profile.flight import on_ground
@@ -37,29 +33,11 @@ from opir_trackers.profile.hypotheses import probability
 from opir_trackers.profile.report import Basis, report
 from opir_trackers.profile.strain import OffModelFilters
 from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
+from result_files import write_csv
 
 from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
 from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees, on_normal_scale
-
-PAGE = """# What boost-profile tells, against exact posteriors
-
-Made by `python benchmarks/exact_posteriors.py --runs {runs} --samples {samples}{seen} --write docs/benchmarks`.
-
-{docstring}
-
-Shares are means over flights, with their standard errors: of exact posteriors in the 50, 90 and 95 % ellipses of
-impact, and in the ellipsoids of the state. "NEES / 6" is the posterior's mean normalised square of what is told, median
-over flights.
-
-{table}
-"""
-
-_COLUMNS = ("class", "sensors", "when", "flights", "of", "impact held, %", "state held, %", "NEES / 6")
-HEAD = [f"| {' | '.join(_COLUMNS)} |", "|" + "---|" * len(_COLUMNS)]
-
-#: A posterior of which fewer boosts count is not known well enough.
-_LEAST = 60.0
 
 
 def held(square: np.ndarray, sigmas: np.ndarray, weight: np.ndarray, degrees: int) -> list[float]:
@@ -124,19 +102,26 @@ def told_of(fitting: Fitting, bank: OffModelFilters, tick_s: float) -> Tracks:
     return report(bank.hypotheses, probability(bank.hypotheses), tick_s, basis, parts)
 
 
-def lines(kind: str, model: str, sensors: int, found: dict[str, list[list[float]]]) -> Iterator[str]:
-    """Yield the lines of the table, a mark each."""
-    for mark in MARKS:
+def cells(
+    kind: str, model: str, chosen: argparse.Namespace, found: dict[str, list[list[float]]]
+) -> Iterator[dict[str, str]]:
+    """Yield the rows of the CSV file of a class and model, a mark each."""
+    for mark, when in zip(MARKS, TIMES, strict=True):
         every = np.array(found.get(mark, []))
         if not len(every):
             continue
-        known = every[every[:, 0] > _LEAST, 1:]
+        known = every[every[:, 0] > EFFECTIVE, 1:]
         if len(known) < 2:
             continue
         mean, error = 100.0 * known.mean(axis=0), 100.0 * known.std(axis=0, ddof=1) / np.sqrt(len(known))
-        shares = (" / ".join(f"{mean[i]:.1f} ± {error[i]:.1f}" for i in range(first, first + 3)) for first in (0, 4))
-        told = f"{np.median(known[:, 7]):.2f}"
-        yield f"| {kind} | {sensors} {model} | {mark} | {len(known)} | {len(every)} | {' | '.join(shares)} | {told} |"
+        row = {"class": kind, "sensors": str(chosen.sensors), "sensor_model": model, "time": when}
+        row |= {"flights_drawn": str(chosen.runs), "samples_per_posterior": str(chosen.samples)}
+        row |= {"flights": str(len(every)), "flights_counted": str(len(known))}
+        for what, first in (("impact", 0), ("state", 4)):
+            for place, nominal in enumerate(NOMINAL, first):
+                name = share(nominal, what)
+                row |= {name: f"{mean[place]:.1f}", f"{name}_standard_error": f"{error[place]:.1f}"}
+        yield {**row, "median_nees_over_6": f"{np.median(known[:, 7]):.2f}"}
 
 
 def part_of(case: tuple[str, str, argparse.Namespace]) -> dict[str, list[list[float]]]:
@@ -154,7 +139,7 @@ def part_of(case: tuple[str, str, argparse.Namespace]) -> dict[str, list[list[fl
 
 
 def main() -> None:
-    """Measure what is asked for, and print or write the table."""
+    """Measure what is asked for and write the results, or redraw page and plot from a CSV file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=60, help="flights of a class and model")
     parser.add_argument("--samples", type=int, default=5000, help="boosts drawn of each posterior")
@@ -163,21 +148,22 @@ def main() -> None:
     parser.add_argument("--only", choices=TARGET_TYPES)
     parser.add_argument("--pool", type=int, default=1, help="processes")
     parser.add_argument("--parts", type=Path, help="folder in which finished parts are kept and looked for")
-    parser.add_argument("--write", type=Path)
+    parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
+    parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and measure nothing")
     chosen = parser.parse_args()
+    if chosen.from_csv:
+        write_page(chosen.from_csv)
+        return
     cases = [(k, m, chosen) for m, k in product(SENSORS, TARGET_TYPES[::-1]) if chosen.only in (None, k)]
-    table = list(HEAD)
-    print("\n".join(HEAD))
+    rows: list[dict[str, str]] = []
     with ProcessPoolExecutor(chosen.pool) as pool:
         for (kind, model, _), found in zip(cases, pool.map(part_of, cases), strict=True):
-            fresh = list(lines(kind, model, chosen.sensors, found))
-            print("\n".join(fresh), flush=True)
-            table += fresh
-    if chosen.write:
-        docstring = "\n\n".join((__doc__ or "").strip().split("\n\n")[2:])
-        seen = "" if chosen.sensors == 1 else f" --sensors {chosen.sensors}"
-        page = PAGE.format(docstring=docstring, table="\n".join(table), seen=seen, **vars(chosen))
-        (chosen.write / "exact_posteriors.md").write_text(page, encoding="utf-8")
+            fresh = list(cells(kind, model, chosen, found))
+            print("\n".join(",".join(row.values()) for row in fresh), flush=True)
+            rows += fresh
+    if chosen.write and rows:
+        write_csv(chosen.write / "exact_posteriors.csv", rows)
+        write_page(chosen.write / "exact_posteriors.csv")
 
 
 if __name__ == "__main__":

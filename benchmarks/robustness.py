@@ -1,11 +1,12 @@
-"""boost-profile where its assumptions fail, beside stereo-filter on the same detections.
+"""boost-profile where its assumptions do not hold, compared with stereo-filter on the same detections.
 
     python benchmarks/robustness.py [--runs 100] [--only SRBM] [--case staged] [--parts FOLDER] [--write FOLDER]
+    python benchmarks/robustness.py --from-csv docs/benchmarks/robustness.csv
 
-Up to a hundred flights at a time, hundreds of kilometres from each other, are seen by two SBIRS-GEO, or by one, and
-tracked by the whole tracker: association, initiation, fit, and the filter that the fit is mixed with. The type is not
-told. Burn time, burnout speed and turn are drawn from the priors; `tests/support/other_flights.py` has the courses. A
-flight's track is the one with most of its detections. Both trackers' errors are of the same runs.
+Up to 100 targets at a time, hundreds of kilometres apart, are observed by two SBIRS-GEO sensors or by one. The whole
+tracker runs: data association, track initiation, fit, and the stereo filter that the fit is mixed with. Type reports
+are UNKNOWN. Burn time, burnout speed and turn are drawn from the priors; `tests/support/other_flights.py` defines the
+trajectories. The track of a target is the one that holds most of its detections.
 """
 
 import argparse
@@ -24,6 +25,8 @@ import numpy as np
 from followed_flights import CHANCES, SIGMA_RAD, USUAL_CONFIG, followed, rows_of, sensors_of, usual
 from opir_trackers.configs import BoostProfileConfig
 from other_flights import Flown, away_from, flown
+from result_files import write_csv
+from robustness_page import write_page
 
 from opir_core.flight.forces import Drag, Forces
 from opir_core.interfaces.records import Tracks
@@ -41,7 +44,7 @@ BATCH = 100
 
 #: Marks at which flights are looked at: shares of the burn, and seconds after it.
 SHARES, AFTER_S = (0.5, 0.95), (5.0, 20.0)
-MARKS = ("50 %", "95 %", "5 s after", "20 s after")
+MARKS = ("50 % of burn", "95 % of burn", "5 s after burnout", "20 s after burnout")
 TRACKERS = ("boost-profile", "stereo-filter")
 
 
@@ -67,24 +70,27 @@ _NEAR = (("outliers", 0.3), ("astray_rad", GATE * SIGMA_RAD))
 _FIELD = (("outliers", 0.3), ("astray_rad", DISC_RAD), ("everywhere", True))
 _ASKED = BoostProfileConfig(impacts_in_burn=True)
 CASES = {
-    "family": Case("its own family"),
-    "staged": Case("stages, two (ICBM: three), with gaps", "staged"),
-    "tabulated": Case("a table unlike the family: thrust sags, turn overshoots, heading swerves", "tabulated"),
-    "forces": Case("J2 and drag, known", flies=FORCES, believes=FORCES),
-    "forces-unknown": Case("J2 and drag, the tracker on kepler", flies=FORCES),
-    "bias": Case("biases of 3σ, told", seeing=(("bias_rad", _BIAS),), told_bias_rad=_BIAS),
-    "bias-untold": Case("biases of 3σ, not told", seeing=(("bias_rad", _BIAS),)),
+    "family": Case("boost family"),
+    "staged": Case("staged boosts", "staged"),
+    "tabulated": Case("tabulated boosts", "tabulated"),
+    "forces": Case("J2 and drag, modelled", flies=FORCES, believes=FORCES),
+    "forces-unknown": Case("J2 and drag, not modelled", flies=FORCES),
+    "bias": Case("bias 3σ, stated", seeing=(("bias_rad", _BIAS),), told_bias_rad=_BIAS),
+    "bias-untold": Case("bias 3σ, not stated", seeing=(("bias_rad", _BIAS),)),
     "rare": Case("P_d 0.3", seeing=(("chance", 0.3),)),
-    "outliers-near": Case("30 % outliers, evenly within the gate", seeing=_NEAR),
-    "outliers-field": Case("30 % outliers, evenly over the Earth", seeing=_FIELD),
-    "dead": Case("one sensor dies at half the burn", seeing=(("dies", 0.5),)),
-    "family-alone": Case("its own family, one sensor", sensors=1),
-    "staged-alone": Case("stages, one sensor", "staged", sensors=1),
-    "tabulated-alone": Case("that table, one sensor", "tabulated", sensors=1),
-    "family-asked": Case("its own family, impacts asked for while targets burn", config=_ASKED),
-    "staged-asked": Case("stages, impacts asked for while targets burn", "staged", config=_ASKED),
-    "tabulated-asked": Case("that table, impacts asked for while targets burn", "tabulated", config=_ASKED),
+    "outliers-near": Case("30 % outliers in the gate", seeing=_NEAR),
+    "outliers-field": Case("30 % outliers over the Earth disc", seeing=_FIELD),
+    "dead": Case("one sensor fails at half the burn", seeing=(("dies", 0.5),)),
+    "family-alone": Case("boost family, one sensor", sensors=1),
+    "staged-alone": Case("staged boosts, one sensor", "staged", sensors=1),
+    "tabulated-alone": Case("tabulated boosts, one sensor", "tabulated", sensors=1),
+    "family-asked": Case("boost family, impacts in burn", config=_ASKED),
+    "staged-asked": Case("staged boosts, impacts in burn", "staged", config=_ASKED),
+    "tabulated-asked": Case("tabulated boosts, impacts in burn", "tabulated", config=_ASKED),
 }
+
+#: Names of the cases on the page.
+LABELS = {name: case.words for name, case in CASES.items()}
 
 
 def marks_at(truth: Flown, tick_s: float) -> np.ndarray:
@@ -136,24 +142,10 @@ def figures(tracks: Tracks, row: np.ndarray, state: np.ndarray, landed: np.ndarr
     return found
 
 
-_COLUMNS = (
-    "class",
-    "mark",
-    "tracked, told, %",
-    "position, m (over filter's)",
-    "velocity, m/s (over filter's)",
-    "impact, km (over filter's)",
-    "ANEES / 6",
-    "filter's",
-    "impact held, 50 / 90 / 95 % of runs",
-    "filter's, 95 %",
-)
-HEAD = [f"| {' | '.join(_COLUMNS)} |", "|" + "---|" * len(_COLUMNS)]
-
-
-def lines(kind: str, rows: list[dict[str, Any]]) -> Iterator[str]:
-    """Yield the lines of a case's table of a class, a mark each."""
-    for mark, name in enumerate(MARKS):
+def summary(name: str, kind: str, rows: list[dict[str, Any]]) -> Iterator[dict[str, str]]:
+    """Yield the rows of the CSV file of a case and class, one for each mark."""
+    flights = str(len({row["flight"] for row in rows}))
+    for mark, when in enumerate(MARKS):
         ours, theirs = (
             {row["flight"]: row for row in rows if row["mark"] == mark and row["tracker"] == tracker}
             for tracker in TRACKERS
@@ -164,69 +156,68 @@ def lines(kind: str, rows: list[dict[str, Any]]) -> Iterator[str]:
             figure: np.array([[ours[key][figure], theirs[key][figure]] for key in ours], dtype=np.float64)
             for figure in ("position", "velocity", "impact", "nees", "impact nees")
         }
-        tracked, told = (100.0 * np.isfinite(both[each][:, 0]).mean() for each in ("position", "impact"))
-        yield (
-            f"| {kind} | {name} | {tracked:.0f}, {told:.0f} | {against(both['position'], 1.0, 0)} "
-            f"| {against(both['velocity'], 1.0, 1)} | {against(both['impact'], 1e3, 1)} "
-            f"| {anees(both['nees'][:, 0])} | {anees(both['nees'][:, 1])} | {held(both['impact nees'][:, 0])} "
-            f"| {held(both['impact nees'][:, 1], (0.95,))} |"
-        )
+        tracked, reported = (100.0 * np.isfinite(both[each][:, 0]).mean() for each in ("position", "impact"))
+        of_impact = both["impact nees"]
+        yield {
+            "case": name,
+            "sensors": str(CASES[name].sensors),
+            "class": kind,
+            "time": when,
+            "flights": flights,
+            "tracked_percent": f"{tracked:.0f}",
+            "impact_reported_percent": f"{reported:.0f}",
+            **against(both["position"], "position", "m", 1.0, 0),
+            **against(both["velocity"], "velocity", "m_s", 1.0, 1),
+            **against(both["impact"], "impact", "km", 1e3, 1),
+            **anees(both["nees"][:, 0], ""),
+            **anees(both["nees"][:, 1], "stereo_filter_"),
+            **contained(of_impact[:, 0], "", (0.5, 0.9, 0.95)),
+            **contained(of_impact[:, 1], "stereo_filter_", (0.95,)),
+        }
 
 
-def against(square: np.ndarray, unit: float, digits: int) -> str:
-    """Return the RMSE of (n, 2) squared errors of both trackers, and over the other's with its bootstrap interval."""
+def against(square: np.ndarray, name: str, unit: str, scale: float, digits: int) -> dict[str, str]:
+    """Return the RMSE of (n, 2) squared errors of both trackers, and its ratio to the other's with its interval."""
+    ratio = f"{name}_rmse_ratio"
+    found = dict.fromkeys((f"{name}_rmse_{unit}", ratio, f"{ratio}_low95", f"{ratio}_high95"), "")
     own = square[np.isfinite(square[:, 0]), 0]
-    if len(own) < _LEAST:
-        return "–"
-    whole = f"{np.sqrt(own.mean()) / unit:.{digits}f}"
+    if len(own) >= _LEAST:
+        found[f"{name}_rmse_{unit}"] = f"{np.sqrt(own.mean()) / scale:.{digits}f}"
     square = square[np.isfinite(square).all(axis=1)]
     if len(square) < _LEAST:
-        return whole
+        return found
     drawn = np.random.default_rng(1).integers(0, len(square), (1000, len(square)))
     sums = square[drawn].sum(axis=1)
     low, high = np.quantile(np.sqrt(sums[:, 0] / sums[:, 1]), (0.025, 0.975))
-    ratio = np.sqrt(square[:, 0].sum() / square[:, 1].sum())
-    return f"{whole} ({ratio:.2f}: {low:.2f}–{high:.2f})"
+    whole = np.sqrt(square[:, 0].sum() / square[:, 1].sum())
+    return found | {ratio: f"{whole:.2f}", f"{ratio}_low95": f"{low:.2f}", f"{ratio}_high95": f"{high:.2f}"}
 
 
-#: Fewer runs in which something is told are no sample of it.
+#: Figures of fewer flights are left empty.
 _LEAST = 20
 
 
-def anees(values: np.ndarray) -> str:
-    """Return the average NEES over its degrees of freedom, and behind it the median over that of chi-square."""
+def anees(values: np.ndarray, whose: str) -> dict[str, str]:
+    """Return the average NEES over its degrees of freedom, and the median over that of chi-square."""
     known = values[np.isfinite(values)]
-    return f"{known.mean() / 6.0:.2f}, {np.median(known) / 5.348:.2f}" if len(known) >= _LEAST else "–"
+    figures = (known.mean() / 6.0, np.median(known) / 5.348) if len(known) >= _LEAST else ()
+    names = (f"{whose}anees_over_6", f"{whose}median_nees_over_chi2_median")
+    return dict.fromkeys(names, "") | {name: f"{value:.2f}" for name, value in zip(names, figures, strict=False)}
 
 
-def held(values: np.ndarray, nominal: tuple[float, ...] = (0.5, 0.9, 0.95)) -> str:
-    """Return shares of ellipses that hold the truth, %, the last one with its interval."""
+def contained(values: np.ndarray, whose: str, nominal: tuple[float, ...]) -> dict[str, str]:
+    """Return shares of ellipses that contain the true impact, %, the last one with its interval."""
+    names = [f"{whose}impacts_in_{100.0 * each:.0f}_ellipse_percent" for each in nominal]
+    names += [f"{names[-1]}_low95", f"{names[-1]}_high95"]
     if np.count_nonzero(np.isfinite(values)) < _LEAST:
-        return "–"
+        return dict.fromkeys(names, "")
     shares = [containment(values, 2, each) for each in nominal]
-    _, low, high = shares[-1]
-    return f"{' / '.join(f'{100.0 * each[0]:.0f}' for each in shares)} ({100.0 * low:.0f}–{100.0 * high:.0f})"
-
-
-PAGE = """# boost-profile where its assumptions fail
-
-Made by `python benchmarks/robustness.py --runs {runs} --write docs/benchmarks`. {docstring}
-
-The filter's figures are those of [stereo-filter](../explanation/association.md) on the same detections and the same
-association; ratios are of RMSE over the runs in which both tell something, with their 95 % intervals (bootstrap).
-"Tracked, told" are the shares of flights that have a track, and of which an impact is told: once they are taken for
-burnt out, but in the last tables, in which it is asked for sooner (`impacts_in_burn`). ANEES is of the state, over
-its six degrees of freedom, and behind it the median over that of χ², which single wild runs do not move. Containment
-is of the ellipses that are told, that of 95 % with its 95 % interval (Wilson). A dash stands for fewer than 20 runs.
-The type is not told, and each counts as likely as the others: what a tracker states can be right of all of them
-together ("all"), not of each alone.
-
-{tables}
-"""
+    figures = [each[0] for each in shares] + list(shares[-1][1:])
+    return {name: f"{100.0 * value:.0f}" for name, value in zip(names, figures, strict=True)}
 
 
 def main() -> None:
-    """Measure what is asked for, or read what was measured, and print or write the tables."""
+    """Measure what is asked for and write the results, or redraw page and plot from a CSV file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
@@ -234,29 +225,32 @@ def main() -> None:
     parser.add_argument("--case", choices=CASES)
     parser.add_argument("--parts", type=Path, help="folder in which finished parts are kept and looked for")
     parser.add_argument("--finished", action="store_true", help="show what is in that folder, and measure nothing")
-    parser.add_argument("--write", type=Path)
+    parser.add_argument("--write", type=Path, help="folder for robustness.csv, robustness.md and robustness.svg")
+    parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and measure nothing")
     chosen = parser.parse_args()
-    tables = []
-    for name, case in CASES.items():
-        if chosen.case not in (None, name):
-            continue
-        table, runs, every = [], [], []
-        for kind in TARGET_TYPES[::-1]:
-            if chosen.only in (None, kind):
-                rows = rows_measured(kind, name, chosen)
-                table += list(lines(kind, rows))
-                runs.append(f"{kind} {len({row['flight'] for row in rows})}")
-                every += [{**row, "flight": f"{kind} {row['flight']}"} for row in rows]
-        if chosen.only is None:
-            table += list(lines("all", every))
-        if table:
-            head = [f"## {case.words[0].upper()}{case.words[1:]}", "", f"Runs: {', '.join(runs)}.", ""]
-            tables.append("\n".join([*head, *HEAD, *table]))
-            print(tables[-1], flush=True)
-    if chosen.write:
-        docstring = (__doc__ or "").split("\n\n")[2].replace("\n", " ").strip()
-        page = PAGE.format(docstring=docstring, runs=chosen.runs, tables="\n\n".join(tables))
-        (chosen.write / "robustness.md").write_text(page, encoding="utf-8")
+    if chosen.from_csv:
+        write_page(chosen.from_csv, LABELS)
+        return
+    found = [row for name in CASES if chosen.case in (None, name) for row in case_rows(name, chosen)]
+    if chosen.write and found:
+        write_csv(chosen.write / "robustness.csv", found)
+        write_page(chosen.write / "robustness.csv", LABELS)
+
+
+def case_rows(name: str, chosen: argparse.Namespace) -> list[dict[str, str]]:
+    """Return the rows of the CSV file of a case, and print them."""
+    table: list[dict[str, str]] = []
+    every = []
+    for kind in TARGET_TYPES[::-1]:
+        if chosen.only in (None, kind):
+            rows = rows_measured(kind, name, chosen)
+            table += summary(name, kind, rows)
+            every += [{**row, "flight": f"{kind} {row['flight']}"} for row in rows]
+    if chosen.only is None:
+        table += summary(name, "all", every)
+    for row in table:
+        print(",".join(row.values()), flush=True)
+    return table
 
 
 def batches(chosen: argparse.Namespace) -> Iterator[tuple[int, int]]:

@@ -1,88 +1,146 @@
-"""The page that compares the trackers by what `opir compare` prints of one scene.
+"""The trackers on one scene: what `opir compare` prints, as a CSV file, a plot and a page.
 
 python benchmarks/tracker_comparison.py [--runs 5] [--write docs/explanation]
+python benchmarks/tracker_comparison.py --from-csv docs/explanation/comparing-trackers.csv
 """
 
 import argparse
 import contextlib
 import io
+import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from result_files import write_csv
+from tracker_comparison_page import SCENE, SENSORS, TRACKERS, write_page
+
 from opir_core.cli.main import main as opir
 
-SCENE = "examples/pacific_test_range.yaml"
-SENSORS = "sensors=[{constellation: SBIRS-GEO}]"
-TRACKERS = ("kepler-arc", "{model: kepler-arc, memory_s: 5}", "stereo-filter", "boost-profile")
-
-PAGE = """# Three trackers on one scene
-
-The paper's [kepler-arc](kepler-arc.md); the [stereo-filter](association.md), which knows how thrust, gravity and drag
-act on any target; and [boost-profile](boost-profile.md), which knows the generic classes too. An ICBM, an IRBM and an
-SRBM are seen by the default fleet of SBIRS-GEO. Made by
-`python benchmarks/tracker_comparison.py --write docs/explanation`, which runs
-
-```
-opir compare {scene} --set "{sensors}" \\
-{words} --runs {runs}
-```
-
-All four lines get the same detections and the same association, so they differ by their estimates alone. With a
-`memory_s` kepler-arc forgets: it is no longer the paper's.
-
-## What came out
-
-```text
-{told}
-```
-
-## How to read it
-
-* **kepler-arc, the paper's.** One Keplerian arc is held against all detections of a boost. The longer the boost, the
-  farther the arc is from where the target is: position and velocity errors grow with every bin, to many times the
-  bound, while a least-squares fit believes that more detections tell more (NEES and NIS are far outside their bands,
-  p is 0). The arc says what the speed has been on average, not what it is; so the range falls short, types are told
-  too small, and no ellipse of the paper's σ₀ exp(−k n/N) holds the impact: that law shrinks with the count of
-  detections, whatever the error is.
-* **With a short memory** the arc follows the last seconds. It no longer drifts off, yet lags behind a target that
-  accelerates, by about the acceleration times the memory, and its covariance knows nothing of that.
-* **stereo-filter** has the specific force in its state, so it does not lag. It takes for granted that a boost is about
-  along the velocity and grows slowly, whatever the class: so it may stand below the bound *with the thrust unknown*
-  (/unknown below 1), which is what directions can tell with any force; with `boost_model: jerk` it stands at it. It
-  tells an impact once the target coasts; until then where it comes down depends on when its burn ends, which is not
-  in the directions.
-* **boost-profile** is below that bound, for it knows what boosts of the generic classes look like; here its targets
-  are such boosts. It too tells an impact once the burn is over, unless asked for it sooner. Truth of another family is
-  the test of its covariances, and is not on this page.
-
-What each figure is: [score tracks](../how-to/score-tracks.md).
-"""
+#: Keys of `opir compare --json`: of all launches, of a time bin, of launches and impacts; the column, scale and digits.
+WHOLE = {
+    "launches_tracked": ("launches_tracked_share", 1.0, 3),
+    "tracks_a_launch": ("tracks_per_launch", 1.0, 2),
+    "false_tracks_a_run": ("false_tracks_per_run", 1.0, 2),
+    "purity": ("purity_share", 1.0, 4),
+    "completeness": ("completeness_share", 1.0, 3),
+    "first_track_after_s": ("first_track_after_s", 1.0, 2),
+    "type_right": ("type_correct_share", 1.0, 3),
+    "tracking_us_a_detection": ("time_per_detection_us", 1.0, 1),
+    "tracking_us_a_track_update": ("time_per_track_update_us", 1.0, 0),
+}
+BINNED = {
+    "position_m": ("position_rmse_m", 1.0, 0),
+    "position_over_bound": ("position_rmse_over_bound_thrust_known", 1.0, 2),
+    "position_over_free_bound": ("position_rmse_over_bound_thrust_unknown", 1.0, 2),
+    "velocity_m_s": ("velocity_rmse_m_s", 1.0, 1),
+    "velocity_over_bound": ("velocity_rmse_over_bound_thrust_known", 1.0, 2),
+    "velocity_over_free_bound": ("velocity_rmse_over_bound_thrust_unknown", 1.0, 2),
+    "impact_m": ("impact_rmse_km", 1e-3, 1),
+}
+POINTS = {
+    "launch_m": ("launch_rmse_m", 1.0, 0),
+    "launch_time_s": ("launch_time_rmse_s", 1.0, 2),
+    "impact_m": ("impact_rmse_km", 1e-3, 1),
+    "impact_time_s": ("impact_time_rmse_s", 1.0, 2),
+}
+COUNTS = {"targets": "targets", "launches_told": "launches_reported", "impacts_told": "impacts_reported"}
+CONFIDENCE, BAND = "95 % confidence", "99 % band"
 
 
-def compared(runs: int) -> str:
-    """Return what `opir compare` prints."""
-    words = ["compare", SCENE, "--set", SENSORS, "--runs", str(runs)]
+def compared(runs: int) -> Any:
+    """Return the figures of `opir compare --json`."""
+    words = ["compare", SCENE, "--set", SENSORS, "--runs", str(runs), "--json"]
     for tracker in TRACKERS:
         words += ["--tracker", tracker]
-    with contextlib.redirect_stdout(io.StringIO()) as told:
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
         opir(words)
-    return told.getvalue().rstrip()
+    return json.loads(printed.getvalue())
+
+
+def cell(value: float | None, scale: float, digits: int) -> str:
+    """Return a figure as the CSV file has it, nothing where it is not known."""
+    return "" if value is None else f"{scale * value:.{digits}f}"
+
+
+def figure(found: dict[str, Any], name: str, scale: float, digits: int, samples: int | str = "") -> dict[str, str]:
+    """Return a figure with its 95 % interval."""
+    value, low, high = (cell(each, scale, digits) for each in (found["value"], *found["interval_95"]))
+    kind = CONFIDENCE if low else ""
+    return {"quantity": name, "samples": str(samples), "value": value, "low": low, "high": high, "interval": kind}
+
+
+def plain(name: str, value: str, samples: int | str = "") -> dict[str, str]:
+    """Return a figure without an interval."""
+    return {"quantity": name, "samples": str(samples), "value": value, "low": "", "high": "", "interval": ""}
+
+
+def whole_rows(card: dict[str, Any]) -> Iterator[dict[str, str]]:
+    """Yield the figures of all launches."""
+    yield plain("runs", str(card["runs"]))
+    for key, (name, scale, digits) in WHOLE.items():
+        yield figure(card[key], name, scale, digits)
+    gospa = card["gospa"]
+    yield figure(gospa["a_target_m"], "gospa_per_target_m", 1.0, 0)
+    parts = {name: gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")}
+    for name, part in parts.items():
+        yield plain(f"gospa_{name}_percent", cell(part / sum(parts.values()), 100.0, 0))
+    for true, row in card["type_confusion"].items():
+        for reported, count in row.items():
+            yield plain(f"{true}_reported_as_{reported}_count", str(count))
+    stereo = card["stereo"]
+    for key, name in COUNTS.items():
+        yield plain(name, str(stereo[key]))
+    for key, (name, scale, digits) in POINTS.items():
+        yield figure(stereo[key], name, scale, digits)
+    for point in ("launch", "impact"):
+        for part in stereo[f"{point}_containment"]:
+            yield figure(part, f"{point}_in_{100.0 * part['nominal']:.0f}_ellipse_percent", 100.0, 0)
+
+
+def bin_rows(part: dict[str, Any]) -> Iterator[dict[str, str]]:
+    """Yield the figures of one bin of time since ignition."""
+    for key, (name, scale, digits) in BINNED.items():
+        yield figure(part[key], name, scale, digits, part["samples"])
+    for key, name in (("nees", "nees_over_6"), ("nis", "nis_over_2")):
+        found = part[key]
+        low, high = (cell(edge, 1.0, 2) for edge in found["band_99"])
+        mean = plain(name, cell(found["mean"], 1.0, 2), found["samples"])
+        yield {**mean, "low": low, "high": high, "interval": BAND}
+        yield plain(f"{name}_ks_p", cell(found["distribution_p"], 1.0, 3), found["samples"])
+
+
+def rows_of(cards: dict[str, Any]) -> Iterator[dict[str, str]]:
+    """Yield the rows of the CSV file."""
+    for tracker, card in cards.items():
+        for row in whole_rows(card):
+            yield {"tracker": tracker, "from_s": "", "to_s": "", **row}
+        for part in card["stereo"]["by_time"]:
+            start, end = (f"{edge:g}" for edge in part["since_ignition_s"])
+            for row in bin_rows(part):
+                yield {"tracker": tracker, "from_s": start, "to_s": end, **row}
 
 
 def main() -> None:
-    """Run the comparison and print, or write, the page."""
+    """Run the comparison and write the results, or redraw page and plot from a CSV file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--write", type=Path)
+    parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
+    parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing")
     chosen = parser.parse_args()
-    words = " ".join(f'--tracker "{name}"' if " " in name else f"--tracker {name}" for name in TRACKERS)
-    page = PAGE.format(scene=SCENE, sensors=SENSORS, words=f"    {words}", runs=chosen.runs, told=compared(chosen.runs))
+    if chosen.from_csv:
+        write_page(chosen.from_csv)
+        return
+    rows = list(rows_of(compared(chosen.runs)))
+    for row in rows:
+        print(",".join(row.values()))
     if chosen.write:
-        (chosen.write / "comparing-trackers.md").write_text(page, encoding="utf-8")
-    print(page)
+        write_csv(chosen.write / "comparing-trackers.csv", rows)
+        write_page(chosen.write / "comparing-trackers.csv")
 
 
 if __name__ == "__main__":

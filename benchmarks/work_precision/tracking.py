@@ -1,6 +1,7 @@
 """Tracking: run time against error over the bound, for the stereo filter at several cadences, Stone Soup and FilterPy.
 
     python benchmarks/work_precision/tracking.py [--runs 100] [--peer-runs 4] [--raid-seconds 20] [--write FOLDER]
+    python benchmarks/work_precision/tracking.py --from-csv docs/benchmarks/tracking.csv
 
 The same detections for all, in one run. One target: two geostationary sensors at 10° E and 100° E, 10 looks a second
 each, 20 µrad, 300 s of free flight. A hundred targets: P_d 0.9, 20 clutter points a frame, tracks started from noisy
@@ -25,7 +26,14 @@ from opir_trackers.stereo.histories import Histories
 from opir_trackers.stereo.track_management import TrackTable
 from opir_trackers.stereo.tracker_state import TrackerState
 from opir_trackers.stereo.tracking import StereoTracking
-from tracking_page import Line, RaidLines, page, plot, raid_table, single_table
+from tracking_page import (
+    Line,
+    RaidLines,
+    raid_rows,
+    single_rows,
+    write_csv,
+    write_page,
+)
 from tracking_problems import CHANCE, CLUTTER, SENSORS_M, Problem, bound_m, coasting_filter, first_bank, known_sights
 from tracking_problems import problem as made
 
@@ -213,29 +221,32 @@ def chosen_runs() -> argparse.Namespace:
     parser.add_argument("--raid-seeds", type=int, default=6)
     parser.add_argument("--scene-runs", type=int, default=5)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--write", type=Path)
+    parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
+    parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing")
     return parser.parse_args()
 
 
 def main() -> None:
-    """Run everything and print, or write, the tables."""
+    """Run everything and write the results, or redraw page and plot from a CSV file."""
     chosen = chosen_runs()
+    if chosen.from_csv:
+        write_page(chosen.from_csv)
+        return
     tracking_scene.written(chosen.scene_runs, chosen.write)
     case = made(chosen.runs, chosen.seconds, chosen.seed, 5e4, 1.0, 0)
-    lines = list(single_lines(case, chosen.peer_runs))
-    single = single_table(lines)
-    print(single, flush=True)
+    bound = float(np.sqrt(np.mean(bound_m(case) ** 2)))
+    rows = single_rows(list(single_lines(case, chosen.peer_runs)), bound, chosen.seconds)
 
     def raids(half_width_m: float) -> list[Problem]:
         seeds = range(chosen.seed, chosen.seed + chosen.raid_seeds)
         return [made(100, chosen.raid_seconds, seed, half_width_m, CHANCE, CLUTTER) for seed in seeds]
 
-    raid = raid_table({"spread": raid_lines_of(raids(1e6), False), "raid": raid_lines_of(raids(5e4), True)})
-    print(raid)
+    scenes = {"spread": raid_lines_of(raids(1e6), False), "raid": raid_lines_of(raids(5e4), True)}
+    rows += raid_rows(scenes, chosen.raid_seconds)
+    print("\n".join(",".join(row.values()) for row in rows))
     if chosen.write:
-        bound = float(np.sqrt(np.mean(bound_m(case) ** 2)))
-        (chosen.write / "tracking.md").write_text(page(single, raid, bound, chosen), encoding="utf-8")
-        plot(lines, chosen.write / "tracking.svg")
+        write_csv(chosen.write / "tracking.csv", rows)
+        write_page(chosen.write / "tracking.csv")
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
 """Every tracker on one scene: run time against error over the bound, of the core's trackers and of peers.
 
     python benchmarks/work_precision/tracking_scene.py [--runs 5] [--write FOLDER]
+    python benchmarks/work_precision/tracking_scene.py --from-csv docs/benchmarks/tracking_scene.csv
 
-The same detections for all, seed by seed, in one run; association unknown to all but FilterPy, which is a filter and no
-tracker: it is told. One ICBM in boost, two SBIRS-GEO. Processor time of one core, of the tracker alone. Needs stonesoup
-and filterpy. `tracking.py` runs it too.
+The same detections for all, seed by seed, in one run. FilterPy is a filter and no tracker: it gets the true
+association. One ICBM in boost, two SBIRS-GEO. Processor time of one core, of the tracker alone. Needs stonesoup and
+filterpy. `tracking.py` runs it too.
 """
 
 import argparse
@@ -19,6 +20,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from attrs import evolve
 from filterpy_tracker import FilterPyTracker
+from tracking_scene_page import write_csv, write_page
 
 from opir_core.interfaces.protocols import Tracker
 from opir_core.planning.plan import Plan, compile_plan
@@ -66,28 +68,8 @@ TRACKERS = {
     "Stone Soup EKF, acceleration, 1 s": {"model": "stonesoup"},
     "Stone Soup EKF, jerk, 1 s": {"model": "stonesoup", "motion": "jerk", "noise": 0.3},
     "Stone Soup UKF, jerk, 1 s": {"model": "stonesoup", "filter": "ukf", "motion": "jerk", "noise": 0.3},
-    "FilterPy EKF, acceleration, told whose, 1 s": None,
+    "FilterPy EKF, acceleration, true association, 1 s": None,
 }
-
-PAGE = """# Tracking: every tracker on one scene
-
-Made by `python benchmarks/work_precision/tracking_scene.py --write docs/benchmarks`. One ICBM in boost, two
-SBIRS-GEO (10 looks a second each, P_d 0.8), the same {detections} detections for all in {runs} runs of {seconds:g}
-s, seeds {seeds}; processor time of one core, of the tracker alone. Errors are the RMSE of position and velocity at
-ticks from {start:g} s after ignition on, with 95 % intervals over runs, over the Cramér–Rao bound: *known* with the
-thrust known, *unknown* with specific force and jerk in the state and a jerk that wanders
-([bounds](../how-to/score-tracks.md)). The machine had other work: ratios count,
-not times. A tracker below 1 of the second had more to go by than directions.
-
-{table}
-
-![Time a detection against error over the bound](tracking_scene.svg)
-
-kepler-arc, boost-profile and stereo-filter share the association of the last. kepler-arc is the paper's: a thrusting
-target is on no Keplerian arc, so more detections do not help it. boost-profile knows the generic classes, of which
-the target is one; stereo-filter knows that a boost is about along the velocity, and with `jerk` not even that.
-FilterPy's filter is told which detections are the target's; the others find out.
-"""
 
 
 class Ratios(NamedTuple):
@@ -155,76 +137,46 @@ def lines(runs: int) -> Iterator[Line]:
         yield line_of(name, runs)
 
 
-def table_of(found: list[Line]) -> str:
-    """Return the lines as a table."""
+def csv_rows(found: list[Line], runs: int) -> list[dict[str, str]]:
+    """Return the rows of the CSV file."""
     stone = next(line.detection_us for line in found if line.name.startswith("Stone Soup EKF"))
-    head = [
-        (
-            "| tracker, cadence | µs a detection | µs a track update | faster than Stone Soup EKF"
-            " | position: known | unknown | velocity: known | unknown |"
-        ),
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    rows = [
-        f"| {line.name} | {line.detection_us:.1f} | {line.update_us:.0f} | {stone / line.detection_us:.1f} |"
-        f" {told(line.position)} | {told(line.velocity)} |"
-        for line in found
-    ]
-    return "\n".join([*head, *rows])
-
-
-def told(ratio: Ratios) -> str:
-    """Return ratios as two cells."""
-    return f"{ratio.known:.2f} | {ratio.unknown:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
-
-
-def plot(found: list[Line], path: Path) -> None:
-    """Draw time a detection against error over the bound with the thrust unknown."""
-    import matplotlib
-
-    matplotlib.use("svg")
-    matplotlib.rcParams["svg.hashsalt"] = "opir"
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 5), sharex=True)
-    for number, line in enumerate(found):
-        for axes, ratio in ((left, line.position.unknown), (right, line.velocity.unknown)):
-            axes.loglog(line.detection_us, ratio, "osDv^<>PX*hd"[number % 12], label=line.name)
-    for axes, what in ((left, "position"), (right, "velocity")):
-        axes.axhline(1.0, color="grey", linewidth=0.8)
-        axes.set_xlabel("µs a detection")
-        axes.set_ylabel(f"{what}: RMSE / bound, thrust unknown")
-        axes.grid(True, which="both", alpha=0.3)
-    left.legend(fontsize=7)
-    figure.tight_layout()
-    figure.savefig(path, metadata={"Date": None})
+    rows = []
+    for line in found:
+        row = {"tracker": line.name, "runs": str(runs), "first_seed": str(SCENE["seed"])}
+        row |= {"duration_s": f"{END_S:g}", "errors_from_s": f"{FROM_S:g}", "detections": str(line.detections)}
+        row |= {
+            "time_per_detection_us": f"{line.detection_us:.1f}",
+            "time_per_track_update_us": f"{line.update_us:.0f}",
+        }
+        row["speed_over_stone_soup"] = f"{stone / line.detection_us:.1f}"
+        for what, ratio in (("position", line.position), ("velocity", line.velocity)):
+            unknown = f"{what}_rmse_over_bound_thrust_unknown"
+            row |= {f"{what}_rmse_over_bound_thrust_known": f"{ratio.known:.2f}", unknown: f"{ratio.unknown:.2f}"}
+            row |= {f"{unknown}_low95": f"{ratio.low:.2f}", f"{unknown}_high95": f"{ratio.high:.2f}"}
+        rows.append(row)
+    return rows
 
 
 def written(runs: int, folder: Path | None) -> None:
-    """Run everything, print the table, and write page and plot."""
-    found = list(lines(runs))
-    table = table_of(found)
-    print(table, flush=True)
+    """Run everything, print the rows of the CSV file, and write it, the page and the plot."""
+    rows = csv_rows(list(lines(runs)), runs)
+    print("\n".join(",".join(row.values()) for row in rows), flush=True)
     if folder is None:
         return
-    page = PAGE.format(
-        table=table,
-        runs=runs,
-        seconds=END_S,
-        start=FROM_S,
-        detections=found[0].detections,
-        seeds=f"{SCENE['seed']} to {int(str(SCENE['seed'])) + runs - 1}",
-    )
-    (folder / "tracking_scene.md").write_text(page, encoding="utf-8")
-    plot(found, folder / "tracking_scene.svg")
+    write_csv(folder / "tracking_scene.csv", rows)
+    write_page(folder / "tracking_scene.csv")
 
 
 def main() -> None:
-    """Run everything and print, or write, the table."""
+    """Run everything and write the results, or redraw page and plot from a CSV file."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=5)
-    parser.add_argument("--write", type=Path)
+    parser.add_argument("--write", type=Path, help="folder for the CSV file, the page and the plot")
+    parser.add_argument("--from-csv", type=Path, help="redraw page and plot beside this file, and run nothing")
     chosen = parser.parse_args()
+    if chosen.from_csv:
+        write_page(chosen.from_csv)
+        return
     written(chosen.runs, chosen.write)
 
 

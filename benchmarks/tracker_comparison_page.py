@@ -1,0 +1,165 @@
+"""Page and plot of `tracker_comparison.py`, drawn from its CSV file."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from result_files import BLUE, GREEN, ORANGE, RED, Row, column, markdown_table, number, read_csv, svg_plot
+
+SCENE = "examples/pacific_test_range.yaml"
+SENSORS = "sensors=[{constellation: SBIRS-GEO}]"
+
+#: What is written after `--tracker`, what the page calls it, and how it is drawn.
+TRACKERS = {
+    "kepler-arc": ("kepler-arc", RED, "-"),
+    "{model: kepler-arc, memory_s: 5}": ("kepler-arc, memory 5 s", ORANGE, "--"),
+    "stereo-filter": ("stereo-filter", BLUE, "-."),
+    "boost-profile": ("boost-profile", GREEN, "-"),
+}
+
+PAGE = """# Comparison of trackers on one scene
+
+Which tracker is how accurate, how consistent and how fast?
+
+* `boost-profile` is the most accurate and the slowest. It uses the class priors, and these targets match them.
+* `stereo-filter` uses no class priors. It is consistent to slightly conservative, and {faster:.0f} times faster than
+  `boost-profile`.
+* `kepler-arc`, the paper's tracker, has errors that grow during the burn, and covariances that do not show them.
+
+![Position and velocity RMSE, error over the bound, and NEES, by time since ignition](comparing-trackers.svg)
+
+{table}
+
+Intervals are 95 %. All trackers get the same detections and data association, so only their estimates differ: each
+tracks {tracked} of the launches, with {tracks} tracks a launch, {false} false tracks a run and a purity of {purity}.
+Times depend on the machine; their ratios count. [comparing-trackers.csv](comparing-trackers.csv) has every figure in
+20 s bins, with intervals, and the confusion of types.
+
+## The scene
+
+An ICBM, an IRBM and an SRBM (`{scene}`), observed by the default fleet of SBIRS-GEO
+without pointing biases, in {runs} runs:
+
+```
+opir compare {scene} --set "{sensors}" \\
+    {words} --runs {runs}
+```
+
+## Discussion
+
+* **kepler-arc** fits one Keplerian arc to all detections of a boost. A thrusting target is on no such arc, so the
+  errors grow to many times the Cramér–Rao bound, while the least-squares covariance shrinks with each detection: NEES
+  and NIS are far outside their 99 % bands. The arc gives the mean speed of the boost, not the speed at burnout.
+  Therefore the predicted range falls short and the estimated type is too small. No ellipse of the paper's
+  σ₀ exp(−k n/N) contains the impact: it depends on the number of detections, not on the error.
+* **kepler-arc with `memory_s: 5`** fits the last seconds and is not the paper's tracker. It does not diverge, but lags
+  an accelerating target by about the acceleration times the memory. Its covariance does not include that lag.
+* **stereo-filter** has the specific force in its state and does not lag. It assumes a boost about along the velocity
+  that grows slowly, for every class. So it may be below the bound *with the thrust unknown*, which allows any force;
+  with `boost_model: jerk` it reaches that bound. It reports an impact once the target coasts: before burnout the impact
+  depends on when the burn ends, which lines of sight do not measure.
+* **boost-profile** is below that bound because it knows the class priors. It too reports an impact after burnout,
+  unless `impacts_in_burn` is set. [Robustness](../benchmarks/robustness.md) tests it on targets outside its priors.
+
+[Score tracks](../how-to/score-tracks.md) defines the figures. To run the comparison again, or to redraw this page:
+
+```
+python benchmarks/tracker_comparison.py --runs {runs} --write docs/explanation
+python benchmarks/tracker_comparison.py --from-csv docs/explanation/comparing-trackers.csv
+```
+"""
+
+#: Rows of the short table: its name, the quantity, the bin's start, and whether the interval is shown.
+LINES = (
+    ("position RMSE, 100–120 s, m", "position_rmse_m", "100", True),
+    ("… over the bound, thrust unknown", "position_rmse_over_bound_thrust_unknown", "100", False),
+    ("velocity RMSE, 100–120 s, m/s", "velocity_rmse_m_s", "100", True),
+    ("NEES / 6, 100–120 s (1 is consistent)", "nees_over_6", "100", False),
+    ("NIS / 2, 100–120 s (1 is consistent)", "nis_over_2", "100", False),
+    ("GOSPA per target, m", "gospa_per_target_m", "", True),
+    ("last launch point, RMSE, m", "launch_rmse_m", "", True),
+    ("last impact point, RMSE, km", "impact_rmse_km", "", True),
+    ("impacts in the 95 % ellipse, %", "impact_in_95_ellipse_percent", "", True),
+    ("types correct", "type_correct_share", "", False),
+    ("processor time per detection, µs", "time_per_detection_us", "", False),
+)
+
+#: Panels of the plot: the quantity, its axis, and the value to expect.
+PANELS = (
+    ("position_rmse_m", "position RMSE, m", None),
+    ("velocity_rmse_m_s", "velocity RMSE, m/s", None),
+    ("position_rmse_over_bound_thrust_unknown", "position RMSE / bound,\nthrust unknown", 1.0),
+    ("nees_over_6", "NEES / 6 (1 is consistent)", 1.0),
+)
+
+
+def write_page(source: Path) -> None:
+    """Write page and plot beside a CSV file."""
+    rows = read_csv(source)
+    names = [name for name in TRACKERS if any(row["tracker"] == name for row in rows)]
+    head = ("", *(TRACKERS[name][0] for name in names))
+    table = [
+        (label, *(shown(found(rows, name, quantity, start), has_interval) for name in names))
+        for label, quantity, start, has_interval in LINES
+    ]
+    each_us = {name: number(found(rows, name, "time_per_detection_us")["value"]) for name in names}
+    first = {key: found(rows, names[0], key)["value"] for key in ("runs", *ASSOCIATION.values())}
+    page = PAGE.format(
+        table=markdown_table(head, table),
+        faster=each_us["boost-profile"] / each_us["stereo-filter"],
+        scene=SCENE,
+        sensors=SENSORS,
+        words=" ".join(f'--tracker "{name}"' if " " in name else f"--tracker {name}" for name in TRACKERS),
+        runs=first["runs"],
+        **{key: first[quantity] for key, quantity in ASSOCIATION.items()},
+    )
+    source.with_suffix(".md").write_text(page, encoding="utf-8")
+    plot(rows, names, source.with_suffix(".svg"))
+
+
+#: Figures of the data association, which all trackers share.
+ASSOCIATION = {
+    "tracked": "launches_tracked_share",
+    "tracks": "tracks_per_launch",
+    "false": "false_tracks_per_run",
+    "purity": "purity_share",
+}
+
+
+def found(rows: list[dict[str, str]], tracker: str, quantity: str, start: str = "") -> Row:
+    """Return the row of a quantity, of all launches or of the bin that starts then."""
+    key = {"tracker": tracker, "quantity": quantity, "from_s": start}
+    return next(row for row in rows if key.items() <= row.items())
+
+
+def shown(row: Row, has_interval: bool) -> str:
+    """Return a cell of the short table."""
+    if not row["value"]:
+        return "–"
+    return f"{row['value']} [{row['low']}, {row['high']}]" if has_interval and row["low"] else row["value"]
+
+
+def plot(rows: list[dict[str, str]], names: Sequence[str], path: Path) -> None:
+    """Draw figures by time since ignition, with their 95 % intervals."""
+    with svg_plot(path, 2, 2, figsize=(10.0, 7.0), sharex=True) as (figure, grid):
+        for axes, (quantity, label, expected) in zip(grid.flat, PANELS, strict=True):
+            if expected:
+                axes.axhline(expected, color="black", linewidth=0.8)
+            for name in names:
+                mine = [row for row in rows if row["tracker"] == name and row["quantity"] == quantity]
+                draw(axes, mine, name)
+            axes.set_yscale("log")
+            axes.set_ylabel(label)
+            axes.grid(alpha=0.3)
+        for axes in grid[1]:
+            axes.set_xlabel("time since ignition, s")
+        figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+
+
+def draw(axes: Any, rows: Sequence[Row], tracker: str) -> None:
+    """Draw a tracker's figures in the middle of their bins."""
+    label, colour, style = TRACKERS[tracker]
+    middle = [0.5 * (number(row["from_s"]) + number(row["to_s"])) for row in rows]
+    axes.plot(middle, column(rows, "value"), style, color=colour, label=label)
+    if all(row["interval"].endswith("confidence") for row in rows):
+        axes.fill_between(middle, column(rows, "low"), column(rows, "high"), color=colour, alpha=0.2, linewidth=0.0)
