@@ -4,8 +4,8 @@
 
 Targets 20 km up, every 4 degrees of latitude and 30 of longitude, and every satellite of a fleet, through the engine's
 own test of visibility. A place is covered while at least one satellite of the fleet sees it. `--write` puts the page,
-its data as a CSV file and, where matplotlib is installed, a plot into a folder; `--from-csv` draws the page and the plot
-again from the CSV file in a folder.
+its data as a CSV file and, where matplotlib is installed, a plot into a folder; `--from-csv` draws page and plot again
+from the CSV file in a folder.
 """
 
 import argparse
@@ -54,9 +54,9 @@ slots, orbits and fields of regard are notional.
 
 ## Method
 
-Targets are {height_km:g} km up, every 4° of latitude and 30° of longitude; times every {step_s:g} s of a day. Shares are
-means over the day and over the longitudes of a latitude. [coverage.csv](coverage.csv) has, by latitude and fleet, the
-share with one and with two satellites, the mean number in view and the longest gap in s. Made by
+Targets are {height_km:g} km up, every 4° of latitude and 30° of longitude; times every {step_s:g} s of a day. Shares
+are means over the day and over the longitudes of a latitude. [coverage.csv](coverage.csv) has, by latitude and fleet,
+the share with one and with two satellites, the mean number in view and the longest gap in s. Made by
 `python benchmarks/coverage.py --write docs/benchmarks`; `--from-csv docs/benchmarks` draws page and plot again from
 the CSV file.
 """
@@ -197,19 +197,19 @@ def main() -> None:
     parser.add_argument("--from-csv", type=Path)
     arguments = parser.parse_args()
     if arguments.from_csv:
-        rows, facts = read_csv(arguments.from_csv / "coverage.csv", Row)
-        write_page(rows, float(facts["step_s"]), arguments.from_csv)
+        redraw(arguments.from_csv)
         return
     rows = [row for fleet, names in FLEETS.items() for row in coverage(fleet, names, arguments.step_s)]
     print(table(rows))
     if arguments.write:
         write_csv(arguments.write / "coverage.csv", rows, {"step_s": arguments.step_s})
-        write_page(rows, arguments.step_s, arguments.write)
+        redraw(arguments.write)
 
 
-def write_page(rows: list[Row], step_s: float, folder: Path) -> None:
-    """Write the page and the plot."""
-    page = PAGE.format(height_km=HEIGHT_M / 1e3, step_s=step_s, table=table(rows), remarks=REMARKS)
+def redraw(folder: Path) -> None:
+    """Write the page and the plot from the CSV file of a folder."""
+    rows, facts = read_csv(folder / "coverage.csv", Row)
+    page = PAGE.format(height_km=HEIGHT_M / 1e3, step_s=float(facts["step_s"]), table=table(rows), remarks=REMARKS)
     (folder / "coverage.md").write_text(page, encoding="utf-8")
     plot(rows, folder / "coverage.svg")
 
