@@ -277,7 +277,7 @@ def spread(found: list[Cell]) -> str:
 
 
 def between(low: str, high: str) -> str:
-    return low if low == high else f"{low} to {high}"
+    return low if low == high else f"{low}–{high}"
 
 
 def headline(found: list[Cell]) -> str:
