@@ -86,8 +86,7 @@ variance of a difference is that of DeLong's placements, linearised where object
 Clopper-Pearson intervals, differences of shares an exact McNemar test.
 
 Every AUC with the numbers of objects: [discrimination.csv](discrimination.csv). Confusion of types:
-[classification.csv](classification.csv). Made by `python benchmarks/discrimination.py --write docs/benchmarks` in a
-few seconds.
+[classification.csv](classification.csv). Made by `python benchmarks/discrimination.py --write docs/benchmarks`.
 """
 
 REMARKS = """\
