@@ -83,11 +83,11 @@ def measured(states: int, checked: int, repeat: int) -> str:
 
 PAGE_TEXT = """# Two-body propagation: speed and error
 
-*How fast and how exact is opir's two-body propagation, beside other libraries?* It returns a result for every class of
-arc, with errors near the floor.
+*How fast and how exact is two-body propagation?* opir returns a result for every class of arc, with errors near the
+floor.
 
 The largest error of {checked} states against mpmath with 50 digits, one state per call. The floor is the error from
-rounding the inputs to the nearest double: no method in double precision can guarantee less.
+rounding the inputs to doubles: no method can guarantee less.
 
 {error}
 
@@ -100,7 +100,7 @@ Classes: *ballistic*, *near rectilinear* (1e-7 to 1e-12 rad from the vertical) a
 100–300 km, anywhere between burnout and descent; *near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1|
 from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10, each up to a day forward or backward.
 
-Made by `python benchmarks/work_precision/kepler.py --write`; libraries that are not installed are left out.
+Made by `python benchmarks/work_precision/kepler.py --write` with the installed libraries.
 """
 
 
