@@ -134,8 +134,8 @@ PARTS = (
         "Detection",
         "computed",
         "Gaussian noise (NEI, photons, clutter) against a threshold; rules over bands; noise-only false alarms",
-        "spread of a point source over neighbouring cells; saturation; image motion; correlated noise; the atmosphere"
-        " in the ratio gates",
+        "spread of a point source over neighbouring cells; saturation and blooming; image motion; correlated noise;"
+        " detection over several looks; the atmosphere in the ratio gates",
         "Source at the corner of four cells: up to three quarters of the signal. Ratio gates: first detection up to 37"
         " s late ([how much](../benchmarks/first_detection.md))",
     ),
