@@ -169,7 +169,7 @@ def plot(rows: list[Row], path: Path) -> None:
     matplotlib.rcParams["svg.hashsalt"] = "opir"
     from matplotlib import pyplot
 
-    figure, axes = pyplot.subplots(1, 3, figsize=(11.0, 4.2), sharey=True, layout="constrained")
+    figure, axes = pyplot.subplots(1, 3, figsize=(11.0, 4.6), sharey=True, layout="constrained")
     for axis, name, label in zip(
         axes,
         ("covered", "twice", "satellites"),
@@ -185,7 +185,7 @@ def plot(rows: list[Row], path: Path) -> None:
         axis.set_yticks(range(-90, 91, 30))
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("latitude, deg")
-    axes[2].legend(frameon=False, loc="center right")
+    figure.legend(*axes[2].get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=5)
     figure.savefig(path, metadata={"Date": None})
 
 

@@ -319,16 +319,16 @@ def percent(found: list[Cell], cloud: str) -> str:
 
 
 def write_plot(found: list[Cell], path: Path) -> None:
-    """Draw heights of first detection: one panel for each kind of cloud, one mark for each climate."""
+    """Draw heights of first detection: a panel for each kind of cloud and for open gates, a mark for each climate."""
     import matplotlib as mpl
 
     mpl.use("svg")
     mpl.rcParams.update({"svg.hashsalt": "opir", "svg.fonttype": "none"})
     from matplotlib import pyplot as plt
 
-    figure, axes = plt.subplots(1, len(CLOUDS), figsize=(10, 4), sharey=True, constrained_layout=True)
+    figure, axes = plt.subplots(1, len(CLOUDS) + 1, figsize=(12, 4), sharey=True, constrained_layout=True)
     lines = [(kind, sensor) for kind in LAUNCHES for sensor in SENSORS]
-    for axis, cloud in zip(axes, CLOUDS, strict=True):
+    for axis, cloud in zip(axes, (*CLOUDS, OPEN), strict=True):
         for number, climate in enumerate(CLIMATES):
             own = [c for c in found if c.cloud == cloud and c.climate == climate and c.share >= 0.01]
             places = [lines.index((c.kind, c.sensor)) + 0.12 * (number - 2) for c in own]
@@ -337,7 +337,7 @@ def write_plot(found: list[Cell], path: Path) -> None:
         axis.set_xticklabels([f"{kind} {sensor}" for kind, sensor in lines], rotation=90, fontsize=7)
         axis.grid(axis="y", alpha=0.3)
     axes[0].set_ylabel("median height of the first detection, km")
-    axes[-1].legend(fontsize=7)
+    axes[1].legend(fontsize=7)
     figure.savefig(path, metadata={"Date": None})
 
 

@@ -295,7 +295,7 @@ def write_plot(rows: list[Row], path: Path) -> None:
     from matplotlib import pyplot as plt
 
     names = list(dict.fromkeys(row.problem for row in rows))
-    figure, axes = plt.subplots(1, len(names), figsize=(11, 4.6), constrained_layout=True, sharey=True)
+    figure, axes = plt.subplots(1, len(names), figsize=(11, 5.6), constrained_layout=True, sharey=True)
     for axis, name in zip(np.atleast_1d(axes), names, strict=True):
         for tool in dict.fromkeys(row.tool for row in rows if row.problem == name):
             points = [(row.us_an_arc, row.error_m) for row in rows if row.problem == name and row.tool == tool]
@@ -303,7 +303,7 @@ def write_plot(rows: list[Row], path: Path) -> None:
             axis.plot(*zip(*points, strict=True), style, markersize=4, label=tool)
         axis.set(xscale="log", yscale="log", title=name, xlabel="processor time per arc, µs")
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=7)
+        axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
     np.atleast_1d(axes)[0].set_ylabel("largest error at impact, m")
     figure.savefig(path, metadata={"Date": None})
 
