@@ -2,14 +2,17 @@
 
     python benchmarks/discrimination.py [--launches 150] [--sources 150] [--seed 1] [--write docs/benchmarks]
 
-Launches of each type and hot sources of each kind, drawn at random below one geostationary place, are simulated with
-every sensor at that place. Of each one moment is drawn, the same for all sensors, and the look at that moment is
-judged: so looks are independent, and sensors are compared in pairs. `--write` makes the page and its plots.
+Launches of each type and hot sources of each kind, drawn at random below one geostationary slot, are simulated with
+every sensor at that slot. For each object one time is drawn, the same for all sensors, and the look at that time is
+scored: so looks are independent, and sensors are compared in pairs. `--write` makes the page, its plots and its CSV
+files.
 """
 
 import argparse
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from discrimination_objects import (
@@ -29,87 +32,125 @@ from discrimination_objects import (
 )
 from discrimination_plots import plots
 from discrimination_statistics import area, area_gain, interval, type_gain
+from work_precision.results_csv import write_csv
 
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 
 PAGE = """# Discrimination and classification
 
-Made by `python benchmarks/discrimination.py --write docs/benchmarks`: {launches} launches of each type and {sources}
-fires, gas flares and sun glints each, seed {seed}, below one geostationary place by day (noon, midlatitude summer, no
-cloud). Places are drawn evenly in the sine of the elevation, headings evenly, ranges evenly in the logarithm within the
-class, brightness with a spread of {brightness} (all bands) and {colour} (each band) in the logarithm, areas with one of
-{area}; glints within 10° of the point that mirrors the Sun. One look of each at a random moment, the same for all
-sensors, which look every {period:g} s. Sensors have their defaults, which are notional. Intervals are 95 %.
+*How well does each sensor separate plumes from fires, flares and glints, and the types of missiles from one another?*
+The order DSP, SBIRS-GEO, NEXTGEN-GEO follows from bands and noise alone: a sensor has no setting for how well it
+discriminates. Bands and noise are notional.
 
 ## Plume against fire, flare and glint
 
-The statistic is the logarithm of the likelihood ratio, plume over anything else, of `classification: spectral`, on
-sensors that detect with any band (`spectral_discrimination: none`), so that the ratio alone tells. The area under the
-curve is the chance that a plume scores above the other, ties counting half; its interval is DeLong's (Biometrics 44,
-1988, 837), below at least as wide as Clopper and Pearson's for the smaller number of objects. *Of detections* is what
-the ratio does with what it gets. *Of looks* an object that is not detected scores below all that are: a sensor that
-detects fires and not plumes is below the diagonal. Crosses are the sensors' own ratio gates.
+Area under the ROC curve (AUC) of the log-likelihood ratio of `classification: spectral`, with 95 % intervals:
 
 {areas}
 
+- **detections**: objects that the sensor detects. **looks**: all objects; one that is not detected scores below all
+  others. A sensor that detects fires but not plumes is below 0.5.
+- Sensors detect with any band here (`spectral_discrimination: none`), so that the ratio alone separates. Crosses in
+  the plot: the sensors' own rules.
+
 ![ROC curves of plume against fire, flare and glint, by sensor, with 95 % bands](discrimination.svg)
 
-Differences of areas, plume against all three kinds together, on the same objects (one-sided; the variance is that of
-DeLong's placements, linearised where objects are not detected):
+Differences of the AUC against all three kinds (one-sided test):
 
 {area_order}
 
-## Types
+## Types of missiles
 
-Rows are true types; in percent of looks at launches of a type, with Clopper and Pearson's intervals. The classifier has
-its defaults: a type is reported from a probability of 0.6 on.
+![Reported types of looks at launches of each type, by sensor](classification.svg)
 
-{confusion}
-
-![What looks at launches of each type are reported as, by sensor](classification.svg)
-
-Looks at launches that are detected and told their type, and how sure the difference is (exact McNemar test on the same
-looks, one-sided):
+Share of the looks (one at each launch) that detect the launch and report its type correctly. A type is reported from a
+probability of 0.6 (the default).
 
 {type_order}
 
-## What it rests on
+## Why
 
 {remarks}
+
+## Method
+
+{launches} launches of each type and {sources} fires, gas flares and sun glints each, seed {seed}, below one
+geostationary slot by day (noon, midlatitude summer, no cloud). Places are uniform in the sine of the elevation,
+headings uniform, ranges log-uniform within the class, brightness log-normal with sigma {brightness} (all bands) and
+{colour} (each band), areas with sigma {area}; glints are within 10° of the specular point. One look at each object at
+a random time, the same for all sensors; the revisit interval is {period:g} s. All else by default.
+
+AUC is the probability that a plume scores above the other object, ties counting half. Its interval is DeLong's
+(Biometrics 44, 1988, 837); its lower end is at most that of Clopper and Pearson for the smaller number of objects. The
+variance of a difference is that of DeLong's placements, linearised where objects are not detected. Shares have
+Clopper-Pearson intervals, differences of shares an exact McNemar test.
+
+Every AUC with the numbers of objects: [discrimination.csv](discrimination.csv). Confusion of types:
+[classification.csv](classification.csv). Made by `python benchmarks/discrimination.py --write docs/benchmarks`.
 """
 
-REMARKS = """- The order is that of bands and noise: nothing in a sensor's description says how well it discriminates.
-- The range is known to a percent or so from geostationary height, so brightness itself tells types apart where noise
-  does not hide it. Upper stages are notionally a third and a tenth as bright as the first: late in its burn an ICBM is
-  as bright as a smaller type, and what tells it from that is the number of detections so far.
-- DSP has one band. It tells fires, whose long-wave light is far above plumes', and cannot tell a flare or a glint of a
-  plume's brightness from one; faint launches are below its noise. What it does detect is bright, and so mostly an ICBM.
-- The second band of SBIRS-GEO gives a temperature; the third of NEXTGEN-GEO and its lower noise give the spectrum.
-- The HEO sensor is not among them: its notional bands, noise and thresholds are those of SBIRS-GEO, so that from one
-  place both tell the same.
-- Gates cost detections: low in the air the ratios of bands are not those of a plume higher up, and a small plume's
-  long-wave light is below the coincidence threshold. The likelihood ratio on any band's detections loses fewer of them.
-"""
+REMARKS = """\
+- From geostationary distance the range is known to about 1 %, so brightness itself separates types, unless noise hides
+  it. Upper stages are notionally 0.3 and 0.1 times as bright as the first: an ICBM late in its burn is as bright as a
+  smaller type, and the number of detections so far separates the two.
+- DSP has one band. It separates fires, whose LWIR is far above that of plumes, but not a flare or a glint as bright as
+  a plume. Faint launches are below its noise; what it detects is bright, and so mostly an ICBM.
+- The second band of SBIRS-GEO gives a temperature; the third band of NEXTGEN-GEO and its lower noise give the
+  spectrum.
+- HEO is not listed: its bands, noise and thresholds are those of SBIRS-GEO.
+- The sensors' own rules lose low plumes, because the ratio gates do not correct for the atmosphere
+  ([first detections](first_detection.md)), and small plumes, whose LWIR is below the coincidence threshold. The
+  likelihood ratio on detections of any band loses fewer."""
 
 
-def areas_table(people: Population, looks: dict[str, Looks]) -> str:
-    """Return the areas of each sensor against each kind."""
-    lines = [
-        "| sensor | plume against | of detections | interval | counts | of looks | interval |",
-        "|---|---|---|---|---|---|---|",
-    ]
+class Area(NamedTuple):
+    """AUC of plumes against a kind of source with its 95 % interval, and the numbers of objects."""
+
+    sensor: str
+    against: str
+    of: str
+    auc: float
+    low: float
+    high: float
+    plumes: int
+    others: int
+
+
+class Confusion(NamedTuple):
+    """How often looks at launches of a type are reported as another, with the 95 % interval of the share."""
+
+    sensor: str
+    true_type: str
+    reported: str
+    count: int
+    looks: int
+    share: float
+    low: float
+    high: float
+
+
+def areas(people: Population, looks: dict[str, Looks]) -> Iterator[Area]:
+    """Yield the areas of each sensor against each kind, of detections and of looks."""
     plume = np.isin(people.kind, TARGET_TYPES)
-    for sensor in SENSORS:
-        score = looks[f"{sensor}-ANY"].log_ratio
-        for kind in (*KINDS, "all"):
-            other = ~plume if kind == "all" else people.kind == kind
-            seen = [score[rows & np.isfinite(score)] for rows in (plume, other)]
-            counts = f"{len(seen[0])} against {len(seen[1])}"
-            told = [
-                f"{middle:.3f} | {low:.3f} to {high:.3f}"
-                for middle, low, high in (area(*seen), area(score[plume], score[other]))
-            ]
-            lines.append(f"| {sensor} | {kind} | {told[0]} | {counts} | {told[1]} |")
+    for of_looks in (False, True):
+        for sensor in SENSORS:
+            score = looks[f"{sensor}-ANY"].log_ratio
+            shown = np.isfinite(score) | of_looks
+            for kind in (*KINDS, "all"):
+                other = ~plume if kind == "all" else people.kind == kind
+                parts = score[plume & shown], score[other & shown]
+                name = "looks" if of_looks else "detections"
+                yield Area(sensor, kind, name, *area(*parts), len(parts[0]), len(parts[1]))
+
+
+def areas_table(found: list[Area]) -> str:
+    """Return a line for each sensor, of detections and of looks."""
+    kinds = (*KINDS, "all")
+    lines = [f"| of | sensor | {' | '.join(kinds)} |", "|---" * (2 + len(kinds)) + "|"]
+    for name, sensor in dict.fromkeys((row.of, row.sensor) for row in found):
+        own = [row for row in found if (row.of, row.sensor) == (name, sensor)]
+        cells = " | ".join(f"{row.auc:.3f} ({row.low:.3f}–{row.high:.3f})" for row in own)
+        lines.append(f"| {name} | {sensor} | {cells} |")
     return "\n".join(lines)
 
 
@@ -131,33 +172,29 @@ def type_orders(people: Population, looks: dict[str, Looks]) -> list[tuple[str, 
     return [(worse, better, *type_gain(right[worse], right[better])) for worse, better in pairwise(SENSORS)]
 
 
-def confusion_table(people: Population, looks: dict[str, Looks]) -> str:
-    lines = [f"| sensor | true type | {' | '.join(CODES)} |", f"|---|---|{'---|' * len(CODES)}"]
+def confusion(people: Population, looks: dict[str, Looks]) -> Iterator[Confusion]:
+    """Yield the confusion of types."""
     for sensor in SENSORS:
         for kind in TARGET_TYPES:
             codes = looks[sensor].code[people.kind == kind]
-            cells = []
-            for code in range(len(CODES)):
-                hits = int(np.sum(codes == code))
-                low, high = interval(hits, len(codes))
-                cells.append(f"{100 * hits / len(codes):.0f} ({100 * low:.0f}–{100 * high:.0f})")
-            lines.append(f"| {sensor} | {kind} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+            for number, code in enumerate(CODES):
+                hits = int(np.sum(codes == number))
+                yield Confusion(sensor, kind, code, hits, len(codes), hits / len(codes), *interval(hits, len(codes)))
 
 
 def order_tables(people: Population, looks: dict[str, Looks]) -> tuple[str, str]:
-    areas = ["| of | less | more | gain | deviation | p |", "|---|---|---|---|---|---|"]
+    areas = ["| of | from | to | gain | σ | p |", "|---|---|---|---|---|---|"]
     for name, of_looks in (("detections", False), ("looks", True)):
         for worse, better, gain, sigma, p in area_orders(people, looks, of_looks=of_looks):
             areas.append(f"| {name} | {worse} | {better} | {gain:+.3f} | {sigma:.3f} | {p:.1e} |")
-    types = ["| sensor | looks | told | interval | of detections |", "|---|---|---|---|---|"]
+    types = ["| sensor | of looks | of detections |", "|---|---|---|"]
     for sensor in SENSORS:
         right = is_right(looks[sensor], people.kind)
         seen = int(np.sum(looks[sensor].code[np.isin(people.kind, TARGET_TYPES)] < len(REPORTED_TYPES)))
         low, high = interval(int(right.sum()), len(right))
-        lines = f"{right.mean():.3f} | {low:.3f} to {high:.3f} | {right.sum() / max(seen, 1):.3f} of {seen}"
-        types.append(f"| {sensor} | {len(right)} | {lines} |")
-    types += ["", "| less | more | gain | p |", "|---|---|---|---|"]
+        of_looks = f"{right.mean():.3f} ({low:.3f}–{high:.3f})"
+        types.append(f"| {sensor} | {of_looks} | {right.sum() / max(seen, 1):.3f} of {seen} |")
+    types += ["", "| from | to | gain | p |", "|---|---|---|---|"]
     types += [f"| {a} | {b} | {gain:+.3f} | {p:.1e} |" for a, b, gain, p in type_orders(people, looks)]
     return "\n".join(areas), "\n".join(types)
 
@@ -172,6 +209,7 @@ def main() -> None:
     arguments = parser.parse_args()
     people = population(arguments.launches, arguments.sources, arguments.seed)
     looks = looks_at(people, *simulated(people))
+    found = list(areas(people, looks))
     area_order, type_order = order_tables(people, looks)
     page = PAGE.format(
         launches=arguments.launches,
@@ -181,15 +219,16 @@ def main() -> None:
         colour=COLOUR,
         area=AREA,
         period=PERIOD_S,
-        areas=areas_table(people, looks),
+        areas=areas_table(found),
         area_order=area_order,
-        confusion=confusion_table(people, looks),
         type_order=type_order,
-        remarks=REMARKS.rstrip(),
+        remarks=REMARKS,
     )
     print(page)
     if arguments.write:
         (arguments.write / "discrimination.md").write_text(page, encoding="utf-8")
+        write_csv(arguments.write / "discrimination.csv", found)
+        write_csv(arguments.write / "classification.csv", list(confusion(people, looks)))
         plots(people, looks, arguments.write)
 
 

@@ -22,7 +22,7 @@ def plots(people: Population, looks: dict[str, Looks], folder: Path) -> None:
     for row, of_looks in enumerate((False, True)):
         for axis, kind in zip(axes[row], KINDS, strict=True):
             draw_curves(axis, people, looks, kind, of_looks=of_looks)
-        axes[row, 0].set_ylabel(f"share of {'looks' if of_looks else 'detections'} of plumes told so")
+        axes[row, 0].set_ylabel(f"share of {'looks at' if of_looks else 'detections of'} plumes above the threshold")
     axes[1, 2].legend(frameon=False, loc="lower right")
     figure.savefig(folder / "discrimination.svg", metadata={"Date": None})
     figure, axes = pyplot.subplots(1, 3, figsize=(11.0, 3.4), sharey=True, layout="constrained")
@@ -47,8 +47,8 @@ def draw_curves(axis: Any, people: Population, looks: dict[str, Looks], kind: st
         if of_looks:
             passed = looks[sensor].code < len(REPORTED_TYPES)
             axis.plot(passed[other].mean(), passed[plume].mean(), "x", color=colour, markersize=8)
-    told = "looks" if of_looks else "detections"
-    axis.set(xlabel=f"share of {told} of {kind}s told a plume", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
+    name = "looks at" if of_looks else "detections of"
+    axis.set(xlabel=f"share of {name} {kind}s above the threshold", xlim=(-0.02, 1.02), ylim=(-0.02, 1.02))
     axis.grid(alpha=0.3)
 
 
@@ -62,9 +62,9 @@ def draw_confusion(axis: Any, people: Population, looks: Looks) -> None:
         )
         for column, value in enumerate(share.tolist()):
             low, high = interval(round(value * len(codes)), len(codes))
-            told = f"{100 * value:.0f}\n{100 * low:.0f}–{100 * high:.0f}"
+            percent = f"{100 * value:.0f}\n{100 * low:.0f}–{100 * high:.0f}"
             ink = "white" if value > 0.6 else "black"
-            axis.text(column, row, told, ha="center", va="center", fontsize=8, color=ink)
+            axis.text(column, row, percent, ha="center", va="center", fontsize=8, color=ink)
     axis.set(xlim=(-0.5, 4.5), ylim=(2.5, -0.5))
     axis.set_xticks(range(5), [code.replace(" ", "\n") for code in CODES], fontsize=8)
     axis.set_yticks(range(3), TARGET_TYPES)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from attrs import fields
-from modelled import modelled_page
+from modelled import modelled_pages
 
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
 from opir_core.plugin.description import field_rows, shown
@@ -27,10 +27,11 @@ def pages() -> Mapping[Path, str]:
     from opir_http.reference import reference_page
     from opir_kafka.document import asyncapi_text
 
+    everything = Host.discover([*PLUGINS, "kafka", "stonesoup"])
     return {
         DOCS / "reference" / "scene.md": scene_page(),
         DOCS / "reference" / "components.md": components_page(),
-        DOCS / "explanation" / "what-is-modelled.md": modelled_page(Host.discover([*PLUGINS, "kafka", "stonesoup"])),
+        **{DOCS / "explanation" / name: text for name, text in modelled_pages(everything).items()},
         DOCS / "reference" / "http.md": reference_page(),
         DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
     }

@@ -1,8 +1,11 @@
-"""The page `explanation/what-is-modelled.md`: what opir computes, what it takes from tables, and what is notional.
+"""The pages `explanation/what-is-modelled.md` and `explanation/what-is-left-out.md`, and the table of all defaults.
 
-The parts of the chain are told here; the defaults of every component come from the components themselves.
+The two pages list the same parts of the simulation. Defaults come from the components themselves: the page shows the
+headline settings of the sensors, `explanation/defaults.csv` has every default with its source.
 """
 
+import csv
+import io
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -15,178 +18,285 @@ from opir_core.scene.spool_settings import SpoolConfig
 
 
 class Part(NamedTuple):
-    """One part of the chain: how opir has it (computed, tabulated or notional), from where, and what it leaves out."""
+    """One part of the simulation: computed, tabulated or notional; its model; what it omits and the error of that."""
 
     subject: str
     how: str
-    source: str
+    model: str
     left_out: str
+    error: str
 
 
 PARTS = (
     Part(
         "Black and grey bodies",
         "computed",
-        "Planck's law, in-band integrals to 1e-12 (`opir_core.radiometry.planck`)",
-        "emissivity that changes within a band",
+        "Planck's law; in-band integrals accurate to 1e-12",
+        "emissivity that varies within a band",
+        "Signal is proportional to the mean emissivity of the band",
     ),
     Part(
-        "Brightness of plumes in SWIR, MWIR and LWIR",
+        "Plume intensity in SWIR, MWIR and LWIR",
         "notional",
-        "a table by class, `opir_core/data/plumes.json`, inside 0.1 to 1 % of jet power over 4π",
-        "any vehicle; how plumes differ within a class; flicker",
+        "table of in-band radiant intensity by class (`plumes.json`), chosen within 0.1 to 1 % of jet power over 4π",
+        "any real vehicle; differences within a class; flicker",
+        "No accuracy is claimed: the range that the table was chosen from spans a factor of 10. Set `scale` or"
+        " `peak_w_sr` of the signature",
     ),
     Part(
-        "Plumes in other bands",
+        "Plume intensity in other bands",
         "notional",
-        "a rule: a grey continuum with all of LWIR, and what it leaves of SWIR and MWIR in the bands of hot H₂O and CO₂"
-        " near 2.7 and 4.3 µm (`opir_core.radiometry.plume`)",
-        "lines, the gases' other bands (near 2.0, 6.3 and 15 µm), particles' own spectra",
+        "rule: a grey continuum that carries all of LWIR; the rest of SWIR and MWIR in the hot H₂O and CO₂ bands near"
+        " 2.7 and 4.3 µm",
+        "spectral lines; gas bands near 2.0, 6.3 and 15 µm; spectra of particles",
+        "Not estimated. Signal too low in the omitted gas bands",
     ),
     Part(
-        "Plumes with altitude, thrust phase, aspect",
+        "Plume against altitude, stage and aspect",
         "notional",
-        "afterburning to about 50 km, a trough at 70 to 90 km (Forden), recovery in vacuum; stages of equal shares of"
-        " the burn; the area that a long body shows",
-        "chemistry, plume structure, staging gaps, obscuration by the body",
+        "afterburning up to about 50 km, minimum at 70 to 90 km (Forden), recovery in vacuum; stages share the burn"
+        " equally; projected area of a slender body",
+        "chemistry; plume structure; gaps between stages; obscuration by the body",
+        "Not estimated. Detections do not pause between stages",
     ),
     Part(
         "Bodies after burnout",
         "notional",
-        "grey bodies of one temperature, for sensors that follow them",
-        "heating on entry, sunlight and earthlight that they reflect, spin",
-    ),
-    Part(
-        "Transmittance of the atmosphere",
-        "tabulated",
-        "LOWTRAN7 band means for five climates, from the zenith to the horizon, interpolated with an error of 1.3e-4 at"
-        " its points and of 0.003 at 360 places between them, against LOWTRAN7 itself"
-        " ([benchmark](../benchmarks/atmosphere.md))",
-        "that lines of hot gas coincide with those of the cold air, which lets less through than the mean of the band;"
-        " weather; gases since 1986",
-    ),
-    Part(
-        "Long paths: across the limb, to sensors below the target's horizon",
-        "tabulated",
-        "LOWTRAN7 from heights up to 100 km, by the height to which a straight path would descend, 2.5 km and above:"
-        " at 360 places between the table's points 0.008 off at most. Below 2.5 km optical depth grows along the path"
-        " as it does there (`opir_core.radiometry.long_paths`)",
-        "refraction below 2.5 km, where rays from afar bend into the ground; the air that paths from above 100 km dip"
-        " into",
-    ),
-    Part(
-        "Cloud",
-        "notional",
-        "a thin opaque deck at one height, everywhere or in independent cells of a stated cover",
-        "thickness, partial transmittance, motion, the shapes and sizes of real cloud",
-    ),
-    Part(
-        "Radiance of the Earth",
-        "tabulated",
-        "LOWTRAN7 by night and by day (Sun at 0, 30, 60, 80° from the zenith, nadir and 61.6°), three kinds of cloud,"
-        " and opaque cloud by formula; straight between in the sines of elevation",
-        "surfaces of albedo other than 0.1, twilight, the daytime excess at 4.3 µm beyond local equilibrium, radiance"
-        " of the air beyond the limb (0 here)",
-    ),
-    Part(
-        "Clutter",
-        "notional",
-        "a share of the background's radiance is left after subtraction, as if random in each look",
-        "structure in space and time, jitter, line-of-sight dependence",
+        "grey body at one temperature, for sensors with `follows_bodies`",
+        "heating at re-entry; reflected sunlight and earthshine; spin",
+        "LWIR: reflection adds at most about 10 % at emissivity 0.9. Re-entry: signal far too low",
     ),
     Part(
         "Fires and gas flares",
         "computed",
         "grey bodies; temperatures from the literature, areas and emissivities notional",
-        "smoke, flame structure, what the gases of a flame add in their bands",
+        "smoke; flame structure; band emission of hot gases",
+        "Not estimated. Signal too low near 2.7 and 4.3 µm",
     ),
     Part(
         "Sun glint",
         "computed",
-        "Cox and Munk's slopes of water under wind, Fresnel's reflectance, the Sun as a black disc, its light through"
-        " the scene's atmosphere on the way down",
-        "the wind's direction, shadowing, whitecaps, refractive index by wavelength",
+        "Cox and Munk slope statistics, Fresnel reflectance, the Sun as a black disc, the scene's atmosphere on the"
+        " way down",
+        "wind direction; shadowing; whitecaps; refractive index by wavelength",
+        "Not estimated",
     ),
     Part(
         "Bolides",
         "notional",
-        "a grey body that flashes as sin² in time on a straight way at constant speed",
-        "ablation, fragmentation, drag, light curves of real ones",
+        "grey body on a straight path at constant speed; flash as sin² in time",
+        "ablation; fragmentation; drag; measured light curves",
+        "No accuracy is claimed",
     ),
     Part(
-        "Types from measured light",
-        "computed",
-        "Bayes' rule over imagined launches of the class profiles, fires, flares, glints and bolides, through the"
-        " scene's own air and sensors (`opir_core.classification`); priors and spreads are notional",
-        "that looks at one launch are alike; what a scene sets of its own targets' signatures",
+        "Atmospheric transmittance",
+        "tabulated",
+        "LOWTRAN7 band means for five climates, zenith to horizon. Interpolation error: 1.3e-4 at the points of the"
+        " table, 0.003 at 360 places between them ([benchmark](../benchmarks/atmosphere.md))",
+        "coincidence of hot gas lines with cold absorption lines; weather; change of trace gases since 1986",
+        "Lines: not estimated, transmittance too high for plumes. Gases: 30 % more CO₂ lowers a transmittance by at"
+        " most 0.10",
     ),
     Part(
-        "Boosts and ballistic arcs",
+        "Transmittance of limb paths",
+        "tabulated",
+        "sensor below the target's horizon: LOWTRAN7 for targets up to 100 km, by the lowest height of the straight"
+        " path, 2.5 km and above. Error 0.008 at 360 places. Below 2.5 km: optical depth grows along the path as at"
+        " 2.5 km",
+        "refraction below 2.5 km, where rays can meet the ground; air below targets that are above 100 km",
+        "Not estimated. Transmittance too high in both cases; it is 1 for every target above 100 km",
+    ),
+    Part(
+        "Cloud",
+        "notional",
+        "thin opaque deck at one height, everywhere or in independent cells of a stated cover",
+        "thickness; partial transmittance; motion; shapes and sizes of real cloud",
+        "A target is either visible or hidden. Delay until it is above the deck: [first"
+        " detections](../benchmarks/first_detection.md)",
+    ),
+    Part(
+        "Background radiance of the Earth",
+        "tabulated",
+        "LOWTRAN7 by night and by day (Sun 0, 30, 60, 80° from the zenith; view at nadir and 61.6°), three kinds of"
+        " cloud, a formula for opaque cloud; linear in the sines of elevation",
+        "albedo other than 0.1; twilight; daytime excess near 4.3 µm (non-LTE); radiance of the air beyond the limb, 0"
+        " here",
+        "Not estimated. It changes only the noise: photon noise as √L, clutter as L",
+    ),
+    Part(
+        "Clutter",
+        "notional",
+        "`clutter_residual`: a fixed share of the background radiance remains as white noise from look to look",
+        "structure in space and time; jitter; dependence on the line of sight",
+        "Not estimated. Real clutter is structured: its false alarms are more frequent and come in groups",
+    ),
+    Part(
+        "Detection",
         "computed",
-        "generic class profiles on the rotating ellipsoid, two-body arcs or numerical propagation; the profiles are"
-        " notional (`opir_core/data/class_profiles.json`)",
-        "thrust, mass and staging of any vehicle",
+        "Gaussian noise (NEI, photons, clutter) against a threshold; rules over bands; noise-only false alarms",
+        "spread of a point source over neighbouring cells; saturation and blooming; image motion; correlated noise;"
+        " detection over several looks; the atmosphere in the ratio gates",
+        "Source at the corner of four cells: up to three quarters of the signal. Ratio gates: first detection up to 37"
+        " s late ([how much](../benchmarks/first_detection.md))",
+    ),
+    Part(
+        "Type from measured irradiance",
+        "computed",
+        "Bayes' rule over simulated launches of every class profile, fires, flares, glints and bolides, through the"
+        " scene's atmosphere and sensors; priors and spreads notional",
+        "correlation between looks at one launch; signatures that a scene sets for its targets",
+        "Probabilities of several looks must not be multiplied",
+    ),
+    Part(
+        "Boost and ballistic flight",
+        "computed",
+        "notional class profiles (`class_profiles.json`) on the rotating ellipsoid, then a two-body arc (default), or"
+        " J2 to J4 and drag (`forces`)",
+        "thrust, mass and staging of any vehicle; with the default `forces: kepler`, oblateness and drag",
+        "Impact from the same burnout state, median (largest). J2: ICBM 14 km (61 km), SRBM 0.7 km (2.8 km). Drag:"
+        " SRBM 4 km (18 km), ICBM 0.7 km (3 km)",
+    ),
+    Part(
+        "Sensor orbits",
+        "computed",
+        "two-body motion or SGP4",
+        "two-body: oblateness, Moon and Sun. SGP4: UT1 and polar motion",
+        "Two-body: a few km in the first revolution of a low orbit, hundreds of m a day at geostationary distance."
+        " [All figures](../reference/orbits.md)",
+    ),
+    Part(
+        "Line of sight",
+        "computed",
+        "straight line over WGS 84 with light time; Gaussian error and constant bias",
+        "refraction",
+        "From geostationary distance, target on the ground: 5 µrad at 5° elevation, 1.6 µrad at 10°, 0.1 µrad at 40°",
     ),
 )
 
-INTRO = """# What is modelled, what is tabulated, what is notional
+MODELLED = """# What is modelled
 
-Generated by `python docs/generate.py`. opir is a simulator of generic sensors against generic targets. *Computed*
-parts follow from stated physics, *tabulated* ones are interpolated in shipped tables of known origin, and what is
-*notional* is made up: plausible, labelled, settable, and no real system's.
+*Which part of the simulation is physics, which is a table, and which is made up?* Generated by
+`python docs/generate.py`.
 
-## The chain
+opir simulates generic sensors and generic targets. Every part carries one of three labels:
 
-| part | how | from where | what it leaves out |
-|---|---|---|---|
+- **computed**: follows from stated physics;
+- **tabulated**: interpolated in shipped tables of known origin;
+- **notional**: made up; plausible, adjustable, and no real system's value.
+
+```text
+target, source -> signature -> atmosphere -> aperture -> detection -> type
+   computed       notional      tabulated    computed    computed   computed
+```
+
+What each part omits, and the size of the error, is on the page [What is left out](what-is-left-out.md).
+
+## Parts of the simulation
+
+| part | label | model |
+|---|---|---|
+{parts}
+
+Read more: [from a source to the aperture](radiometry.md), [from irradiance to a detection](detection.md), [from
+measured irradiance to a type](classification.md), [orbits](../reference/orbits.md), [azimuth and
+elevation](../reference/angles.md).
+
+## Defaults
+
+The sensor models start from these values. Noise-equivalent irradiance (NEI), IFOV (`footprint_urad`) and line-of-sight
+error (one sigma) are notional.
+
+| sensor model | bands, µm | NEI, W/m² | IFOV, µrad | threshold, σ | scan period, ms | line of sight, µrad |
+|---|---|---|---|---|---|---|
+{sensors}
+
+All {count} defaults of components, scenes, outputs and the service, each with its source, are in
+[defaults.csv](defaults.csv) (columns: component, key, default, source). {notional} of them are notional without a
+source; {paper} come from the [paper](paper-errata.md) at least in part. The page of
+[components](../reference/components.md) has the same defaults with units and ranges, and the values of every preset.
+A default of `none` sets nothing and is not listed.
 """
 
-DEFAULTS = """
-## Every default
+LEFT_OUT = """# What is left out
 
-Of each component that a scene may name, of the scene itself and of what runs it: its defaults, and where each comes
-from or the word *notional*. Those that set nothing (`none`) are left out, and what stands below them. A preset's values
-stand on the page of [components](../reference/components.md).
+*How far can I trust a result?* This page lists what each part of the simulation omits and how large the error is.
+Generated by `python docs/generate.py`. The models themselves are on the page [What is modelled](what-is-modelled.md).
 
-| component | key | default | source |
-|---|---|---|---|
+Where the error is "not estimated", the table gives its sign if that is known. Do not read absolute ranges, times of
+first detection or false-alarm rates as those of a real system: signatures and sensor noise are notional. Differences
+between two runs that share these values (another sky, orbit, rule or tracker) follow from the physics.
+
+| part | left out | error |
+|---|---|---|
+{parts}
+
+How the figures were obtained:
+
+- *Forces.* 300 launches of each class over random ranges (at most 12 000 km) in random directions, propagated from the
+  same burnout state: `kepler` against `j2`, and `j2` against `[j2, drag]` with 5 000 kg/m². J3 and J4 move an impact by
+  at most 0.2 km. Aim points are reached under the forces of the scene, so a scene's impacts do not move.
+- *Refraction.* Ray through spherical shells, refractivity 2.73e-4 at the ground and scale height 8.4 km; for a target
+  at 10 km the shift is a third.
+- *CO₂.* Optical depth scaled by 1.3 at every wavelength; the largest change of exp(−d) is 0.10.
+- *Reflection.* Earth radiance at 8 to 12 µm on a body of reflectance 0.1 at 300 K.
 """
 
-
-def modelled_page(host: Host) -> str:
-    """Return the page."""
-    chain = "\n".join(f"| {' | '.join(_cell(cell) for cell in part)} |" for part in PARTS)
-    return f"{INTRO}{chain}\n{DEFAULTS}{chr(10).join(_defaults(host))}\n"
+#: The headline settings of a sensor model, as columns.
+SHOWN = ("bands", "nei_w_m2", "footprint_urad", "threshold_sigma", "scan_period_ms", "line_of_sight_sigma_urad")
 
 
-def _defaults(host: Host) -> Iterator[str]:
+def modelled_pages(host: Host) -> Mapping[str, str]:
+    """Return both pages and the table of defaults by file name."""
+    rows = list(_defaults(host))
+    sources = [row[3] for row in rows]
+    modelled = MODELLED.format(
+        parts=_table((part.subject, part.how, part.model) for part in PARTS),
+        sensors=_table(_sensors(host)),
+        count=len(rows),
+        notional=sources.count("notional"),
+        paper=sum("paper (2026)" in source for source in sources),
+    )
+    left_out = LEFT_OUT.format(parts=_table((part.subject, part.left_out, part.error) for part in PARTS))
+    return {"what-is-modelled.md": modelled, "what-is-left-out.md": left_out, "defaults.csv": _csv(rows)}
+
+
+def _sensors(host: Host) -> Iterator[tuple[str, ...]]:
+    """Yield the headline defaults of each sensor model that scans."""
+    for name in host.names("opir_sensor_models"):
+        offered = host.component("opir_sensor_models", name)
+        if isinstance(offered, Component):
+            text = {row.key: row.default_text for row in field_rows(offered.config)}
+            if text.keys() >= set(SHOWN):
+                yield (f"`{name}`", text["bands"].strip("{}"), *(text[key] for key in SHOWN[1:]))
+
+
+def _defaults(host: Host) -> Iterator[tuple[str, str, str, str]]:
+    """Yield component, key, default and source of every field that has a value by default."""
     for hook, kind in CATALOGUE.items():
         for name in host.names(hook):
             offered = host.component(hook, name)
-            if not isinstance(offered, Component):
-                continue
-            for row in _set(offered.config):
-                source = _cell(row.source)
-                yield f"| {kind.kind} `{name}` | `{row.key}` | `{_cell(row.default_text)}` | {source} |"
+            if isinstance(offered, Component):
+                for row in _set(offered.config):
+                    yield f"{kind.kind} {name}", row.key, row.default_text, row.source
     for name, config in _others().items():
         for row in _set(config):
-            yield f"| {name} | `{row.key}` | `{_cell(row.default_text)}` | {_cell(row.source)} |"
+            yield name, row.key, row.default_text, row.source
 
 
 def _others() -> Mapping[str, type]:
-    """Return the configuration classes that are no component's, by what they set."""
+    """Return the configuration classes that belong to no component, by what they set."""
     from opir_http.settings import HttpSettings
 
     return {
-        "a scene": SceneFile,
-        "`forces: [{drag: ...}]`": SceneDrag,
-        "an output's `spool`": SpoolConfig,
-        "`opir serve`": HttpSettings,
+        "scene": SceneFile,
+        "forces: [{drag: ...}]": SceneDrag,
+        "output's spool": SpoolConfig,
+        "opir serve": HttpSettings,
     }
 
 
 def _set(config: type) -> Iterator[FieldRow]:
-    """Yield the fields that have a value by default."""
+    """Yield the fields that have a value by default; fields below a block that is none by default have none."""
     unset: list[str] = []
     for row in field_rows(config):
         if row.default is None and not row.is_required:
@@ -195,5 +305,11 @@ def _set(config: type) -> Iterator[FieldRow]:
             yield row
 
 
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
+def _table(rows: Iterator[tuple[str, ...]]) -> str:
+    return "\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows)
+
+
+def _csv(rows: list[tuple[str, str, str, str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([("component", "key", "default", "source"), *rows])
+    return text.getvalue()

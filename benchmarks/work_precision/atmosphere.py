@@ -1,12 +1,12 @@
-"""Atmospheric transmittance: what each way of interpolating LOWTRAN's table costs, and how far it is from LOWTRAN.
+"""Atmospheric transmittance: run time and error of several interpolations of LOWTRAN's table.
 
     python benchmarks/work_precision/atmosphere.py [--looks 1000000] [--repeat 7] [--write docs/benchmarks]
 
 All climates, bands and spectra of the shipped table. Errors are differences of transmittance: at the table's own
-points, at each inner height and zenith angle left out in turn, and from LOWTRAN7 itself at random places between the
+points, at each inner height and zenith angle omitted in turn, and from LOWTRAN7 itself at random places between the
 points (`tests/data/lowtran7_between.csv`, and below the horizon `lowtran7_below.csv`, by
-`docs/design/lowtran_table.py`). Times are processor time of one core,
-medians. `--write` puts the table, and, where matplotlib is installed, a plot into a folder.
+`docs/design/lowtran_table.py`). Times are processor time of one core, medians. `--write` puts the page and, where
+matplotlib is installed, a plot into a folder.
 """
 
 import argparse
@@ -39,32 +39,38 @@ ABOVE, BELOW = "lowtran7_between.csv", "lowtran7_below.csv"
 
 SHAPES = ((8, 26), (16, 51), (32, 101), (63, 201), (125, 401), (249, 801))
 
-PAGE = """# Atmosphere: work and precision
+PAGE = """# Atmospheric transmittance: error and run time
 
-Made by `python benchmarks/work_precision/atmosphere.py --write docs/benchmarks`: the {tables} tables of LOWTRAN7 that
-opir ships; errors are the largest differences of transmittance; {looks} looks at once, processor time of one core,
-medians. To scale by: in the same run a multiplication of two numpy arrays took {multiply_ns:.2f} ns an element (0.2 ns
-where nothing else runs).
+*How far is an interpolated transmittance from LOWTRAN7, and what does it cost?* The `lowtran` atmosphere has the grid
+of 125 x 401: {answer}
 
 {table}
 
-"A height left out" is LOWTRAN's value at an inner height of the table against what is interpolated without that
-height, over a gap two to three times as wide as the table's, from the zenith to the horizon; "an angle left out"
-likewise. "Between" is the difference from LOWTRAN7 itself at {places} random heights and zenith angles between the
-table's points. "From the curves" is what the grid adds: the difference from a grid four times as fine either way, at
-random places. "Below" is the difference from LOWTRAN7 itself at {below} places from which light first descends, to
-2.5 km or more, before it rises to a sensor below the target's horizon; half of them graze the lowest 7 km. The
-`lowtran` atmosphere has the grid of 125 x 401, and one of 81 climbs by as many lowest heights below the horizon.
+Errors are the largest differences of transmittance over the {tables} tables of LOWTRAN7 that opir ships:
 
-## Each point left out in turn
+- *table*: at the table's own points;
+- *angle omitted*, *height omitted*: at each inner zenith angle or height, interpolated without it, over a gap two to
+  three times as wide as the table's, from the zenith to the horizon;
+- *between*: against LOWTRAN7 itself at {places} random heights and zenith angles between the table's points;
+- *limb*: against LOWTRAN7 at {below} paths to a sensor below the target's horizon, which first descend, to 2.5 km or
+  more; half of them have their lowest point in the lowest 7 km. For these the `lowtran` atmosphere has a second grid,
+  of 81 climbs by as many lowest heights;
+- *grid*: against a grid four times as fine both ways, at random places.
 
-With the grid of 125 x 401, over all tables, by the height where the path begins; below the horizon, in the last two
-columns, by its lowest height: the largest difference from LOWTRAN's value, of so many values. The outermost lowest
-height, 2.5 km, is among them, though nothing is interpolated there. The bar is 0.03.
+Times: processor time of one core, medians, {looks} looks per call; in the same run a multiplication of two numpy
+arrays took {multiply_ns:.2f} ns per element (0.2 ns on an idle machine).
+
+![Error against time](atmosphere.svg)
+
+## Each point omitted in turn
+
+Grid of 125 x 401, all tables, by the height where the path begins, and for limb paths (last two columns) by its lowest
+height: the largest difference from LOWTRAN's value, and the number of values. The outermost lowest height, 2.5 km, is
+included, although nothing is interpolated there. The limit that the tests enforce is 0.03.
 
 {regions}
 
-![Error against time](atmosphere.svg)
+Made by `python benchmarks/work_precision/atmosphere.py --write docs/benchmarks`.
 """
 
 
@@ -90,7 +96,7 @@ def secant_law(nodes: NodeTable) -> Model:
 
 
 def bilinear(nodes: NodeTable) -> Model:
-    """Return what is straight in ln τ over height and air mass."""
+    """Return the bilinear interpolation of ln τ over height and air mass."""
     depth, masses = -np.log(np.maximum(nodes.transmittance, 1e-26)), shell_air_mass(np.cos(nodes.zenith_rad))
 
     def model(height: np.ndarray, sine: np.ndarray) -> np.ndarray:
@@ -114,7 +120,7 @@ def gridded(shape: tuple[int, int]) -> Way:
 
 WAYS: dict[str, tuple[Way, float]] = {
     "exp(-τ(nadir) sec z)": (secant_law, 26 * 8 / 1024),
-    "straight in ln τ over h and air mass": (bilinear, 26 * 12 * 8 / 1024),
+    "bilinear in ln τ over height and air mass": (bilinear, 26 * 12 * 8 / 1024),
     **{f"grid {a} x {b}": (gridded((a, b)), (a + CLIMBS) * b * 8 / 1024) for a, b in SHAPES},
 }
 
@@ -217,20 +223,29 @@ def above_the_air(count: int, repeat: int) -> float:
 def table(rows: list[Row], space_ns: float) -> str:
     """Return the rows as a Markdown table."""
     head = (
-        "| way | at the table's points | an angle left out | a height left out | between | below | from the curves"
-        " | ns a look | build, ms a band | kB a band |\n|---|---|---|---|---|---|---|---|---|---|"
+        "| interpolation | table | angle omitted | height omitted | between | limb | grid"
+        " | ns per look | build, ms per band | kB per band |\n|---|---|---|---|---|---|---|---|---|---|"
     )
     lines = [
         f"| {r.way} | {r.at_points:.2g} | {shown(r.angle_out)} | {r.height_out:.3f} | {r.between:.3g}"
         f" | {shown(r.below)} | {shown(r.from_curves)} | {r.nanoseconds:.0f} | {r.build_ms:.1f} | {r.kilobytes:.0f} |"
         for r in rows
     ]
-    space = f"| above 100 km, nothing is looked up |{' 0 |' * 6} {space_ns:.1f} | | |"
+    space = f"| targets above 100 km, no lookup |{' 0 |' * 6} {space_ns:.1f} | | |"
     return "\n".join([head, *lines, space])
 
 
+def answer(rows: list[Row]) -> str:
+    """Return the errors and the time of the grid that opir has."""
+    row = next(row for row in rows if row.way == "grid {} x {}".format(*GRID_SHAPE))
+    return (
+        f"{row.between:.3f} between the points of the table, {row.below:.3f} on limb paths,"
+        f" {row.nanoseconds:.0f} ns per look."
+    )
+
+
 def shown(error: float) -> str:
-    """Return an error, or nothing where there is none to speak of."""
+    """Return an error, or an empty cell where it was not measured."""
     return "" if np.isnan(error) else f"{error:.2g}"
 
 
@@ -247,7 +262,7 @@ def write_plot(rows: list[Row], path: Path) -> None:
         axis.plot([r.nanoseconds for r in rows], [getattr(r, column) for r in rows], "o", label=label)
     for row in rows:
         axis.annotate(row.way, (row.nanoseconds, row.at_points), fontsize=6)
-    axis.set(yscale="log", xlabel="ns a look", ylabel="largest error of transmittance", xlim=(0, None))
+    axis.set(yscale="log", xlabel="time per look, ns", ylabel="largest error of transmittance", xlim=(0, None))
     axis.legend()
     figure.savefig(path, metadata={"Date": None})
 
@@ -265,6 +280,7 @@ def main() -> None:
     if options.write:
         page = PAGE.format(
             table=text,
+            answer=answer(rows),
             tables=len(tables()),
             looks=options.looks,
             multiply_ns=multiply_ns(),

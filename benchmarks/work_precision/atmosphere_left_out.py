@@ -65,9 +65,7 @@ def _descending(way: Way, nodes: NodeTable, kind: str) -> Iterator[Errors]:
 def by_region(way: Way, tables: list[NodeTable]) -> str:
     """Return as a Markdown table the largest errors of all tables by region and by what is left out."""
     found = {kind: _joined(error for nodes in tables for error in left_out(way, nodes, kind)) for kind in KINDS}
-    head = (
-        "| heights, km | " + " | ".join(f"{kind} left out" for kind in KINDS) + " |\n|---" + "|---" * len(KINDS) + "|"
-    )
+    head = "| heights, km | " + " | ".join(f"{kind} omitted" for kind in KINDS) + " |\n|---" + "|---" * len(KINDS) + "|"
     lines = []
     for lower, upper in pairwise(EDGES_M):
         largest = [_largest(found[kind], lower, upper) for kind in KINDS]

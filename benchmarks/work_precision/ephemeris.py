@@ -1,11 +1,13 @@
-"""Ephemerides of flights: what a tolerance costs in build time, memory and evaluation time, and what error it leaves.
+"""Ephemerides of flights: build time, memory, evaluation time and error against the tolerance.
 
     python benchmarks/work_precision/ephemeris.py [--targets 1000] [--repeat 7] [--write docs/benchmarks]
+        [--from-csv docs/benchmarks]
 
 Flights of all five classes, from ignition to burnout and on to impact. Errors are the largest over a million random
-points, against the boost's own series and two-body propagation. Evaluation is of targets x 1000 times at once, in order
-(as a grid) and shuffled (each point another target and time). Times are processor time of one core, medians. `--write`
-puts the table, and, where matplotlib is installed, a plot into a folder.
+points, against the boost's own series and two-body propagation. Positions are evaluated for targets x 1000 times in one
+call, in order (as a grid) and shuffled (each point another target and time). Times are processor time of one core,
+medians. `--write` puts the page, its data as a CSV file and, where matplotlib is installed, a plot into a folder;
+`--from-csv` draws page and plot again from the CSV file in a folder.
 """
 
 import argparse
@@ -14,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from results_csv import read_csv, write_csv
 from timing import median_s, multiply_ns
 
 from opir_core.flight.aiming import Aim, aim
@@ -24,18 +27,28 @@ from opir_core.flight.trajectory import boost_ephemeris, flight_ephemeris
 from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 
 TOLERANCES_M = (10.0, 1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)
+SHOWN_M = (1.0, 0.01, 1e-4)
 TIMES = 1000
 ERROR_POINTS = 1_000_000
 
-PAGE = """# Ephemerides: work and precision
+PAGE = """# Ephemerides: accuracy against run time
 
-Made by `python benchmarks/work_precision/ephemeris.py --write docs/benchmarks`: {targets} flights of all classes,
-1000 times each; the largest error is over a million random points; processor time of one core, medians. To scale by: in
-the same run a multiplication of two numpy arrays took {multiply_ns:.2f} ns an element (0.2 ns where nothing else runs).
+*What does a tolerance on the position of targets cost in time and memory?* An ephemeris stores a flight as piecewise
+polynomials that are fitted to a tolerance. {answer}
 
 {table}
 
+- *span*: `boost`, from ignition to burnout; `flight`, on to impact.
+- *largest error*: over a million random points, against the series of the boost and two-body propagation.
+- *in order*, *shuffled*: positions of all targets at 1000 times in one call, sorted by target and time, or in random
+  order; *with velocity*: position and velocity, in order.
+
 ![Build time, memory and evaluation time against tolerance](ephemeris.svg)
+
+{targets} flights of all classes. Times: processor time of one core, medians; in the same run a multiplication of two
+numpy arrays took {multiply_ns} ns per element (0.2 ns on an idle machine). All tolerances:
+[ephemeris.csv](ephemeris.csv). Made by `python benchmarks/work_precision/ephemeris.py --write docs/benchmarks`;
+`--from-csv docs/benchmarks` draws page and plot again.
 """
 
 
@@ -126,15 +139,26 @@ def measured(span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, t
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table."""
     head = (
-        "| span | tolerance, m | largest error, m | pieces a target | kB a target | build, µs a target"
-        " | position, ns a point | shuffled, ns | position and velocity, ns |\n|---|---|---|---|---|---|---|---|---|"
+        "| span | tolerance, m | largest error, m | pieces per target | kB per target | build, µs per target"
+        " | in order, ns per point | shuffled, ns | with velocity, ns |\n|---|---|---|---|---|---|---|---|---|"
     )
     lines = [
         f"| {r.span} | {r.tolerance_m:g} | {r.error_m:.2g} | {r.pieces:.1f} | {r.kilobytes:.1f} | {r.build_us:.0f}"
         f" | {r.ordered_ns:.0f} | {r.shuffled_ns:.0f} | {r.state_ns:.0f} |"
         for r in rows
+        if r.tolerance_m in SHOWN_M
     ]
     return "\n".join([head, *lines])
+
+
+def answer(rows: list[Row]) -> str:
+    """Return how errors compare with tolerances, and the cost of the default tolerance of 1 cm."""
+    share = max(row.error_m / row.tolerance_m for row in rows)
+    row = next(row for row in rows if (row.span, row.tolerance_m) == ("flight", 0.01))
+    return (
+        f"Its error is at most {share:.2f} times the tolerance. At the default of 1 cm a whole flight takes"
+        f" {row.build_us:.0f} µs and {row.kilobytes:.0f} kB to build, and {row.ordered_ns:.0f} ns per position."
+    )
 
 
 def write_plot(rows: list[Row], path: Path) -> None:
@@ -146,9 +170,9 @@ def write_plot(rows: list[Row], path: Path) -> None:
     from matplotlib import pyplot as plt
 
     panels = {
-        "build_us": "build, µs a target",
-        "kilobytes": "memory, kB a target",
-        "ordered_ns": "position, ns a point",
+        "build_us": "build, µs per target",
+        "kilobytes": "memory, kB per target",
+        "ordered_ns": "position, ns per point",
     }
     figure, axes = plt.subplots(1, len(panels), figsize=(11, 3.4), constrained_layout=True)
     for axis, (column, label) in zip(axes, panels.items(), strict=True):
@@ -169,7 +193,11 @@ def main() -> None:
     parser.add_argument("--targets", type=int, default=1000)
     parser.add_argument("--repeat", type=int, default=7)
     parser.add_argument("--write", type=Path)
+    parser.add_argument("--from-csv", type=Path)
     options = parser.parse_args()
+    if options.from_csv:
+        redraw(options.from_csv)
+        return
     flight = flights(options.targets)
     spans = {"boost": lambda f, tolerance: boost_ephemeris(f.path, tolerance), "flight": flight_ephemeris}
     rows = [
@@ -179,9 +207,17 @@ def main() -> None:
     ]
     print(table(rows))
     if options.write:
-        text = PAGE.format(targets=options.targets, table=table(rows), multiply_ns=multiply_ns())
-        (options.write / "ephemeris.md").write_text(text, encoding="utf-8")
-        write_plot(rows, options.write / "ephemeris.svg")
+        facts = {"targets": options.targets, "multiply_ns": f"{multiply_ns():.2f}"}
+        write_csv(options.write / "ephemeris.csv", rows, facts)
+        redraw(options.write)
+
+
+def redraw(folder: Path) -> None:
+    """Write the page and the plot from the CSV file of a folder."""
+    rows, facts = read_csv(folder / "ephemeris.csv", Row)
+    text = PAGE.format(table=table(rows), answer=answer(rows), **facts)
+    (folder / "ephemeris.md").write_text(text, encoding="utf-8")
+    write_plot(rows, folder / "ephemeris.svg")
 
 
 if __name__ == "__main__":

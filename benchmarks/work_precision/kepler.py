@@ -1,10 +1,10 @@
-"""Two-body propagation: nanoseconds a state and worst error by class of arc, beside the libraries that are installed.
+"""Two-body propagation: time per state and largest error by class of arc, beside the libraries that are installed.
 
     python benchmarks/work_precision/kepler.py [--states 100000] [--checked 60] [--repeat 9] [--write]
 
 Every library gets the same states, in a process of its own, one thread; medians of the CPU time of interleaved runs.
-The error is taken against mpmath with 50 digits; the floor is what rounding each input to the nearest double does by
-itself (condition number × 1.1e-16 × distance). Peers are optional: heyoka, pykep, boinor with numba. `--write` puts the
+Errors are against mpmath with 50 digits; the floor is the effect of rounding the inputs to the nearest double
+(condition number × 1.1e-16 × distance). Peers are optional: heyoka, pykep, boinor with numba. `--write` puts the
 tables into docs/benchmarks/kepler.md.
 """
 
@@ -24,7 +24,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "benchmarks" / "kepler.md"
 
 
 def worst_error(library: Library, states: States, ends: list[list[mpmath.mpf]]) -> str:
-    """Return the worst error, m, one state at a time, and how many gave none."""
+    """Return the largest error, m, one state per call, and how many states failed."""
     worst, lost = 0.0, 0
     for index, end in enumerate(ends):
         found, _ = library(tuple(column[index : index + 1] for column in states))
@@ -37,7 +37,7 @@ def worst_error(library: Library, states: States, ends: list[list[mpmath.mpf]]) 
 
 
 def nanoseconds(libraries: dict[str, Library], states: States, repeat: int) -> dict[str, float]:
-    """Return the median time a state of each, in rounds so that all meet the same weather."""
+    """Return the median time per state of each, in interleaved rounds, so that the machine's load affects all alike."""
     taken: dict[str, list[float]] = {name: [] for name in libraries}
     for turn in range(repeat + 1):
         for name, library in libraries.items():
@@ -57,7 +57,7 @@ def measured(states: int, checked: int, repeat: int) -> str:
     """Return the page."""
     libraries = installed_libraries()
     names = [kind.__name__.replace("_", " ") for kind in CLASSES]
-    speed, error = [["ns a state", *names]], [["worst error, m", *names]]
+    speed, error = [["ns per state", *names]], [["largest error, m", *names]]
     times, errors, floors = {}, {}, []
     for kind in CLASSES:
         times[kind] = nanoseconds(libraries, kind(np.random.default_rng(1), states), repeat)
@@ -65,7 +65,7 @@ def measured(states: int, checked: int, repeat: int) -> str:
         ends, floor = references(few)
         floors.append(f"{floor.max():.0e}")
         errors[kind] = {name: worst_error(library, few, ends) for name, library in libraries.items()}
-    error.append(["*floor: rounding the inputs*", *floors])
+    error.append(["*floor: rounding of the inputs*", *floors])
     for name in libraries:
         speed.append([name, *("–" if np.isnan(times[kind][name]) else f"{times[kind][name]:.0f}" for kind in CLASSES)])
         error.append([name, *(errors[kind][name] for kind in CLASSES)])
@@ -83,21 +83,24 @@ def measured(states: int, checked: int, repeat: int) -> str:
 
 PAGE_TEXT = """# Two-body propagation: speed and error
 
-Made by `python benchmarks/work_precision/kepler.py --write`; what is not installed is left out.
+*How fast and how exact is two-body propagation?* opir returns a result for every class of arc, with errors near the
+floor.
 
-{states} states, each with its own duration, in one call (a loop where a library has no call for many); median CPU
-time of {repeat} interleaved runs, one thread each; {machine}. "–" is a library that raised on the batch.
-
-{speed}
-
-The worst of {checked} states against mpmath with 50 digits, one state at a time. The floor is what rounding each input
-to the nearest double does by itself, over the same states: no method can promise less.
+The largest error of {checked} states against mpmath with 50 digits, one state per call. The floor is the error from
+rounding the inputs to doubles: no method can guarantee less.
 
 {error}
 
-Classes: *ballistic*, *near rectilinear* (1e-7 to 1e-12 rad off the vertical) and *vertical* are free flights from
-100–300 km, anywhere between burnout and the way back; *near circular* has e from 1e-16 to 1e-3, *near parabolic*
-|e − 1| from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10, each up to a day forward or back.
+{states} states, each with its own duration, in one call (a loop for libraries without such a call). Median processor
+time of {repeat} interleaved runs, one thread each; {machine}. "–": the library raised an error.
+
+{speed}
+
+Classes: *ballistic*, *near rectilinear* (1e-7 to 1e-12 rad from the vertical) and *vertical* are free flights from
+100–300 km, anywhere between burnout and descent; *near circular* has e from 1e-16 to 1e-3, *near parabolic* |e − 1|
+from 1e-15 to 1e-3, *hyperbolic* e from 1.01 to 10, each up to a day forward or backward.
+
+Made by `python benchmarks/work_precision/kepler.py --write` with the installed libraries.
 """
 
 

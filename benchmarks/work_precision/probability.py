@@ -1,13 +1,14 @@
-"""Probabilities of detection between knots: run time against error, beside every look evaluated and beside a constant.
+"""Interpolated probabilities of detection: run time against error, beside every look evaluated and beside a constant.
 
     python benchmarks/work_precision/probability.py [--every 20] [--looks 20000] [--repeat 3] [--write docs/benchmarks]
+        [--from-csv docs/benchmarks]
 
 The launches of examples/raid_100.yaml, all three constellations. The table of tolerances has some of the launches;
-errors are those of random looks against the exact ones. Detections are those of one seed: with the same dice a look
-changes only where its number lies between both probabilities. The table of ratios has all hundred launches, at the
-default tolerance, and medians; times are processor time of one core: of the engine, of `simulate`, and of the whole
-process `opir run`.
-`--write` puts the tables, and, where matplotlib is installed, a plot into a folder.
+errors are those of random looks against the exact ones. Detections are those of one seed: with the same random numbers
+a look changes only where its number lies between both probabilities. The table of chains has all hundred launches, at
+the default tolerance, and medians; times are processor time of one core: of the engine, of `simulate`, and of the whole
+process `opir run`. `--write` puts the page, its data as CSV files and, where matplotlib is installed, a plot into a
+folder; `--from-csv` draws page and plot again from the CSV files in a folder.
 """
 
 import argparse
@@ -17,12 +18,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
+from results_csv import read_csv, write_csv
 
 import opir_core as opir
 from opir_core.planning.looks import Looks, blocks, exposures
@@ -35,56 +37,77 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "raid_100.yaml"
 AIR = {"atmosphere": {"model": "lowtran", "climate": "midlat_summer"}, "background": "earth"}
 CHAINS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "empty space": ({}, {}),
-    "air, before the Earth": ({}, AIR),
+    "atmosphere and Earth": ({}, AIR),
     "calibrated, empty space": ({"calibrate": "paper"}, {}),
-    "calibrated, air, before the Earth": ({"calibrate": "paper"}, AIR),
+    "calibrated, atmosphere and Earth": ({"calibrate": "paper"}, AIR),
 }
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 
 #: Runs of the engine, and of `simulate`, to each whole process: they are short, and machines are noisy.
 _COLUMNS, _RUNS = 5, 3
 
-#: How many times what a constant takes the chain may cost.
+#: The largest ratio to `detection: constant` that a chain should have.
 _BAR = 1.5
 
-_WAYS = ("the engine alone", "`simulate`", "`opir run`")
+_DEFAULT = 1e-4
 
-PAGE = """# Probability of detection: work and precision
+_WAYS = ("engine", "simulate", "opir_run")
 
-Made by `python benchmarks/work_precision/probability.py --write docs/benchmarks`. The launches of
-[the raid](../../examples/raid_100.yaml), seen by all three constellations; processor time of one core.
+PAGE = """# Interpolated probability of detection: error and run time
 
-## At the default tolerance, beside a constant
+*What does `detection: snr` cost, and how exact are its probabilities?* At the default `probability_tolerance` of 1e-4:
 
-All hundred launches, {looks} looks, each chain in turn. "Engine" is from a compiled plan to windows of columns,
-medians of {columns}; `simulate` is what a Python program calls, from the scene to the run with its summary, medians of
-{runs}; `opir run` the whole process from the scene's file to one of JSON lines, with imports, encoding and writing,
-medians of {repeat}. Chains without calibration report one event in six more than `constant` does, and exceedances of
-noise.
+{headline}
+
+- *atmosphere and Earth*: `lowtran`, `midlat_summer`, and the background `earth`; *calibrated*: `calibrate: paper`.
+- *points*: looks at which the probability is evaluated; all others are interpolated.
+- *changed*: looks that detect with interpolation and not without it, or the reverse, with the same random numbers.
+- *every look*: `exact: true`, which evaluates all {exact_looks} looks.
+
+Errors are differences of P_d from those of `exact: true` at {sample} random looks, for every {every}th launch of
+[the raid](../../examples/raid_100.yaml), seen by all three constellations. A look with `detection: constant` took
+{constant_ns} ns. The times per look of all other chains include the sensors' noise-only false alarms, as many as with
+hundred launches.
+
+![Largest error of P_d against time per look, by chain and tolerance](probability.svg)
+
+## The whole run, beside `detection: constant`
+
+All hundred launches, {looks} looks, at the default tolerance:
 
 {ratios}
 
-The bar is 1.5 times `constant`. {verdict}
+*engine*: from a compiled plan to columns of events, medians of {columns}. *`simulate`*: from the scene to the run with
+its summary, medians of {runs}. *`opir run`*: the whole process, from the scene file to a file of JSON lines, medians
+of {repeat}. Without calibration a run reports one sixth more events than with `constant`, and noise-only false alarms.
 
-## Tolerances
+The goal is a ratio of at most 1.5. {verdict}
 
-Every {every}th launch. Errors are differences of P_d at {sample} random looks from what `exact: true` evaluates;
-"changed" are looks that detect with one and not with the other, by the same dice. A look with `constant` took
-{constant_ns:.0f} ns. In the time of the others are the sensors' exceedances of noise, as many as before a hundred
-launches.
-
-{table}
-
-![Error against time](probability.svg)
+All times are processor time of one core. All tolerances: [probability.csv](probability.csv); run times:
+[probability_chains.csv](probability_chains.csv). Made by
+`python benchmarks/work_precision/probability.py --write docs/benchmarks`; `--from-csv docs/benchmarks` draws page and
+plot again.
 """
 
 
+class Chain(NamedTuple):
+    """Run times of one chain, s, and their ratios to those of `constant`."""
+
+    chain: str
+    engine_s: float
+    engine_ratio: float
+    simulate_s: float
+    simulate_ratio: float
+    opir_run_s: float
+    opir_run_ratio: float
+
+
 class Row(NamedTuple):
-    """One line of the table of tolerances."""
+    """One chain at one tolerance, 0 for every look: evaluated looks, errors of P_d, detections, time per look."""
 
     chain: str
     tolerance: float
-    knots: int
+    points: int
     most: float
     mean: float
     detections: int
@@ -164,8 +187,8 @@ def median_s(action: Callable[[], object], repeat: int) -> float:
     return statistics.median(times[repeat > 1 :])
 
 
-def ratios(repeat: int) -> tuple[str, list[float], int]:
-    """Return the table of all hundred launches, the largest ratio of each way to run them, and how many looks."""
+def chain_times(repeat: int) -> tuple[list[Chain], int]:
+    """Return the run times of all hundred launches by chain, and the number of looks."""
     chains = {"constant": ("constant", {}), **{k: ({"model": "snr", **s}, sky) for k, (s, sky) in CHAINS.items()}}
     plans = {name: planned(1, *parts) for name, parts in chains.items()}
     scenes = {name: opir.scene_from_mapping(raid(1, *parts)) for name, parts in chains.items()}
@@ -177,27 +200,32 @@ def ratios(repeat: int) -> tuple[str, list[float], int]:
     ]
     for plan in plans.values():
         drained(plan)
-    # Chains take turns, so that a machine's moods are shared.
+    # Chains are run in turn, so that changes of the machine's load affect all of them.
     rounds = [[{name: way(name) for name in chains} for _ in range(times)] for times, way in ways]
     of = {name: [statistics.median(turn[name] for turn in turns) for turns in rounds] for name in chains}
     base = of["constant"]
-    lines = [
-        f"| {name} | " + " | ".join(f"{s:.2f} | {s / b:.2f}" for s, b in zip(own, base, strict=True)) + " |"
+    found = [
+        Chain(name, *(value for s, b in zip(own, base, strict=True) for value in (s, s / b)))
         for name, own in of.items()
     ]
-    head = (
-        "| chain | engine, s | times `constant` | `simulate`, s | times | `opir run`, s | times |\n" + "|---" * 7 + "|"
-    )
-    worst = [max(own[way] for own in of.values()) / base[way] for way in range(len(ways))]
-    return "\n".join([head, *lines]), worst, int(plans["constant"].pairs.looks.sum())
+    return found, int(plans["constant"].pairs.looks.sum())
 
 
-def verdict(worst: Sequence[float]) -> str:
-    """Return what the largest ratio of each way to run makes of the bar."""
-    told = ", ".join(f"{way} {times:.2f}" for way, times in zip(_WAYS, worst, strict=True))
-    over = [way for way, times in zip(_WAYS, worst, strict=True) if times > _BAR]
-    return f"Of the dearest chain it is: {told}. " + (
-        f"It is not held by {', '.join(over)}." if over else "All hold it."
+def chains_table(found: list[Chain]) -> str:
+    """Return the run times and ratios by chain."""
+    lines = ["| chain | engine, s | ratio | `simulate`, s | ratio | `opir run`, s | ratio |", "|---" * 7 + "|"]
+    lines += [f"| {row.chain} | " + " | ".join(f"{value:.2f}" for value in row[1:]) + " |" for row in found]
+    return "\n".join(lines)
+
+
+def verdict(found: list[Chain]) -> str:
+    """Return the largest ratio of each way to run, and which ways miss the goal."""
+    worst = {way: max(getattr(row, f"{way}_ratio") for row in found) for way in _WAYS}
+    names = {"engine": "the engine alone", "simulate": "`simulate`", "opir_run": "`opir run`"}
+    listed = ", ".join(f"{names[way]} {ratio:.2f}" for way, ratio in worst.items())
+    over = [names[way] for way, ratio in worst.items() if ratio > _BAR]
+    return (
+        f"The largest ratios: {listed}. " + (f"{', '.join(over)} misses it." if over else "All meet it.").capitalize()
     )
 
 
@@ -213,18 +241,18 @@ def process_s(scene: dict[str, Any]) -> float:
         return after.children_user + after.children_system - before.children_user - before.children_system
 
 
-def table(rows: list[Row]) -> str:
-    """Return the lines as a Markdown table."""
-    head = (
-        "| chain | tolerance | knots | largest error | mean error | detections | changed | ns a look |\n"
-        "|---|---|---|---|---|---|---|---|"
-    )
+def headline(rows: list[Row]) -> str:
+    """Return a line for each chain at the default tolerance."""
     lines = [
-        f"| {r.chain} | {f'{r.tolerance:.0e}' if r.tolerance else 'exact'} | {r.knots} | {r.most:.1e} | {r.mean:.1e}"
-        f" | {r.detections} | {r.changed} | {r.nanoseconds:.0f} |"
-        for r in rows
+        "| chain | points | largest error | mean error | detections | changed | ns per look | every look, ns |",
+        "|---" * 8 + "|",
     ]
-    return "\n".join([head, *lines])
+    for row in rows:
+        if row.tolerance == _DEFAULT:
+            exact_ns = next(r.nanoseconds for r in rows if r.chain == row.chain and not r.tolerance)
+            cells = f"{row.points} | {row.most:.1e} | {row.mean:.1e} | {row.detections} | {row.changed}"
+            lines.append(f"| {row.chain} | {cells} | {row.nanoseconds:.0f} | {exact_ns:.0f} |")
+    return "\n".join(lines)
 
 
 def write_plot(rows: list[Row], constant_ns: float, path: Path) -> None:
@@ -243,7 +271,10 @@ def write_plot(rows: list[Row], constant_ns: float, path: Path) -> None:
         axis.axvline(exact_ns, color=line.get_color(), linestyle=":", linewidth=1)
     axis.axvline(constant_ns, color="black", linestyle="--", linewidth=1, label="constant")
     axis.set(
-        xscale="log", yscale="log", xlabel="ns a look (dotted: every look evaluated)", ylabel="largest error of P_d"
+        xscale="log",
+        yscale="log",
+        xlabel="time per look, ns (dotted: every look evaluated)",
+        ylabel="largest error of P_d",
     )
     axis.legend(fontsize=8)
     figure.savefig(path, metadata={"Date": None})
@@ -256,26 +287,45 @@ def main() -> None:
     parser.add_argument("--looks", type=int, default=20_000)
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--write", type=Path)
+    parser.add_argument("--from-csv", type=Path)
     options = parser.parse_args()
-    shown, worst, looks = ratios(options.repeat)
-    print(shown, verdict(worst), sep="\n\n")
+    if options.from_csv:
+        redraw(options.from_csv)
+        return
+    found, looks = chain_times(options.repeat)
+    print(chains_table(found), verdict(found), sep="\n\n")
     constant = planned(options.every, "constant", {})
     constant_ns = 1e9 * median_s(lambda: drained(constant), options.repeat) / int(constant.pairs.looks.sum())
     rows = [row for chain in CHAINS for row in measured(chain, options)]
-    text = table(rows)
-    print(text)
+    print(headline(rows))
     if options.write:
-        values = {"ratios": shown, "verdict": verdict(worst), "table": text, "looks": looks, "constant_ns": constant_ns}
-        page = PAGE.format(
-            every=options.every,
-            repeat=options.repeat,
-            columns=_COLUMNS * options.repeat,
-            runs=_RUNS * options.repeat,
-            sample=options.looks,
-            **values,
-        )
-        (options.write / "probability.md").write_text(page, encoding="utf-8")
-        write_plot(rows, constant_ns, options.write / "probability.svg")
+        facts = {
+            "every": options.every,
+            "sample": options.looks,
+            "constant_ns": f"{constant_ns:.0f}",
+            "looks": looks,
+            "columns": _COLUMNS * options.repeat,
+            "runs": _RUNS * options.repeat,
+            "repeat": options.repeat,
+        }
+        write_csv(options.write / "probability.csv", rows, facts)
+        write_csv(options.write / "probability_chains.csv", found)
+        redraw(options.write)
+
+
+def redraw(folder: Path) -> None:
+    """Write the page and the plot from the CSV files of a folder."""
+    rows, facts = read_csv(folder / "probability.csv", Row)
+    found, _ = read_csv(folder / "probability_chains.csv", Chain)
+    text = PAGE.format(
+        headline=headline(rows),
+        ratios=chains_table(found),
+        verdict=verdict(found),
+        exact_looks=next(row.points for row in rows if not row.tolerance),
+        **facts,
+    )
+    (folder / "probability.md").write_text(text, encoding="utf-8")
+    write_plot(rows, float(facts["constant_ns"]), folder / "probability.svg")
 
 
 if __name__ == "__main__":

@@ -1,14 +1,16 @@
 """Numerical propagation: error at impact against time an arc, for opir, SciPy's DOP853 and LSODA, and heyoka.
 
     python benchmarks/work_precision/propagation.py [--arcs 1000] [--repeat 7] [--write docs/benchmarks]
+        [--from-csv docs/benchmarks]
 
-Ballistic arcs of about half an hour, all over the Earth, from above the air to the ground. Two problems: the point
-mass with J2, and the same with drag in exponential air that turns with the Earth. Errors are distances from the
-reference at the time of impact, the largest of all arcs propagated. Tolerances are what each tool is asked for: metres
-at the end for opir, relative per step for the others, scaled by 7000 km and 7 km/s. Everybody integrates the same
-forces; SciPy's and heyoka's steps are their own, and, with drag, bounded as well. The reference is heyoka at its
-tightest with bounded steps, or, where heyoka is not installed, opir at 1e-8 m. Times are processor time of one core,
-medians.
+Ballistic arcs of about half an hour, all over the Earth, from above the atmosphere to the ground. Two problems: the
+point mass with J2, and the same with drag in an exponential atmosphere that rotates with the Earth. The error is the
+largest distance from the reference at the time of impact, over all arcs propagated. Tolerances are in metres at impact
+for opir, relative per step for the others, scaled by 7000 km and 7 km/s. All tools integrate the same forces; SciPy and
+heyoka choose their own steps and, with drag, also run with a largest step. The reference is heyoka at its tightest
+tolerance with a largest step, or, where heyoka is not installed, opir at 1e-8 m. Times are processor time of one core,
+medians. `--write` puts the page, its data as a CSV file and, where matplotlib is installed, a plot into a folder;
+`--from-csv` draws page and plot again from the CSV file in a folder.
 """
 
 import argparse
@@ -21,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from propagation_peers import SCALE_HEIGHT_M, SEA_LEVEL_KG_M3, Problem, heyoka_batch, heyoka_single, solved
+from results_csv import read_csv, write_csv
 
 from opir_core.flight import Drag, Forces, impact, propagate
 from opir_core.flight.forces import ExponentialAtmosphere
@@ -34,26 +37,45 @@ AIR = ExponentialAtmosphere(SEA_LEVEL_KG_M3, SCALE_HEIGHT_M)
 SINGLES = 12
 BOUND_S = 2.0
 
-PAGE = """# Numerical propagation: work and precision
+#: The error, m, for which the page compares run times.
+COMPARED_M = 1e-3
 
-Made by `python benchmarks/work_precision/propagation.py --write docs/benchmarks`: {arcs} ballistic arcs of
-{shortest:.0f} to {longest:.0f} minutes to the ground; tools that take arcs one at a time were given {singles} of them.
-Error: the largest distance from the reference ({reference}) at its time of impact.
-Time: processor time of one core, medians; in the same run a multiplication of two numpy arrays took {multiply_ns:.2f}
-ns an element (0.2 ns where nothing else runs). SciPy is called with a right side in plain Python. "Steps to
-{bound:.0f} s" is a bound set for the whole arc; opir needs none, since it ends its steps at the seams of the air and
-bounds them inside.
+PAGE = """# Numerical propagation: accuracy against run time
+
+*Which accuracy does a tolerance give, and what does an arc cost?*
 
 {findings}
 
-{tables}
+![Largest error at impact against processor time per arc](propagation.svg)
 
-![Error at impact against time an arc](propagation.svg)
+## Run time for an error of at most 1 mm
+
+For each tool, the fastest run whose largest error at impact is at most 1 mm; "–": no run is that accurate.
+
+{headline}
+
+*Largest step*: the step of the integrator is limited to {bound} s on the whole arc. opir needs no such limit, because
+its steps end at the boundaries of the atmosphere's layers and are limited inside.
+
+## Method
+
+{arcs} ballistic arcs of {shortest} to {longest} minutes to the ground; tools that propagate one arc per call were
+given {singles} of them. *J2*: point mass with J2. *J2 and drag*: in addition drag in an exponential atmosphere that
+rotates with the Earth. Error: the largest distance from the reference ({reference}) at its time of impact. Tolerances:
+metres at impact for opir; relative per step for the others, scaled by 7 000 km and 7 km/s. SciPy calls a right-hand
+side in plain Python.
+
+Times: processor time of one core, medians; in the same run a multiplication of two numpy arrays took {multiply_ns} ns
+per element (0.2 ns on an idle machine).
+
+All runs: [propagation.csv](propagation.csv). Made by
+`python benchmarks/work_precision/propagation.py --write docs/benchmarks`; `--from-csv docs/benchmarks` draws page and
+plot again.
 """
 
 
 class Row(NamedTuple):
-    """One measurement."""
+    """One run of a tool: the tolerance it was given, its largest error and its time."""
 
     tool: str
     problem: str
@@ -167,8 +189,8 @@ def bounds(problem: Problem) -> list[float]:
 
 
 def bounded(bound: float) -> str:
-    """Return how a bound reads in the name of a tool."""
-    return f", steps to {bound:g} s" if np.isfinite(bound) else ""
+    """Return the part of a tool's name that gives its largest step."""
+    return f", largest step {bound:g} s" if np.isfinite(bound) else ""
 
 
 def heyokas(heyoka: Any, problem: Problem, reference: np.ndarray, repeat: int) -> list[Row]:
@@ -213,32 +235,53 @@ def multiply_ns() -> float:
     return 1e9 * seconds([many], 7)[0] / (1000 * len(a))
 
 
-def table(rows: list[Row], problem: str) -> str:
-    """Return one problem's rows as a Markdown table."""
-    head = f"## {problem}\n\n| tool | asked | largest error, m | µs an arc |\n|---|---|---|---|"
-    lines = [
-        f"| {row.tool} | {row.asked} | {row.error_m:.2g} | {row.us_an_arc:.3g} |"
-        for row in rows
-        if row.problem == problem
-    ]
-    return "\n".join([head, *lines])
+def headline(rows: list[Row]) -> str:
+    """Return for each tool the fastest run of each problem that is accurate enough."""
+    names = list(dict.fromkeys(row.problem for row in rows))
+    columns = [f"{name}: tolerance | error, m | µs per arc" for name in names]
+    lines = [f"| tool | {' | '.join(columns)} |", "|---" * (1 + 3 * len(names)) + "|"]
+    for tool in dict.fromkeys(row.tool for row in rows):
+        cells = [best(rows, tool, name) for name in names]
+        lines.append(f"| {tool} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def best(rows: list[Row], tool: str, problem: str) -> str:
+    """Return the cells of a tool's fastest run that is accurate enough."""
+    own = [r for r in rows if (r.tool, r.problem) == (tool, problem) and r.error_m <= COMPARED_M]
+    if not own:
+        return "– | – | –"
+    fastest = min(own, key=lambda row: row.us_an_arc)
+    return f"{fastest.asked} | {fastest.error_m:.2g} | {micro(fastest.us_an_arc)}"
+
+
+def micro(value: float) -> str:
+    """Return a time with three digits, without an exponent."""
+    return f"{value:.3g}" if value < 1e3 else f"{float(f'{value:.3g}'):,.0f}".replace(",", " ")
 
 
 def findings(rows: list[Row]) -> str:
-    """Return what the measurements say, as a list."""
+    """Return the main results as a list."""
     own = [row for row in rows if row.tool.startswith("opir")]
     share = max(row.error_m / float(row.asked.split()[0]) for row in own if not row.asked.startswith("1e-07"))
     batch = [row for row in own if "batch" in row.tool and row.asked == "0.0001 m"]
+    times = " and ".join(f"{micro(row.us_an_arc)} µs per arc with {row.problem}" for row in batch)
     lines = [
-        f"- opir's error is at most {share:.1f} times what was asked, in metres, down to 1e-6 m.",
-        *(f"- A batch at 1e-4 m: {row.us_an_arc:.0f} µs an arc with {row.problem}." for row in batch),
+        f"- opir's error at impact is at most {share:.1f} times its tolerance, for tolerances down to 1e-6 m.",
+        f"- A batch at a tolerance of 1e-4 m takes {times}.",
     ]
+    fastest = [
+        min((r for r in rows if r.problem == name and r.error_m <= COMPARED_M), key=lambda row: row.us_an_arc)
+        for name in dict.fromkeys(row.problem for row in rows)
+    ]
+    winners = " and ".join(f"{r.tool} with {r.problem} ({micro(r.us_an_arc)} µs)" for r in fastest)
+    lines.append(f"- The fastest for an error of at most 1 mm: {winners}.")
     unbounded = [row for row in rows if row.tool.startswith("heyoka, batch") and row.problem == "J2 and drag"]
-    blind = min((row.error_m for row in unbounded if "steps to" not in row.tool), default=None)
+    blind = min((row.error_m for row in unbounded if "largest step" not in row.tool), default=None)
     if blind is not None:
         lines.append(
-            f"- A Taylor integrator without a bound does not see the air from above: whatever its tolerance, it is "
-            f"{blind / 1e3:.0f} km off at best, and reports success."
+            "- A Taylor integrator needs a largest step with drag: without one it steps over the atmosphere. At every"
+            f" tolerance it is {blind / 1e3:.0f} km off or more, and reports success."
         )
     return "\n".join(lines)
 
@@ -252,14 +295,16 @@ def write_plot(rows: list[Row], path: Path) -> None:
     from matplotlib import pyplot as plt
 
     names = list(dict.fromkeys(row.problem for row in rows))
-    figure, axes = plt.subplots(1, len(names), figsize=(11, 4.6), constrained_layout=True, sharey=True)
+    figure, axes = plt.subplots(1, len(names), figsize=(11, 5.6), constrained_layout=True, sharey=True)
     for axis, name in zip(np.atleast_1d(axes), names, strict=True):
         for tool in dict.fromkeys(row.tool for row in rows if row.problem == name):
             points = [(row.us_an_arc, row.error_m) for row in rows if row.problem == name and row.tool == tool]
-            style = "o-" if tool.startswith("opir") else ("s:" if "steps to" in tool else "^--")
+            style = "o-" if tool.startswith("opir") else ("s:" if "largest step" in tool else "^--")
             axis.plot(*zip(*points, strict=True), style, markersize=4, label=tool)
-        axis.set(xscale="log", yscale="log", title=name, xlabel="µs an arc", ylabel="largest error, m")
-        axis.legend(fontsize=7)
+        axis.set(xscale="log", yscale="log", title=name, xlabel="processor time per arc, µs")
+        axis.grid(alpha=0.3)
+        axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+    np.atleast_1d(axes)[0].set_ylabel("largest error at impact, m")
     figure.savefig(path, metadata={"Date": None})
 
 
@@ -269,7 +314,11 @@ def main() -> None:
     parser.add_argument("--arcs", type=int, default=1000)
     parser.add_argument("--repeat", type=int, default=7)
     parser.add_argument("--write", type=Path)
+    parser.add_argument("--from-csv", type=Path)
     options = parser.parse_args()
+    if options.from_csv:
+        redraw(options.from_csv)
+        return
     heyoka, scipy = imported("heyoka"), imported("scipy")
     chosen, rows = problems(options.arcs), []
     for problem in chosen:
@@ -277,23 +326,28 @@ def main() -> None:
         rows += ours(problem, reference, options.repeat)
         rows += scipys(problem, reference, options.repeat) if scipy else []
         rows += heyokas(heyoka, problem, reference, options.repeat) if heyoka else []
-    tables = "\n\n".join(table(rows, problem.name) for problem in chosen)
-    print(findings(rows), tables, sep="\n\n")
+    print(findings(rows), headline(rows), sep="\n\n")
     if options.write:
         minutes = chosen[0].duration / 60.0
-        text = PAGE.format(
-            arcs=options.arcs,
-            shortest=minutes.min(),
-            longest=minutes.max(),
-            singles=SINGLES,
-            bound=BOUND_S,
-            reference=f"heyoka at 1e-18, steps to {BOUND_S:.0f} s with drag" if heyoka else "opir at 1e-8 m",
-            multiply_ns=multiply_ns(),
-            findings=findings(rows),
-            tables=tables,
-        )
-        (options.write / "propagation.md").write_text(text, encoding="utf-8")
-        write_plot(rows, options.write / "propagation.svg")
+        facts = {
+            "arcs": options.arcs,
+            "shortest": f"{minutes.min():.0f}",
+            "longest": f"{minutes.max():.0f}",
+            "singles": SINGLES,
+            "bound": f"{BOUND_S:g}",
+            "reference": f"heyoka at 1e-18, with drag steps of at most {BOUND_S:g} s" if heyoka else "opir at 1e-8 m",
+            "multiply_ns": f"{multiply_ns():.2f}",
+        }
+        write_csv(options.write / "propagation.csv", rows, facts)
+        redraw(options.write)
+
+
+def redraw(folder: Path) -> None:
+    """Write the page and the plot from the CSV file of a folder."""
+    rows, facts = read_csv(folder / "propagation.csv", Row)
+    text = PAGE.format(findings=findings(rows), headline=headline(rows), **facts)
+    (folder / "propagation.md").write_text(text, encoding="utf-8")
+    write_plot(rows, folder / "propagation.svg")
 
 
 if __name__ == "__main__":

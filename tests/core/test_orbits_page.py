@@ -1,14 +1,17 @@
 """The page of orbits: its scene blocks are read as they stand, and it names every key with its default."""
 
+import math
 import re
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_type_hints
 
+import numpy as np
 import pytest
 from attrs import NOTHING, Factory, fields, frozen, has
 
-from opir_core.orbits import OrbitConfig
+from opir_core.orbits import MolniyaConfig, OrbitConfig, SlotConfig, orbit_of
+from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
 from opir_core.scene.fields import nested
 from opir_core.scene.reading.strict_yaml import node_of_yaml
 from opir_core.scene.reading.structuring import class_reader
@@ -57,3 +60,29 @@ def test_every_key_is_named_and_its_default_with_it(name, kind):
 def shown(default: Any) -> str:
     """Return a default with four decimals at most, as the page has it."""
     return f"{default:.4f}".rstrip("0").rstrip(".") if isinstance(default, float) else str(default)
+
+
+def test_an_inclined_slot_draws_the_figure_eight_of_the_page():
+    inclination = np.radians(5.0)
+    day_s = np.linspace(0.0, 86164.1, 5001)
+    slot = OrbitConfig(slot=SlotConfig(lon_deg=-75.0, inclination_deg=5.0))
+    x, y, z = orbit_of(slot, 0).position_ecef_m(day_s).T
+    latitude, away = np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x) - np.radians(-75.0)
+    assert abs(latitude.max() - inclination) < 1e-6
+    assert abs(away.max() - np.arcsin(np.tan(inclination / 2) ** 2)) < 1e-8
+
+
+def test_a_molniya_satellite_is_north_for_the_share_of_the_page():
+    orbit = orbit_of(OrbitConfig(molniya=MolniyaConfig(apogee_lon_deg=90.0)), 0)
+    share = (orbit.position_ecef_m(np.arange(86164) + 0.5)[:, 2] > 0).mean()
+    eccentric = math.acos(0.74)  # the true anomaly is 90 deg; Kepler's equation gives the time from there
+    assert abs(share - (1 - (eccentric - 0.74 * math.sin(eccentric)) / math.pi)) < 1e-4
+    assert f"spends {share:.0%}".replace("%", " %") in " ".join(PAGE.split())
+
+
+def test_the_element_set_of_the_page_is_at_the_distance_that_sgp4_gives():
+    (lines,) = [tuple(re.findall(r"^    - (.*)$", block, re.MULTILINE)) for block in BLOCKS if "tle:" in block]
+    epoch_us = int(np.datetime64("2008-09-20T12:30:00", "us").astype(np.int64))
+    teme_m = Sgp4Motion(satellite_of_tle(lines), epoch_us).position_teme_m(np.array([0.0]))
+    ecef_m = orbit_of(OrbitConfig(tle=lines), epoch_us).position_ecef_m(np.array([0.0]))
+    assert abs(np.linalg.norm(teme_m) - np.linalg.norm(ecef_m)) < 1e-3

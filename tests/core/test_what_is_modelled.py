@@ -1,5 +1,6 @@
-"""The page of what is modelled: every default of every configuration class, with a source or the word notional."""
+"""The pages of what is modelled and left out, and every default with a source or the word notional."""
 
+import csv
 import importlib
 import pkgutil
 from collections.abc import Iterator
@@ -20,21 +21,22 @@ from opir_core.scene.spool_settings import SpoolConfig
 from opir_core.sensors.radiometer import RadiometerConfig
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
-PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "what-is-modelled.md"
+PAGES = Path(__file__).parents[2] / "docs" / "explanation"
+LABELS = {"computed", "tabulated", "notional"}
 PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "kafka", "stonesoup")
 #: What others are made of: no scene names them.
 BASES = {RadiometerConfig, ScanningSensorConfig, SourceConfig}
 
 
-def told() -> dict[str, type]:
-    """Return the configuration classes that a scene or a user may set, by what the page calls them."""
+def settable() -> dict[str, type]:
+    """Return the configuration classes that a scene or a user may set, by their names in the table of defaults."""
     from opir_http.settings import HttpSettings
 
     host = Host.discover(PLUGINS)
     offered = [host.component(hook, name) for hook in CATALOGUE for name in host.names(hook)]
-    components = {f"{each.kind} `{each.name}`": each.config for each in offered if isinstance(each, Component)}
-    others = {"a scene": SceneFile, "`forces: [{drag: ...}]`": SceneDrag, "an output's `spool`": SpoolConfig}
-    return {**components, **others, "`opir serve`": HttpSettings}
+    components = {f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)}
+    others = {"scene": SceneFile, "forces: [{drag: ...}]": SceneDrag, "output's spool": SpoolConfig}
+    return {**components, **others, "opir serve": HttpSettings}
 
 
 def defaults(config: type) -> Iterator[FieldRow]:
@@ -48,28 +50,36 @@ def defaults(config: type) -> Iterator[FieldRow]:
 
 
 @pytest.fixture(scope="module")
-def lines() -> dict[tuple[str, str], list[str]]:
-    """Return the page's defaults, value and source, by component and key."""
-    table = PAGE.read_text(encoding="utf-8").split("## Every default")[1]
-    cells = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")][1:]
-    return {(row[0], row[1]): row[2:] for row in cells}
+def listed() -> dict[tuple[str, str], tuple[str, str]]:
+    """Return value and source of the listed defaults, by component and key."""
+    with (PAGES / "defaults.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    found = {(row["component"], row["key"]): (row["default"], row["source"]) for row in rows}
+    assert len(found) == len(rows)
+    return found
 
 
-def test_every_default_is_on_the_page_as_it_is_and_says_where_it_comes_from(
-    lines: dict[tuple[str, str], list[str]],
-) -> None:
-    expected = {(name, f"`{row.key}`"): row for name, config in told().items() for row in defaults(config)}
-    assert set(lines) == set(expected)
-    assert len(lines) > 250
+def test_every_default_is_listed_with_its_value_and_source(listed: dict[tuple[str, str], tuple[str, str]]) -> None:
+    expected = {(name, row.key): row for name, config in settable().items() for row in defaults(config)}
+    assert set(listed) == set(expected)
+    assert len(listed) > 250
     for place, row in expected.items():
-        value, source = lines[place]
-        assert value == f"`{row.default_text}`", place
-        assert source.strip() == row.source.strip() != "", place
+        value, source = listed[place]
+        assert value == row.default_text, place
+        assert source == row.source, place
+        assert source.strip(), place
+
+
+def test_the_page_counts_the_listed_defaults(listed: dict[tuple[str, str], tuple[str, str]]) -> None:
+    text = " ".join((PAGES / "what-is-modelled.md").read_text(encoding="utf-8").split())
+    notional = sum(source == "notional" for _, source in listed.values())
+    assert f"All {len(listed)} defaults" in text
+    assert f"{notional} of them are notional" in text
 
 
 def test_no_configuration_class_is_left_out() -> None:
     reached: set[type] = set()
-    for config in told().values():
+    for config in settable().values():
         reach(config, reached)
     found = {
         one for package in ("opir_core", *(f"opir_{name}" for name in (*PLUGINS, "http"))) for one in configs(package)
@@ -98,9 +108,22 @@ def configs(package: str) -> Iterator[type]:
                     yield one
 
 
-def test_every_part_of_the_chain_says_how_it_is_had() -> None:
-    chain = PAGE.read_text(encoding="utf-8").split("## The chain")[1].split("## Every default")[0]
-    rows = [line.split(" | ") for line in chain.splitlines() if line.startswith("| ") and not line.startswith("| part")]
-    assert len(rows) > 10
-    assert {row[1] for row in rows} == {"computed", "tabulated", "notional"}
-    assert all(len(row) == 4 and all(row) for row in rows)
+def table(page: str, head: str) -> list[list[str]]:
+    """Return the cells of the table whose head begins with some text."""
+    lines = (PAGES / page).read_text(encoding="utf-8").splitlines()
+    start = next(number for number, line in enumerate(lines) if line.startswith(head)) + 2
+    end = next(number for number in range(start, len(lines)) if not lines[number].startswith("|"))
+    return [line.strip("| ").split(" | ") for line in lines[start:end]]
+
+
+def test_every_part_has_a_label_and_a_model() -> None:
+    rows = table("what-is-modelled.md", "| part |")
+    assert 10 < len(rows) <= 20
+    assert {row[1] for row in rows} == LABELS
+    assert all(len(row) == 3 and all(row) for row in rows)
+
+
+def test_every_part_says_what_it_omits_and_the_error_of_that() -> None:
+    rows = table("what-is-left-out.md", "| part |")
+    assert [row[0] for row in rows] == [row[0] for row in table("what-is-modelled.md", "| part |")]
+    assert all(len(row) == 3 and all(row) for row in rows)

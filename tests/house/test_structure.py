@@ -1,4 +1,4 @@
-"""The house stays as it is meant: imports go down, files as long as their subject, plain names, no printing in the library."""
+"""The house stays as it is meant: imports go down, files as long as their subject, plain names, no prints."""
 
 import ast
 import re
