@@ -49,7 +49,7 @@ The Kafka sink delivers {plain} events/s uncompressed, {zstd} with zstd; with a 
 {spooled_zstd}.
 
 {events} events of {size} bytes, {partitions} partitions, two shared cores; `acks=all`, idempotent, 128 KiB batches;
-broker: {broker}. Time to the last acknowledgement; for the sink it includes encoding.
+broker: {broker}. Times end at the last acknowledgement; the sink's include encoding.
 Medians of {repeats} repetitions. Made by `python benchmarks/kafka.py --write docs/benchmarks`.
 
 | compression | method | events/s | ratio to `send()` | range |

@@ -114,7 +114,7 @@ def page(main: Found, more: list[Found]) -> str:
         "cycles of 50 ms, in a loop, JSON lines to `/dev/null`. An event's age is the time from when it was due until",
         "the sink has written it: half a cycle on average, plus processing. A cycle misses its deadline if it is done",
         f"more than {period_ms} ms (the shortest scan period) after it was due. CPU is the load of a core. Made by",
-        "`python benchmarks/live_pace.py --write docs/benchmarks` under `chrt -f 50`.",
+        "`python benchmarks/live_pace.py --write docs/benchmarks`, with real-time priority (`chrt -f 50`).",
         "",
         HEAD,
         main.row,
