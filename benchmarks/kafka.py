@@ -1,4 +1,4 @@
-"""What the Kafka sink makes of a broker: events a second, against a bare aiokafka producer with the same bytes.
+"""Throughput of the Kafka sink: events per second, compared with a bare aiokafka producer of the same bytes.
 
     python benchmarks/kafka.py [--events 40000] [--partitions 6] [--repeats 7] [--write docs/benchmarks]
 
@@ -8,9 +8,9 @@ the same events into a topic of its own, connected beforehand, and is timed unti
 - `aiokafka, send()`: the messages are ready; `send()` each, then wait for all. Settings as the sink has them;
 - `aiokafka, batches`: the messages are ready; `create_batch()` and `send_batch()`, a task for each partition;
 - `kafka`: the sink, from columns: encoding, queue and acknowledgement included;
-- `kafka, spooled`: the same with a spool on disk, written before and struck off after.
+- `kafka, spooled`: the same with a spool on disk, written before sending and cleared after acknowledgement.
 
-The ways take turns; figures are medians, ratios medians of the ratios within each turn.
+The methods alternate; figures are medians, ratios medians of the ratios within each repetition.
 """
 
 import argparse
@@ -41,6 +41,20 @@ WINDOW_EVENTS = 2000
 HEADERS = [("content-type", b"application/json"), ("schema-version", b"1.0")]
 #: Sensors enough that no partition is left out, whatever their hashes.
 KEYS = [sensor.id.encode() for sensor in SENSORS]
+
+PAGE = """# Throughput of the Kafka sink
+
+The Kafka sink delivers {plain} events/s uncompressed, {zstd} with zstd; with a spool on disk {spooled} and
+{spooled_zstd}.
+
+{events} events of {size} bytes, {partitions} partitions, two shared cores; `acks=all`, idempotent, 128 KiB batches;
+broker: {broker}. Times end at the last acknowledgement; the sink's include encoding.
+Medians of {repeats} repetitions. Made by `python benchmarks/kafka.py --write docs/benchmarks`.
+
+| compression | method | events/s | ratio to `send()` | range |
+|---|---|---|---|---|
+{rows}
+"""
 
 Messages = list[tuple[bytes, bytes]]
 
@@ -149,28 +163,32 @@ def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None
 
 def table(took: Mapping[str, Mapping[str, list[float]]], options: argparse.Namespace) -> str:
     """Return the page."""
-    broker = kafka_stand.BOOTSTRAP or "librdkafka's mock cluster in a process of its own"
-    size = len(ENCODER.encode(window(WINDOW_EVENTS))) // WINDOW_EVENTS
-    lines = [
-        "# The Kafka sink",
-        "",
-        f"{options.events} events of {size} bytes into {options.partitions} partitions; the broker is",
-        f"{broker}; two shared cores. `acks=all`, idempotent, batches",
-        "of 128 KiB. Times until the last acknowledgement; the sink's include encoding from columns, the bare",
-        f"producers' messages are ready beforehand. Medians of {options.repeats} turns.",
-        "Made by `python benchmarks/kafka.py --write docs/benchmarks`.",
-        "",
-        "| compression | way | events/s | ratio to `send()` | least and most |",
-        "|---|---|---|---|---|",
-    ]
+    rows, rate = [], {}
     for compression, ways in took.items():
         bare = ways["aiokafka, send()"]
         for name, times in ways.items():
             ratios = [one / other for one, other in zip(bare, times, strict=True)]
-            rate = f"{options.events / statistics.median(times):,.0f}".replace(",", " ")
             spread = f"{min(ratios):.2f} to {max(ratios):.2f}"
-            lines.append(f"| {compression} | {name} | {rate} | {statistics.median(ratios):.2f} | {spread} |")
-    return "\n".join([*lines, ""])
+            rate[compression, name] = spaced(options.events / statistics.median(times))
+            cells = (compression, name, rate[compression, name], f"{statistics.median(ratios):.2f}", spread)
+            rows.append(f"| {' | '.join(cells)} |")
+    return PAGE.format(
+        plain=rate["none", "kafka"],
+        zstd=rate["zstd", "kafka"],
+        spooled=rate["none", "kafka, spooled"],
+        spooled_zstd=rate["zstd", "kafka, spooled"],
+        events=options.events,
+        size=len(ENCODER.encode(window(WINDOW_EVENTS))) // WINDOW_EVENTS,
+        partitions=options.partitions,
+        broker=kafka_stand.BOOTSTRAP or "librdkafka's mock cluster, own process",
+        repeats=options.repeats,
+        rows="\n".join(rows),
+    )
+
+
+def spaced(rate: float) -> str:
+    """Return a rate as text, with spaces between the thousands."""
+    return f"{rate:,.0f}".replace(",", " ")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Requests a second of the service, and its stream under 200 clients, beside a bare Litestar that says hello.
+"""Requests per second of the service, and its stream under 200 clients, compared with a bare Litestar application.
 
     python benchmarks/service.py [--seconds 2] [--clients 200] [--write docs/benchmarks]
 
@@ -106,11 +106,11 @@ def turn(bare: int, port: int, seconds: float) -> dict[str, float]:
 
 
 def table(turns: list[dict[str, float]]) -> list[str]:
-    rows = ["| asked | requests/s | of hello | least and most |", "|---|---|---|---|"]
+    rows = ["| request | requests/s | ratio | range |", "|---|---|---|---|"]
     for name in turns[0]:
         ratios = [rates[name] / rates["hello"] for rates in turns]
         rate = statistics.median(rates[name] for rates in turns)
-        words = "bare Litestar, hello" if name == "hello" else f"`GET {name}`"
+        words = "bare Litestar" if name == "hello" else f"`GET {name}`"
         spread = f"{min(ratios):.2f} to {max(ratios):.2f}"
         rows.append(f"| {words} | {rate:.0f} | {statistics.median(ratios):.2f} | {spread} |")
     return rows
@@ -143,10 +143,10 @@ def measured(seconds: float, clients: int) -> list[str]:
     return [
         *table(turns),
         "",
-        f"{clients} clients of `/stream` for {6 * seconds:g} s: the run makes {made:.0f} detections/s, they are sent",
-        f"{counts / took_s:.0f} a second, {counts / took_s / clients:.0f} each, {size / took_s / 2**20:.1f} MiB/s",
-        f"{lost} frames are dropped for slow viewers, {after['viewers']['dropped_windows']} windows for all;",
-        f"{late} cycles are late by more than a scan period.",
+        f"With {clients} clients of `/stream` for {6 * seconds:g} s the run makes {made:.0f} detections/s and sends",
+        f"{counts / took_s:.0f}/s ({counts / took_s / clients:.0f}/s each, {size / took_s / 2**20:.1f} MiB/s).",
+        f"{lost} frames are dropped for slow clients, {after['viewers']['dropped_windows']} windows for all;",
+        f"{late} deadlines are missed.",
     ]
 
 
@@ -158,11 +158,11 @@ def main() -> None:
     arguments = parser.parse_args()
     assert shutil.which("wrk"), "no wrk: apt-get install wrk"
     head = [
-        "# The service",
+        "# Throughput of the service",
         "",
-        "`opir serve examples/raid_100.yaml` in real time, on the two cores of those who ask; wrk, 32 connections,",
-        "beside a bare Litestar under the same server that says hello; the machine had other work. Medians of",
-        f"{TURNS} turns. Made by `python benchmarks/service.py --write docs/benchmarks`.",
+        "How many requests per second does `opir serve` answer? `examples/raid_100.yaml` in real time; server and",
+        "clients share two cores, with other load; wrk, 32 connections; compared with a bare Litestar under the same",
+        f"server. Medians of {TURNS} repetitions. Made by `python benchmarks/service.py --write docs/benchmarks`.",
         "",
     ]
     page = "\n".join([*head, *measured(arguments.seconds, arguments.clients), ""])

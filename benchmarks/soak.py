@@ -1,14 +1,17 @@
-"""A service left running, as fast as it goes: whether memory and file descriptors stay flat, and whether all arrives.
+"""Soak test of the service at full speed: constant memory and file descriptors, and delivery of every event.
 
     nice python benchmarks/soak.py --minutes 30 [--write docs/benchmarks]
 
-`opir serve --speed max --loop`, a process of its own: two constellations, a tracker, a launch asked for every
-minute of scene time, a viewer that reads the stream, and a spooled output into a pipe that this script reads, line by
-line, but for a pause now and then. In a pause the spool fills to its bound and holds the run; after it the spool must
-empty. At the end, on SIGTERM, every event that the service says it gave must have come out of the pipe, each once.
+`opir serve --speed max --loop` in a process of its own: two constellations, a tracker, a launch requested every minute
+of scene time, a viewer of the stream, and a spooled output into a pipe that this script reads line by line, with
+pauses. In a pause the spool fills to its limit and holds the run; afterwards it must empty. After SIGTERM every event
+that the service reports as delivered must have come out of the pipe, once. `--write` writes the page, the samples as
+CSV and, where matplotlib is installed, a plot.
 """
 
 import argparse
+import contextlib
+import csv
 import http.client
 import json
 import os
@@ -23,7 +26,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import asdict, fields, frozen
+
+PAGE = """# Soak test
+
+Does the service run for long without leaks or lost events? {answer}: {minutes:g} minutes of
+`opir serve --speed max --loop`, {laps} laps of a scene of 5 minutes, {given} events.
+
+| criterion | result | met |
+|---|---|---|
+{rows}
+
+![Memory, spool file, waiting events and events read, by minute](soak.svg)
+
+The samples are in [soak.csv](soak.csv).
+
+## Method
+
+The output has a spool. A launch is requested every {trigger_s:g} s of scene time; one viewer reads the stream.
+Every {every_min:g} minutes the reader of the output pauses for {pause_s:g} s: the spool fills and holds the run.
+Memory is constant if the medians of the first and the last quarter after the warm-up ({warm_up:g} % of the run)
+differ by at most {flat:g} %. Made by `python benchmarks/soak.py --write docs/benchmarks`.
+"""
 
 SCENE = """
 scene: soak
@@ -219,7 +243,7 @@ def quarters(values: Sequence[float]) -> tuple[float, float]:
 
 
 def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
-    """Return lines of a table, each with what is asked, what is found and whether it is met; and whether all are."""
+    """Return the rows of the table of criteria, each with its result, and whether all are met."""
     samples: list[Sample] = found["samples"]
     warm = samples[int(WARM_UP * len(samples)) :]
     rss, fds = (quarters([getattr(each, name) for each in warm]) for name in ("rss_mib", "descriptors"))
@@ -228,64 +252,96 @@ def verdict(found: dict[str, Any]) -> tuple[list[str], bool]:
     delivered = int(found["told"].split(" delivered")[0].rpartition(" ")[2])
     spooled = int(found["told"].split(" spooled")[0].rpartition(" ")[2])
     rows = [
-        ("memory flat", f"{rss[0]:.1f} MiB, later {rss[1]:.1f} MiB", abs(rss[1] / rss[0] - 1.0) <= FLAT),
-        ("descriptors flat", f"{fds[0]:g}, later {fds[1]:g}", fds[0] == fds[1]),
-        ("the spool empties between pauses", f"least {least} events wait", least == 0),
-        ("the spool's file is bounded", f"most {max(each.spool_mib for each in samples):.1f} MiB", True),
-        ("every event arrives", f"{delivered} delivered, {spooled} left in the spool, {found['out']} read",
+        ("memory constant", f"{rss[0]:.1f} MiB in the first quarter, {rss[1]:.1f} MiB in the last",
+         abs(rss[1] / rss[0] - 1.0) <= FLAT),
+        ("file descriptors constant", f"{fds[0]:g}, later {fds[1]:g}", fds[0] == fds[1]),
+        ("spool empties between pauses", f"minimum {least} waiting events", least == 0),
+        ("spool file bounded", f"maximum {max(each.spool_mib for each in samples):.1f} MiB", True),
+        ("all events delivered", f"{delivered} delivered, {spooled} left in the spool, {found['out']} read",
          delivered == found["out"]),
-        ("none twice", f"{found['repeated']} repeated", found["repeated"] == 0),
-        ("launches are taken", f"answers {found['triggers']}", all(code < 500 for code in found["triggers"])),
-        ("SIGTERM ends it within 5 s", f"{found['stop_s']:.1f} s, exit code {found['code']}",
+        ("no duplicates", f"{found['repeated']} repeated", found["repeated"] == 0),
+        ("launches accepted", f"{counted(found['triggers'])}", all(code < 500 for code in found["triggers"])),
+        ("SIGTERM stops it within 5 s", f"{found['stop_s']:.1f} s, exit code {found['code']}",
          found["stop_s"] < 5.0 and found["code"] == 0),
-        ("viewers are told", f"{found['viewer'][0]} frames, told the end: {found['viewer'][1]}", found["viewer"][1]),
+        ("viewer receives the end", f"{found['viewer'][0]} frames", found["viewer"][1]),
     ]  # fmt: skip
     lines = [f"| {name} | {what} | {'yes' if met else 'NO'} |" for name, what, met in rows]
     return lines, all(met for _, _, met in rows)
 
 
+def counted(answers: dict[int, int]) -> str:
+    """Return how many answers there were of each HTTP status."""
+    return ", ".join(f"{count} × status {code}" for code, count in answers.items())
+
+
 def page(found: dict[str, Any], minutes: float) -> str:
     """Return the page."""
-    samples: list[Sample] = found["samples"]
-    rows, _ = verdict(found)
-    last = samples[-1]
-    head = [
-        "# A soak",
-        "",
-        f"`opir serve --speed max --loop` for {minutes:g} minutes: {last.lap} laps of a scene of 5 minutes,",
-        f"{last.given} events into a spooled output, a launch every {TRIGGER_S:g} s of scene time, one viewer of the",
-        f"stream. Every {PAUSE_EVERY_S / 60:g} minutes the reader of the output pauses for {PAUSE_S:g} s: the spool",
-        "fills and holds the run. Flat means that the medians of the first and the last quarter after the warm-up",
-        f"({100 * WARM_UP:g} % of the run) differ by at most {100 * FLAT:g} %.",
-        "Made by `python benchmarks/soak.py --write docs/benchmarks`.",
-        "",
-        "| asked | found | met |",
-        "|---|---|---|",
-        *rows,
-        "",
-        "| minute | memory, MiB | descriptors | spool, MiB | events waiting | events in | events out | laps | tracks |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    step = max(1, len(samples) // 30)
-    body = [
-        f"| {each.at_s / 60:.1f} | {each.rss_mib:.1f} | {each.descriptors} | {each.spool_mib:.1f} | {each.waiting} |"
-        f" {each.given} | {each.out} | {each.lap} | {each.tracks} |"
-        for each in samples[::step]
-    ]
-    return "\n".join([*head, *body, ""])
+    last = found["samples"][-1]
+    rows, met = verdict(found)
+    return PAGE.format(
+        answer="Yes" if met else "No",
+        minutes=minutes,
+        laps=last.lap,
+        given=last.given,
+        rows="\n".join(rows),
+        trigger_s=TRIGGER_S,
+        every_min=PAUSE_EVERY_S / 60,
+        pause_s=PAUSE_S,
+        warm_up=100 * WARM_UP,
+        flat=100 * FLAT,
+    )
+
+
+def write_csv(samples: Sequence[Sample], path: Path) -> None:
+    """Write the samples, a row each."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(field.name for field in fields(Sample))
+        for sample in samples:
+            values = asdict(sample).values()
+            writer.writerow(f"{value:.1f}" if isinstance(value, float) else value for value in values)
+
+
+def plot(samples: Sequence[Sample], path: Path) -> None:
+    """Draw the samples by minute."""
+    import matplotlib as mpl
+
+    mpl.use("svg")
+    mpl.rcParams.update({"svg.hashsalt": "opir", "svg.fonttype": "none"})
+    import matplotlib.pyplot as plt
+
+    minute = [each.at_s / 60 for each in samples]
+    panels = {
+        "memory, MiB": "rss_mib",
+        "spool file, MiB": "spool_mib",
+        "events waiting": "waiting",
+        "events read": "out",
+    }
+    figure, grid = plt.subplots(2, 2, figsize=(9.0, 5.0), sharex=True)
+    for axes, (title, name) in zip(grid.flat, panels.items(), strict=True):
+        axes.plot(minute, [getattr(each, name) for each in samples], marker=".", linewidth=1.0)
+        axes.set(title=title, ylim=(0.0, None))
+        axes.grid(alpha=0.3)
+    for axes in grid[1]:
+        axes.set_xlabel("minute")
+    figure.tight_layout()
+    figure.savefig(path, metadata={"Date": None})
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=30.0)
-    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the page to FOLDER/soak.md")
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write soak.md, soak.csv and soak.svg to FOLDER")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = soaked(arguments.minutes, Path(folder))
     lines, met = verdict(found)
-    print(found["told"], *lines, "flat" if met else "NOT MET", sep="\n")
+    print(found["told"], *lines, "met" if met else "NOT MET", sep="\n")
     if arguments.write:
         (arguments.write / "soak.md").write_text(page(found, arguments.minutes), encoding="utf-8")
+        write_csv(found["samples"], arguments.write / "soak.csv")
+        with contextlib.suppress(ImportError):
+            plot(found["samples"], arguments.write / "soak.svg")
     return 0 if met else 1
 
 

@@ -1,4 +1,4 @@
-"""The page on the event says what the encoder does."""
+"""The pages on the event document what the encoder writes."""
 
 import json
 import re
@@ -18,11 +18,13 @@ from opir_core.random_streams.detection_ids import stream_key, uuid8_words
 from opir_core.testing import stub_sensor
 from opir_core.testing.doubles import stub_estimates, stub_window
 
-PAGE = Path(__file__).parents[2].joinpath("docs", "reference", "detection-event.md").read_text(encoding="utf-8")
+REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
+PAGE = (REFERENCE / "detection-event.md").read_text(encoding="utf-8")
+EXTENSIONS = (REFERENCE / "event-extensions.md").read_text(encoding="utf-8")
 SCHEMA = detection_schema()
 
 
-def told_event() -> dict[str, Any]:
+def documented_event() -> dict[str, Any]:
     (block,) = re.findall(r"^```json\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
     event: dict[str, Any] = json.loads(block)
     return event
@@ -63,24 +65,29 @@ def made_event() -> dict[str, Any]:
     return event
 
 
-def told_fields(heading: str) -> list[str]:
-    section = PAGE[PAGE.index(heading) :]
-    return re.findall(r"^\| `(\w+)` \|", section[: section.index("\n\n", section.index("|---"))], re.MULTILINE)
+def documented_fields(text: str) -> list[str]:
+    return re.findall(r"^\| `(\w+)` \|", text, re.MULTILINE)
+
+
+def section(page: str, start: str, end: str) -> str:
+    return page[page.index(start) : page.index(end)]
 
 
 def test_the_page_s_event_is_what_the_encoder_makes() -> None:
-    assert told_event() == made_event(), json.dumps(made_event(), indent=2)
-    assert list(told_event()) == list(made_event())
-    jsonschema.validate(told_event(), SCHEMA)
+    assert documented_event() == made_event(), json.dumps(made_event(), indent=2)
+    assert list(documented_event()) == list(made_event())
+    jsonschema.validate(documented_event(), SCHEMA)
 
 
 @pytest.mark.parametrize(
-    ("heading", "part"),
+    ("text", "part"),
     [
-        ("# The detection event", SCHEMA),
-        ("`launch_point` and `impact_point` are `null` until", SCHEMA["$defs"]["point"]),
-        ("The ellipses are centred", SCHEMA["$defs"]["ellipse"]),
+        (section(PAGE, "## Fields", "## Directions"), SCHEMA),
+        (section(PAGE, "## Points", "The ellipses are centred"), SCHEMA["$defs"]["point"]),
+        (section(PAGE, "The ellipses are centred", "## Measured light"), SCHEMA["$defs"]["ellipse"]),
+        (section(EXTENSIONS, "## Track state", "## Measured irradiance"), SCHEMA["$defs"]["state"]),
     ],
+    ids=["event", "point", "ellipse", "state"],
 )
-def test_the_page_tells_every_field_in_order(heading: str, part: dict[str, Any]) -> None:
-    assert told_fields(heading) == list(part["properties"])
+def test_the_page_documents_every_field_in_order(text: str, part: dict[str, Any]) -> None:
+    assert documented_fields(text) == list(part["properties"])
