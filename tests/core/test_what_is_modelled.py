@@ -23,7 +23,7 @@ from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
 PAGES = Path(__file__).parents[2] / "docs" / "explanation"
 LABELS = {"computed", "tabulated", "notional"}
-PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "kafka", "stonesoup")
+PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup")
 #: What others are made of: no scene names them.
 BASES = {RadiometerConfig, ScanningSensorConfig, SourceConfig}
 
