@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve
+from class_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 from opir_trackers.profile import fit
 from opir_trackers.profile import flight as profile_flight
 from opir_trackers.profile.bank import Fitting
@@ -20,7 +21,6 @@ from opir_trackers.profile.rows import means, single
 from opir_trackers.profile.seen import TrackHistory
 from opir_trackers.profile.strain import OffModelFilters
 from opir_trackers.sensor_schedule import SensorSchedule
-from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 
 from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.scene.scene import TARGET_TYPES

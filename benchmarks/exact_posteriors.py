@@ -24,7 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 import numpy as np
 from attrs import evolve
 from boost_profile_flights import AFTER_S, MARKS, SENSORS, marks_at
-from exact_boosts import Looks, effective, impacts_of, sampled, states_of
+from class_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
+from exact_boost_posteriors import Looks, effective, impacts_of, sampled, states_of
 from exact_posteriors_page import EFFECTIVE, NOMINAL, TIMES, share, write_page
 from opir_trackers.profile import fit
 from opir_trackers.profile.bank import Fitting
@@ -32,7 +33,6 @@ from opir_trackers.profile.flight import on_ground
 from opir_trackers.profile.hypotheses import probability
 from opir_trackers.profile.report import Basis, report
 from opir_trackers.profile.strain import OffModelFilters
-from profile_flights import PRIORS, flights, hidden, lines_of_sight, watch_of
 from result_files import write_csv
 
 from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks

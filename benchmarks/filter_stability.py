@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
-from ill_conditioned import Sample, an_hour, cases, samples
+from ill_conditioned_filters import Sample, an_hour, cases, samples
 
 PAGE = """# Numerical stability of the stereo filter
 

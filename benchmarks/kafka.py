@@ -34,8 +34,8 @@ from opir_core.output.spool.dispatch import Dispatch, Policy
 from opir_core.output.spool.journal import Journal
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
-import kafka_stand
-from spool_stand import ENCODER, SENSORS, window
+import kafka_broker
+from spool_transports import ENCODER, SENSORS, window
 
 WINDOW_EVENTS = 2000
 HEADERS = [("content-type", b"application/json"), ("schema-version", b"1.0")]
@@ -66,7 +66,7 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the table to FOLDER/kafka.md")
     options = parser.parse_args()
-    with kafka_stand.broker() as broker:
+    with kafka_broker.broker() as broker:
         took = {compression: turns(broker, options, compression) for compression in ("none", "zstd")}
     page = table(took, options)
     print(page)
@@ -180,7 +180,7 @@ def table(took: Mapping[str, Mapping[str, list[float]]], options: argparse.Names
         events=options.events,
         size=len(ENCODER.encode(window(WINDOW_EVENTS))) // WINDOW_EVENTS,
         partitions=options.partitions,
-        broker=kafka_stand.BOOTSTRAP or "librdkafka's mock cluster, own process",
+        broker=kafka_broker.BOOTSTRAP or "librdkafka's mock cluster, own process",
         repeats=options.repeats,
         rows="\n".join(rows),
     )

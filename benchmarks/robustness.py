@@ -5,8 +5,8 @@
 
 Up to 100 targets at a time, hundreds of kilometres apart, are observed by two SBIRS-GEO sensors or by one. The whole
 tracker runs: data association, track initiation, fit, and the stereo filter that the fit is mixed with. Type reports
-are UNKNOWN. Burn time, burnout speed and turn are drawn from the priors; `tests/support/other_flights.py` defines the
-trajectories. The track of a target is the one that holds most of its detections.
+are UNKNOWN. Burn time, burnout speed and turn are drawn from the priors; `tests/support/off_model_flights.py` defines
+the trajectories. The track of a target is the one that holds most of its detections.
 """
 
 import argparse
@@ -22,11 +22,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
 import numpy as np
-from followed_flights import CHANCES, SIGMA_RAD, USUAL_CONFIG, followed, rows_of, sensors_of, usual
+from off_model_flights import Flown, away_from, flown
 from opir_trackers.configs import BoostProfileConfig
-from other_flights import Flown, away_from, flown
 from result_files import write_csv
 from robustness_page import write_page
+from tracked_flights import CHANCES, SIGMA_RAD, USUAL_CONFIG, followed, rows_of, sensors_of, usual
 
 from opir_core.flight.forces import Drag, Forces
 from opir_core.interfaces.records import Tracks

@@ -8,10 +8,10 @@ import importlib
 import math
 import sys
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import ROOT
 from skyfield.keplerlib import propagate
 
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
@@ -26,7 +26,7 @@ from opir_core.scene.reading import scene_from_mapping
 for package in ("opir_heo", "opir_leo"):
     # Where the plugins are not installed, their sources are tested.
     if find_spec(package) is None:
-        sys.path.append(str(Path(__file__).parents[2] / "plugins" / package))
+        sys.path.append(str(ROOT / "plugins" / package))
 
 A_M, B_M = 6378137.0, 6356752.314245
 TIMES_S = np.arange(0.0, 86400.0, 5417.0)

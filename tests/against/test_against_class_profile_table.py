@@ -6,16 +6,16 @@ or four digits.
 
 import csv
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import DATA
 
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.boost import BoostPath, LaunchPlane, ascent, boost_profiles
 from opir_core.flight.kepler import propagate_kepler
 
-DATA = Path(__file__).resolve().parents[1] / "data" / "class_profiles.csv"
+COURSES = DATA / "class_profiles.csv"
 RADIUS_M = 6371e3
 PROFILES = boost_profiles()
 
@@ -41,7 +41,7 @@ def path_over_a_sphere(profile):
 
 
 def table_rows(name):
-    with DATA.open(encoding="utf-8") as file:
+    with COURSES.open(encoding="utf-8") as file:
         reader = csv.DictReader(line for line in file if not line.startswith("#"))
         rows = [row for row in reader if row["class"] == name]
     return {key: np.array([float(row[key]) for row in rows]) for key in rows[0] if key != "class"}

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from attrs import evolve
+from repository import DATA
 
 import opir_core
 from opir_core.interfaces.protocols import Band
@@ -89,7 +90,7 @@ def test_a_point_left_out_of_the_table_is_met_to_3_percent(climate, aerosol, ban
     assert max(left_out_errors(nodes, 1)) < 0.03
 
 
-BETWEEN = table_rows(Path(__file__).parents[1] / "data" / "lowtran7_between.csv")
+BETWEEN = table_rows(DATA / "lowtran7_between.csv")
 
 
 @pytest.mark.parametrize(("climate", "aerosol"), SKIES)
@@ -154,7 +155,7 @@ def test_bent_paths_keep_to_bouguer_s_law():
     assert np.all(turn[:, 0] == lowest[:, 0])
 
 
-BELOW = table_rows(Path(__file__).parents[1] / "data" / "lowtran7_below.csv")
+BELOW = table_rows(DATA / "lowtran7_below.csv")
 
 
 @pytest.mark.parametrize(("climate", "aerosol"), SKIES)

@@ -6,7 +6,7 @@ benchmarks/filter_stability.py runs a hundred of these and an hour at 20 Hz.
 from itertools import islice
 
 import pytest
-from ill_conditioned import Case, cases, samples
+from ill_conditioned_filters import Case, cases, samples
 
 EVERY = list(cases(2))
 CHOSEN = [*EVERY[10:], *(case._replace(slices=6) for case in islice(EVERY, 3, 8, 2))]

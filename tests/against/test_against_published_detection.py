@@ -1,11 +1,11 @@
 """Detection against published cases: thresholds in Gaussian noise, Marcum's Q, Albersheim's equation, M of N."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from repository import DATA
 from scipy.stats import binom
 
 from opir_core.detection.threshold import (
@@ -19,7 +19,7 @@ from opir_core.detection.threshold import (
     threshold_sigma,
 )
 
-CASES = json.loads((Path(__file__).resolve().parents[1] / "data" / "reference_cases.json").read_text())
+CASES = json.loads((DATA / "reference_cases.json").read_text())
 ROWS = {
     case["id"]: case for case in (CASES["cases"] if isinstance(CASES, dict) else CASES) if case["topic"] == "detection"
 }

@@ -1,10 +1,10 @@
 """Geometry against published cases: Vallado, Orekit, pymap3d, GeographicLib, SMAD (tests/data/reference_cases.json)."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import DATA
 
 from opir_core.geometry import (
     Ellipsoid,
@@ -27,7 +27,7 @@ from opir_core.geometry import (
 )
 from opir_core.geometry.ellipsoid import WGS84
 
-CASES = json.loads((Path(__file__).parents[1] / "data" / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
+CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
 
 # valladopy's Earth. Its answers belong to the eccentricity of WGS 84, 0.0818191908426: solving the two equations of
 # case vallado_site_7_1 for radius and eccentricity gives these two to 13 digits. The 0.081819221456 among that case's

@@ -1,16 +1,16 @@
 """Two-body motion against published cases: Vallado, Curtis, Bate-Mueller-White, Der (tests/data/reference_cases)."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import DATA
 
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.flight.lambert_solver import lambert
 
-CASES = json.loads((Path(__file__).parents[1] / "data" / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
+CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
 
 
 def cases(*topics):

@@ -1,15 +1,15 @@
 """Propagation under J2 against cases computed with mpmath (tests/data/reference_cases.json)."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import DATA
 
 from opir_core.flight.forces import Forces, ZonalField
 from opir_core.flight.propagation import propagate
 
-CASES = json.loads((Path(__file__).parents[1] / "data" / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
+CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
 J2_CASES = [case for case in CASES if case["topic"] == "j2_propagation"]
 
 

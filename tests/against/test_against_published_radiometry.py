@@ -1,15 +1,15 @@
 """Radiometry against the reference cases (tests/data/reference_cases.json)."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import DATA
 
 from opir_core.radiometry.aperture import W_M2_PER_W_CM2, minimum_detectable_intensity_w_sr
 from opir_core.radiometry.planck import FIRST_RADIATION_W_UM4_M2_SR, SECOND_RADIATION_UM_K, band_radiance
 
-CASES = json.loads((Path(__file__).parents[1] / "data" / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
+CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
 
 
 def case(name):

@@ -2,23 +2,18 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
 from attrs import evolve
+from repository import DATA
 
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.aiming import aim, hitting_speed_m_s
 from opir_core.flight.boost import boost_profile, boost_profiles
 from opir_core.geometry import Geodetic, geodesic_direct
 
-CASES = {
-    case["id"]: case
-    for case in json.loads((Path(__file__).resolve().parents[1] / "data" / "reference_cases.json").read_text("utf-8"))[
-        "cases"
-    ]
-}
+CASES = {case["id"]: case for case in json.loads((DATA / "reference_cases.json").read_text("utf-8"))["cases"]}
 
 
 def apogee_m(flight):

@@ -1,16 +1,16 @@
 """The triangulation bound of the reference cases, and meeting points that reach it."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from opir_trackers.triangulation import information, meeting_points
+from repository import DATA
 
 CASES = [
     case
-    for case in json.loads((Path(__file__).parents[1] / "data" / "reference_cases.json").read_text())["cases"]
+    for case in json.loads((DATA / "reference_cases.json").read_text())["cases"]
     if case["topic"] == "triangulation_crlb"
 ]
 

@@ -6,11 +6,11 @@ air, and finds the impact as an event of pyproj's height.
 """
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pyproj
 import pytest
+from repository import EXAMPLES
 from scipy.integrate import solve_ivp
 from scipy.special import legendre
 
@@ -20,7 +20,7 @@ from opir_core.geometry import Geodetic, geodetic_to_ecef
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import load_scene
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "pacific_test_range.yaml"
+EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
 FIELD = ZonalField()
 AIR = "exponential: {density_kg_m3: 1.225, scale_height_m: 7200.0}"
 BETA = {"usual": 2000.0, "own": 400.0}

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from followed_flights import followed, last_told, rows_of, usual
-from other_flights import away_from, flown
+from off_model_flights import away_from, flown
+from tracked_flights import followed, last_told, rows_of, usual
 
 from opir_core.scoring.consistency import nees
 

@@ -1,14 +1,14 @@
 """The density of the air against the U.S. Standard Atmosphere, 1976: other programs below 86 km, its table above."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import DATA
 
 from opir_core.flight.atmosphere_density import density_kg_m3
 
-CASES = json.loads((Path(__file__).parents[1] / "data" / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
+CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
 CASE = next(case for case in CASES if case["id"] == "us76_table")
 
 #: Geometric height, km, and density, kg/m³: the standard (NASA-TM-X-74335), table I; every height given to four digits.

@@ -1,8 +1,9 @@
 """The core's own components keep the contracts of their kinds."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, ClassVar
+
+from repository import DATA
 
 from opir_core.interfaces.protocols import Band
 from opir_core.testing import (
@@ -200,7 +201,7 @@ class TestBoostProfile(TrackerContract):
         return super().scene(**{"duration_s": 45.0, **changes})
 
 
-FLIGHTS = Path(__file__).resolve().parents[1] / "data" / "flights"
+FLIGHTS = DATA / "flights"
 
 
 class TestTables(TargetContract):

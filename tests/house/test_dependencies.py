@@ -7,8 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-
-TOP = Path(__file__).resolve().parents[2]
+from repository import ROOT
 
 #: Distributions whose packages go by other names.
 MODULES = {"pyyaml": "yaml", "opir-core": "opir_core"}
@@ -37,11 +36,14 @@ def declared(project: Path) -> set[str]:
     return {MODULES.get(name, name.replace("-", "_")) for name in names}
 
 
-PACKAGES = [(TOP, TOP / "opir_core"), *((path, path / path.name) for path in sorted((TOP / "plugins").glob("opir_*")))]
+PACKAGES = [
+    (ROOT, ROOT / "opir_core"),
+    *((path, path / path.name) for path in sorted((ROOT / "plugins").glob("opir_*"))),
+]
 
 
 @pytest.mark.parametrize(("project", "package"), PACKAGES, ids=[package.name for _, package in PACKAGES])
 def test_everything_imported_is_installed_with_the_package(project: Path, package: Path) -> None:
     found = imported(package)
     assert found
-    assert found - declared(project) - declared(TOP) - ASKED_FOR - {package.name, "opir_core"} == set()
+    assert found - declared(project) - declared(ROOT) - ASKED_FOR - {package.name, "opir_core"} == set()

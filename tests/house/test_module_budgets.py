@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+from repository import EXAMPLES
 
 #: How many modules more than bare Python `opir --version` may import.
 VERSION_BUDGET = 40

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from repository import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 CORE = ROOT / "opir_core"
 SOURCES = sorted([*CORE.rglob("*.py"), *(ROOT / "plugins").glob("*/opir_*/**/*.py")])
 

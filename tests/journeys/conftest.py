@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 from attrs import frozen
-
-ROOT = Path(__file__).resolve().parents[2]
+from repository import ROOT
 
 
 @frozen

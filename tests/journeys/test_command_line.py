@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from repository import EXAMPLES
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 FIRST_LIGHT = str(EXAMPLES / "first_light.yaml")
 PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from attrs import fields
+from repository import EXAMPLES
 
 from opir_core.plugin.components import Component
 from opir_core.plugin.host import Host
@@ -66,7 +67,7 @@ def test_a_name_that_is_not_there_is_told_with_the_nearest(words: list[str]) -> 
 
 
 def test_a_missing_setting_is_told_with_what_it_is_to_hold(tmp_path: Path) -> None:
-    scene = Path(__file__).resolve().parents[2] / "examples" / "first_light.yaml"
+    scene = EXAMPLES / "first_light.yaml"
     text = scene.read_text(encoding="utf-8").replace("lat_deg: ", "lat_dge: ", 1)
     (tmp_path / "scene.yaml").write_text(text, encoding="utf-8")
     done = opir("validate", str(tmp_path / "scene.yaml"))

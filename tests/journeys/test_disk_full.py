@@ -7,11 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import kafka_stand
+import kafka_broker
 import pytest
-from kafka_stand import dead_address, messages
+from kafka_broker import dead_address, messages
+from repository import EXAMPLES
 
-SCENE = str(Path(__file__).resolve().parents[2] / "examples" / "pacific_test_range.yaml")
+SCENE = str(EXAMPLES / "pacific_test_range.yaml")
 SIZE = "1500k"
 
 #: In a name space of its own: a disk of that size, the command, and what is left on the disk copied out.
@@ -33,7 +34,7 @@ def test_what_a_full_disk_kept_arrives_from_it(tmp_path: Path) -> None:
     disk, kept = tmp_path / "disk", tmp_path / "kept"
     disk.mkdir()
     kept.mkdir()
-    with kafka_stand.broker() as broker:
+    with kafka_broker.broker() as broker:
         topic = broker.topic()
         first = opir(dead_address(), topic, disk / "spool", tmp_path, small=(disk, kept))
         assert first.returncode == 5, first.stderr
@@ -52,7 +53,7 @@ def opir(
     server: str, topic: str, spool: Path, folder: Path, *words: str, small: tuple[Path, Path] | None = None
 ) -> "subprocess.CompletedProcess[str]":
     """Run the scene into Kafka through a spool, which may be on a small disk of its own."""
-    kafka = {"bootstrap_servers": server, "topic": topic, **kafka_stand.BRISK, "spool": {"path": str(spool)}}
+    kafka = {"bootstrap_servers": server, "topic": topic, **kafka_broker.BRISK, "spool": {"path": str(spool)}}
     outputs = f"outputs=[{{kafka: {json.dumps(kafka)}}}]"
     command = [sys.executable, "-m", "opir_core", "run", SCENE, "--set", outputs, *words]
     if small is not None:

@@ -3,12 +3,12 @@
 import json
 import shutil
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
-from http_stand import Stand, serving
+from http_service import Stand, serving
 from playwright.sync_api import Browser, Page, expect, sync_playwright
+from repository import ROOT
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
@@ -150,7 +150,7 @@ def luminance(colour: list[float]) -> float:
 
 
 def test_every_file_of_the_page_is_served_and_no_other(stand: Stand) -> None:
-    folder = Path(__file__).resolve().parents[2] / "plugins" / "opir_http" / "opir_http" / "page"
+    folder = ROOT / "plugins" / "opir_http" / "opir_http" / "page"
     for path in folder.iterdir():
         answer = stand.ask("GET", "/" if path.name == "index.html" else f"/page/{path.name}")
         assert (answer.status, answer.body) == (200, path.read_bytes())

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from attrs import evolve
-from http_stand import Stand, serving
+from http_service import Stand, serving
 from opir_http.openapi import document
 
 #: How long the requests of each kind go on, s; by default the steps along links are bounded by their number alone.

@@ -7,12 +7,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-import http_stand
+import http_service
 import jsonschema
 import msgspec
 import numpy as np
 import pytest
-from http_stand import serving
+from http_service import serving
 from opir_http.openapi import document
 from opir_http.tracks import TrackBook
 
@@ -22,7 +22,7 @@ LAUNCH, AIM = (34.73, -120.57), (32.0, -124.0)
 
 
 def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_path: Path) -> None:
-    scene = http_stand.SCENE.replace("duration_s: 600", "duration_s: 140").replace("type: ICBM", "type: SRBM")
+    scene = http_service.SCENE.replace("duration_s: 600", "duration_s: 140").replace("type: ICBM", "type: SRBM")
     scene = scene.replace("{lat_deg: 9.0, lon_deg: 167.7}", "{lat_deg: 32.0, lon_deg: -124.0}")
     scene += "tracker: boost-profile\n"
     with serving(tmp_path, "--speed", "max", scene=scene) as running:

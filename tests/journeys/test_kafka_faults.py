@@ -13,10 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import kafka_stand
+import kafka_broker
 import pytest
-from doomed import killed_at_random
-from kafka_stand import (
+from forked_processes import killed_at_random
+from kafka_broker import (
     INIT_PRODUCER_ID,
     METADATA,
     PRODUCE,
@@ -28,7 +28,7 @@ from kafka_stand import (
     messages,
 )
 from opir_kafka.failures import FATAL_CODES
-from spool_stand import SENSORS, fill, window
+from spool_transports import SENSORS, fill, window
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
@@ -41,7 +41,7 @@ PASSING_CODES = (-1, 2, 3, 5, 6, 7, 8, 9, 13, 14, 15, 16, 19, 20, 41, 45, 47, 49
 
 @pytest.fixture(scope="module")
 def one_broker() -> Iterator[Any]:
-    with kafka_stand.broker() as made:
+    with kafka_broker.broker() as made:
         yield made
 
 
@@ -286,7 +286,7 @@ def test_without_a_spool_what_is_lost_is_counted(spool: Path) -> None:
 
 def test_the_process_is_killed_at_20_moments(broker: Any, tmp_path: Path) -> None:
     topic = broker.topic()
-    first = killed_at_random("kafka_stand", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic)
+    first = killed_at_random("kafka_broker", "kafka_for_ever", tmp_path, 20, 0.15, broker.address, topic)
     rest = kafka_sink(broker.address, topic, tmp_path / "spool")
     rest.write(window(7, first))  # the window whose writing was not noted may have been taken
     told_last = closed(rest)
@@ -295,4 +295,4 @@ def test_the_process_is_killed_at_20_moments(broker: Any, tmp_path: Path) -> Non
 
 
 def test_there_are_sensors_for_every_partition() -> None:
-    assert len(SENSORS) > kafka_stand.PARTITIONS
+    assert len(SENSORS) > kafka_broker.PARTITIONS

@@ -5,20 +5,21 @@ import time
 from pathlib import Path
 from typing import Any
 
-import kafka_stand
-from kafka_stand import dead_address, messages
+import kafka_broker
+from kafka_broker import dead_address, messages
+from repository import EXAMPLES
 from waiting import until
 
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import load_scene
 
-SCENE = str(Path(__file__).resolve().parents[2] / "examples" / "first_light.yaml")
+SCENE = str(EXAMPLES / "first_light.yaml")
 STOP_S = 5.0
 
 
 def run_of(address: str, topic: str, spool: Path, host: Host) -> LiveRun:
-    kafka = {"bootstrap_servers": address, "topic": topic, **kafka_stand.BRISK, "spool": {"path": str(spool)}}
+    kafka = {"bootstrap_servers": address, "topic": topic, **kafka_broker.BRISK, "spool": {"path": str(spool)}}
     scene = load_scene(SCENE, overrides=[f"outputs=[{{kafka: {json.dumps(kafka)}}}]"], host=host)
     return LiveRun(scene, host, LiveSettings(speed=None))
 
@@ -32,7 +33,7 @@ def stopped(run: LiveRun) -> Any:
 
 def test_a_live_run_is_stopped_in_time_without_a_broker_and_the_next_one_delivers_all(tmp_path: Path) -> None:
     host = Host.discover()
-    with kafka_stand.broker() as broker:
+    with kafka_broker.broker() as broker:
         topic = broker.topic()
         first = run_of(dead_address(), topic, tmp_path / "spool", host)
         first.start()

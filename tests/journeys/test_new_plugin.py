@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from repository import EXAMPLES
 
 from opir_core.cli.main import main
 from opir_core.cli.scaffold import KINDS
@@ -123,7 +124,7 @@ def test_installed_plugins_are_listed_with_the_api_they_declare(outsider: Any, p
         assert [component["name"] for component in rows[name]["components"]] == [name]
 
 
-MINIMAL = Path(__file__).resolve().parents[2] / "examples" / "minimal_plugin"
+MINIMAL = EXAMPLES / "minimal_plugin"
 
 
 def test_the_minimal_plugin_is_minimal() -> None:

@@ -18,8 +18,8 @@ from typing import Any
 
 import pytest
 from attrs import frozen
-from http_stand import JSON, LAUNCH
-from kafka_stand import dead_address
+from http_service import JSON, LAUNCH
+from kafka_broker import dead_address
 from waiting import until
 
 #: A service has ended so long after it was told to, s.

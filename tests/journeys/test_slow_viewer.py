@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from http_stand import Stand, serving
+from http_service import Stand, serving
 
 
 def test_a_viewer_that_does_not_read_holds_up_nobody(tmp_path: Path) -> None:

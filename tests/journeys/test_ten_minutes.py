@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from repository import ROOT
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "ten-minutes.md"
+PAGE = ROOT / "docs" / "tutorials" / "ten-minutes.md"
 BLOCK = re.compile(r"^```shell-session\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
 

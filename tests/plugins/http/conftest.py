@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 from attrs import evolve
-from http_stand import Stand, serving
+from http_service import Stand, serving
 from waiting import until
 
 

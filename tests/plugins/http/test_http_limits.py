@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 import pytest
-from http_stand import LAUNCH, serving
+from http_service import LAUNCH, serving
 from opir_http import gate, server
 from opir_http.feed import QUEUED_FRAMES, Client
 from opir_http.serving import ServeError, token_of

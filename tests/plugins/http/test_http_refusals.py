@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from http_stand import LAUNCH, SCENE, Stand, conforms, serving
+from http_service import LAUNCH, SCENE, Stand, conforms, serving
 from opir_http.openapi import document
 
 

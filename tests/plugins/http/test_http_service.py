@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from http_stand import LAUNCH, Stand, conforms, serving
+from http_service import LAUNCH, Stand, conforms, serving
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from opir_http import service

@@ -1,0 +1,179 @@
+"""`opir check` runs what pytest runs, without pytest; expected failures are named, have reasons, are strict."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from opir_core.cli.main import main
+from opir_core.plugin.components import CATALOGUE
+from opir_core.testing.contract_runner import contract_for, verdicts
+from opir_core.testing.contracts import HOMES, contract_of
+from opir_core.testing.contracts.contract import test_names as names_of
+from opir_core.testing.json_schema import faults_in
+
+pytest_plugins = ["pytester"]
+
+UNEVEN = "test_draws_of_others_are_left_alone"
+
+
+def opir(*words: str) -> subprocess.CompletedProcess[str]:
+    # Without pytest: importing it would fail.
+    code = "import sys; sys.modules['pytest'] = None; from opir_core.cli.main import main; sys.exit(main())"
+    return subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=False)
+
+
+def test_every_kind_has_a_contract_with_promises_in_words() -> None:
+    assert HOMES.keys() == CATALOGUE.keys()
+    for hook in HOMES:
+        contract = contract_of(hook)
+        tests = names_of(contract)
+        assert len(tests) >= 5, contract
+        for test in tests:
+            promise = (getattr(contract, test).__doc__ or "").strip()
+            assert promise.endswith("."), f"{contract.__name__}.{test}"
+            assert "\n" not in promise
+
+
+def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> None:
+    done = opir("check", "weighted")
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    assert lines[0] == "confidence model weighted of opir-core 0.1.0 (plugin builtin)"
+    assert lines[1] == "  kept        Every setting has words that say what it means, and its defaults are lawful."
+    count = len(names_of(contract_of("opir_confidence_models")))
+    assert lines[-1] == f"{count} of {count} promises are kept, as expected"
+
+
+def test_what_is_broken_is_told_with_what_to_change() -> None:
+    told = {
+        row.test: row
+        for row in verdicts(contract_for("opir_detection_models", "moody", {}, {}, ("broken_components",)))
+    }
+    row = told["test_the_same_seed_gives_the_same_bytes"]
+    assert row.state == "broken"
+    assert "in a second run there are" in row.seen
+    assert "Draw random numbers only from the dice" in row.change
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "text"),
+    [
+        (["check", "wieghted"], 3, "nearest: weighted"),
+        (["check", "weighted", "--set", "bnad=2"], 4, "bnad: unknown key; did you mean band?"),
+        (["check", "weighted", "--set", "band"], 2, "has no '='; write path=value"),
+        (["check", "weighted", "--expect", "test_x"], 2, "write TEST=REASON, with a reason"),
+        (["check", "weighted", "--expect", "test_every_setting=x"], 2, "the nearest is 'test_every_setting_says_what"),
+        (["check", "null", "--expect", "test_every_event_is_accounted_for=x"], 4, "it is kept"),
+    ],
+)
+def test_what_is_asked_wrongly_is_told(
+    words: list[str], code: int, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == code
+    assert text in "".join(capsys.readouterr())
+
+
+def test_json_has_every_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "null", "--json"]) == 0
+    (told,) = json.loads(capsys.readouterr().out)
+    assert (told["kind"], told["name"], told["distribution"]) == ("sink", "null", "opir-core")
+    assert [row["test"] for row in told["tests"]] == names_of(contract_of("opir_sinks"))
+    assert {row["state"] for row in told["tests"]} == {"kept"}
+
+
+CONTRACT_FILE = """
+from opir_core.testing import ConfidenceContract
+
+class TestMoody(ConfidenceContract):
+    name = "{name}"
+    plugins = ("broken_components",)
+    expected_failures = {expected!r}
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "expected", "outcomes"),
+    [
+        ("certain-by-rank", {}, {"failed": 1}),
+        ("certain-by-rank", {"test_each_detection_has_its_own_confidence": "ranks are its point"}, {"xfailed": 1}),
+        ("weighted", {"test_each_detection_has_its_own_confidence": "ranks are its point"}, {"failed": 1}),
+        ("weighted", {}, {"passed": 1}),
+    ],
+)
+def test_expected_failures_are_strict_in_pytest(
+    pytester: pytest.Pytester, name: str, expected: dict[str, str], outcomes: dict[str, int]
+) -> None:
+    pytester.makepyfile(CONTRACT_FILE.format(name=name, expected=expected))
+    chosen = "test_each_detection_has_its_own_confidence"
+    pytester.runpytest_inprocess("-p", "no:cacheprovider", "-k", chosen).assert_outcomes(**outcomes)
+
+
+def test_an_expected_failure_of_no_test_is_refused_by_pytest(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(CONTRACT_FILE.format(name="weighted", expected={"test_nothing": "x"}))
+    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    done.stderr.fnmatch_lines(["*expects test_nothing to fail: no such test, or no reason*"])
+
+
+def test_the_pytest_plugin_imports_nothing_of_the_simulation(tmp_path: Path) -> None:
+    (tmp_path / "test_nothing.py").write_text(
+        "def test_nothing():\n    import sys\n    assert 'numpy' not in sys.modules\n"
+    )
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "opir_core.testing.pytest_plugin"]
+    alone = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    done = subprocess.run([*words, "."], cwd=tmp_path, env=alone, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+SCHEMA = {
+    "type": "object",
+    "required": ["a"],
+    "additionalProperties": False,
+    "properties": {
+        "a": {"type": ["integer", "null"], "minimum": 0, "exclusiveMaximum": 9},
+        "b": {"anyOf": [{"$ref": "#/$defs/word"}, {"type": "null"}]},
+        "c": {"type": "array", "items": {"type": "number"}, "minItems": 1, "maxItems": 2},
+        "d": {"enum": ["x", "y"]},
+        "e": {"const": 1},
+    },
+    "$defs": {"word": {"type": "string", "pattern": "^[a-z]+$"}},
+}
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {"a": 1},
+        {"a": None, "b": "word", "c": [1, 2.5], "d": "x", "e": 1},
+        {"a": 1, "b": None},
+        {},
+        {"a": -1},
+        {"a": 9},
+        {"a": 1.5},
+        {"a": True},
+        {"a": 1, "b": "Word"},
+        {"a": 1, "b": 3},
+        {"a": 1, "c": []},
+        {"a": 1, "c": [1, 2, 3]},
+        {"a": 1, "c": ["1"]},
+        {"a": 1, "c": [True]},
+        {"a": 1, "d": "z"},
+        {"a": 1, "e": 2},
+        {"a": 1, "f": 0},
+        [],
+        "text",
+        None,
+    ],
+)
+def test_conforming_agrees_with_jsonschema(value: object) -> None:
+    import jsonschema
+
+    assert bool(faults_in(value, SCHEMA)) == (not jsonschema.Draft202012Validator(SCHEMA).is_valid(value))
+
+
+def test_a_schema_word_that_is_not_looked_at_is_refused() -> None:
+    with pytest.raises(ValueError, match="oneOf"):
+        faults_in(1, {"oneOf": []})

@@ -1,0 +1,77 @@
+"""Core's own plugin: what it offers, that describing it imports nothing heavy, and the null tracker."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from attrs import fields, has
+from repository import ROOT
+
+from opir_core.builtin import plugin
+from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
+from opir_core.interfaces.contexts import ModelContext, TrackerContext
+from opir_core.interfaces.protocols import Tracker
+from opir_core.interfaces.records import Detections
+from opir_core.plugin import NoConfig, ScanningSensorConfig
+from opir_core.plugin.components import CATALOGUE
+from opir_core.scene.fields import info_of
+
+HEAVY = ("numpy", "scipy", "cattrs", "msgspec", "yaml")
+
+MODELS = {
+    "opir_detection_models": {"constant", "always", "never"},
+    "opir_classifiers": {"paper", "none", "always", "never"},
+    "opir_confidence_models": {"weighted", "always", "never"},
+    "opir_trackers": {"none"},
+    "opir_target_models": {"ballistic", "table"},
+    "opir_atmosphere_models": {"clear"},
+    "opir_background_models": {"none"},
+}
+
+
+def offered(hook):
+    return {component.name: component for component in getattr(plugin, hook)()}
+
+
+@pytest.mark.parametrize("hook", MODELS)
+def test_every_kind_of_model_has_an_honest_one_or_a_null(hook):
+    components = offered(hook)
+    assert set(components) == MODELS[hook]
+    assert all(isinstance(component, CATALOGUE[hook]) for component in components.values())
+
+
+@pytest.mark.parametrize("hook", ["opir_detection_models", "opir_classifiers", "opir_confidence_models"])
+def test_every_model_without_sensors_can_be_built(hook):
+    context = ModelContext(sensors=(), target_type_code=np.zeros(0, np.uint8))
+    for component in offered(hook).values():
+        assert component.build(component.config(), context) is not None
+
+
+@pytest.mark.parametrize(
+    "config", [ConstantConfig, ConfusionConfig, WeightedConfig, BallisticConfig, ScanningSensorConfig]
+)
+def test_every_field_of_a_configuration_says_what_it_is(config):
+    for attribute in fields(config):
+        info = info_of(attribute)
+        assert info.help, attribute.name
+        assert info.source, attribute.name
+        if has(attribute.type):
+            test_every_field_of_a_configuration_says_what_it_is(attribute.type)
+
+
+def test_describing_the_built_in_components_imports_nothing_heavy():
+    hooks = "; ".join(f"list(plugin.{hook}())" for hook in MODELS)
+    code = f"import sys; from opir_core.builtin import plugin; {hooks}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    loaded = {name.partition(".")[0] for name in done.stdout.split()}
+    assert loaded.isdisjoint(HEAVY), loaded & set(HEAVY)
+
+
+def test_the_null_tracker_follows_nothing():
+    context = TrackerContext(sensors=(), epoch_us=0, duration_s=1.0)
+    tracker = offered("opir_trackers")["none"].build(NoConfig(), context)
+    assert isinstance(tracker, Tracker)
+    assert tracker.cadence_s is None
+    assert tracker.associate(Detections.empty()).shape == (0,)
+    assert len(tracker.step(0.0, Detections.empty())) == 0

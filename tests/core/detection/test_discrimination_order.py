@@ -1,0 +1,136 @@
+"""Discrimination and classification through the whole engine: the order of sensors, and probabilities that hold.
+
+The objects and looks are those of benchmarks/discrimination.py, fewer of them.
+"""
+
+import importlib
+import sys
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from attrs import fields
+from numpy.typing import NDArray
+from repository import ROOT
+from scipy.stats import norm
+
+from opir_core.flight.boost import boost_profile
+from opir_core.plugin.host import Host
+from opir_core.scene.scene import TARGET_TYPES
+from opir_core.sensors.radiometer import RadiometerConfig
+
+BENCHMARKS = ROOT / "benchmarks"
+FLOATS = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def benchmark_() -> Iterator[SimpleNamespace]:
+    """Yield the names of the benchmark's modules."""
+    sys.path.insert(0, str(BENCHMARKS))
+    modules = [importlib.import_module(f"discrimination{part}") for part in ("_objects", "_statistics", "")]
+    yield SimpleNamespace(**{name: value for module in modules for name, value in vars(module).items()})
+    sys.path.remove(str(BENCHMARKS))
+
+
+@pytest.fixture(scope="module")
+def people(benchmark_: SimpleNamespace) -> Any:
+    return benchmark_.population(54, 20, seed=2)
+
+
+@pytest.fixture(scope="module")
+def simulated(benchmark_: SimpleNamespace, people: Any) -> Any:
+    return benchmark_.simulated(people)
+
+
+@pytest.fixture(scope="module")
+def burning(benchmark_: SimpleNamespace, people: Any, simulated: Any) -> tuple[Any, dict[str, Any]]:
+    """Return what is looked at within its own burn, and the looks."""
+    return people, benchmark_.looks_at(people, *simulated)
+
+
+@pytest.fixture(scope="module")
+def streamed(benchmark_: SimpleNamespace, people: Any, simulated: Any) -> tuple[Any, dict[str, Any]]:
+    """Return what is looked at within one span for all: types are seen as often as in a stream of detections."""
+    span_s = np.full(len(people.kind), boost_profile("ICBM_liquid").burn_time_s)
+    moment_s = benchmark_.moments_s(np.random.default_rng(3), span_s)
+    other = people._replace(moment_s=moment_s)
+    return other, benchmark_.looks_at(other, *simulated)
+
+
+@pytest.mark.parametrize("of_looks", [False, True])
+def test_sensors_tell_plumes_from_other_hot_things_in_the_order_of_their_bands(
+    benchmark_: SimpleNamespace, burning: tuple[Any, dict[str, Any]], of_looks: bool
+) -> None:
+    orders = benchmark_.area_orders(*burning, of_looks=of_looks)
+    assert [order[:2] for order in orders] == [("DSP", "SBIRS-GEO"), ("SBIRS-GEO", "NEXTGEN-GEO")]
+    assert min(gain for _, _, gain, _, _ in orders) > 0.0
+    assert max(p for _, _, _, _, p in orders) < 0.01
+
+
+def test_sensors_tell_types_in_the_order_of_their_bands(
+    benchmark_: SimpleNamespace, burning: tuple[Any, dict[str, Any]]
+) -> None:
+    orders = benchmark_.type_orders(*burning)
+    assert min(gain for _, _, gain, _ in orders) > 0.0
+    assert max(p for _, _, _, p in orders) < 0.01
+
+
+@pytest.mark.parametrize("sensor", ["DSP-ANY", "SBIRS-GEO", "SBIRS-GEO-ANY", "NEXTGEN-GEO", "NEXTGEN-GEO-ANY"])
+def test_a_type_of_probability_p_is_right_in_a_share_p_of_cases(
+    streamed: tuple[Any, dict[str, Any]], sensor: str
+) -> None:
+    people, looks = streamed
+    launches = np.isin(people.kind, TARGET_TYPES)
+    chances = looks[sensor].probability[launches]
+    seen = np.isfinite(chances[:, 0])
+    given_plume = chances[seen, :3] / chances[seen, :3].sum(axis=1, keepdims=True)
+    right = people.kind[launches][seen][:, None] == np.array(TARGET_TYPES)
+    assert len(right) > 20
+    told = 0
+    for low, high in ((0.0, 0.1), (0.1, 0.4), (0.4, 0.7), (0.7, 0.95), (0.95, 1.01)):
+        cell = (given_plume >= low) & (given_plume < high)
+        assert abs(surprise(given_plume[cell], right[cell])) < norm.isf(0.0005), (low, high)
+        told += int(cell.sum())
+    assert told == given_plume.size
+
+
+def surprise(chance: FLOATS, happened: NDArray[np.bool_]) -> float:
+    """Return by how many standard deviations events happen more often than their chances say, less half an event."""
+    off = float(happened.sum() - chance.sum())
+    return float(np.sign(off) * max(abs(off) - 0.5, 0.0) / np.sqrt(np.sum(chance * (1.0 - chance)) + 1e-12))
+
+
+def test_areas_and_their_deviations_are_those_of_two_known_normal_scores(benchmark_: SimpleNamespace) -> None:
+    # Scores N(1, 1) against N(0, 1): the area is Phi(1/sqrt 2); deviations are held to those of many repetitions.
+    rng, found = np.random.default_rng(9), []
+    for _ in range(400):
+        plume, other = rng.normal(1.0, 1.0, 80), rng.normal(0.0, 1.0, 60)
+        found.append(benchmark_.area(plume, other))
+    middle, low, high = np.array(found).T
+    true = norm.cdf(np.sqrt(0.5))
+    assert abs(middle.mean() - true) < 3.3 * middle.std() / 20.0
+    assert 0.90 < np.mean((low <= true) & (true <= high)) < 0.985
+
+
+def test_a_gain_of_nothing_is_seldom_significant(benchmark_: SimpleNamespace) -> None:
+    rng, p = np.random.default_rng(10), []
+    for _ in range(400):
+        shared = rng.normal(0.0, 1.0, (2, 60))
+        worse, better = (
+            [row + rng.normal(0.0, 1.0, 60) + (side == 0) for side, row in enumerate(shared)] for _ in "ab"
+        )
+        hidden = rng.random(60) < 0.2
+        worse[0][hidden] = better[0][hidden] = -np.inf
+        p.append(benchmark_.area_gain(worse, better, of_looks=False)[2])
+    assert 0.015 < np.mean(np.array(p) < 0.05) < 0.10
+
+
+def test_the_heo_sensor_measures_light_as_sbirs_geo_does() -> None:
+    """Why the benchmark has no row of its own for it."""
+    host = Host.discover(["sbirs", "heo"])
+    geo, heo = (host.component("opir_sensor_models", name).config for name in ("SBIRS-GEO", "HEO"))
+    names = [*(field.name for field in fields(RadiometerConfig)), "bands", "spectral_discrimination"]
+    for name in names:
+        assert getattr(fields(geo), name).default == getattr(fields(heo), name).default, name

@@ -1,0 +1,100 @@
+"""The event's JSON Schema: lawful itself, strict, and never apart from what the encoder writes."""
+
+import json
+from typing import Any
+
+import jsonschema
+import pytest
+
+from opir_core.interfaces.contexts import EncoderContext
+from opir_core.output.events import SCHEMA_VERSION, detection_schema, schema_text
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.output.events.points import CONTAINMENT, OTHER_CONTAINMENTS, EstimatedPoint, UncertaintyEllipse
+from opir_core.output.events.track_texts import TrackState
+from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.testing import stub_sensor
+from opir_core.testing.doubles import stub_estimates, stub_window
+
+SCHEMA = detection_schema()
+
+
+def sample_event() -> dict[str, Any]:
+    encoder = ForgeEncoder(EncoderContext(sensors=(stub_sensor(),), epoch_us=0))
+    known = stub_estimates(
+        1, launch=[0.1, 0.2, 0.3], launch_covariance=[[2.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]], state=7e6
+    )
+    event: dict[str, Any] = json.loads(encoder.encode(stub_window(1, estimates=known, estimate=0, track=1, snr=9.0)))
+    return event
+
+
+def is_valid(event: dict[str, Any]) -> bool:
+    return bool(jsonschema.Draft202012Validator(SCHEMA).is_valid(event))
+
+
+def test_the_schema_is_a_schema() -> None:
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+    assert json.loads(schema_text("detection")) == SCHEMA
+    assert SCHEMA["$id"].endswith(f":{SCHEMA_VERSION}")
+
+
+def test_schema_and_encoder_name_the_same_fields_in_the_same_order() -> None:
+    fields = list(SCHEMA["properties"])
+    # These are only there if the classifier gives probabilities, or if the encoder reports irradiances or track states:
+    # test_spectral_classifier.py, test_forge_bands.py, test_forge_tracks.py.
+    for name in ("type_probability", "band_irradiance_w_m2", "track_state", "burnout", "track_type_probability"):
+        fields.remove(name)
+    assert list(sample_event()) == SCHEMA["required"] == fields
+
+
+@pytest.mark.parametrize(
+    ("name", "struct"), [("point", EstimatedPoint), ("ellipse", UncertaintyEllipse), ("state", TrackState)]
+)
+def test_schema_and_encoder_name_the_same_fields_of_parts(name: str, struct: Any) -> None:
+    part = SCHEMA["$defs"][name]
+    assert list(struct.__struct_fields__) == part["required"] == list(part["properties"])
+
+
+def test_schema_and_encoder_have_the_same_constants() -> None:
+    assert SCHEMA["properties"]["target_type"]["enum"] == list(REPORTED_TYPES)
+    assert SCHEMA["properties"]["schema_version"]["const"] == SCHEMA_VERSION == ForgeEncoder.schema_version
+    assert SCHEMA["$defs"]["ellipse"]["properties"]["containment"]["enum"] == [CONTAINMENT, *OTHER_CONTAINMENTS]
+
+
+@pytest.mark.parametrize("name", SCHEMA["required"])
+def test_an_event_without_one_of_its_fields_is_refused(name: str) -> None:
+    event = sample_event()
+    assert is_valid(event)
+    del event[name]
+    assert not is_valid(event)
+
+
+@pytest.mark.parametrize("name", SCHEMA["required"])
+def test_a_field_of_the_wrong_type_is_refused(name: str) -> None:
+    assert not is_valid(sample_event() | {name: {"wrong": "type"}})
+
+
+@pytest.mark.parametrize("name", ["target_id", "range_m", "emission_time_s", "probability", "true_type"])
+def test_an_event_with_truth_in_it_is_refused(name: str) -> None:
+    assert not is_valid(sample_event() | {name: 1.0})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("detection_id", "342bacf7-1e58-4022-85f7-24a2841f5be4"),
+        ("timestamp", "2026-04-01T12:00:00Z"),
+        ("timestamp", "2026-04-01T12:00:00.000000+00:00"),
+        ("target_type", "CRUISE"),
+        ("confidence", 1.1),
+        ("azimuth_deg", 360.0),
+        ("elevation_deg", -90.1),
+        ("track_id", -1),
+        ("track_id", 1.5),
+        ("longitude_deg", 180.0),
+        ("schema_version", "2.0"),
+        ("sensor_position_ecef_m", [0.0, 0.0]),
+        ("launch_point", {"lat_deg": 0.0, "lon_deg": 0.0, "time": None}),
+    ],
+)
+def test_a_value_outside_its_domain_is_refused(name: str, value: Any) -> None:
+    assert not is_valid(sample_event() | {name: value})

@@ -1,0 +1,245 @@
+"""The spool: nothing that was taken is lost, order is kept, what cannot be kept is counted."""
+
+import json
+import threading
+import time
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import pytest
+from forked_processes import killed_at_random
+from spool_transports import (
+    ENCODER,
+    MIB,
+    QUICK,
+    SENSORS,
+    Appending,
+    Holding,
+    ids_of,
+    overfill,
+    spooled,
+    unspooled,
+    window,
+)
+from waiting import until
+
+from opir_core.builtin.memory_sinks import MemorySink
+from opir_core.errors import SinkError
+from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.records import Tracks
+from opir_core.output.pump import pump
+from opir_core.output.spool import batches
+from opir_core.output.spool.batches import PARCEL_EVENTS, Packer
+from opir_core.output.spool.dispatch import AHEAD_BYTES, Dispatch, Policy
+from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.transport import Transport
+from opir_core.output.spool.windows import WindowCarrier, WindowPacker
+from opir_core.testing.doubles import stub_estimates, stub_window
+
+
+def test_the_stand_keeps_the_protocol() -> None:
+    assert isinstance(Holding(), Transport)
+
+
+def test_what_a_carrier_acknowledges_is_delivered(tmp_path: Path) -> None:
+    carrier = Holding()
+    sink = spooled(tmp_path / "spool", carrier)
+    windows = [window(3), window(0), window(2500, 3)]
+    for each in windows:
+        sink.write(each)
+    assert sink.close() == Delivery(delivered=2503)
+    assert carrier.ids == ids_of(*windows)
+    assert carrier.closed == 1
+
+
+def test_a_parcel_says_whose_each_event_is_and_what_it_is() -> None:
+    whole = window(3000)
+    packed = list(Packer(ENCODER, SENSORS).parcels(whole))
+    assert [len(parcel) for parcel in packed] == [PARCEL_EVENTS, PARCEL_EVENTS, 3000 - 2 * PARCEL_EVENTS]
+    assert b"".join(parcel.body for parcel in packed) == ENCODER.encode(whole)
+    for parcel in packed:
+        keys = [parcel.keys[key] for key in parcel.key_of]
+        assert keys == [json.loads(line)["sensor_id"] for line in parcel.messages()]
+        assert (parcel.content_type, parcel.schema_version) == ("application/json", "1.0")
+
+
+def test_what_is_not_acknowledged_is_there_for_the_next_run_and_comes_first(tmp_path: Path) -> None:
+    first = spooled(tmp_path / "spool", Holding("hold"))
+    first.write(window(1500))
+    assert first.close() == Delivery(delivered=0, spooled=1500)
+    carrier = Holding()
+    second = spooled(tmp_path / "spool", carrier)
+    second.write(window(10, 1500))
+    assert second.close() == Delivery(delivered=1510, recovered=1500)
+    assert carrier.ids == ids_of(window(1510))
+    assert spooled(tmp_path / "spool", Holding()).close() == Delivery(delivered=0)
+
+
+def test_only_what_is_acknowledged_is_struck_off(tmp_path: Path) -> None:
+    carrier = Holding("hold")
+    sink = spooled(tmp_path / "spool", carrier)
+    for number in range(3):
+        sink.write(window(5, 5 * number))
+    until(lambda: len(carrier.held) == 3)
+    carrier.held.pop(1).set_result(None)
+    assert sink.close() == Delivery(delivered=5, spooled=10)
+    again = Holding()
+    assert spooled(tmp_path / "spool", again).close() == Delivery(delivered=10, recovered=10)
+    assert again.ids == ids_of(window(5), window(5, 10))
+
+
+def test_writing_waits_for_no_carrier(tmp_path: Path) -> None:
+    carrier = Holding("hold")
+    sink = spooled(tmp_path / "spool", carrier)
+    began = time.monotonic()
+    for number in range(20):
+        sink.write(window(1000, 1000 * number))
+    assert time.monotonic() - began < 10.0
+    assert sum(len(parcel.body) for parcel in carrier.parcels) < AHEAD_BYTES + MIB
+    standing = sink.standing()
+    assert (standing.delivered, standing.spooled) == (0, 20_000)
+    carrier.release()
+    assert sink.close() == Delivery(delivered=20_000)
+    assert carrier.ids == ids_of(window(20_000))
+
+
+def test_a_carrier_that_fails_for_good_fails_the_sink_and_the_spool_keeps_the_events(tmp_path: Path) -> None:
+    sink = spooled(tmp_path / "spool", Holding("fail"))
+    sink.write(window(5))
+    until(lambda: sink.standing().complaint is not None)
+    with pytest.raises(SinkError, match="stub: the broker refuses it"):
+        sink.write(window(5, 5))
+    assert sink.close() == Delivery(delivered=0, spooled=5, complaint="stub: the broker refuses it")
+
+
+def test_a_carrier_that_fails_at_the_end_is_told_by_closing(tmp_path: Path) -> None:
+    carrier = Holding("hold")
+    sinks = {"a": spooled(tmp_path / "spool", carrier), "b": unspooled(Holding("hold"))}
+    report = pump([window(5)], sinks)
+    kept, lost = report.sinks
+    assert (kept.spooled, kept.dropped, kept.error) == (5, 0, None)
+    assert (lost.spooled, lost.dropped) == (0, 5)
+    assert lost.error == "stub: no acknowledgement came; a spool would keep what is lost"
+
+
+def test_a_defect_of_a_carrier_is_passed_on(tmp_path: Path) -> None:
+    class Broken(Holding):
+        def carry(self, parcel: batches.Batch) -> "Future[None]":
+            raise ZeroDivisionError
+
+    sink = spooled(tmp_path / "spool", Broken())
+    sink.write(window(5))
+    until(lambda: sink.standing().complaint is not None)
+    with pytest.raises(ZeroDivisionError):
+        sink.write(window(5))
+    with pytest.raises(ZeroDivisionError):
+        sink.close()
+
+
+def test_a_sink_in_a_hurry_is_closed_in_time(tmp_path: Path) -> None:
+    patient = Policy(when_full="wait", wait_s=60.0, stall_s=60.0)
+    sink = spooled(tmp_path / "spool", Holding("hold"), patient, 10 * MIB)
+    refused: list[SinkError] = []
+
+    def fill_it() -> None:
+        try:
+            overfill(sink)
+        except SinkError as error:
+            refused.append(error)
+
+    filling = threading.Thread(target=fill_it)
+    filling.start()
+    until(lambda: sink.standing().spooled > 10_000)
+    began = time.monotonic()
+    sink.hurry(began + 2.5)
+    filling.join()
+    told = sink.close()
+    assert time.monotonic() - began < 2.5
+    assert told.spooled > 10_000
+    assert "is full" in str(refused[0])
+
+
+def test_the_wall_clock_has_no_say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    jumps = iter(range(10**6, -(10**9), -(10**5)))
+    monkeypatch.setattr(time, "time", lambda: float(next(jumps)))
+    carrier = Holding("hold")
+    sink = spooled(tmp_path / "spool", carrier)
+    sink.write(window(100))
+    carrier.release()
+    assert sink.close() == Delivery(delivered=100)
+
+
+def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
+    known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
+    windows = [stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1), window(2, 4)]
+    first = Dispatch("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
+    for each in windows:
+        first.write(each)
+    assert first.close() == Delivery(delivered=0, spooled=6)
+    kept = MemorySink(lambda: ENCODER)
+    second = Dispatch("stub", WindowCarrier(kept), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
+    assert second.close() == Delivery(delivered=6, recovered=6)
+    assert kept.lines() == b"".join(map(ENCODER.encode, windows))
+    assert isinstance(kept.windows[0].tracks, Tracks)
+    assert not any(len(each.truth) for each in kept.windows)
+
+
+def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path: Path) -> None:
+    class Choosy:
+        content_type, schema_version = ENCODER.content_type, ENCODER.schema_version
+        encode = staticmethod(ENCODER.encode)
+
+        def encodable(self, block: Any) -> Any:
+            return block.detections.sensor != 2
+
+    carrier = Holding()
+    sink = Dispatch("stub", carrier, Journal(str(tmp_path / "spool"), MIB), Packer(Choosy(), SENSORS), QUICK)
+    sink.write(window(10))
+    assert sink.close() == Delivery(delivered=8, withheld=2)
+    assert {event["sensor_id"] for event in carrier.events} == {"S-0", "S-1", "S-3", "S-4"}
+
+
+def test_a_killed_process_loses_nothing_and_keeps_the_order(tmp_path: Path) -> None:
+    """SIGKILL at 20 moments of one spool's life; each process goes on where the one before was killed."""
+    first = killed_at_random("spool_transports", "spool_for_ever", tmp_path, 20, 0.05)
+    rest = spooled(tmp_path / "spool", Appending(tmp_path / "arrived", 0.0), Policy(stall_s=5.0))
+    assert rest.close().spooled == 0
+    lines = (tmp_path / "arrived").read_bytes().splitlines()
+    whole = [line for line in lines if is_whole(line)]
+    assert len(lines) - len(whole) <= 20
+    arrived = list(dict.fromkeys(json.loads(line)["detection_id"] for line in whole))
+    everything = ids_of(window(first))
+    # The window that was being written when the process was killed may have been taken without being noted.
+    assert [each for each in everything if each not in set(arrived)] == []
+    assert arrived == sorted(arrived, key={each: place for place, each in enumerate(ids_of(window(first + 7)))}.get)
+
+
+def is_whole(line: bytes) -> bool:
+    """Tell whether the line is an event; a kill leaves at most one that is torn."""
+    try:
+        json.loads(line)
+    except json.JSONDecodeError:
+        return False
+    return True
+
+
+def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(tmp_path: Path) -> None:
+    journal = Journal(str(tmp_path / "spool"), 8 * MIB)
+    sink = Dispatch(
+        "stub", Appending(tmp_path / "lines", 0.02), journal, Packer(ENCODER, SENSORS), Policy(stall_s=60.0)
+    )
+    for first in range(300):
+        sink.write(window(1, first))
+    give_up_at = time.monotonic() + 30.0
+    while not sink.standing().delivered:
+        assert time.monotonic() < give_up_at
+        time.sleep(0.01)
+    assert sink.standing().spooled > 0
+    began = time.monotonic()
+    sink.hurry(began + 2.2)
+    told = sink.close()
+    assert time.monotonic() - began < 5.0
+    assert told.delivered + told.spooled == 300
+    assert told.delivered == (tmp_path / "lines").read_bytes().count(b"\n")
+    assert told.spooled > 0

@@ -1,0 +1,114 @@
+"""A backlog has a bound: what becomes of events beyond it is chosen, and counted."""
+
+from pathlib import Path
+
+import pytest
+from spool_transports import (
+    ENCODER,
+    MIB,
+    QUICK,
+    SENSORS,
+    Appending,
+    Holding,
+    ids_of,
+    overfill,
+    small,
+    window,
+)
+
+from opir_core.errors import SinkError
+from opir_core.interfaces.protocols import Delivery
+from opir_core.output.spool import batches
+from opir_core.output.spool.batches import FullError, Packer
+from opir_core.output.spool.dispatch import Dispatch
+from opir_core.output.spool.journal import Journal
+
+
+@pytest.mark.parametrize("is_spooled", [True, False])
+def test_a_full_backlog_refuses(tmp_path: Path, is_spooled: bool) -> None:
+    sink = small(tmp_path, Holding("hold"), "refuse", is_spooled=is_spooled)
+    with pytest.raises(SinkError, match=r"stub: its (spool .*|queue) is full, with \d+ events that wait"):
+        overfill(sink)
+    told = sink.close()
+    assert (told.spooled > 1000) is is_spooled
+    assert told.spooled + told.dropped > 1000
+
+
+@pytest.mark.parametrize("is_spooled", [True, False])
+def test_a_full_backlog_drops_the_newest_and_counts(tmp_path: Path, is_spooled: bool) -> None:
+    carrier = Holding("hold")
+    sink = small(tmp_path, carrier, "drop-newest", is_spooled=is_spooled)
+    events = overfill(sink)
+    carrier.release()
+    told = sink.close()
+    assert told.dropped > 1000
+    assert told.delivered + told.dropped == events
+    assert carrier.ids == ids_of(window(events))[: told.delivered]
+
+
+@pytest.mark.parametrize("is_spooled", [True, False])
+def test_a_full_backlog_drops_the_oldest_that_is_not_on_its_way_and_counts(tmp_path: Path, is_spooled: bool) -> None:
+    carrier = Holding("hold")
+    sink = small(tmp_path, carrier, "drop-oldest", is_spooled=is_spooled)
+    events = overfill(sink)
+    carrier.release()
+    told = sink.close()
+    assert told.dropped > 1000
+    assert told.delivered + told.dropped == events
+    everything = ids_of(window(events))
+    assert carrier.ids[-1] == everything[-1]
+    place = {each: number for number, each in enumerate(everything)}
+    assert carrier.ids == sorted(carrier.ids, key=place.__getitem__)
+
+
+@pytest.mark.parametrize("is_spooled", [True, False])
+def test_a_full_backlog_waits_for_room(tmp_path: Path, is_spooled: bool) -> None:
+    carrier = Appending(tmp_path / "arrived", 0.002)
+    sink = small(tmp_path, carrier, "wait", is_spooled=is_spooled, wait_s=20.0)
+    events = overfill(sink)
+    assert sink.close() == Delivery(delivered=events)
+    assert (tmp_path / "arrived").read_bytes() == ENCODER.encode(window(events))
+
+
+def test_waiting_for_room_has_an_end(tmp_path: Path) -> None:
+    sink = small(tmp_path, Holding("hold"), "wait", is_spooled=True)
+    with pytest.raises(SinkError, match="is full"):
+        overfill(sink)
+    sink.close()
+
+
+def test_the_file_stays_within_its_bound(tmp_path: Path) -> None:
+    path = tmp_path / "spool"
+    journal = Journal(str(path), 2 * MIB)
+    parcel = next(Packer(ENCODER, SENSORS).parcels(window(300)))
+    tiny = next(Packer(ENCODER, SENSORS).parcels(window(1)))
+    for each in (parcel, tiny):
+        with pytest.raises(FullError):
+            put_for_ever(journal, each)
+        assert path.stat().st_size < 2.2 * MIB
+        assert (tmp_path / "spool-wal").stat().st_size < 6 * MIB
+    numbers = iter(lambda: journal.drop_oldest(0), 0)
+    assert sum(numbers) > 1000
+    journal.put(parcel)
+    journal.close()
+    assert path.stat().st_size < 2.2 * MIB
+
+
+def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
+    """SQLite's own bound on pages stands for the disk's: both are told as SQLITE_FULL."""
+    journal = Journal(str(tmp_path / "spool"), 1 << 40)
+    pages = journal._database.execute("PRAGMA page_count").fetchone()[0]
+    journal._database.execute(f"PRAGMA max_page_count = {pages + 400}")
+    carrier = Holding("hold")
+    sink = Dispatch("stub", carrier, journal, Packer(ENCODER, SENSORS), QUICK)
+    with pytest.raises(SinkError, match="is full"):
+        overfill(sink)
+    carrier.release()
+    told = sink.close()
+    assert told.delivered > 1000
+    assert carrier.ids == ids_of(window(told.delivered))
+
+
+def put_for_ever(journal: Journal, parcel: batches.Batch) -> None:
+    while True:
+        journal.put(parcel)

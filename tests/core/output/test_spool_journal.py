@@ -1,0 +1,109 @@
+"""A spool's file: what is none is refused and left alone, damage is told, and whose it is is known."""
+
+import random
+import sqlite3
+from pathlib import Path
+
+import pytest
+from spool_transports import (
+    ENCODER,
+    MIB,
+    QUICK,
+    SENSORS,
+    Holding,
+    ids_of,
+    spooled,
+    window,
+)
+
+from opir_core.builtin.memory_sinks import MemorySink
+from opir_core.errors import SinkError
+from opir_core.output.spool.batches import Packer
+from opir_core.output.spool.dispatch import Dispatch
+from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.windows import WindowCarrier, WindowPacker
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
+@pytest.mark.parametrize("place", ["/dev/full", "/dev/null"])
+def test_a_device_is_no_spool(place: str) -> None:
+    with pytest.raises(SinkError, match=f"the spool {place} "):
+        Journal(place, MIB)
+
+
+def test_a_spool_in_use_is_refused(tmp_path: Path) -> None:
+    first = spooled(tmp_path / "spool", Holding())
+    with pytest.raises(SinkError, match=r"the spool .* is in use by another process; stop that, or give"):
+        Journal(str(tmp_path / "spool"), MIB)
+    first.close()
+    Journal(str(tmp_path / "spool"), MIB).close()
+
+
+def test_a_file_that_is_no_database_is_refused_and_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "spool"
+    path.write_bytes(b"not a spool" * 1000)
+    with pytest.raises(SinkError, match="is not a spool, or damaged; move it away"):
+        Journal(str(path), MIB)
+    assert path.read_bytes() == b"not a spool" * 1000
+
+
+def test_a_database_of_something_else_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "spool"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE other (x)")
+    database.close()
+    with pytest.raises(SinkError, match="is a database of something else"):
+        Journal(str(path), MIB)
+
+
+def test_a_spool_of_another_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "spool"
+    Journal(str(path), MIB).close()
+    with sqlite3.connect(path) as database:
+        database.execute("PRAGMA user_version = 9")
+    database.close()
+    with pytest.raises(SinkError, match="has version 9, and this opir reads 1"):
+        Journal(str(path), MIB)
+
+
+def test_a_missing_folder_is_told(tmp_path: Path) -> None:
+    with pytest.raises(SinkError, match="there is no folder"):
+        Journal(str(tmp_path / "missing" / "spool"), MIB)
+    with pytest.raises(SinkError, match="cannot be opened"):
+        Journal(str(tmp_path), MIB)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_damage_anywhere_in_the_file_is_told_or_harmless_and_never_sent(tmp_path: Path, seed: int) -> None:
+    path = tmp_path / "spool"
+    journal = Journal(str(path), 64 * MIB)
+    for number in range(4):
+        journal.put(next(Packer(ENCODER, SENSORS).parcels(window(200, 200 * number))))
+    journal.close()
+    damaged = bytearray(path.read_bytes())
+    dice = random.Random(seed)
+    for _ in range(8):
+        damaged[dice.randrange(len(damaged))] ^= 1 << dice.randrange(8)
+    path.write_bytes(damaged)
+    whole = set(ids_of(window(800)))
+    carrier = Holding()
+    try:
+        sink = spooled(path, carrier)
+    except SinkError as error:
+        assert str(error).startswith(("the spool ", str(path)))  # noqa: PT017
+    else:
+        told = sink.close()
+        assert set(carrier.ids) <= whole
+        assert told.complaint is not None or told.delivered == 800
+
+
+def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
+    first = spooled(tmp_path / "spool", Holding("hold"))
+    first.write(window(5))
+    first.close()
+    kept = MemorySink(lambda: ENCODER)
+    second = Dispatch("memory", WindowCarrier(kept), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
+    told = second.close()
+    assert told.spooled == 5
+    assert told.complaint is not None
+    assert "give each output a spool of its own" in told.complaint

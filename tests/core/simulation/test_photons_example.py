@@ -1,0 +1,102 @@
+"""The whole chain from sources to detections, on the example that has all of it."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from repository import EXAMPLES
+from scipy.stats import norm, poisson
+
+import opir_core as opir
+from opir_core.simulation.run import Run
+
+EXAMPLE = EXAMPLES / "photons.yaml"
+DSP, SBIRS, NEXTGEN = range(3)
+
+
+@pytest.fixture(scope="module")
+def ids() -> tuple[str, ...]:
+    return opir.compile_plan(opir.load_scene(EXAMPLE)).targets.ids
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return opir.simulate(opir.load_scene(EXAMPLE))
+
+
+def counts(run: Run, ids: tuple[str, ...], sensor: int) -> dict[str, int]:
+    """Return how often a sensor detected each thing, by id; what is nothing goes by the name of noise."""
+    seen = run.truth.target[run.detections.sensor == sensor]
+    numbers, times = np.unique(seen, return_counts=True)
+    names = [ids[number] if number >= 0 else "noise" for number in numbers.tolist()]
+    return dict(zip(names, times.tolist(), strict=True))
+
+
+def test_plumes_are_detected_each_by_the_sensors_that_can(run: Run, ids: tuple[str, ...]) -> None:
+    for sensor in (SBIRS, NEXTGEN):
+        found = counts(run, ids, sensor)
+        assert min(found["T1"], found["T2"]) > 100
+    # One band of long waves sees the bright plume only.
+    assert counts(run, ids, DSP)["T1"] > 100
+    assert counts(run, ids, DSP).get("T2", 0) < 10
+
+
+def test_hot_sources_stand_in_the_truth_as_themselves(run: Run, ids: tuple[str, ...]) -> None:
+    found = counts(run, ids, DSP)
+    for block in ("fires", "flares", "sea", "meteor"):
+        assert any(name.startswith(f"{block}-") for name in found), block
+    # The meteor flashes for two seconds, and nothing is seen of it outside them.
+    meteor = run.truth.target == ids.index("meteor-1")
+    assert np.all(np.abs(run.truth.emission_time_s[meteor] - 61.0) <= 1.0)
+
+
+def test_ratios_of_bands_tell_plumes_from_other_hot_things(run: Run, ids: tuple[str, ...]) -> None:
+    shares = []
+    for sensor in (DSP, SBIRS, NEXTGEN):
+        found = counts(run, ids, sensor)
+        shares.append((found.get("T1", 0) + found.get("T2", 0)) / sum(found.values()))
+    assert shares[DSP] < 0.2
+    assert min(shares[SBIRS], shares[NEXTGEN]) > 0.98
+
+
+def test_noise_is_nobody_in_the_truth_and_comes_at_its_rate(run: Run) -> None:
+    noise = run.truth.target < 0
+    cells = 4.0 * np.pi * np.sin(np.radians(5.0)) ** 2 / 56e-6**2
+    low, high = poisson.interval(0.999, norm.sf(6.0) * cells * 900)
+    assert low <= (noise & (run.detections.sensor == DSP)).sum() <= high
+    assert np.all(np.isnan(run.truth.probability[noise]))
+
+
+def mapping(**changes: Any) -> dict[str, Any]:
+    return {
+        "scene": "nobody",
+        "epoch": "2026-04-01T20:00:00Z",
+        "duration_s": 2,
+        "sensors": [{"model": "DSP", "id": "D", "orbital_slot_deg": -135.0}],
+        "targets": [],
+        "detection": "snr",
+        "outputs": [],
+        **changes,
+    }
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_a_scene_without_targets_has_noise_alone(exact: bool) -> None:
+    run = opir.simulate(opir.scene_from_mapping(mapping(detection={"model": "snr", "exact": exact})))
+    assert len(run.detections) > 0
+    assert np.all(run.truth.target == -1)
+
+
+def test_sunlight_that_water_mirrors_comes_down_through_the_air() -> None:
+    sea = {"id": "sea", "model": "glints", "at": [{"lat_deg": 3.9, "lon_deg": -127.5}]}
+    skies = ("clear", {"model": "lowtran", "climate": "tropical"})
+    plans = [opir.compile_plan(opir.scene_from_mapping(mapping(sources=[sea], atmosphere=sky))) for sky in skies]
+    above = np.array([[np.cos(np.radians(-131.0)), np.sin(np.radians(-131.0)), 0.0]])
+    place, time_s, zero = np.zeros(1, np.int32), np.ones(1), np.zeros(1)
+    clear, dim = (
+        plan.sources[0].signatures.intensity_w_sr(
+            0, place, time_s, zero, plan.sources[0].signatures.aspect_rad(place, time_s, above)
+        )
+        for plan in plans
+    )
+    assert 0.0 < dim[0] < 0.95 * clear[0]

@@ -1,0 +1,64 @@
+"""A whole run: its columns, its summary, its manifest."""
+
+import json
+
+import numpy as np
+import pytest
+from repository import EXAMPLES
+
+import opir_core as opir
+from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.simulation.run import Run
+
+EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
+
+
+@pytest.fixture(scope="module")
+def run() -> Run:
+    return opir.simulate(opir.load_scene(EXAMPLE))
+
+
+def test_columns_lie_side_by_side_and_in_time(run: Run) -> None:
+    assert len(run.detections) == len(run.truth) > 1000
+    assert np.all(np.diff(run.detections.time_ns) >= 0)
+    assert len(run.tracks) == 0
+    with pytest.raises(ValueError, match="read-only"):
+        run.detections.confidence[0] = 0.0
+
+
+def test_the_summary_counts_what_the_columns_hold(run: Run) -> None:
+    for number, row in enumerate(run.summary["sensors"]):
+        assert row["detections"] == int((run.detections.sensor == number).sum())
+    for number, row in enumerate(run.summary["targets"]):
+        mine = run.truth.target == number
+        times_s = run.detections.time_ns[mine] * 1e-9
+        types = np.bincount(run.detections.reported_type[mine], minlength=4)
+        assert row["detections"] == int(mine.sum())
+        assert row["first_detection_s"] == pytest.approx(times_s.min())
+        assert row["last_detection_s"] == pytest.approx(times_s.max())
+        assert row["latency_s"] == pytest.approx(times_s.min() - row["ignition_s"])
+        assert row["reported_type"] == REPORTED_TYPES[types.argmax()]
+        assert row["highest_confidence"] == pytest.approx(run.detections.confidence[mine].max())
+        assert row["sensors"] == len(np.unique(run.detections.sensor[mine]))
+
+
+def test_the_manifest_names_every_component_and_its_distribution(run: Run) -> None:
+    named = {(row["kind"], row["name"]): row["distribution"] for row in run.manifest["components"]}
+    assert named["sensor_models", "DSP"] == "opir-dsp"
+    assert named["constellations", "NEXTGEN-GEO"] == "opir-nextgen"
+    assert named["detection_models", "constant"] == "opir-core"
+    assert named["event_encoders", "forge"] == "opir-core"
+    assert json.loads(json.dumps(run.manifest)) == run.manifest
+
+
+def test_a_scene_from_the_manifest_gives_the_same_detections(run: Run) -> None:
+    again = opir.simulate(opir.scene_from_mapping(run.manifest["scene"]))
+    assert again.manifest == run.manifest
+    assert again.detections.detection_id.tobytes() == run.detections.detection_id.tobytes()
+
+
+def test_targets_that_nobody_sees_are_summed_up_too() -> None:
+    scene = opir.load_scene(EXAMPLE, overrides=["detection=never"])
+    rows = opir.simulate(scene).summary["targets"]
+    assert [row["detections"] for row in rows] == [0, 0, 0]
+    assert all(row["first_detection_s"] is None and row["reported_type"] is None for row in rows)

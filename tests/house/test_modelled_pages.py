@@ -1,0 +1,129 @@
+"""The pages of what is modelled and left out, and every default with a source or the word notional."""
+
+import csv
+import importlib
+import pkgutil
+from collections.abc import Iterator
+from typing import Any, get_type_hints
+
+import pytest
+from attrs import fields, has
+from repository import ROOT
+
+from opir_core.plugin.components import CATALOGUE, Component
+from opir_core.plugin.description import FieldRow, field_rows, nested_config
+from opir_core.plugin.host import Host
+from opir_core.radiometry.source_configs import SourceConfig
+from opir_core.scene.fields import METADATA_KEY
+from opir_core.scene.reading.scene_schema import SceneFile
+from opir_core.scene.scene import SceneDrag
+from opir_core.scene.spool_settings import SpoolConfig
+from opir_core.sensors.radiometer import RadiometerConfig
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+
+PAGES = ROOT / "docs" / "explanation"
+LABELS = {"computed", "tabulated", "notional"}
+PLUGINS = ("dsp", "sbirs", "nextgen", "heo", "leo", "trackers", "kafka", "stonesoup")
+#: What others are made of: no scene names them.
+BASES = {RadiometerConfig, ScanningSensorConfig, SourceConfig}
+
+
+def settable() -> dict[str, type]:
+    """Return the configuration classes that a scene or a user may set, by their names in the table of defaults."""
+    from opir_http.settings import HttpSettings
+
+    host = Host.discover(PLUGINS)
+    offered = [host.component(hook, name) for hook in CATALOGUE for name in host.names(hook)]
+    components = {f"{each.kind} {each.name}": each.config for each in offered if isinstance(each, Component)}
+    others = {"scene": SceneFile, "forces: [{drag: ...}]": SceneDrag, "output's spool": SpoolConfig}
+    return {**components, **others, "opir serve": HttpSettings}
+
+
+def defaults(config: type) -> Iterator[FieldRow]:
+    """Yield what has a value by default; what stands below a block that is none has not."""
+    unset: tuple[str, ...] = ()
+    for row in field_rows(config):
+        if row.default is None and not row.is_required:
+            unset += (f"{row.key}.",)
+        elif not row.is_required and not row.key.startswith(unset):
+            yield row
+
+
+@pytest.fixture(scope="module")
+def listed() -> dict[tuple[str, str], tuple[str, str]]:
+    """Return value and source of the listed defaults, by component and key."""
+    with (PAGES / "defaults.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    found = {(row["component"], row["key"]): (row["default"], row["source"]) for row in rows}
+    assert len(found) == len(rows)
+    return found
+
+
+def test_every_default_is_listed_with_its_value_and_source(listed: dict[tuple[str, str], tuple[str, str]]) -> None:
+    expected = {(name, row.key): row for name, config in settable().items() for row in defaults(config)}
+    assert set(listed) == set(expected)
+    assert len(listed) > 250
+    for place, row in expected.items():
+        value, source = listed[place]
+        assert value == row.default_text, place
+        assert source == row.source, place
+        assert source.strip(), place
+
+
+def test_the_page_counts_the_listed_defaults(listed: dict[tuple[str, str], tuple[str, str]]) -> None:
+    text = " ".join((PAGES / "what-is-modelled.md").read_text(encoding="utf-8").split())
+    notional = sum(source == "notional" for _, source in listed.values())
+    assert f"All {len(listed)} defaults" in text
+    assert f"{notional} of them are notional" in text
+
+
+def test_no_configuration_class_is_left_out() -> None:
+    reached: set[type] = set()
+    for config in settable().values():
+        reach(config, reached)
+    found = {
+        one for package in ("opir_core", *(f"opir_{name}" for name in (*PLUGINS, "http"))) for one in configs(package)
+    }
+    assert found - reached == BASES
+    assert len(reached) > 30
+
+
+def reach(config: type, reached: set[type]) -> None:
+    """Add a configuration class and all that it holds."""
+    if config not in reached:
+        reached.add(config)
+        hints = get_type_hints(config)
+        for inner in (nested_config(hints[each.name]) for each in fields(config)):
+            if inner is not None:
+                reach(inner, reached)
+
+
+def configs(package: str) -> Iterator[type]:
+    """Yield all configuration classes of a package's modules."""
+    root: Any = importlib.import_module(package)
+    for found in pkgutil.walk_packages(root.__path__, f"{package}."):
+        if found.name.rpartition(".")[2] != "__main__":
+            for one in vars(importlib.import_module(found.name)).values():
+                if isinstance(one, type) and has(one) and any(METADATA_KEY in each.metadata for each in fields(one)):
+                    yield one
+
+
+def table(page: str, head: str) -> list[list[str]]:
+    """Return the cells of the table whose head begins with some text."""
+    lines = (PAGES / page).read_text(encoding="utf-8").splitlines()
+    start = next(number for number, line in enumerate(lines) if line.startswith(head)) + 2
+    end = next(number for number in range(start, len(lines)) if not lines[number].startswith("|"))
+    return [line.strip("| ").split(" | ") for line in lines[start:end]]
+
+
+def test_every_part_has_a_label_and_a_model() -> None:
+    rows = table("what-is-modelled.md", "| part |")
+    assert 10 < len(rows) <= 20
+    assert {row[1] for row in rows} == LABELS
+    assert all(len(row) == 3 and all(row) for row in rows)
+
+
+def test_every_part_says_what_it_omits_and_the_error_of_that() -> None:
+    rows = table("what-is-left-out.md", "| part |")
+    assert [row[0] for row in rows] == [row[0] for row in table("what-is-modelled.md", "| part |")]
+    assert all(len(row) == 3 and all(row) for row in rows)

@@ -1,0 +1,143 @@
+"""What a user may type by mistake, and files that something else wrote: one clear message each, and nothing lost."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from repository import EXAMPLES
+
+from opir_core.cli.main import main
+
+EXAMPLE = EXAMPLES / "first_light.yaml"
+
+
+@pytest.fixture(scope="module")
+def scored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a run with tracks."""
+    folder = tmp_path_factory.mktemp("run")
+    short = ["--set", "duration_s=20", "--tracker", "kepler-arc", "--quiet"]
+    assert main(["run", str(EXAMPLE), *short, "--out", str(folder / "run.jsonl")]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scored: Path) -> Path:
+    """Return a working folder with a scene, the files of its run, and a folder."""
+    shutil.copytree(scored, tmp_path, dirs_exist_ok=True)
+    shutil.copy(EXAMPLE, tmp_path / "scene.yaml")
+    (tmp_path / "folder").mkdir()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def told(capsys: pytest.CaptureFixture[str], *words: str, code: int) -> str:
+    assert main(list(words)) == code
+    message = capsys.readouterr().err
+    assert message.startswith("opir: ")
+    return message
+
+
+RUN = ("run", "scene.yaml", "--quiet", "--set", "duration_s=20")
+TRACKED = (*RUN, "--tracker", "kepler-arc")
+
+WRITING = [
+    (("--out", ""), 5, "the path is empty; give the path of a file"),
+    (("--out", "/"), 5, "is a directory; give the path of a file in it"),
+    (("--out", "scene.yaml"), 2, "the events would go to scene.yaml, which is for the scene; give another path"),
+    (("--out", "x", "--truth", "./x"), 2, "the truth would go to x, which is for the events"),
+    (("--out", "x", "--truth", "y", "--manifest", "y"), 2, "the manifest would go to y, which is for the truth"),
+    (("--out", "x", "--tracks", "y"), 2, "--tracks: the tracker none makes no tracks; leave this out"),
+    (("--out", "x", "--truth", "no/y"), 5, "the truth file no/y cannot be written: no such file or directory; make"),
+    (("--out", "x", "--truth", "folder"), 5, "the truth file folder cannot be written: is a directory; give"),
+    (("--out", "x", "--truth", "/dev/full"), 5, "the truth file /dev/full cannot be written: no space left"),
+    (("--out", "x", "--manifest", "no/y"), 5, "the manifest no/y cannot be written: no such file or directory; make"),
+]
+
+
+@pytest.mark.parametrize(("words", "code", "message"), WRITING)
+def test_files_that_cannot_be_written_are_told(
+    folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], code: int, message: str
+) -> None:
+    assert message in told(capsys, *RUN, *words, code=code)
+    assert (folder / "scene.yaml").read_bytes() == EXAMPLE.read_bytes()
+
+
+@pytest.mark.parametrize("path", ["/dev/full", "no/y", "folder"])
+def test_tracks_that_cannot_be_written_are_told(folder: Path, capsys: pytest.CaptureFixture[str], path: str) -> None:
+    message = told(capsys, *TRACKED, "--out", "x", "--tracks", path, code=5)
+    assert f"the tracks file {path} cannot be written: " in message
+
+
+def test_what_keeps_nothing_may_take_several(folder: Path) -> None:
+    assert main([*RUN, "--out", "/dev/null", "--truth", "/dev/null", "--manifest", "/dev/null"]) == 0
+
+
+TRACKS, TRUTH, EVENTS, MANIFEST = "run.tracks.jsonl", "run.truth.jsonl", "run.jsonl", "run.manifest.json"
+
+BROKEN = [
+    (TRACKS, r'"tick_s":[0-9.]+', '"tick_s":"x"', "line 1: tick_s: 'x' is not a time, s"),
+    (TRACKS, r'"track":[0-9]+', '"track":null', "line 1: track: None is not a whole number of 64 bits"),
+    (TRACKS, r'"track":[0-9]+', '"track":1e300', "line 1: track: 1e+300 is not a whole number of 64 bits"),
+    (TRACKS, r'"track":[0-9]+', '"track":99999999999999999999', "line 1: track: 99999999999999999999 is not a whole"),
+    (TRACKS, r'\A(.*?)"tick_s":[0-9.]+', r'\1"tick_s":0.5', "not the tracks that the manifest's run wrote"),
+    (TRACKS, r'"tick_s":[0-9.]+', '"tick_s":7.5', "line 2: track 0 is told twice at 7.5 s"),
+    (TRACKS, r'"state":\[[^]]*\]', '"state":[1]', "line 1: state: not what opir writes: 6 numbers, or nulls, are due"),
+    (TRACKS, r'\A(.*?)"state":\[[^]]*\]', r'\1"state":[1]', "line 1: state: not what opir writes"),
+    (TRUTH, r'"target_id":"T1"', '"target_id":[]', "line 1: not what opir writes"),
+    (TRUTH, r'"detection_id"', '"x"', "is not in the truth: the files are of different runs"),
+    (EVENTS, r'"timestamp":"[^"]*"', '"timestamp":"x"', "timestamp: not what opir writes"),
+    (EVENTS, r'"sensor_id":"[^"]*"', '"sensor_id":"X"', "has no sensor X: the files are of different runs"),
+    (MANIFEST, r"(?s)\A.*", "[]", "not what opir writes: a manifest is a block with the scene"),
+    (MANIFEST, r"(?s)\A.*", "{}", "not what opir writes: a manifest is a block with the scene"),
+    (MANIFEST, r"(?s)\A.*", "{", "not what opir writes: "),
+]
+
+
+@pytest.mark.parametrize(("name", "pattern", "other", "message"), BROKEN)
+def test_a_run_s_files_that_something_else_wrote_are_told(
+    folder: Path, capsys: pytest.CaptureFixture[str], name: str, pattern: str, other: str, message: str
+) -> None:
+    written = (folder / name).read_text()
+    broken = re.sub(pattern, other, written)
+    assert broken != written
+    (folder / name).write_text(broken)
+    assert re.search(rf"opir: run\.\S+: 1 problem\n.*{re.escape(message)}", told(capsys, "score", EVENTS, code=2))
+
+
+def test_scores_of_what_is_no_run_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is no file of a run's events" in told(capsys, "score", "", code=2)
+    (folder / TRACKS).unlink()
+    assert "there is no file of the tracks" in told(capsys, "score", EVENTS, code=2)
+
+
+TABLE = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n0,{x},0,0\n10,7e6,1,0\n"
+
+
+def test_tables_that_are_none_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for x in ("1e300", "7e12"):
+        (folder / "far.csv").write_text(TABLE.format(x=x))
+        assert "beyond the Moon; check its units" in _told_of_table(capsys, "far.csv")
+    assert "targets[0].file: the path is empty" in _told_of_table(capsys, "")
+
+
+def test_sources_that_are_none_are_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "fires.csv").write_bytes(b"lat_deg,lon_deg\n\xff,0\n")
+    for path, words in (("fires.csv", "cannot be read: it is not UTF-8 text"), ("", "the path is empty")):
+        sources = json.dumps([{"id": "F", "model": "fires", "csv": path}])
+        message = told(capsys, *RUN, "--set", f"sources={sources}", "--set", "detection=snr", code=2)
+        assert "sources[0].csv: " in message
+        assert words in message
+
+
+def _told_of_table(capsys: pytest.CaptureFixture[str], file: str) -> str:
+    target = json.dumps([{"id": "A", "model": "table", "type": "ICBM", "file": file}])
+    return told(capsys, *RUN, "--set", f"targets={target}", code=2)
+
+
+def test_a_command_that_is_none_is_told_all_that_are(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["srve"])
+    assert left.value.code == 2
+    assert "'serve'" in capsys.readouterr().err

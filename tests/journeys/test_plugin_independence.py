@@ -1,0 +1,139 @@
+"""A scene's results are those of the components it names: what else is installed, in which order, changes no byte."""
+
+import json
+import random
+import sys
+import sysconfig
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from repository import ROOT
+
+from opir_core.plugin.discovery import CORE_PLUGINS
+from opir_core.plugin.host import Host
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.simulation.run import plan_windows, simulate
+from opir_core.testing.bench import encoder_of, planned
+
+PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/pyproject.toml"))
+
+#: Scenes by name, and the plugins that each needs.
+SCENES = {
+    "first_light": {"opir_dsp"},
+    "pacific_test_range": {"opir_dsp", "opir_sbirs", "opir_nextgen"},
+}
+
+#: What somebody else's plugins are like: they offer names of their own, under hooks that the scenes use.
+STRANGER = """
+from opir_core.plugin import *
+from opir_core.builtin import plugin as core
+
+@hookimpl
+def opir_sensor_models():
+    yield SensorModel(name="{name}-scanner", summary="somebody else's", build=print)
+
+@hookimpl
+def opir_detection_models():
+    for model in core.opir_detection_models():
+        yield DetectionModel(name=f"{name}-{{model.name}}", summary="somebody else's", build=print)
+
+@hookimpl
+def opir_trackers():
+    yield TrackerModel(name="{name}", summary="somebody else's", build=print)
+"""
+
+BROKEN = "raise RuntimeError('broken, as plugins are at times')\n"
+
+
+Choose = Callable[[Sequence[Path]], None]
+
+
+def metadata(folder: Path, name: str, version: str, groups: Mapping[str, Mapping[str, str]]) -> None:
+    info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.3\nName: {name}\nVersion: {version}\n\n", encoding="utf-8")
+    lines = [
+        line
+        for group, entries in groups.items()
+        for line in (f"[{group}]", *(f"{key} = {value}" for key, value in entries.items()))
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines), encoding="utf-8")
+
+
+def real(folder: Path, source: Path) -> Path:
+    """Install a plugin of this house into a folder of its own."""
+    project: dict[str, Any] = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    place = folder / source.name
+    metadata(place, project["name"], project["version"], project["entry-points"])
+    (place / source.name).symlink_to(source / source.name)
+    return place
+
+
+def stranger(folder: Path, name: str, code: str) -> Path:
+    """Install a plugin of somebody else's into a folder of its own."""
+    place = folder / name
+    metadata(place, f"opir-{name}", "1.0", {"opir": {name: f"stranger_{name}"}})
+    (place / f"stranger_{name}.py").write_text(code.format(name=name), encoding="utf-8")
+    return place
+
+
+@pytest.fixture(scope="module")
+def shelf(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
+    """Every plugin of this house, and some strangers, each in a folder that is not yet on the path."""
+    folder = tmp_path_factory.mktemp("shelf")
+    house = {source.name: real(folder, source) for source in PLUGINS}
+    strangers = {name: stranger(folder, name, STRANGER) for name in ("aardvark", "mole", "zebra")}
+    return {**house, **strangers, "wreck": stranger(folder, "wreck", BROKEN)}
+
+
+@pytest.fixture
+def path_of_folders(monkeypatch: pytest.MonkeyPatch) -> Choose:
+    """A function that makes folders, in an order, all that is installed beside Python itself."""
+    standard = [sysconfig.get_path("stdlib"), sysconfig.get_path("platstdlib")]
+    standard.append(str(Path(sysconfig.get_path("platstdlib")) / "lib-dynload"))
+    monkeypatch.delenv("OPIR_PLUGINS", raising=False)
+
+    def forget() -> None:
+        for name in [name for name in sys.modules if name.startswith(("opir_", "stranger_"))]:
+            if name.partition(".")[0] != "opir_core":
+                monkeypatch.delitem(sys.modules, name)
+
+    def choose(folders: Sequence[Path]) -> None:
+        forget()
+        monkeypatch.setattr(sys, "path", [*map(str, folders), *standard])
+
+    return choose
+
+
+def results(scene: Mapping[str, Any]) -> tuple[bytes, str]:
+    """Return a scene's events and its manifest, with what is installed."""
+    host = Host.discover()
+    plan = planned(scene, host)
+    events = b"".join(encoder_of(plan).encode(window) for window in plan_windows(plan))
+    manifest = simulate(scene_from_mapping(dict(scene), host=host), host).manifest
+    return events, json.dumps(manifest, sort_keys=True)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_other_plugins_and_their_order_change_no_byte(
+    name: str, shelf: Mapping[str, Path], path_of_folders: Choose
+) -> None:
+    scene = {**yaml.safe_load((ROOT / "examples" / f"{name}.yaml").read_text(encoding="utf-8")), "duration_s": 80.0}
+    scene.pop("outputs", None)
+    everything = results(scene)
+    assert len(everything[0]) > 1000
+    dice = random.Random(20260401)
+    needed = sorted(SCENES[name])
+    for _ in range(10):
+        others = [other for other in shelf if other not in needed and dice.random() < 0.5]
+        order = [*needed, *others]
+        dice.shuffle(order)
+        path_of_folders([shelf[one] for one in order])
+        rows = {row.plugin: row.state for row in Host.discover().catalogue()}
+        assert rows.keys() - CORE_PLUGINS.keys() == {one.removeprefix("opir_") for one in order}
+        assert [plugin for plugin, state in rows.items() if state == "failed"] == ["wreck"] * ("wreck" in order)
+        assert results(scene) == everything, order

@@ -1,0 +1,114 @@
+"""What a user of `detection: snr` may type wrong: each gives one message with its place and the way out."""
+
+from pathlib import Path
+
+import pytest
+from repository import EXAMPLES
+
+from opir_core.cli.main import main
+
+SCENE = str(EXAMPLES / "photons.yaml")
+NARROW = "sensors[1].bands={SWIR: [2.5, 3.0], MWIR: [3.4, 4.1]}"
+RATIOS = "sensors[1].plausible_ratios={MWIR: [90, 95]}"
+
+MISTAKES = {
+    "the unit of a noise": (
+        ["sensors[0].nei_w_m=1e-12"],
+        2,
+        "sensors[0].nei_w_m: unknown key; did you mean nei_w_m2?",
+    ),
+    "noise below zero": (["sensors[0].nei_w_m2=-1"], 2, "sensors[0].nei_w_m2: -1.0 is outside [0, 1000000] W/m²"),
+    "noise of a band that is not there": (
+        ["sensors[1].band_nei_w_m2={MWR: 1e-12}"],
+        2,
+        "sensors[1]: band_nei_w_m2: MWR is not one of the sensor's bands, SWIR, MWIR",
+    ),
+    "ratio of a band that is not there": (
+        ["sensors[1].plausible_ratios={LWIR: [0, 1]}"],
+        2,
+        "sensors[1]: plausible_ratios: LWIR is not one of the sensor's bands, SWIR, MWIR",
+    ),
+    "no false alarms at all": (
+        ["sensors[0].false_alarm_probability=0"],
+        2,
+        "sensors[0].false_alarm_probability: 0.0 is outside (0, 1)",
+    ),
+    "cover below zero": (["atmosphere.cloud={cover: -0.5}"], 2, "atmosphere.cloud.cover: -0.5 is outside [0, 1]"),
+    "climate": (
+        ["atmosphere.climate=arctic"],
+        2,
+        "atmosphere.climate: 'arctic' is not one of us1976, tropical, midlat_summer, midlat_winter, subarctic_winter",
+    ),
+    "a band outside the table": (
+        [NARROW],
+        4,
+        (
+            "atmosphere: the band MWIR, 3.4 to 4.1 um, is not one of LOWTRAN's table (SWIR 2.5-3, SWIR_N 2.69-2.95,"
+            " MWIR 4-5, MWIR_N 4.2-4.45, LWIR 8-12, STG_2.0_2.4 2-2.4, MWIRW_3.5_4.0 3.5-4), nor made of them side by"
+            " side; say in atmosphere.bands which of them stands for it, as in bands: {MWIR: MWIRW_3.5_4.0}"
+        ),
+    ),
+    "a band outside the background's table": (
+        [NARROW, "atmosphere.bands={MWIR: MWIRW_3.5_4.0}"],
+        4,
+        "say in background.bands which of them stands for it, as in bands: {MWIR: MWIRW_3.5_4.0}",
+    ),
+    "ratios that leave the reference out": (
+        ["detection={model: snr, calibrate: paper}", RATIOS],
+        4,
+        (
+            "sensor SBIRS-1 (SBIRS-GEO): calibrate: paper finds no noise with which the reference ICBM, 5e+05, 8.87e+05"
+            " W/sr in the sensor's bands, is detected with probability 0.8; give it bands and plausible_ratios that do"
+            " not leave the ICBM out, or calibrate: none"
+        ),
+    ),
+    "a constant chance for fires": (
+        ["detection=constant"],
+        4,
+        (
+            "detection: constant has no probability of detection for a fire: choose a detection model that knows"
+            " radiometry (detection: snr), or leave sources out"
+        ),
+    ),
+    "an encoder": (["outputs[0].jsonl.encoder=forge-band"], 3, "nearest: forge-bands"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_is_told_with_its_place_and_the_way_out(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    changes, code, message = MISTAKES[name]
+    assert main(["validate", SCENE, *(part for change in changes for part in ("--set", change))]) == code
+    told = capsys.readouterr().err
+    assert message in told
+    assert "Traceback" not in told
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("lat_deg,lon_deg\n40,-110\n95,-110\n", "line 3: lat_deg: 95.0 is outside [-90, 90] deg"),
+        ("lat_deg,lon_deg\n40,west\n", "line 2: lon_deg: 'west' is not a number"),
+        ("lat_deg,lon_deg\n40\n", "line 2: 1 cells under a header of 2"),
+        ("lat_deg,lon_deg,area_m2\n40,-110,-3\n", "line 2: area_m2: -3.0 is outside"),
+    ],
+)
+def test_a_bad_row_of_fires_is_told_with_file_and_line(
+    text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "fires.csv").write_text(text, encoding="utf-8")
+    block = f"sources[0]={{id: fires, model: fires, csv: {tmp_path / 'fires.csv'}}}"
+    assert main(["run", SCENE, "--quiet", "--set", block]) == 2
+    told = capsys.readouterr().err
+    assert f"sources[0].csv: {tmp_path / 'fires.csv'}, {message}" in told
+
+
+def test_what_opir_advises_for_a_band_works(capsys: pytest.CaptureFixture[str]) -> None:
+    advice = [f"{sky}.bands={{MWIR: MWIRW_3.5_4.0}}" for sky in ("atmosphere", "background")]
+    assert main(["validate", SCENE, *(part for change in (NARROW, *advice) for part in ("--set", change))]) == 0
+
+
+def test_physics_refuses_what_is_no_number_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    for value in ("abc", "-1", "nan", "inf"):
+        with pytest.raises(SystemExit):
+            main(["physics", "min-intensity", f"--nei={value}"])
+        assert f"argument --nei: {value} is not a number above 0" in capsys.readouterr().err

@@ -1,0 +1,250 @@
+"""Secrets, logins and certificates of the Kafka sink: what is refused, how it is told, and what is never repeated."""
+
+import json
+import logging
+import shutil
+import socket
+import ssl
+import struct
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from aiokafka import errors
+from kafka_broker import carrier, kafka_sink
+from opir_kafka.connection import connector
+from opir_kafka.failures import FATAL_CODES, is_fatal, words
+from opir_kafka.settings import KafkaConfig, SecurityConfig
+from repository import EXAMPLES
+from spool_transports import ENCODER, SENSORS, window
+
+from opir_core.cli.main import main
+from opir_core.errors import SceneError, SinkError
+from opir_core.output.spool.batches import Packer
+from opir_core.scene.reading import load_scene
+
+SCENE = str(EXAMPLES / "first_light.yaml")
+SECRET = "correct horse battery staple"
+LOGIN = {
+    "protocol": "SASL_PLAINTEXT",
+    "mechanism": "PLAIN",
+    "username": "opir",
+    "password_variable": "OPIR_TEST_PASSWORD",
+}
+
+
+@pytest.fixture
+def secret(monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setenv("OPIR_TEST_PASSWORD", SECRET)
+    return SECRET
+
+
+@pytest.mark.parametrize("key", ["password_variable", "key_password_variable", "password", "sasl_password", "token"])
+def test_a_secret_in_a_scene_is_refused_and_not_repeated(key: str, tmp_path: Path) -> None:
+    block = f"{{protocol: SASL_SSL, username: me, {key}: hunter2}}"
+    path = tmp_path / "scene.yaml"
+    path.write_text(Path(SCENE).read_text().split("outputs:")[0] + f"outputs:\n  - kafka: {{security: {block}}}\n")
+    override = ["outputs=[{kafka: {}}]", f"outputs[0].kafka.security.{key}=hunter2"]
+    for read in (lambda: load_scene(str(path)), lambda: load_scene(SCENE, overrides=override)):
+        with pytest.raises(SceneError) as caught:
+            read()
+        assert "hunter2" not in str(caught.value)
+
+
+def test_a_secret_that_is_not_in_the_environment_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    for value in (None, ""):
+        monkeypatch.delenv("OPIR_TEST_PASSWORD", raising=False)
+        if value is not None:
+            monkeypatch.setenv("OPIR_TEST_PASSWORD", value)
+        with pytest.raises(SinkError, match=r"variable that security\.password_variable names is not set"):
+            connector(KafkaConfig(security=SecurityConfig(**LOGIN)))
+
+
+def test_a_secret_is_in_no_manifest_message_or_log(
+    secret: str, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    manifest = tmp_path / "manifest.json"
+    with door(58) as address:
+        setting = f"outputs[0].kafka={{bootstrap_servers: '{address}', security: {json.dumps(LOGIN)}}}"
+        code = main(["run", SCENE, "--sink", "kafka", "--set", setting, "--manifest", str(manifest)])
+    assert code == 5
+    told = capsys.readouterr()
+    assert "OPIR_TEST_PASSWORD" in manifest.read_text()
+    assert "aiokafka" in caplog.text
+    for text in (manifest.read_text(), told.out, told.err, caplog.text):
+        assert secret not in text
+
+
+def test_a_refused_login_fails_at_once_and_says_what_to_see_to(secret: str) -> None:
+    with door(58) as address:
+        sink = kafka_sink(address, "topic", None, security=SecurityConfig(**LOGIN))
+        sink.write(window(5))
+        told = sink.close()
+    assert told.dropped == 5
+    assert f"kafka: {address} answers SaslAuthenticationFailed (code 58); see security.username" in (
+        told.complaint or ""
+    )
+
+
+def test_once_let_in_a_refused_login_may_pass() -> None:
+    refused = errors.SaslAuthenticationFailed()
+    assert is_fatal(refused, was_connected=False)
+    assert not is_fatal(refused, was_connected=True)
+
+
+@pytest.mark.parametrize("code", sorted(FATAL_CODES))
+def test_a_fatal_code_is_told_with_its_number(code: int) -> None:
+    error = errors.for_code(code)()
+    assert is_fatal(error, was_connected=False)
+    assert f"code {code}" in words(error, "broker:9092")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [TimeoutError(), ConnectionResetError(), errors.KafkaConnectionError(), errors.KafkaError(), OSError(29, "x")],
+)
+def test_what_is_no_answer_of_the_broker_may_pass(error: Exception) -> None:
+    assert not is_fatal(error, was_connected=False)
+    assert "broker:9092" in words(error, "broker:9092")
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a self-signed certificate for localhost and its key, with the password `SECRET`."""
+    if shutil.which("openssl") is None:
+        pytest.skip("there is no openssl to make a certificate with")
+    folder = tmp_path_factory.mktemp("tls")
+    subject = ["-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"]
+    command = [
+        "openssl",
+        "req",
+        "-x509",
+        "-newkey",
+        "rsa:2048",
+        "-keyout",
+        "key",
+        "-out",
+        "cert",
+        "-days",
+        "2",
+        *subject,
+    ]
+    subprocess.run([*command, "-passout", f"pass:{SECRET}"], cwd=folder, check=True, capture_output=True)
+    return folder
+
+
+def test_an_unknown_certificate_is_refused_at_once(certificate: Path) -> None:
+    with door(0, certificate) as address:
+        sink = kafka_sink(
+            address.replace("127.0.0.1", "localhost"), "topic", None, security=SecurityConfig(protocol="SSL")
+        )
+        sink.write(window(5))
+        told = sink.close()
+    assert "no encrypted connection to localhost" in (told.complaint or "")
+    assert "see security.ca_file" in (told.complaint or "")
+
+
+def test_a_known_certificate_and_a_login_come_through(certificate: Path, secret: str) -> None:
+    security = SecurityConfig(
+        **{**LOGIN, "protocol": "SASL_SSL"},
+        ca_file=str(certificate / "cert"),
+        certificate_file=str(certificate / "cert"),
+        key_file=str(certificate / "key"),
+        key_password_variable="OPIR_TEST_PASSWORD",
+    )
+    with door(29, certificate) as address:
+        made = carrier(address.replace("127.0.0.1", "localhost"), "topic", security=security)
+        future = made.carry(next(Packer(ENCODER, SENSORS).parcels(window(5))))
+        with pytest.raises(SinkError, match="code 29"):
+            future.result(10.0)
+        made.close(5.0)
+
+
+@pytest.mark.parametrize("password", ["", "wrong"])
+def test_a_key_that_cannot_be_read_is_told(certificate: Path, monkeypatch: pytest.MonkeyPatch, password: str) -> None:
+    monkeypatch.setenv("OPIR_TEST_PASSWORD", password or "x")
+    security = SecurityConfig(
+        protocol="SSL",
+        certificate_file=str(certificate / "cert"),
+        key_file=str(certificate / "key"),
+        key_password_variable="OPIR_TEST_PASSWORD" if password else None,
+    )
+    with pytest.raises(SinkError, match="the certificates of security cannot be used"):
+        connector(KafkaConfig(security=security))
+
+
+def test_missing_certificates_are_told() -> None:
+    with pytest.raises(SinkError, match="no such file or directory"):
+        connector(KafkaConfig(security=SecurityConfig(protocol="SSL", ca_file="missing.pem")))
+
+
+def test_a_missing_codec_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    from aiokafka import codec
+
+    monkeypatch.setattr(codec, "has_zstd", lambda: False)
+    with pytest.raises(SinkError, match="zstd is not installed"):
+        connector(KafkaConfig(compression="zstd"))
+
+
+@contextmanager
+def door(code: int, certificate: Path | None = None) -> Iterator[str]:
+    """Be a broker that speaks as far as the login, and answers that with a code (0: welcome), the rest with 29.
+
+    Sources: the protocol's own pages of ApiVersions (18), SaslHandshake (17), SaslAuthenticate (36) and Metadata (3).
+    """
+    listener = socket.create_server(("127.0.0.1", 0))
+    port = listener.getsockname()[1]
+    tls = None
+    if certificate is not None:
+        tls = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        tls.load_cert_chain(certificate / "cert", certificate / "key", SECRET)
+
+    def serve() -> None:
+        while True:
+            try:
+                caller, _ = listener.accept()
+            except OSError:
+                return
+            threading.Thread(target=talk, args=(caller, tls, code, port), daemon=True).start()
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    try:
+        yield f"127.0.0.1:{port}"
+    finally:
+        listener.shutdown(socket.SHUT_RDWR)
+        listener.close()
+        thread.join(5.0)
+
+
+def talk(caller: socket.socket, tls: ssl.SSLContext | None, code: int, port: int) -> None:
+    caller.settimeout(10.0)
+    try:
+        with caller if tls is None else tls.wrap_socket(caller, server_side=True) as spoken:
+            while length := spoken.recv(4):
+                request = spoken.recv(struct.unpack(">i", length)[0])
+                api, version, number = struct.unpack(">hhi", request[:8])
+                body = struct.pack(">i", number) + answer(api, version, code, port)
+                spoken.sendall(struct.pack(">i", len(body)) + body)
+    except OSError:
+        return
+
+
+def answer(api: int, version: int, code: int, port: int) -> bytes:
+    if api == 18:
+        known = ((0, 0, 7), (3, 0, 1), (17, 0, 1), (18, 0, 2), (22, 0, 0), (36, 0, 0))
+        rows = b"".join(struct.pack(">hhh", *each) for each in known)
+        return struct.pack(">hi", 0, len(known)) + rows + (b"" if version == 0 else bytes(4))
+    if api == 17:
+        return struct.pack(">hih", 0, 1, 5) + b"PLAIN"
+    if api == 36:
+        return struct.pack(">hhi", code if code == 58 else 0, -1, 0)
+    if api == 3:
+        host = b"localhost"
+        one_broker = struct.pack(">iih", 1, 0, len(host)) + host + struct.pack(">ih", port, -1)
+        return one_broker + struct.pack(">i", 0) + struct.pack(">i", 0)
+    return struct.pack(">ihqh", 0, code, -1, 0)

@@ -1,0 +1,245 @@
+"""The Kafka sink: the command line, batches, partitions, settings, the document of the topic, deadlines."""
+
+import ast
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import kafka_broker
+import opir_kafka
+import pytest
+import yaml
+from kafka_broker import carrier, config, dead_address, kafka_sink, messages
+from opir_kafka.document import asyncapi_document, asyncapi_text
+from opir_kafka.lanes import Shipment
+from opir_kafka.settings import KafkaConfig
+from repository import EXAMPLES
+from spool_transports import ENCODER, SENSORS, window
+
+from opir_core.cli.main import main
+from opir_core.errors import SceneError
+from opir_core.output.delivery import deliver
+from opir_core.output.spool.batches import Packer
+from opir_core.output.spool.dispatch import Policy
+from opir_core.output.spool.transport import Transport
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import load_scene
+
+SCENE = str(EXAMPLES / "first_light.yaml")
+
+
+@pytest.fixture(scope="module")
+def broker() -> Iterator[Any]:
+    with kafka_broker.broker() as made:
+        yield made
+
+
+def scene_with(settings: str) -> Any:
+    return load_scene(SCENE, overrides=[f"outputs=[{{kafka: {settings}}}]"])
+
+
+def test_the_carrier_keeps_the_protocol() -> None:
+    made = carrier(dead_address(), "topic")
+    assert isinstance(made, Transport)
+    made.close(5.0)
+
+
+def test_the_command_line_sends_a_run_into_a_topic(broker: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    topic = broker.topic()
+    where = [f"outputs[0].kafka.bootstrap_servers={broker.address}", f"outputs[0].kafka.topic={topic}"]
+    assert main(["run", SCENE, "--sink", "kafka", *(word for each in where for word in ("--set", each))]) == 0
+    assert "kafka: 750 events" in capsys.readouterr().out
+    found = messages(broker.address, topic)
+    assert len({json.loads(message.value())["detection_id"] for message in found}) == len(found) == 750
+
+
+def test_without_a_broker_the_command_line_says_so_and_fails(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    spool = f"outputs[0].kafka.spool={{path: {tmp_path / 'spool'}}}"
+    servers = f"outputs[0].kafka.bootstrap_servers={dead_address()}"
+    assert main(["run", SCENE, "--sink", "kafka", "--set", servers, "--set", spool]) == 0
+    assert "kafka: 0 events, 750 spooled" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("compression", ["gzip", "snappy", "lz4", "zstd"])
+def test_batches_are_compressed(broker: Any, compression: str) -> None:
+    topic = broker.topic()
+    sink = kafka_sink(broker.address, topic, None, compression=compression)
+    sink.write(window(2000))
+    assert sink.close().delivered == 2000
+    assert {message.value() for message in messages(broker.address, topic)} == set(
+        ENCODER.encode(window(2000)).splitlines()
+    )
+
+
+def test_small_batches_keep_the_order(broker: Any) -> None:
+    topic = broker.topic()
+    sink = kafka_sink(broker.address, topic, None, batch_bytes=1024)
+    sink.write(window(100))
+    assert sink.close().delivered == 100
+    scans = [
+        json.loads(message.value())["timestamp"]
+        for message in messages(broker.address, topic)
+        if message.key() == b"S-0"
+    ]
+    assert scans == sorted(scans)
+    assert len(scans) == 20
+
+
+def test_a_sensor_goes_to_the_partition_that_kafka_s_own_rule_gives(broker: Any) -> None:
+    """librdkafka's murmur2 partitioner is the oracle: the one that Java clients use."""
+    import confluent_kafka
+
+    ours, theirs = broker.topic(), broker.topic()
+    sink = kafka_sink(broker.address, ours, None)
+    sink.write(window(len(SENSORS)))
+    assert sink.close().delivered == len(SENSORS)
+    producer = confluent_kafka.Producer({"bootstrap.servers": broker.address, "partitioner": "murmur2_random"})
+    for sensor in SENSORS:
+        producer.produce(theirs, b"x", sensor.id.encode())
+    producer.flush(10.0)
+    placed = [
+        {message.key(): message.partition() for message in messages(broker.address, each)} for each in (ours, theirs)
+    ]
+    assert placed[0] == placed[1]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ("{bootstrap_servers: localhost}", "'localhost' is no host:port"),
+        ("{bootstrap_servers: 'a:1,b:99999'}", "'b:99999' is no host:port"),
+        ("{bootstrap_servers: ''}", "'' is no host:port"),
+        ("{topic: 'a b'}", "'a b' is no topic"),
+        ("{topic: ..}", "is no topic"),
+        ("{compression: rar}", "is not one of none, gzip, snappy, lz4, zstd"),
+        ("{acks: 1}", "unknown key"),
+        ("{security: {protocol: SASL_SSL}}", "SASL_SSL needs username and password_variable"),
+        ("{security: {username: me, password_variable: PW}}", "PLAINTEXT has no login; SASL_SSL has"),
+        ("{security: {protocol: SSL, key_file: k}}", "key_file is of no use without certificate_file"),
+        ("{security: {ca_file: c}}", "PLAINTEXT uses no certificates"),
+    ],
+)
+def test_what_is_wrong_with_the_settings_is_told(settings: str, message: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        scene_with(settings)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("encoder", ["forge", "forge-c2", "udl"])
+def test_a_message_is_what_the_document_of_the_topic_says(broker: Any, encoder: str) -> None:
+    document = asyncapi_document()
+    assert document["channels"]["detections"]["address"] == KafkaConfig().topic
+    told = document["components"]["messages"][encoder]
+    topic = broker.topic()
+    settings = f"bootstrap_servers: '{broker.address}', topic: {topic}, encoder: {encoder}"
+    outcome = deliver(compile_plan(scene_with(f"{{{settings}}}")))
+    found = messages(broker.address, topic)
+    assert outcome.report.sinks[0].delivered == len(found) == 750
+    for message in found:
+        headers = {name: value.decode() for name, value in message.headers()}
+        jsonschema.Draft202012Validator(told["headers"]).validate(headers)
+        jsonschema.Draft202012Validator(told["bindings"]["kafka"]["key"]).validate(message.key().decode())
+    jsonschema.Draft202012Validator(told["payload"]["schema"]).validate(json.loads(found[0].value()))
+
+
+def test_every_reference_of_the_document_leads_somewhere() -> None:
+    document = asyncapi_document()
+    payloads = {id(each["payload"]["schema"]) for each in document["components"]["messages"].values()}
+    for reference in references(document, payloads):
+        found: Any = document
+        for step in reference.removeprefix("#/").split("/"):
+            found = found[step]
+    assert yaml.safe_load(asyncapi_text()) == document
+
+
+def references(node: Any, left_out: set[int]) -> Iterator[str]:
+    """Yield the references in a document, but for those in the schemas of payloads, which are documents themselves."""
+    if id(node) in left_out:
+        return
+    if isinstance(node, dict):
+        if "$ref" in node:
+            yield node["$ref"]
+        for child in node.values():
+            yield from references(child, left_out)
+    if isinstance(node, list):
+        for child in node:
+            yield from references(child, left_out)
+
+
+def test_pauses_grow_to_the_longest() -> None:
+    pauses_s = KafkaConfig(longest_pause_s=0.3).pauses_s()
+    assert pauses_s == [0.05, 0.1, 0.2, 0.3]
+    assert KafkaConfig(longest_pause_s=0.05).pauses_s() == [0.05]
+
+
+def test_a_shipment_is_done_when_every_row_is() -> None:
+    from concurrent.futures import Future
+
+    future: Future[None] = Future()
+    shipment = Shipment(next(Packer(ENCODER, SENSORS).parcels(window(10))), future)
+    rows = shipment.rows_by_partition({b"S-0": 0, b"S-1": 0, b"S-2": 1, b"S-3": 1, b"S-4": 2}.__getitem__)
+    assert rows == {0: [0, 1, 5, 6], 1: [2, 3, 7, 8], 2: [4, 9]}
+    assert not shipment.acknowledge(rows[0])
+    assert not shipment.acknowledge([2])
+    assert shipment.rows_by_partition(lambda key: 7) == {7: [3, 4, 7, 8, 9]}
+    assert shipment.acknowledge([3, 4, 7, 8, 9])
+    assert future.done()
+
+
+def test_closing_is_quick_whatever_the_state() -> None:
+    import time
+
+    began = time.monotonic()
+    for address in (dead_address(), "192.0.2.1:9092"):  # TEST-NET-1 (RFC 5737): nobody answers, nobody refuses
+        made = carrier(address, "topic", connect_timeout_s=60.0)
+        made.carry(next(Packer(ENCODER, SENSORS).parcels(window(5))))
+        made.close(5.0)
+        made.close(5.0)
+    assert time.monotonic() - began < 8.0
+
+
+def test_the_bare_configuration_is_the_paper_s_topic_on_this_machine() -> None:
+    bare = KafkaConfig()
+    assert (bare.topic, bare.servers) == ("forge.sensors.raw", ("localhost:9092",))
+    assert config("a:1, [::1]:2", "t").servers == ("a:1", "[::1]:2")
+    assert Policy().when_full == "wait"
+
+
+def test_every_await_has_a_deadline() -> None:
+    """Each is inside `asyncio.timeout`, is given one, waits for a step that has one, or for something to do."""
+    own = Path(opir_kafka.__file__).parent
+    found = [
+        f"{path.name}: {waited}"
+        for path in sorted(own.glob("*.py"))
+        for waited in awaits_without_a_deadline(ast.parse(path.read_text(encoding="utf-8")))
+    ]
+    assert not [each for each in found if each.split(": ", 1)[1] not in AWAITS_THAT_END_THEMSELVES]
+
+
+AWAITS_THAT_END_THEMSELVES = {
+    "self._one_connection()",  # steps with deadlines, and then the wait for a lane to fail
+    "self._connect()",
+    "self._partitioning(producer)",
+    "asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)",  # lanes, each of whose sends has a deadline
+    "lane.has_some.wait()",  # for something to send
+    "asyncio.sleep(next(self._pauses_s))",
+    "asyncio.gather(*tasks, return_exceptions=True)",  # cancelled tasks
+    "goodbye(producer)",
+    "asyncio.shield(asyncio.create_task(_let_go(producer), name=f'{OURS} goodbye'))",  # three steps with deadlines
+    "_by(_GOODBYE_S, producer.stop())",
+    "_by(_GOODBYE_S, producer.client.close())",
+    "_raise_why(config, security)",
+}
+
+
+def awaits_without_a_deadline(node: ast.AST, is_timed: bool = False) -> Iterator[str]:
+    if isinstance(node, ast.AsyncWith):
+        is_timed = is_timed or any("asyncio.timeout" in ast.unparse(item) for item in node.items)
+    if isinstance(node, ast.Await) and not is_timed and "timeout=" not in ast.unparse(node):
+        yield ast.unparse(node.value)
+    for child in ast.iter_child_nodes(node):
+        yield from awaits_without_a_deadline(child, is_timed)

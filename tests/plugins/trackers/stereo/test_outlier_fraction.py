@@ -1,0 +1,107 @@
+"""Rays within a track's gate that are none of it: what they do to the filter, and how they are told."""
+
+import numpy as np
+import pytest
+from attrs import evolve
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from off_model_flights import flown
+from opir_trackers.gating import GatedPairs
+from opir_trackers.stereo.outlier_fraction import SHARES, Outliers, doubtful, shares_told, unsuspected
+from tracked_flights import followed, rows_of, usual
+
+from opir_core.scoring.consistency import nees
+
+GATE = 4.5
+
+
+def pairs_of(track, distance):
+    """Return pairs of tracks (n,) with rays at squared distances (n,)."""
+    count = len(track)
+    none, square = np.zeros(count), np.zeros((count, 2, 2))
+    return GatedPairs(
+        np.array(track), np.arange(count), none, np.zeros((count, 3)), np.zeros((count, 3, 3)), np.zeros((count, 2)),
+        square, np.array(distance, dtype=np.float64), none, none,
+    )  # fmt: skip
+
+
+def test_only_tracks_with_an_improbable_ray_or_strays_before_are_looked_at():
+    pairs = pairs_of([0, 0, 1, 1, 2], [1.0, 3.0, 2.0, 17.0, 4.0])
+    assert doubtful(pairs, np.zeros(3)).tolist() == [1]
+    assert doubtful(pairs, np.array([0.0, 0.0, 0.2])).tolist() == [1, 2]
+
+
+def squares_of(strays, tracks, rays, seed):
+    """Return how far off (tracks, rays) rays are, squared: with unit errors, or evenly within the gate."""
+    rng = np.random.default_rng(seed)
+    square = rng.chisquare(2, (tracks, rays))
+    return np.where(rng.random((tracks, rays)) < strays, GATE**2 * rng.random((tracks, rays)), square)
+
+
+def nothing_of(tracks):
+    """Return what is known of the shares of so many tracks before any ray."""
+    return Outliers(np.zeros((tracks, len(SHARES))))
+
+
+def told_by(square):
+    """Return what rays (tracks, rays) tell of shares (tracks, shares)."""
+    track = np.repeat(np.arange(len(square)), square.shape[1])
+    return shares_told(square.ravel(), GATE, track, len(square))
+
+
+@pytest.mark.parametrize(("strays", "rays"), [(0.0, 40), (0.1, 200), (0.3, 60), (0.3, 400), (0.6, 60)])
+def test_the_share_of_strays_is_found_from_few_rays_on(strays, rays):
+    share = nothing_of(400).after(told_by(squares_of(strays, 400, rays, 1))).share
+    # What is believed beforehand is three rays without strays, and shares below one in a hundred are on no grid.
+    drawn = strays * 3.0 / rays + 0.01
+    assert share.mean() == pytest.approx(strays, abs=drawn + 3.3 * share.std() / np.sqrt(len(share)))
+
+
+def test_rays_beyond_the_gate_say_nothing_of_the_share_within():
+    near = squares_of(0.3, 5, 50, 2)
+    far = np.concatenate([near, np.full((5, 20), 1.01 * GATE**2), np.full((5, 20), 1e6)], axis=1)
+    assert told_by(far) == pytest.approx(told_by(near), rel=1e-12)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), strays=st.floats(0.0, 1.0), cut=st.integers(0, 300))
+def test_a_share_is_a_share_and_the_same_in_one_go_or_two_and_in_any_order(seed, strays, cut):
+    square = squares_of(strays, 3, 300, seed)
+    whole = nothing_of(3).after(told_by(square))
+    assert np.all((whole.share >= 0.0) & (whole.share <= SHARES[-1]))
+    parts = nothing_of(3).after(told_by(square[:, :cut])).after(told_by(square[:, cut:]))
+    assert parts.log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
+    assert nothing_of(3).after(told_by(square[:, ::-1])).log == pytest.approx(whole.log, rel=1e-9, abs=1e-9)
+    assert whole.take(np.array([2])).share == pytest.approx(whole.share[2:])
+
+
+def test_before_any_ray_one_in_a_hundred_strays_and_rays_without_any_make_it_fewer():
+    nothing = nothing_of(1)
+    assert nothing.share == pytest.approx(0.01, abs=5e-4)
+    pairs = evolve(pairs_of([0] * 30, [1.0] * 30), sigma_rad=np.ones(30))
+    clean = nothing.after(unsuspected(pairs, nothing, GATE)).share
+    assert clean < 0.5 * nothing.share
+    # In a gate four times as wide a stray ray would have passed for one of the track's.
+    vague = evolve(pairs, log_volume=np.full(30, np.log(4.0) * 2.0))
+    assert nothing.after(unsuspected(vague, nothing, GATE)).share == pytest.approx(nothing.share)
+
+
+def values_of(strays, count=24, seed=31):
+    """Return the NEES (count,) of the filter's states at six tenths of burns, and whether the state is told."""
+    truth, values = flown("SRBM", count, seed, "family"), np.full(count, np.nan)
+    seeing = usual("SRBM")._replace(outliers=strays, astray_rad=9e-5)
+    at = truth.start_s + 0.6 * truth.burn_s
+    for tick in followed(truth, seeing, seed, at.max() + 1.0, fitted=False):
+        due = np.flatnonzero((at > tick.time_s - 1.0) & (at <= tick.time_s))
+        row = rows_of(tick.filtered, tick.shared)[due]
+        told, here = tick.filtered.take(row[row >= 0]), due[row >= 0]
+        error = told.state - truth.take(here).states(tick.time_s)
+        values[here] = nees(error, told.state_covariance)
+    return values
+
+
+def test_three_rays_in_ten_astray_within_the_gate_leave_a_filter_that_knows_how_good_it_is():
+    values = values_of(0.3)
+    assert np.isfinite(values).all()
+    # The mean of 24 χ² of six degrees of freedom is below its bound with 99.9 %; unweighed, it is twice its mean.
+    assert values.mean() / 6.0 < 1.0 + 3.1 * np.sqrt(2.0 / (6.0 * 24))

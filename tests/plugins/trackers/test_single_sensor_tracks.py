@@ -1,0 +1,61 @@
+"""One sensor alone: a target's range is hardly known, its track says so, and is one from first light to the end."""
+
+import numpy as np
+import pytest
+from opir_trackers.stereo.track_management import are_low, came_down
+from repository import EXAMPLES
+
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import load_scene
+from opir_core.scoring import evidence_of_run
+from opir_core.scoring.consistency import nees
+from opir_core.scoring.evidence import true_states
+from opir_core.scoring.ownership import ownership
+from opir_core.simulation.run import run_of_plan
+
+SCENE = EXAMPLES / "pacific_test_range.yaml"
+ALONE = "sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: -150}]"
+
+#: χ² of six degrees of freedom that is exceeded once in 100 000.
+RARE = 33.1
+
+
+@pytest.mark.slow
+def test_what_one_sensor_sees_is_one_track_a_launch_that_says_how_little_it_knows() -> None:
+    plan = compile_plan(load_scene(SCENE, overrides=[ALONE, "duration_s=180", "tracker=stereo-filter", "seed=8"]))
+    evidence = evidence_of_run(run_of_plan(plan), plan)
+    owners = ownership(evidence)
+    assert sorted(owners.target.tolist()) == [0, 1, 2]
+    told = evidence.tracks.take(np.flatnonzero(evidence.tracks.tick_s % 20.0 == 0.0))
+    target = owners.target[np.searchsorted(owners.track, told.track)]
+    away = told.state - true_states(plan, target, told.tick_s)
+    known = np.flatnonzero(np.isfinite(away).all(axis=1))
+    assert len(known) >= 12
+    assert np.sqrt(np.trace(told.state_covariance[:, :3, :3], axis1=1, axis2=2)).max() > 5e3
+    assert nees(away, told.state_covariance)[known].max() < RARE
+
+
+def test_an_estimate_below_the_ground_ends_a_track_that_is_silent_or_sure() -> None:
+    position = np.tile([6.378137e6 - 60e3, 0.0, 0.0], (3, 1))
+    covariance = np.stack([np.eye(6) * sigma_m**2 for sigma_m in (1e3, 1e5, 1e5)])
+    assert are_low(position).all()
+    assert came_down(position, covariance, np.array([False, False, True])).tolist() == [True, False, True]
+    assert not came_down(position + np.array([50e3, 0.0, 0.0]), covariance, np.ones(3, dtype=bool)).any()
+
+
+def test_a_sensor_that_sees_a_launch_near_its_horizon_says_how_little_it_knows() -> None:
+    """The ray meets a height that is off by kilometres hundreds of kilometres from the target."""
+    squares = []
+    for seed in range(4):
+        looks = "sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: 160}]"
+        plan = compile_plan(
+            load_scene(SCENE, overrides=[looks, "duration_s=70", "tracker=stereo-filter", f"seed={seed}"])
+        )
+        evidence = evidence_of_run(run_of_plan(plan), plan)
+        owners = ownership(evidence)
+        target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
+        told = evidence.tracks.take(np.flatnonzero((target == 0) & (evidence.tracks.tick_s == 40.0)))
+        away = told.state - true_states(plan, np.zeros(len(told), dtype=np.int64), told.tick_s)
+        squares += nees(away, told.state_covariance).tolist()
+    assert len(squares) == 4
+    assert max(squares) < RARE

@@ -1,0 +1,78 @@
+"""Processes to be killed: started in a moment by forking one that has imported everything.
+
+    python forked_processes.py MODULE
+
+imports the module, then starts a process for each line `FUNCTION JSON-ARGUMENTS` and prints its number.
+"""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+
+def main() -> None:
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    module = import_module(sys.argv[1])
+    for line in sys.stdin:
+        name, _, arguments = line.partition(" ")
+        number = os.fork()
+        if not number:
+            getattr(module, name)(*json.loads(arguments))
+            os._exit(0)
+        sys.stdout.write(f"{number}\n")
+        sys.stdout.flush()
+
+
+def killed_at_random(module: str, function: str, folder: Path, moments: int, longest_s: float, *more: Any) -> int:
+    """Run `function(folder, first, *more)` until it is killed, that many times; return how many events were taken.
+
+    The function appends the number of the first event of each window of 7 to the file `taken`, once it is written; the
+    next process goes on from there. Its first window is always taken.
+    """
+    command = [sys.executable, __file__, module]
+    folk = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
+    assert folk.stdin is not None
+    assert folk.stdout is not None
+    dice, first = random.Random(moments), 0
+    for _ in range(moments):
+        folk.stdin.write(f"{function} {json.dumps([str(folder), first, *more])}\n")
+        number = int(folk.stdout.readline())
+        wait_until_taken(folder / "taken", first)
+        time.sleep(longest_s * dice.random())
+        os.kill(number, signal.SIGKILL)
+        while is_alive(number):
+            time.sleep(0.001)
+        first = next_number(folder / "taken")
+    folk.communicate()
+    return first
+
+
+def wait_until_taken(path: Path, first: int) -> None:
+    give_up_at = time.monotonic() + 30.0
+    while next_number(path) <= first:
+        assert time.monotonic() < give_up_at
+        time.sleep(0.001)
+
+
+def next_number(path: Path) -> int:
+    numbers = path.read_bytes().split() if path.exists() else []
+    return max((int(number) + 7 for number in numbers), default=0)
+
+
+def is_alive(number: int) -> bool:
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    main()

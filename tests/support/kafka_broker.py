@@ -1,0 +1,207 @@
+"""A stand for the Kafka sink: a broker to spoil, a topic of one's own, and a consumer that says what is in it."""
+
+import itertools
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import confluent_kafka
+from opir_kafka.carrier import KafkaCarrier
+from opir_kafka.connection import connector
+from opir_kafka.settings import KafkaConfig
+from spool_transports import ENCODER, SENSORS, take_for_ever, window
+
+from opir_core.interfaces.protocols import Delivery
+from opir_core.output.spool.batches import MemoryBacklog, Packer
+from opir_core.output.spool.dispatch import Dispatch, Policy
+from opir_core.output.spool.journal import Journal
+
+#: A broker to test against instead of the mock one; what has to spoil the broker is then left out.
+BOOTSTRAP = os.environ.get("KAFKA_BOOTSTRAP")
+PARTITIONS = 3
+#: Kafka's number of the API that takes messages.
+PRODUCE, METADATA, INIT_PRODUCER_ID = 0, 3, 22
+#: What closing may take: the policy's stall, the goodbyes of a connection, and a slow machine.
+CLOSE_S = 8.0 + 6.0
+_names = (f"opir-test-{os.getpid()}-{time.time_ns()}-{number}" for number in itertools.count())
+
+#: Times short enough for tests; the sink's rules are those of its defaults.
+BRISK = {
+    "connect_timeout_s": 2.0,
+    "request_timeout_s": 1.0,
+    "acknowledgement_timeout_s": 1.5,
+    "longest_pause_s": 0.2,
+}
+
+
+class MockBroker:
+    """The mock broker's process."""
+
+    can_be_spoilt = True
+
+    def __init__(self) -> None:
+        program = str(Path(__file__).with_name("mock_broker.py"))
+        self._process = subprocess.Popen(
+            [sys.executable, program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
+        assert self._process.stdout is not None
+        self.address = self._process.stdout.readline().strip()
+
+    def tell(self, *words: object) -> None:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(" ".join(map(str, words)) + "\n")
+        assert self._process.stdout.readline() == "done\n"
+
+    def topic(self, partitions: int = PARTITIONS) -> str:
+        name = next(_names)
+        self.tell("topic", name, partitions)
+        return name
+
+    def heal(self) -> None:
+        self.tell("up")
+        self.tell("slow", 0)
+        for api in (PRODUCE, METADATA, INIT_PRODUCER_ID):
+            self.tell("clear", api)
+
+    def freeze(self) -> None:
+        """Stop answering, with every connection left open."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        self._process.send_signal(signal.SIGCONT)
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+
+class NamedBroker:
+    """The broker that KAFKA_BOOTSTRAP names."""
+
+    can_be_spoilt = False
+
+    def __init__(self, address: str) -> None:
+        self.address = address
+
+    def topic(self, partitions: int = PARTITIONS) -> str:
+        """Return a topic that the broker makes because it is asked for, or else because it is told to."""
+        from confluent_kafka.admin import AdminClient, NewTopic
+
+        name = next(_names)
+        client = confluent_kafka.Producer({"bootstrap.servers": self.address, "allow.auto.create.topics": True})
+        give_up_at = time.monotonic() + 3.0
+        while time.monotonic() < give_up_at:
+            if client.list_topics(name, timeout=10.0).topics[name].partitions:
+                return name
+            time.sleep(0.05)
+        admin = AdminClient({"bootstrap.servers": self.address})
+        admin.create_topics([NewTopic(name, partitions, 1)])[name].result(30.0)
+        return name
+
+    def heal(self) -> None:
+        """Do nothing: nothing was spoilt."""
+
+    def close(self) -> None:
+        """Leave it as it is."""
+
+
+@contextmanager
+def broker() -> Iterator[Any]:
+    made = NamedBroker(BOOTSTRAP) if BOOTSTRAP else MockBroker()
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def dead_address() -> str:
+    """Return a port of this machine on which nobody listens."""
+    with socket.socket() as bound:
+        bound.bind(("127.0.0.1", 0))
+        return f"127.0.0.1:{bound.getsockname()[1]}"
+
+
+def config(address: str, topic: str, **settings: Any) -> KafkaConfig:
+    return KafkaConfig(**{"bootstrap_servers": address, "topic": topic, **BRISK, **settings})
+
+
+def carrier(address: str, topic: str, **settings: Any) -> KafkaCarrier:
+    made = config(address, topic, **settings)
+    return KafkaCarrier(made, connector(made))
+
+
+def kafka_sink(address: str, topic: str, spool: Path | None, policy: Policy | None = None, **settings: Any) -> Dispatch:
+    backlog = MemoryBacklog(64 << 20) if spool is None else Journal(str(spool), 64 << 20)
+    made = carrier(address, topic, **settings)
+    return Dispatch("kafka", made, backlog, Packer(ENCODER, SENSORS), policy or Policy(wait_s=1.0, stall_s=8.0))
+
+
+def messages(address: str, topic: str) -> list[confluent_kafka.Message]:
+    """Return all messages of a topic, each partition's in order."""
+    consumer = confluent_kafka.Consumer(
+        {
+            "bootstrap.servers": address,
+            "group.id": next(_names),
+            "enable.partition.eof": True,
+            "enable.auto.commit": False,
+            "fetch.wait.max.ms": 10,
+            "log_level": 0,
+        }
+    )
+    try:
+        parts = consumer.list_topics(topic, timeout=10.0).topics[topic].partitions
+        consumer.assign([confluent_kafka.TopicPartition(topic, part, 0) for part in parts])
+        return list(_to_the_end(consumer, set(parts)))
+    finally:
+        consumer.close()
+
+
+def _to_the_end(consumer: Any, parts: set[int]) -> Iterator[confluent_kafka.Message]:
+    give_up_at = time.monotonic() + 20.0
+    while parts:
+        assert time.monotonic() < give_up_at, f"the end of partitions {parts} was not reached"
+        message = consumer.poll(0.1)
+        if message is not None and message.error() is None:
+            yield message
+        elif message is not None and message.error().code() == confluent_kafka.KafkaError._PARTITION_EOF:
+            parts.discard(message.partition())
+
+
+def kafka_for_ever(folder: str, first: int, address: str, topic: str) -> None:
+    """Be a process that sends events through a spool for ever, to be killed."""
+    take_for_ever(kafka_sink(address, topic, Path(folder) / "spool"), folder, first)
+
+
+def examine(broker: Any, topic: str, events: int) -> None:
+    """Hold what is in a topic against the events 0 to `events` of `window`."""
+    expected: dict[str, list[bytes]] = defaultdict(list)
+    for line in ENCODER.encode(window(events)).splitlines():
+        expected[json.loads(line)["sensor_id"]].append(line)
+    arrived: dict[str, dict[str, bytes]] = defaultdict(dict)
+    for message in messages(broker.address, topic):
+        value = message.value()
+        event = json.loads(value)
+        assert message.key() == event["sensor_id"].encode()
+        assert arrived[event["sensor_id"]].setdefault(event["detection_id"], value) == value
+    assert {sensor: list(found.values()) for sensor, found in arrived.items()} == expected
+
+
+def closed(sink: Any) -> Delivery:
+    began = time.monotonic()
+    delivery: Delivery = sink.close()
+    assert time.monotonic() - began < CLOSE_S
+    return delivery
+
+
+def brief(stall_s: float = 0.2) -> Policy:
+    return Policy(when_full="refuse", stall_s=stall_s)

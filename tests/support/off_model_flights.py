@@ -1,0 +1,277 @@
+"""Flights that are no members of the family that `boost-profile` fits, as tables, and what sensors see of them.
+
+Kinematic and notional: speed, angle from the vertical and heading by share of the burn, integrated over a sphere. Burn
+time, burnout speed and turn are drawn from the priors of the type, so that only the course between is strange.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve, frozen
+from class_flights import GEO_M, PRIORS, SLOTS_RAD, flights
+from opir_trackers.profile import fit
+from opir_trackers.profile.flight import on_ground
+from opir_trackers.profile.rows import axes_about
+
+from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.estimation.lines_of_sight import LinesOfSight
+from opir_core.flight.conic_impact import kepler_impact
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
+from opir_core.interfaces.columns import Columns
+
+#: Rows of a table, evenly over the burn.
+ROWS = 2001
+
+#: Shares of the burns of stages, of the speed they add, and how much the acceleration grows within one.
+STAGES = {"SRBM": (2, (0.45, 0.55)), "IRBM": (2, (0.4, 0.6)), "ICBM": (3, (0.27, 0.35, 0.38))}
+EVENNESS, GROWTH = 60.0, (2.0, 3.5)
+
+#: Between stages nothing burns for this long, s.
+GAP_S = (0.5, 1.5)
+
+
+@frozen(eq=False)
+class Flown(Columns):
+    """Flights by table: starts and burns (n,), s, ECEF positions and velocities (n, 2001, 3), dark spells (n, 2, 2).
+
+    A spell is two shares of the burn between which nothing is seen.
+    """
+
+    start_s: np.ndarray
+    burn_s: np.ndarray
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    dark: np.ndarray
+
+    @property
+    def burnout_s(self):
+        """Return the scene times (n,) at which the burns end."""
+        return self.start_s + self.burn_s
+
+    def at(self, row, time_s):
+        """Return ECEF positions and velocities (m, 3) on the burn, by cubic Hermite arcs; held at both ends."""
+        place = np.clip((time_s - self.start_s[row]) / self.burn_s[row], 0.0, 1.0) * (ROWS - 1)
+        low = np.minimum(place.astype(np.int64), ROWS - 2)
+        s, step = (place - low)[:, None], (self.burn_s[row] / (ROWS - 1))[:, None]
+        p, q = self.position_m[row, low], self.position_m[row, low + 1]
+        u, v = self.velocity_m_s[row, low], self.velocity_m_s[row, low + 1]
+        there = (1.0 + 2.0 * s) * (1.0 - s) ** 2 * p + s**2 * (3.0 - 2.0 * s) * q
+        there += step * (s * (1.0 - s) ** 2 * u - s**2 * (1.0 - s) * v)
+        return there, (1.0 - s) * u + s * v
+
+    def is_lit(self, row, time_s):
+        """Return which flights burn at times (m,)."""
+        share = ((time_s - self.start_s[row]) / self.burn_s[row])[:, None]
+        return (share[:, 0] > 0.0) & (share[:, 0] < 1.0) & ~np.any(
+            (share > self.dark[row, :, 0]) & (share < self.dark[row, :, 1]), axis=1
+        )  # fmt: skip
+
+    def burnouts(self):
+        """Return inertial positions and velocities (n, 3) and times (n,) of the ends of burns."""
+        inertial = ecef_to_eci_state(self.position_m[:, -1], self.velocity_m_s[:, -1], self.burnout_s)
+        return *inertial, self.burnout_s
+
+    def states(self, tick_s, forces="kepler"):
+        """Return ECEF states (n, 6) at a tick: on the burn, or in free flight after it."""
+        row = np.arange(len(self))
+        state = np.concatenate(self.at(row, np.full(len(row), tick_s)), axis=1)
+        late = np.flatnonzero(self.burnout_s < tick_s)
+        position, velocity, end_s = (each[late] for each in self.burnouts())
+        if len(late):
+            flown = _flown(position, velocity, tick_s - end_s, forces)
+            state[late] = np.concatenate(eci_to_ecef_state(*flown, np.full(len(late), tick_s)), axis=1)
+        return state
+
+    def impacts(self, forces="kepler"):
+        """Return impacts (n, 3): latitude and longitude, rad, and time, s; nan of flights that do not come down."""
+        position, velocity, end_s = self.burnouts()
+        if forces == "kepler":
+            duration_s, point_m = kepler_impact(position, velocity)
+        else:
+            from opir_core.flight.impact_event import impact
+
+            duration_s, point_m = impact(position, velocity, 0.0, forces)
+        when = end_s + duration_s
+        place = ecef_to_geodetic(eci_to_ecef(point_m, when))
+        return np.stack([place.latitude_rad, place.longitude_rad, when], axis=1)
+
+
+def _flown(position, velocity, span_s, forces):
+    if forces == "kepler":
+        return propagate_kepler(position, velocity, span_s)
+    from opir_core.flight.propagation import propagate
+
+    return propagate(position, velocity, span_s, forces)
+
+
+class Course(NamedTuple):
+    """Speed over that at burnout, angle from the vertical and turn of the heading, rad, (n, 2001), and dark spells."""
+
+    pace: np.ndarray
+    lean_rad: np.ndarray
+    swerve_rad: np.ndarray
+    dark: np.ndarray
+
+
+def flown(kind, count, seed, course):
+    """Return flights of a type far from each other; `course` is "family", "staged" or "tabulated"."""
+    truth = _spread(flights(kind, count, seed), seed)
+    family = fit.family_of(truth, PRIORS)
+    share = np.linspace(0.0, 1.0, ROWS)
+    nothing = np.ones((count, 2, 2))
+    if course == "family":
+        row = np.repeat(np.arange(count), ROWS)
+        time_s = (family.start_s[:, None] + family.courses.burn_s[:, None] * share).ravel()
+        cuts = [slice(cut, cut + 20_000) for cut in range(0, len(row), 20_000)]
+        places = [family.places(row[cut], time_s[cut]) for cut in cuts]
+        position, velocity = (
+            np.concatenate([getattr(each, name) for each in places]).reshape(count, ROWS, 3)
+            for name in ("position_m", "velocity_m_s")
+        )
+        return Flown(family.start_s, family.courses.burn_s, position, velocity, nothing)
+    rng = np.random.default_rng(7000 + seed)
+    drawn = (_staged if course == "staged" else _tabulated)(kind, family, share, rng)
+    return Flown(family.start_s, family.courses.burn_s, *_integrated(family, drawn), drawn.dark)
+
+
+def _spread(truth, seed):
+    """Return flights on a jittered grid over what both sensors see, hundreds of kilometres apart."""
+    count, rng = len(truth), np.random.default_rng(3000 + seed)
+    columns = int(np.ceil(np.sqrt(0.6 * count)))
+    rows = int(np.ceil(count / columns))
+    cell = np.arange(count)
+    jitter = rng.uniform(-0.25, 0.25, (2, count))
+    return evolve(
+        truth,
+        anchor_latitude_rad=-0.85 + 1.7 * ((cell // columns + 0.5 + jitter[0]) / rows),
+        anchor_longitude_rad=-0.35 + 0.9 * ((cell % columns + 0.5 + jitter[1]) / columns),
+        anchor_s=rng.uniform(3.0, 6.0, count),
+    )
+
+
+def _staged(kind, family, share, rng):
+    """Return courses of stages with a short gap between them, whose acceleration grows within each."""
+    count, (stages, gains) = len(family.start_s), STAGES[kind]
+    burns = rng.dirichlet(EVENNESS * np.ones(stages) / stages, count)
+    gains = rng.dirichlet(EVENNESS * np.array(gains), count)
+    ends = np.concatenate([np.zeros((count, 1)), np.cumsum(burns, axis=1)], axis=1)
+    gap = rng.uniform(*GAP_S, (count, stages)) / family.courses.burn_s[:, None]
+    growth = rng.uniform(*GROWTH, (count, stages))
+    pace, dark = np.zeros((count, len(share))), np.ones((count, 2, 2))
+    for stage in range(stages):
+        first = ends[:, stage] + (gap[:, stage] if stage else 0.0)
+        if stage:
+            dark[:, stage - 1, 0], dark[:, stage - 1, 1] = ends[:, stage], first
+        s = np.clip((share - first[:, None]) / (ends[:, stage + 1] - first)[:, None], 0.0, 1.0)
+        rate = growth[:, stage, None] - 1.0
+        # Acceleration goes like 1 / (1 - m s) with the mass that is left: the speed like its integral.
+        mass = rate / (1.0 + rate)
+        pace += gains[:, stage, None] * np.log1p(-mass * s) / np.log1p(-mass)
+    bend = rng.uniform(0.5, 2.5, (count, 1))
+    u = np.maximum((share - family.courses.lift[:, None]) / (1.0 - family.courses.lift[:, None]), 0.0)
+    lean = family.courses.turn_rad[:, None] * np.expm1(-bend * u) / np.expm1(-bend)
+    return Course(pace, lean, np.zeros_like(pace), dark)
+
+
+def _tabulated(kind, family, share, rng):
+    """Return courses that no formula of the family comes near: thrust that sags, a turn that overshoots, a swerve."""
+    count = len(family.start_s)
+    sag = rng.uniform(0.1, 0.25, (count, 1))
+    pace = share**1.3 + sag * np.sin(2.0 * np.pi * share) * share / (2.0 * np.pi)
+    u = np.maximum((share - family.courses.lift[:, None]) / (1.0 - family.courses.lift[:, None]), 0.0)
+    over = rng.uniform(0.05, 0.15, (count, 1))
+    lean = family.courses.turn_rad[:, None] * (np.sin(0.5 * np.pi * u**0.8) + over * np.sin(np.pi * u) ** 2)
+    swerve = np.radians(rng.normal(scale=6.0, size=(count, 1))) * 0.5 * (1.0 - np.cos(np.pi * u))
+    return Course(pace / pace[:, -1:], lean, swerve, np.ones((count, 2, 2)))
+
+
+def _integrated(family, course):
+    """Return ECEF positions and velocities (n, rows, 3) of courses."""
+    step = (family.courses.burn_s / (ROWS - 1))[:, None]
+    speed = family.courses.speed_m_s[:, None] * course.pace
+    level = speed * np.sin(course.lean_rad)
+    height = _summed(speed * np.cos(course.lean_rad), step)
+    radius = family.radius_m[:, None]
+    swept = _summed(level * np.cos(course.swerve_rad) / (radius + height), step)
+    aside = _summed(level * np.sin(course.swerve_rad), step)
+    up, heading, right = (each[:, None] for each in (family.up, family.heading, family.right))
+    sine, cosine = np.sin(swept)[..., None], np.cos(swept)[..., None]
+    outward, onward = cosine * up + sine * heading, cosine * heading - sine * up
+    there = family.site.launch_m[:, None] - family.radius_m[:, None, None] * up
+    position = there + (radius + height)[..., None] * outward + aside[..., None] * right
+    velocity = (speed * np.cos(course.lean_rad))[..., None] * outward
+    velocity = velocity + level[..., None] * (
+        np.cos(course.swerve_rad)[..., None] * onward + np.sin(course.swerve_rad)[..., None] * right
+    )
+    return position, velocity
+
+
+def _summed(rate, step):
+    whole = np.zeros_like(rate)
+    np.cumsum(0.5 * (rate[:, 1:] + rate[:, :-1]) * step, axis=1, out=whole[:, 1:])
+    return whole
+
+
+class Seeing(NamedTuple):
+    """How like sensors see: scan period, s, error, rad, chance of a detection, bias, rad, and what goes wrong.
+
+    `outliers` is the share of lines of sight that point elsewhere: evenly within `astray_rad` of the target, or of the
+    Earth's middle where `everywhere`. The second sensor sees nothing after the share `dies` of a burn.
+    """
+
+    period_s: float
+    sigma_rad: float
+    chance: float
+    bias_rad: float = 0.0
+    outliers: float = 0.0
+    astray_rad: float = 0.0
+    everywhere: bool = False
+    dies: float = 2.0
+
+
+def seen(truth, seeing, seed, sensors=2):
+    """Return flights and rays, by time; whose outliers they are tells -1."""
+    rng = np.random.default_rng(1000 + seed)
+    count, parts, owners = len(truth), [], []
+    for sensor, slot in enumerate(SLOTS_RAD[:sensors]):
+        origin = GEO_M * np.array([np.cos(slot), np.sin(slot), 0.0])
+        last = truth.start_s + truth.burn_s * (seeing.dies if sensor else 1.0)
+        looks = seeing.period_s * np.arange(1, int(truth.burnout_s.max() / seeing.period_s) + 4)
+        whose, time_s = np.nonzero(rng.random((count, len(looks))) < seeing.chance)
+        time_s = looks[time_s]
+        left_s = time_s - 0.125
+        for _ in range(3):
+            line = truth.at(whose, left_s)[0] - origin
+            left_s = time_s - np.linalg.norm(line, axis=1) / SPEED_OF_LIGHT_M_S
+        lit = truth.is_lit(whose, left_s) & (left_s < last[whose])
+        whose, time_s, line = whose[lit], time_s[lit], line[lit]
+        bias = seeing.bias_rad * rng.normal(size=(count, 2))
+        stray = bias[whose] + seeing.sigma_rad * rng.normal(size=(len(whose), 2))
+        wrong = rng.random(len(whose)) < seeing.outliers
+        far = seeing.astray_rad * np.sqrt(rng.random(len(whose)))
+        turn = rng.uniform(0.0, 2.0 * np.pi, len(whose))
+        elsewhere = far[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+        if seeing.everywhere:
+            line = np.where(wrong[:, None], -origin, line)
+        stray = np.where(wrong[:, None], elsewhere, stray)
+        rays = LinesOfSight(
+            time_s,
+            np.full(len(whose), sensor, dtype=np.int32),
+            np.round(time_s / seeing.period_s).astype(np.int64),
+            np.tile(origin, (len(whose), 1)),
+            line / np.linalg.norm(line, axis=1)[:, None],
+            np.full(len(whose), seeing.sigma_rad),
+        )
+        axes = axes_about(rays)
+        turned = rays.direction_ecef + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
+        parts.append(evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None]))
+        owners.append(np.where(wrong, -1, whose))
+    every, owner = LinesOfSight.concatenate(parts), np.concatenate(owners)
+    order = np.lexsort((owner, every.sensor, every.time_s))
+    return owner[order], every.take(order)
+
+
+def away_from(told, truth):
+    """Return by how much places on the ground (n, 3) differ from true ones (n, 2), m east and north."""
+    return on_ground(truth, told)[:, :2]

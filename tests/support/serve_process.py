@@ -1,0 +1,52 @@
+"""`opir` as a process to be killed, forked by `forked_processes.py` from one that has imported everything."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import opir_http.serving
+import opir_kafka.carrier
+
+from opir_core.cli.main import main
+
+IMPORTED = (opir_http.serving, opir_kafka.carrier)
+
+
+def opir(log: str, *words: str) -> None:
+    """Be `opir` with these words; what it prints goes into the file `log`."""
+    descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+    for stream in (1, 2):
+        os.dup2(descriptor, stream)
+    main(words)
+
+
+class Nursery:
+    """Where such processes come from."""
+
+    def __init__(self) -> None:
+        doomed = str(Path(__file__).with_name("forked_processes.py"))
+        command = [sys.executable, doomed, "serve_process"]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1)
+
+    def born(self, log: Path, *words: str) -> int:
+        """Start `opir` with these words; return the process's number."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(f"opir {json.dumps([str(log), *words])}\n")
+        return int(self._process.stdout.readline())
+
+    def close(self) -> None:
+        self._process.communicate(timeout=20.0)
+
+
+@contextmanager
+def nursery() -> Iterator[Nursery]:
+    made = Nursery()
+    try:
+        yield made
+    finally:
+        made.close()

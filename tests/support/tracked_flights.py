@@ -1,0 +1,155 @@
+"""The whole tracker `boost-profile` on many flights at once: association, initiation, fit, and the filter within it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from attrs import evolve
+from class_flights import SLOTS_RAD
+from off_model_flights import Seeing, seen
+from opir_trackers.configs import BoostProfileConfig, StereoFilterConfig
+from opir_trackers.profile.tracker import ProfileTracker, boost_profile_tracker
+from opir_trackers.stereo.tracker import stereo_filter
+
+from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.records import Detections, Tracks
+from opir_core.planning.plan import compile_plan
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
+
+#: SBIRS-GEO: scan period, s, error, rad, and chance of detection by type.
+PERIOD_S, SIGMA_RAD = 0.1, 20e-6
+CHANCES = dict(zip(TARGET_TYPES, (0.80, 0.72, 0.60), strict=True))
+
+#: What a scene that sets nothing has.
+USUAL_CONFIG = BoostProfileConfig()
+
+
+class Tick(NamedTuple):
+    """A tick: what is told, what the filter within tells, and how many detections tracks and flights share."""
+
+    time_s: float
+    told: Tracks
+    filtered: Tracks
+    shared: np.ndarray
+
+
+class Heard:
+    """The filter within boost-profile, and what it told last."""
+
+    def __init__(self, inner):
+        self._inner, self.told = inner, Tracks.empty()
+        self.associate, self.cadence_s, self.stray_shares = inner.associate, inner.cadence_s, inner.stray_shares
+        self.owners = inner.owners
+
+    def step(self, tick_s, detections):
+        """Return what the filter tells, and keep it."""
+        self.told = self._inner.step(tick_s, detections)
+        return self.told
+
+
+class Asked(ProfileTracker):
+    """The tracker, whose fit tells of the tracks `numbers` alone, what it tells of all: a fit's report costs most."""
+
+    numbers = np.empty(0, dtype=np.int64)
+
+    def _told(self, followed, tick_s):
+        whole = self._bank
+        mine = np.isin(whole.hypotheses.track, self.numbers)
+        self._bank = evolve(whole, hypotheses=whole.hypotheses.take(mine))
+        told = super()._told(followed, tick_s)
+        self._bank = whole
+        return told
+
+
+def sensors_of(chances=CHANCES, bias_rad=0.0):
+    """Return two SBIRS-GEO that say that they have these chances and biases."""
+    blocks = [
+        {"model": "SBIRS-GEO", "id": f"S{number}", "orbital_slot_deg": float(np.degrees(slot))}
+        for number, slot in enumerate(SLOTS_RAD)
+    ]
+    scene = {"scene": "followed", "epoch": "2026-04-01T12:00:00Z", "duration_s": 1.0, "seed": 1, "sensors": blocks}
+    launch = {"lat_deg": 0.0, "lon_deg": 0.0, "time_s": 0.0}
+    target = {"id": "T", "type": "SRBM", "launch": launch, "aim": {"lat_deg": 2.0, "lon_deg": 2.0}}
+    plan = compile_plan(scene_from_mapping({**scene, "targets": [target]}))
+    said = {"detection_probability": chances, "line_of_sight_bias_sigma_rad": bias_rad}
+    return tuple(evolve(sensor, **said) for sensor in plan.sensors)
+
+
+def detections_of(rays):
+    """Return rays as detections that say nothing of the type."""
+    count = len(rays)
+    whole = np.zeros(count, dtype=np.int64)
+    return Detections(
+        time_ns=np.round(rays.time_s * 1e9).astype(np.int64),
+        sensor=rays.sensor,
+        scan=rays.scan,
+        detection_id=np.zeros((count, 2), dtype=np.uint64),
+        reported_type=np.full(count, UNKNOWN_TYPE, dtype=np.uint8),
+        bands=np.zeros(count, dtype=np.uint8),
+        detection_count=np.zeros(count, dtype=np.int32),
+        confidence=np.full(count, np.nan),
+        line_of_sight_ecef=rays.direction_ecef,
+        sensor_ecef_m=rays.origin_ecef_m,
+        snr=np.full(count, np.nan),
+        track=whole - 1,
+        estimate=whole - 1,
+        line_of_sight_sigma_rad=rays.sigma_rad,
+        band_irradiance_w_m2=np.empty((count, 0)),
+    )
+
+
+def followed(
+    truth, seeing, seed, until_s, sensors=None, forces="kepler", *, fitted=True, asked=None, config=USUAL_CONFIG
+):
+    """Yield the ticks, one a second, of a tracker that sees flights; unless `fitted`, of stereo-filter alone.
+
+    `asked` says which flights a tick is asked of; of others the fit need not tell. `config` is that of boost-profile.
+    Of one sensor only the first one's looks are taken.
+    """
+    sensors = sensors or sensors_of()
+    owner, rays = seen(truth, seeing, seed)
+    mine = np.flatnonzero(rays.sensor < len(sensors))
+    owner, rays = owner[mine], rays.take(mine)
+    context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, forces=forces)
+    if fitted:
+        tracker = boost_profile_tracker(config, context)
+        heard = tracker._inner = Heard(tracker._inner)
+        if asked:
+            tracker.__class__ = Asked
+    else:
+        tracker = heard = Heard(stereo_filter(StereoFilterConfig(), context))
+    every, shared, cut = detections_of(rays), np.zeros((0, len(truth) + 1)), 0
+    for tick in range(1, int(until_s) + 1):
+        end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))
+        part = every.take(slice(cut, end))
+        label = tracker.associate(part)
+        more = max(int(label.max(initial=-1)) + 1 - len(shared), 0)
+        shared = np.concatenate([shared, np.zeros((more, len(truth) + 1))])
+        np.add.at(shared, (label[label >= 0], owner[cut:end][label >= 0]), 1.0)
+        if asked:
+            tracker.numbers = np.flatnonzero(shared[:, asked(float(tick))].any(axis=1))
+        told = tracker.step(float(tick), evolve(part, track=label))
+        cut = end
+        yield Tick(float(tick), told, heard.told, shared)
+
+
+def rows_of(tracks, shared):
+    """Return the rows (flights,) of the tracks that share most detections with each flight, -1 for none."""
+    known = np.flatnonzero(tracks.track < len(shared))
+    hits = shared[tracks.track[known], :-1]
+    if not len(known):
+        return np.full(shared.shape[1] - 1, -1)
+    return np.where(hits.max(axis=0) > 0.0, known[np.argmax(hits, axis=0)], -1)
+
+
+def last_told(truth, seeing, seed, after_s, *, fitted=True, forces="kepler"):
+    """Return what is told of flights, one row each, so long after the last burn; of all of them there is a track."""
+    *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces, fitted=fitted)
+    rows = rows_of(last.told, last.shared)
+    assert (rows >= 0).all()
+    return last.told.take(rows)
+
+
+def usual(kind):
+    """Return how SBIRS-GEO see a type."""
+    return Seeing(PERIOD_S, SIGMA_RAD, CHANCES[kind])
