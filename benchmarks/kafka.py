@@ -154,7 +154,7 @@ def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None
     began = time.perf_counter()
     for each in windows:
         sink.write(each)
-    while sink.standing().delivered < events:
+    while sink.delivery_so_far().delivered < events:
         time.sleep(0.001)
     took = time.perf_counter() - began
     sink.close()

@@ -23,9 +23,9 @@ from opir_core.detection.receivers import (
 )
 from opir_core.detection.redrawing import measured_to_pass
 from opir_core.interfaces.contexts import ModelContext
+from opir_core.interfaces.optional import Response
 from opir_core.interfaces.protocols import Measured, RandomDraws
 from opir_core.interfaces.records import Exposures
-from opir_core.interfaces.signal_models import Response
 from opir_core.planning.environment import RadiometricEnvironment
 from opir_core.planning.looks import blocks
 from opir_core.radiometry.protocols import radiances_and_clutter_w_m2_sr, transmittances

@@ -1,11 +1,11 @@
-"""What the parts of a simulation must do: arrays in, arrays out.
+"""The protocols of components: arrays in, arrays out.
 
-A component's `build` returns one of these. Element-wise results must not depend on how rows are grouped into calls: the
-engine may hand over any slice of a run, and the bytes of the events must be the same.
+A component's `build` returns one of these. The result of a row must not depend on the other rows of a call: the engine
+may pass any slice of a run, and the bytes of the events must be the same.
 
-The contexts that components are built with are in `opir_core.interfaces.contexts`. What signature,
-source, atmosphere and background models must do is in `opir_core.radiometry.protocols`, which is
-imported only for scenes whose detection model looks at them.
+The contexts of `build` are in `opir_core.interfaces.contexts`, optional abilities of components in
+`opir_core.interfaces.optional`. The protocols of signature, source, atmosphere and background models are in
+`opir_core.radiometry.protocols`, imported only for scenes with a radiometric detection model.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks, Window
+from opir_core.interfaces.records import Batch, ClassifierInputs, Detections, Exposures, Tracks, Window
 
 if TYPE_CHECKING:
-    pass
+    from concurrent.futures import Future
 
 
 @frozen
@@ -130,15 +130,6 @@ class Trajectories(Protocol):
         """Return one mapping a target, of plain values, for the truth file."""
 
 
-@runtime_checkable
-class FreeFlight(Protocol):
-    """What `Trajectories` also have whose targets can be followed after burnout."""
-
-    @property
-    def end_s(self) -> FloatArray:
-        """Scene times to which positions are known, (n,) s: at impact, or burnout where nobody follows the bodies."""
-
-
 class RandomDraws(Protocol):
     """Random numbers for a batch of rows, each from the stream of its (sensor, target, purpose), addressed by scan.
 
@@ -170,7 +161,7 @@ class Measured(Columns):
 
 
 class DetectionProbability(Protocol):
-    """Exposures to probability of detection; some models have `opir_core.interfaces.signal_models` beside."""
+    """Exposures to probability of detection."""
 
     @property
     def needs_geometry(self) -> bool:
@@ -203,29 +194,22 @@ class Confidence(Protocol):
         """Return confidences (n,) in [0, 1]."""
 
 
-@runtime_checkable
 class Tracker(Protocol):
-    """Detections to tracks; stepped on ticks of scene time, never on window edges.
-
-    One that cares what its sensors promise has `set_sensors(sensors)` too: a running scene had their settings changed.
-    """
+    """Detections to tracks; stepped at ticks of scene time, never at window edges."""
 
     @property
     def cadence_s(self) -> float | None:
         """Time between ticks, s, or None for a tracker that never steps."""
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
+        """Return track numbers (n,), -1 for none, by the tracks of the last tick; changes no state."""
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Take in the detections since the last tick and return the estimates at this one, sorted by track."""
+        """Process the detections since the last tick; return the estimates at this one, sorted by track."""
 
 
 class Encoder(Protocol):
-    """Detections to message bytes.
-
-    An encoder that has no message for some detections has `encodable(window)` too: which rows, (n,), it has one for.
-    """
+    """Detections to message bytes."""
 
     @property
     def content_type(self) -> str:
@@ -241,10 +225,10 @@ class Encoder(Protocol):
 
 @frozen
 class Delivery:
-    """What became of a sink's events: delivered + spooled + dropped + withheld = those taken + recovered.
+    """Delivery counts of a sink: delivered + spooled + dropped + withheld = events written + recovered.
 
-    `spooled` wait in a spool, `withheld` are those the encoder has no message for, `recovered` those that an earlier
-    run had left in the spool. `complaint` says why not all was delivered, where that is a failure.
+    `spooled` wait in a spool; `withheld` have no message in the encoder; `recovered` are events of an earlier run that
+    were still in the spool. `complaint` is the reason of a failed delivery.
     """
 
     delivered: int
@@ -256,16 +240,35 @@ class Delivery:
 
 
 class Sink(Protocol):
-    """Where events go. A sink that fails raises `SinkError`; the other sinks go on.
+    """A destination of events. A sink that fails raises `SinkError`; the other sinks continue.
 
-    A sink's `build` may return an `opir_core.output.spool.transport.Transport` instead, of which the core makes a sink.
-    A sink that can be asked how it stands while it is open has `standing() -> Delivery` too, callable from any thread:
-    there `spooled` are all that are taken and not yet delivered, wherever they wait. One that may be long in closing
-    has `hurry(end_at_s)`, which gives it until then by the steady clock.
+    A sink's `build` may return a `Transport` instead; the core makes a sink of it.
     """
 
     def write(self, window: Window) -> None:
-        """Take a window's events."""
+        """Accept a window's events."""
 
     def close(self) -> Delivery:
-        """Let go of everything held and say what became of the events; called once, also after a failure."""
+        """Release all resources and return the delivery counts; called once, also after a failure."""
+
+
+@runtime_checkable
+class Transport(Protocol):
+    """Sends encoded events and acknowledges them later: a sink's `build` may return one.
+
+    The core makes a sink of it: it encodes, queues in memory or in a spool, and calls the transport from a thread of
+    its own, a few megabytes ahead of the acknowledgements. A transport retries by itself while it is open.
+    """
+
+    @property
+    def trouble(self) -> str | None:
+        """The reason why nothing gets through at the moment; None while all is well."""
+
+    def send(self, batch: Batch) -> "Future[None]":
+        """Send events without blocking; those of one key arrive in the order in which they were given.
+
+        The future is done once every event is acknowledged. A `SinkError` in it is final: the sink has failed.
+        """
+
+    def close(self, wait_s: float) -> None:
+        """Release all resources within `wait_s` seconds; futures that are not done by then are cancelled."""

@@ -231,6 +231,29 @@ class Window:
     estimates: Tracks
 
 
+@frozen(eq=False, kw_only=True)
+class Batch:
+    """Encoded events in the order of their times.
+
+    `body` holds the messages, each ended by a newline; `keys` the sensors' ids, and `key_of` (n,) the index of each
+    event's key. `content_type` and `schema_version` are the encoder's.
+    """
+
+    body: bytes
+    keys: tuple[str, ...]
+    key_of: NDArray[np.uint16]
+    content_type: str
+    schema_version: str
+
+    def __len__(self) -> int:
+        """Return the number of events."""
+        return len(self.key_of)
+
+    def messages(self) -> list[bytes]:
+        """Return the messages, without their newlines."""
+        return self.body.split(b"\n")[:-1]
+
+
 _Record = TypeVar("_Record")
 _Shapes = Mapping[str, tuple[Any, tuple[int, ...]]]
 

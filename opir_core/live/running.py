@@ -189,7 +189,7 @@ class LiveRun:
         deadline_s = time.monotonic() + within_s
         self._stopping.set()
         for outlet in self._outlets:
-            outlet.hurry(deadline_s)
+            outlet.close_by(deadline_s)
         if self._thread.is_alive():
             self._thread.join(within_s / 2)
         closings = [threading.Thread(target=outlet.close, args=(deadline_s,)) for outlet in self._outlets]

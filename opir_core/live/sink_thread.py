@@ -14,6 +14,7 @@ from collections.abc import Callable
 from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
+from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink
 from opir_core.interfaces.protocols import Delivery, Sink
 from opir_core.interfaces.records import Window
 
@@ -79,14 +80,14 @@ class SinkThread:
         self.is_kept = is_kept
         self._queue.put(make)
 
-    def hurry(self, deadline_s: float) -> None:
+    def close_by(self, deadline_s: float) -> None:
         """Say that the sink is to be closed by `deadline_s` of the steady clock."""
         self._deadline_s = deadline_s
         self._tell(deadline_s)
 
     def close(self, deadline_s: float) -> None:
         """Close the sink once it has what was queued; give up waiting at `deadline_s` of the steady clock."""
-        self.hurry(deadline_s)
+        self.close_by(deadline_s)
         try:
             self._queue.put(None, timeout=max(0.0, deadline_s - time.monotonic()))
         except queue.Full:
@@ -110,7 +111,7 @@ class SinkThread:
             withheld=told.withheld,
             recovered=told.recovered,
             queued_windows=self._queue.qsize(),
-            waits=self._waits + int(getattr(self._sink, "waits", 0)),
+            waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
             error=self._error,
         )
 
@@ -118,9 +119,8 @@ class SinkThread:
         """Return what became of the events of the sink at hand: its own word, or that it took what it was given."""
         if self._final is not None:
             return self._final
-        standing = getattr(self._sink, "standing", None)
-        told = standing() if callable(standing) else None
-        return told if isinstance(told, Delivery) else Delivery(delivered=self._written)
+        sink = self._sink
+        return sink.delivery_so_far() if isinstance(sink, MonitoredSink) else Delivery(delivered=self._written)
 
     def _keep(self, window: Window) -> None:
         """Let the sink write a window down, in the thread of who asks; where it fails, its own thread closes it."""
@@ -169,7 +169,7 @@ class SinkThread:
             self._has_changed(self._changes)
 
     def _change(self, make: Callable[[], Sink]) -> None:
-        if getattr(self._sink, "outlives_the_process", False):
+        if isinstance(self._sink, BufferingSink) and self._sink.outlives_the_process:
             self._tell(min(self._deadline_s, time.monotonic() + _REPLACED_S))
         before = _sum(self._ended, self._sink.close())
         self._written = 0
@@ -188,9 +188,8 @@ class SinkThread:
 
     def _tell(self, deadline_s: float) -> None:
         """Tell a sink that can be told by when it is to be closed."""
-        hurry = getattr(self._sink, "hurry", None)
-        if callable(hurry):
-            hurry(deadline_s)
+        if isinstance(self._sink, DeadlineSink):
+            self._sink.close_by(deadline_s)
 
     def _fail(self, error: str) -> None:
         self._error = self._error or error

@@ -10,7 +10,7 @@ from attrs import frozen
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.contexts import EncoderContext, SinkContext
-from opir_core.interfaces.protocols import Encoder, Sink
+from opir_core.interfaces.protocols import Encoder, Sink, Transport
 from opir_core.interfaces.records import Window
 from opir_core.output.pump import PumpReport, SinkReport, pump
 from opir_core.planning.plan import Plan, built
@@ -99,7 +99,7 @@ def opened_sink(plan: Plan, choice: Choice) -> Sink:
     make_encoder = partial(_encoder, plan, choice)
     context = SinkContext(make_encoder=make_encoder, scene_name=plan.scene.name, resumes=choice.spool is not None)
     made: Any = built(plan.host, choice, context)
-    if choice.spool is None and not hasattr(made, "carry"):
+    if choice.spool is None and not isinstance(made, Transport):
         sink: Sink = made
         return sink
     from opir_core.output.spool.opening import dispatched

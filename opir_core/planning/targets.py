@@ -8,7 +8,8 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces.protocols import FreeFlight, Sensor, Trajectories
+from opir_core.interfaces.optional import FreeFlight
+from opir_core.interfaces.protocols import Sensor, Trajectories
 
 
 @frozen(eq=False)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.interfaces.signal_models import FalseAlarmModel
+from opir_core.interfaces.optional import FalseAlarmModel
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.planning.visibility import Blocked

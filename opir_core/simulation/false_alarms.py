@@ -17,9 +17,9 @@ from opir_core.errors import ModelError
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.optional import FalseAlarmModel
 from opir_core.interfaces.protocols import Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
-from opir_core.interfaces.signal_models import FalseAlarmModel
 from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words

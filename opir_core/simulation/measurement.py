@@ -1,7 +1,7 @@
 """From looks that detect to detections: measured, classified, given a confidence and an id."""
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from attrs import evolve, frozen
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.protocols import Measured, RandomDraws
+from opir_core.interfaces.optional import PosteriorClassifier
+from opir_core.interfaces.protocols import Classifier, Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks
 from opir_core.planning.looks import exposures
 from opir_core.planning.plan import Plan
@@ -129,26 +130,14 @@ class DetectionBuilder:
         return self._pair_type.take(hits.pair), np.empty((len(hits), 0))
 
 
-class Posterior(Protocol):
-    """What classifiers also have that give probabilities: the engine asks those that have `log_posterior`."""
-
-    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
-        """Return ln P (n, 4) over `REPORTED_TYPES`."""
-
-    def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
-        """Return posteriors (n, 4) to which the motion of tracks has added its own, (n, 4)."""
-
-    def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
-        """Return the codes (n,) that posteriors (n, 4) lead to."""
-
-
-def judged(classifier: Any, sightings: ClassifierInputs, dice: RandomDraws) -> tuple[NDArray[np.uint8], FloatArray]:
+def judged(
+    classifier: Classifier, sightings: ClassifierInputs, dice: RandomDraws
+) -> tuple[NDArray[np.uint8], FloatArray]:
     """Return reported types (n,), and ln of the probabilities (n, 4) of a classifier that gives them, or (n, 0)."""
-    if not hasattr(classifier, "log_posterior"):
+    if not isinstance(classifier, PosteriorClassifier):
         return classifier.reported_type(sightings, dice), np.empty((len(sightings), 0))
-    posterior: Posterior = classifier
-    log_probability = posterior.log_posterior(sightings)
-    return posterior.reported(log_probability), log_probability
+    log_probability = classifier.log_posterior(sightings)
+    return classifier.reported(log_probability), log_probability
 
 
 def with_tracks(classifier: Any, detections: Detections, estimates: Tracks) -> Detections:
@@ -162,7 +151,7 @@ def with_tracks(classifier: Any, detections: Detections, estimates: Tracks) -> D
     rows = np.flatnonzero((detections.estimate >= 0) & moved[detections.estimate])
     if not len(rows):
         return detections
-    posterior: Posterior = classifier
+    posterior: PosteriorClassifier = classifier
     of_track = estimates.type_probability[detections.estimate[rows]]
     log_probability, reported = detections.type_log_probability.copy(), detections.reported_type.copy()
     log_probability[rows] = posterior.revised(log_probability[rows], of_track)

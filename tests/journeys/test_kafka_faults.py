@@ -77,7 +77,7 @@ def test_the_broker_is_absent_from_first_to_last_and_there_at_the_next_run(broke
     topic = broker.topic()
     absent = kafka_sink(dead_address(), topic, spool, brief())
     fill(absent, 3, 50, 0, 0.0)
-    assert "no broker answers" in (absent.standing().complaint or "")
+    assert "no broker answers" in (absent.delivery_so_far().complaint or "")
     assert closed(absent) == Delivery(delivered=0, spooled=150)
     present = kafka_sink(broker.address, topic, spool)
     fill(present, 1, 50, 150, 0.0)
@@ -161,7 +161,7 @@ def test_the_broker_is_slower_than_every_deadline(mock: Any, spool: Path) -> Non
     mock.tell("slow", 2500)
     fill(sink, 5, 20, 100, 0.01)
     time.sleep(2.5)
-    assert "in time" in (sink.standing().complaint or "")
+    assert "in time" in (sink.delivery_so_far().complaint or "")
     mock.tell("slow", 0)
     assert closed(sink) == Delivery(delivered=200)
     examine(mock, topic, 200)
@@ -265,7 +265,7 @@ def test_of_two_sinks_one_is_dead(broker: Any, tmp_path: Path) -> None:
     with SinkGroup(sinks) as outlets:
         fill(outlets, 20, 20, 0, 0.0)
         give_up_at = time.monotonic() + 10.0
-        while sinks["alive"].standing().delivered < 400:
+        while sinks["alive"].delivery_so_far().delivered < 400:
             assert time.monotonic() < give_up_at
             time.sleep(0.01)
     dead, alive = outlets.report().sinks

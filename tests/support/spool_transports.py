@@ -13,9 +13,9 @@ import numpy as np
 from opir_core.errors import SinkError
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Sink
-from opir_core.interfaces.records import Window
+from opir_core.interfaces.records import Batch, Window
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.spool.batches import Batch, MemoryBacklog, Packer
+from opir_core.output.spool.batches import MemoryBacklog, Packer
 from opir_core.output.spool.dispatch import Dispatch, Policy
 from opir_core.output.spool.journal import Journal
 from opir_core.testing import stub_sensor
@@ -37,9 +37,9 @@ class Holding:
         self.held: list[Future[None]] = []
         self.closed = 0
 
-    def carry(self, parcel: Batch) -> "Future[None]":
+    def send(self, batch: Batch) -> "Future[None]":
         future: Future[None] = Future()
-        self.parcels.append(parcel)
+        self.parcels.append(batch)
         if self.mood == "take":
             future.set_result(None)
         elif self.mood == "fail":
@@ -82,10 +82,10 @@ class Appending(Holding):
             os.write(self._file, b"\n")
         self._nap_s = nap_s
 
-    def carry(self, parcel: Batch) -> "Future[None]":
+    def send(self, batch: Batch) -> "Future[None]":
         time.sleep(self._nap_s)
-        os.write(self._file, parcel.body)
-        return super().carry(parcel)
+        os.write(self._file, batch.body)
+        return super().send(batch)
 
     def close(self, wait_s: float) -> None:
         os.close(self._file)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from attrs import evolve
 
-from opir_core.arrays import BoolArray
+from opir_core.interfaces.optional import PartialEncoder
 from opir_core.interfaces.protocols import Encoder
 from opir_core.interfaces.records import DetectionTruth, Tracks, Window
 
@@ -25,10 +25,9 @@ def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:
 
 def only_encodable(window: Window, encoder: Encoder) -> Window:
     """Return the window without the detections that an encoder has no message for."""
-    encodable = getattr(encoder, "encodable", None)
-    if encodable is None or not len(window.detections):
+    if not isinstance(encoder, PartialEncoder) or not len(window.detections):
         return window
-    mask: BoolArray = encodable(window)
+    mask = encoder.encodable(window)
     return (
         window if mask.all() else evolve(window, detections=window.detections.take(mask), truth=DetectionTruth.empty())
     )

@@ -8,39 +8,15 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
-from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.interfaces.protocols import Encoder, Sensor
-from opir_core.interfaces.records import Window
+from opir_core.interfaces.records import Batch, Window
 from opir_core.output.events.blocks import only_encodable, window_blocks
 
 #: Events in a parcel: some 600 kB of the default encoder's, so that a few parcels make a broker's batch for each of
 #: many partitions, and one is quickly read back from disk.
 PARCEL_EVENTS = 1024
-
-
-@frozen(eq=False, kw_only=True)
-class Batch:
-    """Encoded events in the order of their times.
-
-    `body` holds the messages, each ended by a newline; `keys` the sensors' ids, and `key_of` (n,) which of them is each
-    event's. `content_type` and `schema_version` are the encoder's.
-    """
-
-    body: bytes
-    keys: tuple[str, ...]
-    key_of: NDArray[np.uint16]
-    content_type: str
-    schema_version: str
-
-    def __len__(self) -> int:
-        """Return the number of events."""
-        return len(self.key_of)
-
-    def messages(self) -> list[bytes]:
-        """Return the messages, without their newlines."""
-        return self.body.split(b"\n")[:-1]
 
 
 class Packing(Protocol):

@@ -14,10 +14,9 @@ from concurrent.futures import Future
 from attrs import evolve, frozen
 
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Delivery
-from opir_core.interfaces.records import Window
-from opir_core.output.spool.batches import Backlog, Batch, FullError, Packing
-from opir_core.output.spool.transport import Transport
+from opir_core.interfaces.protocols import Delivery, Transport
+from opir_core.interfaces.records import Batch, Window
+from opir_core.output.spool.batches import Backlog, FullError, Packing
 from opir_core.scene.spool_settings import DROP_NEWEST, DROP_OLDEST, WAIT
 
 #: Bytes of messages handed to a carrier and not yet acknowledged.
@@ -95,14 +94,14 @@ class Dispatch:
         """Whether what `write` has taken survives the end of the process, however it comes."""
         return self._backlog.outlives_the_process
 
-    def standing(self) -> Delivery:
+    def delivery_so_far(self) -> Delivery:
         """Return what has become of the events so far; `spooled` are those that wait, in memory or on disk."""
         with self._room:
             return self._standing(self._failure() or self._carrier.trouble)
 
-    def hurry(self, end_at_s: float) -> None:
-        """Be closed by `end_at_s` of the steady clock, whatever has not arrived; callable from any thread."""
-        self._end_at = end_at_s - _CARRIER_S
+    def close_by(self, deadline_s: float) -> None:
+        """Be closed by `deadline_s` of the steady clock, whatever has not arrived; callable from any thread."""
+        self._end_at = deadline_s - _CARRIER_S
         self._wake.set()
 
     def close(self) -> Delivery:
@@ -205,7 +204,7 @@ class Dispatch:
         settle_at = time.monotonic() + _SETTLE_S
         while self._ahead_bytes < AHEAD_BYTES and not self._is_to_leave() and (found := self._next()):
             self._hand_over(*found)
-            if time.monotonic() >= settle_at:  # of a carrier that takes its time in `carry` itself, too
+            if time.monotonic() >= settle_at:  # of a carrier that takes its time in `send` itself, too
                 self._settle()
                 settle_at = time.monotonic() + _SETTLE_S
         return self._closing_since is not None and (not self._backlog.waiting or self._is_out_of_time())
@@ -225,7 +224,7 @@ class Dispatch:
             return found
 
     def _hand_over(self, number: int, parcel: Batch) -> None:
-        future = self._carrier.carry(parcel)
+        future = self._carrier.send(parcel)
         self._sent.append(_Sent(number, len(parcel.body), future))
         self._ahead_bytes += len(parcel.body)
         future.add_done_callback(lambda _done: self._wake.set())

@@ -16,7 +16,8 @@ from zlib import crc32
 import numpy as np
 
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import Batch, FullError
+from opir_core.interfaces.records import Batch
+from opir_core.output.spool.batches import FullError
 
 #: "OPIR", so that a SQLite file of something else is told from a spool.
 _APPLICATION = 0x4F504952

@@ -3,11 +3,10 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from opir_core.interfaces.protocols import Encoder, Sensor, Sink
+from opir_core.interfaces.protocols import Encoder, Sensor, Sink, Transport
 from opir_core.output.spool.batches import Backlog, MemoryBacklog, Packer, Packing
 from opir_core.output.spool.dispatch import Dispatch, Policy
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport import Transport
 from opir_core.output.spool.windows import WindowCarrier, WindowPacker
 from opir_core.scene.scene import Choice
 

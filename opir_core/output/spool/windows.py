@@ -14,9 +14,8 @@ from attrs import evolve, fields
 from opir_core.errors import SinkError
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sink
-from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.interfaces.records import Batch, Detections, DetectionTruth, Tracks, Window
 from opir_core.output.events.blocks import window_blocks
-from opir_core.output.spool.batches import Batch
 
 _CONTENT_TYPE = "application/vnd.opir.window+npz"
 _VERSION = "1"
@@ -50,11 +49,11 @@ class WindowCarrier:
     def __init__(self, sink: Sink) -> None:
         self._sink = sink
 
-    def carry(self, parcel: Batch) -> "Future[None]":
-        """Write the parcel's window; the future is done."""
+    def send(self, batch: Batch) -> "Future[None]":
+        """Write the batch's window; the future is done."""
         future: Future[None] = Future()
         try:
-            self._sink.write(_unpacked(parcel))
+            self._sink.write(_unpacked(batch))
         except SinkError as error:
             future.set_exception(error)
         else:

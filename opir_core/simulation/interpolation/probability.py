@@ -1,7 +1,7 @@
 """Looks that share their reckoning: detection models are asked at knots along each pair's looks, and not between them.
 
 Signals vary slowly along a track, but for moments at which plumes or the air bend them, which models may know
-(`opir_core.interfaces.signal_models.WithBreakpoints`). Pieces between these have five knots each
+(`opir_core.interfaces.optional.WithBreakpoints`). Pieces between these have five knots each
 (`opir_core.simulation.interpolation.refinement`), or three where all that they have is certain or hopeless: through
 them goes the quantile of the probability of detection, a polynomial over the number of the scan; each band's signal and
 noise are straight lines from knot to knot. A piece is halved until what the curve is judged to miss would cost the
@@ -15,8 +15,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.interfaces.optional import Response, SignalModel
 from opir_core.interfaces.protocols import Measured, RandomDraws
-from opir_core.interfaces.signal_models import Response, SignalModel
 from opir_core.planning.looks import Looks
 from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_states import SensorStates

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.interfaces.signal_models import SignalModel, WithBreakpoints
+from opir_core.interfaces.optional import SignalModel, WithBreakpoints
 from opir_core.planning.looks import blocks, exposures, look_times_s
 from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_states import SensorStates

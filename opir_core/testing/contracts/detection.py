@@ -7,8 +7,8 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray
+from opir_core.interfaces.optional import FalseAlarmModel
 from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
-from opir_core.interfaces.signal_models import FalseAlarmModel
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.testing.bench import LookTable, bench_scene
 from opir_core.testing.chance import excess_of_count, excess_of_rate
@@ -166,7 +166,7 @@ class DetectionContract(SceneContract):
         insist(
             isinstance(self.model(), FalseAlarmModel),
             "rate_per_scan says how often noise crosses, and nothing says as what",
-            "Add words and measure_noise (opir_core.interfaces.signal_models), or leave rate_per_scan out.",
+            "Add words and measure_noise (opir_core.interfaces.optional), or leave rate_per_scan out.",
         )
         run = self.run_of(self.scene(targets=[]))
         scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]

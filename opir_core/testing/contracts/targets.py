@@ -9,7 +9,8 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import FreeFlight, Trajectories
+from opir_core.interfaces.optional import FreeFlight
+from opir_core.interfaces.protocols import Trajectories
 from opir_core.plugin.components import Component, TargetModel
 from opir_core.scene.scene import EMITTER_TYPES
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene

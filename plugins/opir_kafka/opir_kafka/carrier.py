@@ -13,7 +13,7 @@ from aiokafka import AIOKafkaProducer
 from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import Batch
+from opir_core.interfaces.records import Batch
 from opir_kafka.connection import OURS, Connector, goodbye
 from opir_kafka.failures import is_fatal, words
 from opir_kafka.lanes import Lane, Shipment
@@ -46,10 +46,10 @@ class KafkaCarrier:
         self._thread = threading.Thread(target=self._run, name=OURS, daemon=True)
         self._thread.start()
 
-    def carry(self, parcel: Batch) -> "Future[None]":
+    def send(self, batch: Batch) -> "Future[None]":
         """Take events on their way; the future is done when all are acknowledged, or has what stopped them for good."""
         future: Future[None] = Future()
-        self._loop.call_soon_threadsafe(self._accept, parcel, future)
+        self._loop.call_soon_threadsafe(self._accept, batch, future)
         return future
 
     def close(self, wait_s: float) -> None:

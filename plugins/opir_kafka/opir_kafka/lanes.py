@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from opir_core.output.spool.batches import Batch
+from opir_core.interfaces.records import Batch
 
 Rows = list[int]
 

@@ -13,7 +13,7 @@ from opir_core.errors import SceneError
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import eci_to_ecef_state
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.protocols import FreeFlight
+from opir_core.interfaces.optional import FreeFlight
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import load_scene, scene_from_mapping
 from opir_core.simulation.run import simulate

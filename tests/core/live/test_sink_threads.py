@@ -93,6 +93,7 @@ class Kept(Slow):
     """A sink with a spool, which counts what it has written down, and how many of another's windows came before."""
 
     outlives_the_process = True
+    waits = 0
 
     def __init__(self, heard: Callable[[], int]) -> None:
         super().__init__(threading.Event())

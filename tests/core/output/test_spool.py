@@ -26,14 +26,12 @@ from waiting import until
 
 from opir_core.builtin.memory_sinks import MemorySink
 from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Delivery
-from opir_core.interfaces.records import Tracks
+from opir_core.interfaces.protocols import Delivery, Transport
+from opir_core.interfaces.records import Batch, Tracks
 from opir_core.output.pump import pump
-from opir_core.output.spool import batches
 from opir_core.output.spool.batches import PARCEL_EVENTS, Packer
 from opir_core.output.spool.dispatch import AHEAD_BYTES, Dispatch, Policy
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.transport import Transport
 from opir_core.output.spool.windows import WindowCarrier, WindowPacker
 from opir_core.testing.doubles import stub_estimates, stub_window
 
@@ -97,7 +95,7 @@ def test_writing_waits_for_no_carrier(tmp_path: Path) -> None:
         sink.write(window(1000, 1000 * number))
     assert time.monotonic() - began < 10.0
     assert sum(len(parcel.body) for parcel in carrier.parcels) < AHEAD_BYTES + MIB
-    standing = sink.standing()
+    standing = sink.delivery_so_far()
     assert (standing.delivered, standing.spooled) == (0, 20_000)
     carrier.release()
     assert sink.close() == Delivery(delivered=20_000)
@@ -107,7 +105,7 @@ def test_writing_waits_for_no_carrier(tmp_path: Path) -> None:
 def test_a_carrier_that_fails_for_good_fails_the_sink_and_the_spool_keeps_the_events(tmp_path: Path) -> None:
     sink = spooled(tmp_path / "spool", Holding("fail"))
     sink.write(window(5))
-    until(lambda: sink.standing().complaint is not None)
+    until(lambda: sink.delivery_so_far().complaint is not None)
     with pytest.raises(SinkError, match="stub: the broker refuses it"):
         sink.write(window(5, 5))
     assert sink.close() == Delivery(delivered=0, spooled=5, complaint="stub: the broker refuses it")
@@ -125,12 +123,12 @@ def test_a_carrier_that_fails_at_the_end_is_told_by_closing(tmp_path: Path) -> N
 
 def test_a_defect_of_a_carrier_is_passed_on(tmp_path: Path) -> None:
     class Broken(Holding):
-        def carry(self, parcel: batches.Batch) -> "Future[None]":
+        def send(self, batch: Batch) -> "Future[None]":
             raise ZeroDivisionError
 
     sink = spooled(tmp_path / "spool", Broken())
     sink.write(window(5))
-    until(lambda: sink.standing().complaint is not None)
+    until(lambda: sink.delivery_so_far().complaint is not None)
     with pytest.raises(ZeroDivisionError):
         sink.write(window(5))
     with pytest.raises(ZeroDivisionError):
@@ -150,9 +148,9 @@ def test_a_sink_in_a_hurry_is_closed_in_time(tmp_path: Path) -> None:
 
     filling = threading.Thread(target=fill_it)
     filling.start()
-    until(lambda: sink.standing().spooled > 10_000)
+    until(lambda: sink.delivery_so_far().spooled > 10_000)
     began = time.monotonic()
-    sink.hurry(began + 2.5)
+    sink.close_by(began + 2.5)
     filling.join()
     told = sink.close()
     assert time.monotonic() - began < 2.5
@@ -232,12 +230,12 @@ def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time
     for first in range(300):
         sink.write(window(1, first))
     give_up_at = time.monotonic() + 30.0
-    while not sink.standing().delivered:
+    while not sink.delivery_so_far().delivered:
         assert time.monotonic() < give_up_at
         time.sleep(0.01)
-    assert sink.standing().spooled > 0
+    assert sink.delivery_so_far().spooled > 0
     began = time.monotonic()
-    sink.hurry(began + 2.2)
+    sink.close_by(began + 2.2)
     told = sink.close()
     assert time.monotonic() - began < 5.0
     assert told.delivered + told.spooled == 300

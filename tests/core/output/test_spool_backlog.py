@@ -18,7 +18,7 @@ from spool_transports import (
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
-from opir_core.output.spool import batches
+from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import FullError, Packer
 from opir_core.output.spool.dispatch import Dispatch
 from opir_core.output.spool.journal import Journal
@@ -109,6 +109,6 @@ def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
     assert carrier.ids == ids_of(window(told.delivered))
 
 
-def put_for_ever(journal: Journal, parcel: batches.Batch) -> None:
+def put_for_ever(journal: Journal, parcel: Batch) -> None:
     while True:
         journal.put(parcel)

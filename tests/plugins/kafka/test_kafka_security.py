@@ -158,7 +158,7 @@ def test_a_known_certificate_and_a_login_come_through(certificate: Path, secret:
     )
     with door(29, certificate) as address:
         made = carrier(address.replace("127.0.0.1", "localhost"), "topic", security=security)
-        future = made.carry(next(Packer(ENCODER, SENSORS).parcels(window(5))))
+        future = made.send(next(Packer(ENCODER, SENSORS).parcels(window(5))))
         with pytest.raises(SinkError, match="code 29"):
             future.result(10.0)
         made.close(5.0)

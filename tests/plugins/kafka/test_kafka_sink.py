@@ -20,10 +20,10 @@ from spool_transports import ENCODER, SENSORS, window
 
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
+from opir_core.interfaces.protocols import Transport
 from opir_core.output.delivery import deliver
 from opir_core.output.spool.batches import Packer
 from opir_core.output.spool.dispatch import Policy
-from opir_core.output.spool.transport import Transport
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import load_scene
 
@@ -196,7 +196,7 @@ def test_closing_is_quick_whatever_the_state() -> None:
     began = time.monotonic()
     for address in (dead_address(), "192.0.2.1:9092"):  # TEST-NET-1 (RFC 5737): nobody answers, nobody refuses
         made = carrier(address, "topic", connect_timeout_s=60.0)
-        made.carry(next(Packer(ENCODER, SENSORS).parcels(window(5))))
+        made.send(next(Packer(ENCODER, SENSORS).parcels(window(5))))
         made.close(5.0)
         made.close(5.0)
     assert time.monotonic() - began < 8.0

@@ -1,0 +1,152 @@
+"""Optional abilities of components: a component that has all members of one of these protocols is used for it.
+
+The engine, the live run and the sinks ask with `isinstance`, once, when they are made. A component that has some of the
+members and not all of them fails the conformance tests of its hook.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import BoolArray, FloatArray, IndexArray
+from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.protocols import Delivery, Measured, RandomDraws, Sensor
+from opir_core.interfaces.records import ClassifierInputs, Exposures, Window
+
+
+@runtime_checkable
+class FreeFlight(Protocol):
+    """`Trajectories` of targets that can be followed after burnout."""
+
+    @property
+    def end_s(self) -> FloatArray:
+        """Scene times up to which positions are known, (n,) s: impact, or burnout if no sensor follows targets."""
+
+
+@runtime_checkable
+class FromFiles(Protocol):
+    """`Trajectories` that are read from files; the run manifest lists them."""
+
+    @property
+    def files(self) -> Sequence[Mapping[str, Any]]:
+        """The `path` and `sha256` of each file."""
+
+
+@frozen(eq=False)
+class Response(Columns):
+    """Expected measurements of looks: the quantile of P_d, and each band's signal and noise.
+
+    `probit` (n,) is the standard normal quantile of P_d, None where the engine has it already; `snr` (n, B) the
+    expected signals over `noise_w_m2` (n, B), the standard deviations of the noise at the aperture; 0 and 1 beyond a
+    sensor's own bands.
+    """
+
+    probit: FloatArray | None
+    snr: FloatArray
+    noise_w_m2: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.snr)
+
+
+@runtime_checkable
+class SignalModel(Protocol):
+    """A detection model with a P_d that varies slowly along a track, so that it can be interpolated between looks."""
+
+    @property
+    def probability_tolerance(self) -> float | None:
+        """Largest error of an interpolated P_d, or None to evaluate every look."""
+
+    def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
+        """Return the expected measurements of looks, with P_d to within `slack`."""
+
+    def measure_response(
+        self, response: Response, sensor: IndexArray, dice: RandomDraws, probability: FloatArray | None = None
+    ) -> Measured:
+        """Return the measurements of looks that detected; `probability` (n,) replaces a probit of None."""
+
+
+@runtime_checkable
+class WithBreakpoints(Protocol):
+    """A `SignalModel` that knows when signals jump or bend: the interpolation grid starts with these times."""
+
+    def breakpoints_s(self) -> FloatArray:
+        """Return the scene times (targets, k) at the target when any of its signals may jump or bend; nan for none."""
+
+
+@runtime_checkable
+class FalseAlarmModel(Protocol):
+    """A detection model with false alarms: rate and measurements of noise alone above a sensor's threshold."""
+
+    @property
+    def rate_per_scan(self) -> FloatArray:
+        """Mean number (sensors,) of false alarms in one scan of the whole field of regard."""
+
+    @property
+    def words(self) -> int:
+        """Number of random numbers per false alarm."""
+
+    def measure_noise(self, sensor: IndexArray, uniforms: FloatArray) -> Measured:
+        """Return the measurements (n,) of false alarms, from numbers (n, words) in [0, 1)."""
+
+
+@runtime_checkable
+class PosteriorClassifier(Protocol):
+    """A `Classifier` that returns type probabilities: tracks can revise them."""
+
+    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
+        """Return ln P (n, 4) over `REPORTED_TYPES`."""
+
+    def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
+        """Return posteriors (n, 4) combined with type probabilities from the tracks' motion, (n, 4)."""
+
+    def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
+        """Return the codes (n,) reported for posteriors."""
+
+
+@runtime_checkable
+class ReconfigurableTracker(Protocol):
+    """A `Tracker` that uses the sensors' settings, which a running scene may change."""
+
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
+        """Use the new settings of the sensors from now on: as many sensors, in the same order."""
+
+
+@runtime_checkable
+class PartialEncoder(Protocol):
+    """An `Encoder` that has no message for some detections."""
+
+    def encodable(self, window: Window) -> BoolArray:
+        """Return which detections (n,) have a message."""
+
+
+@runtime_checkable
+class MonitoredSink(Protocol):
+    """A `Sink` that reports delivery counts while it is open; without it, written events count as delivered."""
+
+    def delivery_so_far(self) -> Delivery:
+        """Return the delivery counts so far; callable from any thread. `spooled` are all not yet delivered."""
+
+
+@runtime_checkable
+class DeadlineSink(Protocol):
+    """A `Sink` that may take long to close."""
+
+    def close_by(self, deadline_s: float) -> None:
+        """Be closed by `deadline_s` of the monotonic clock, delivered or not; callable from any thread."""
+
+
+@runtime_checkable
+class BufferingSink(Protocol):
+    """A `Sink` with a buffer of its own."""
+
+    @property
+    def waits(self) -> int:
+        """How often `write` has waited for room."""
+
+    @property
+    def outlives_the_process(self) -> bool:
+        """Whether what is left in the buffer at closing is there for the next run."""
