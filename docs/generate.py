@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from api_reference import api_pages
 from attrs import fields
 from modelled import modelled_pages
 
@@ -32,6 +33,7 @@ def pages() -> Mapping[Path, str]:
         DOCS / "reference" / "scene.md": scene_page(),
         DOCS / "reference" / "components.md": components_page(),
         **{DOCS / "explanation" / name: text for name, text in modelled_pages(everything).items()},
+        **{DOCS / "reference" / "api" / name: text for name, text in api_pages().items()},
         DOCS / "reference" / "http.md": reference_page(),
         DOCS / "reference" / "asyncapi.yaml": f"# Generated: python docs/generate.py\n{asyncapi_text()}",
     }

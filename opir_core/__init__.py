@@ -11,13 +11,13 @@ from opir_core._version import __version__
 
 if TYPE_CHECKING:
     from opir_core.errors import ModelError, OpirError, PluginError, Problem, SceneError, SinkError
-    from opir_core.interfaces.records import Detections, Tracks, Window
+    from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
     from opir_core.planning.plan import Plan, compile_plan
     from opir_core.plugin.host import Host
     from opir_core.scene.reading import load_scene, scene_from_mapping
     from opir_core.scene.scene import Scene
     from opir_core.simulation.engine import Engine
-    from opir_core.simulation.run import Run, simulate, windows
+    from opir_core.simulation.run import Run, plan_windows, run_of_plan, simulate, windows
 
 _HOMES = {
     "Detections": "interfaces.records",
@@ -37,11 +37,15 @@ _HOMES = {
     "compile_plan": "planning.plan",
     "load_scene": "scene.reading",
     "scene_from_mapping": "scene.reading",
+    "DetectionTruth": "interfaces.records",
+    "plan_windows": "simulation.run",
+    "run_of_plan": "simulation.run",
     "simulate": "simulation.run",
     "windows": "simulation.run",
 }
 
 __all__ = [
+    "DetectionTruth",
     "Detections",
     "Engine",
     "Host",
@@ -59,6 +63,8 @@ __all__ = [
     "__version__",
     "compile_plan",
     "load_scene",
+    "plan_windows",
+    "run_of_plan",
     "scene_from_mapping",
     "simulate",
     "windows",

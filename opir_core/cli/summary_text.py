@@ -54,18 +54,24 @@ def as_text(scene: "Scene", outcome: "RunOutcome", files: Mapping[str, Path]) ->
         f"{scene.name}: {counted(counts['detections'])} detections in {counted(counts['looks'])} looks, "
         f"{scene.duration_s:g} s, seed {scene.seed}"
     )
-    listed = [_target_cells(row) for row in targets[:_LISTED]]
-    left_out = len(targets) - len(listed)
     parts = [
         head,
         table(_SENSOR_HEAD, [_sensor_cells(row) for row in outcome.summary["sensors"]], numbers=(2, 3, 4)),
-        table(_TARGET_HEAD, listed, numbers=(2, 3, 5, 6)) + (f"\n... and {left_out} more" if left_out else ""),
+        _listed(_TARGET_HEAD, [_target_cells(row) for row in targets], numbers=(2, 3, 5, 6)),
+        _listed(_TRACK_HEAD, [_track_cells(row) for row in outcome.summary["tracks"]], numbers=(0, 2, 3)),
         "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
     ]
     return "\n\n".join(part for part in parts if part)
 
 
+def _listed(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Sequence[int]) -> str:
+    """Return a table of the first rows, with the number of those left out; "" where there is none."""
+    left_out = f"\n... and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
+    return table(head, rows[:_LISTED], numbers=numbers) + left_out if rows else ""
+
+
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets")
+_TRACK_HEAD = ("track", "type", "from s", "to s", "launch point (95 % semi-major axis)", "predicted impact point")
 _TARGET_HEAD = ("target", "type", "ignition s", "latency s", "first seen by", "detections", "sensors", "reported")
 
 
@@ -86,6 +92,22 @@ def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         str(row["sensors"]),
         row["reported_type"] if seen else "-",
     )
+
+
+def _track_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    chance = row["type_probability"]
+    reported = "-" if chance is None else f"{row['reported_type']} {chance:.2f}"
+    times = f"{row['first_s']:.1f}", f"{row['last_s']:.1f}"
+    return (str(row["track_id"]), reported, *times, _point_text(row["launch"]), _point_text(row["impact"]))
+
+
+def _point_text(point: Mapping[str, Any] | None) -> str:
+    """Return `34.73 N 120.57 W at 10.0 s (0.1 km)`, or `-` for a point that is not estimated."""
+    if point is None:
+        return "-"
+    lat_deg, lon_deg, axis_km = point["lat_deg"], point["lon_deg"], point["semi_major_95_km"]
+    place = f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f} {'E' if lon_deg >= 0.0 else 'W'}"
+    return f"{place} at {point['time_s']:.1f} s" + ("" if axis_km is None else f" ({axis_km:.1f} km)")
 
 
 def _delivered(scene: "Scene", outcome: "RunOutcome") -> list[str]:

@@ -1,9 +1,25 @@
 """Scores of tracks against truth: errors, consistency, bounds, containment, completeness, purity, GOSPA.
 
-Truth enters here and nowhere else beside tracks; no tracker imports this.
+Only this package reads truth beside tracks; no tracker imports it.
 """
 
+from opir_core.scoring.consistency import Consistency, consistency, containment, nees
 from opir_core.scoring.evidence import RunEvidence, evidence_of_run
-from opir_core.scoring.scorecard import Scorecard, scorecard
+from opir_core.scoring.files import evidence_of_files
+from opir_core.scoring.gospa import Gospa, gospa
+from opir_core.scoring.scorecard import Scorecard, ScoreSettings, scorecard
 
-__all__ = ["RunEvidence", "Scorecard", "evidence_of_run", "scorecard"]
+__all__ = [
+    "Consistency",
+    "Gospa",
+    "RunEvidence",
+    "ScoreSettings",
+    "Scorecard",
+    "consistency",
+    "containment",
+    "evidence_of_files",
+    "evidence_of_run",
+    "gospa",
+    "nees",
+    "scorecard",
+]

@@ -10,6 +10,7 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.records import Window
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
+from opir_core.simulation.track_summary import LatestTracks
 
 
 class Tally:
@@ -20,6 +21,7 @@ class Tally:
         self._plan = plan
         self._looks = 0
         self._tracks = 0
+        self._latest = LatestTracks()
         self._noise = np.zeros(sensors, dtype=np.int64)
         self._detections = np.zeros((sensors, targets), dtype=np.int64)
         self._first_s = np.full((sensors, targets), np.inf)
@@ -37,6 +39,7 @@ class Tally:
         """Take a window into account; its detections are sorted by time."""
         self._looks += window.looks
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
+        self._latest.take(window.tracks)
         found, target = window.detections, window.truth.target
         is_noise = target < 0
         columns: tuple[Any, ...] = (found.sensor, target, found.time_ns, found.reported_type, found.confidence)
@@ -82,8 +85,13 @@ class Tally:
         }
 
     def summary(self) -> Mapping[str, Any]:
-        """Return the totals and a row for each sensor and each target, as plain values."""
-        return {"counts": self.counts(), "sensors": self._sensor_rows(), "targets": self._target_rows()}
+        """Return the totals and a row for each sensor, target and track, as plain values."""
+        return {
+            "counts": self.counts(),
+            "sensors": self._sensor_rows(),
+            "targets": self._target_rows(),
+            "tracks": self._latest.rows(),
+        }
 
     def _sensor_rows(self) -> list[Mapping[str, Any]]:
         looks = np.bincount(self._plan.pairs.sensor, self._plan.pairs.looks, minlength=len(self._plan.sensors))

@@ -1,8 +1,12 @@
 """Documentation that cannot drift: every block marked `python` runs, every `console` block prints what it shows."""
 
+import ast
+import inspect
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -65,3 +69,46 @@ def test_generated_pages_are_fresh() -> None:
         [sys.executable, ROOT / "docs" / "generate.py", "--check"], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, f"run python docs/generate.py\n{done.stdout}{done.stderr}"
+
+
+#: What users import: these packages, and of them what their `__all__` lists.
+PUBLIC = {
+    *("opir_core", "opir_core.flight", "opir_core.geometry", "opir_core.orbits", "opir_core.radiometry"),
+    *("opir_core.detection", "opir_core.scoring", "opir_core.output", "opir_core.live", "opir_core.plugin"),
+    "opir_core.testing",
+}
+EXAMPLES = sorted((ROOT / "examples").rglob("*.py"))
+
+
+def imported_names(code: str) -> Iterator[tuple[str, str]]:
+    """Yield package and name of what code imports from the core, and `opir.name` where the core goes by that name."""
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "opir_core":
+            yield from ((str(node.module), name.name) for name in node.names)
+        elif isinstance(node, ast.Import):
+            yield from ((name.name, "") for name in node.names if name.name.startswith("opir_core."))
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "opir":
+            yield "opir_core", node.attr
+
+
+@pytest.mark.parametrize("page", [*(page for page in PAGES if blocks(page, "python")), *EXAMPLES], ids=named)
+def test_pages_and_examples_import_only_public_names(page: Path) -> None:
+    code = page.read_text(encoding="utf-8") if page.suffix == ".py" else "\n".join(blocks(page, "python"))
+    private = [
+        f"{package}.{name}"
+        for package, name in imported_names(code)
+        if package not in PUBLIC or name not in import_module(package).__all__
+    ]
+    assert not private
+
+
+@pytest.mark.parametrize("package", sorted(PUBLIC))
+def test_public_names_are_sorted_documented_and_there(package: str) -> None:
+    door = import_module(package)
+    assert list(door.__all__) == sorted(door.__all__)
+    undocumented = [
+        name
+        for name in door.__all__
+        if (inspect.isclass(value := getattr(door, name)) or inspect.isroutine(value)) and not value.__doc__
+    ]
+    assert not undocumented

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from repository import EXAMPLES
 
+PACIFIC = str(EXAMPLES / "pacific_test_range.yaml")
+
 #: How many modules more than bare Python `opir --version` may import.
 VERSION_BUDGET = 40
 
@@ -65,12 +67,16 @@ def test_a_scene_that_names_only_dsp_imports_no_other_constellation_and_nothing_
 
 
 def test_constant_detection_imports_no_radiometry(tmp_path: Path) -> None:
-    loaded = modules_of(command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--quiet"), tmp_path)
+    loaded = modules_of(
+        command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"), tmp_path
+    )
     assert not {name for name in loaded if name.startswith("opir_core.radiometry")}
 
 
 def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None:
-    loaded = modules_of(command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--quiet"), tmp_path)
+    loaded = modules_of(
+        command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"), tmp_path
+    )
     heavier = {"forces", "propagation", "integration", "impact_event", "drag", "gravity", "stepping", "dop853"}
     assert not {f"opir_core.flight.{name}" for name in heavier} & loaded
 

@@ -24,7 +24,7 @@ PLUGINS = sorted(path.parent for path in (ROOT / "plugins").glob("*/pyproject.to
 #: Scenes by name, and the plugins that each needs.
 SCENES = {
     "first_light": {"opir_dsp"},
-    "pacific_test_range": {"opir_dsp", "opir_sbirs", "opir_nextgen"},
+    "pacific_test_range": {"opir_dsp", "opir_sbirs", "opir_nextgen", "opir_trackers"},
 }
 
 #: What somebody else's plugins are like: they offer names of their own, under hooks that the scenes use.

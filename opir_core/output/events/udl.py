@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
+from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Sensor
@@ -18,7 +19,6 @@ from opir_core.interfaces.records import Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import UDL_VERSION
 from opir_core.output.events.forge_c2 import estimated_places_ecef_m, places_ecef_m
-from opir_core.output.events.points import CONTAINMENT, containment_ellipse
 from opir_core.output.events.text import (
     RATIO_DECIMALS,
     Piece,
@@ -199,7 +199,7 @@ def _times(time_s: FloatArray, epoch_us: int) -> list[bytes]:
 
 def _areas(covariance_m2: FloatArray, told_sigmas: FloatArray | None) -> list[bytes]:
     """Return areas of uncertainty: the 95 % ellipse as bearing, degrees, and semi-axes, km."""
-    ellipse = containment_ellipse(covariance_m2, told_sigmas=told_sigmas)
+    ellipse = containment_ellipse(covariance_m2, reported_sigmas=told_sigmas)
     known = np.isfinite(ellipse.semi_major_m)
     axes = np.column_stack(
         [

@@ -1,0 +1,132 @@
+"""The page of the public Python API, from the docstrings of what the public packages export."""
+
+import inspect
+import re
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+_ARRAY_LIKE = re.compile(re.escape(inspect.formatannotation(ArrayLike)))
+_WIDTH = 100
+
+#: The packages that users import from, in the order of the page, and for whom each is.
+PUBLIC = (
+    "opir_core",
+    "opir_core.flight",
+    "opir_core.geometry",
+    "opir_core.orbits",
+    "opir_core.radiometry",
+    "opir_core.detection",
+    "opir_core.scoring",
+    "opir_core.output",
+    "opir_core.live",
+    "opir_core.plugin",
+    "opir_core.testing",
+)
+
+_HEAD = """# Python API
+
+What may I import, and from where? The names on these pages, from the packages that head them. Everything else is
+internal and may change in any release. Arrays are numpy arrays, shapes are in parentheses, and units are in the names:
+`_m`, `_s`, `_rad`, `_w_m2`. Frames are `_ecef` and `_eci` ([angles](../angles.md), [glossary](../../glossary.md)).
+
+```python
+import opir_core as opir
+from opir_core.geometry import geodetic_to_ecef
+```
+
+| import from | what it is | names |
+|---|---|---|
+{rows}
+
+Generated from the docstrings by `python docs/generate.py`.
+"""
+
+
+def api_pages() -> Mapping[str, str]:
+    """Return the pages of the public Python API by file name: an index, and one page for each package."""
+    pages = {f"{short(package)}.md": section(package) for package in PUBLIC}
+    return {"README.md": _HEAD.format(rows="\n".join(map(index_row, PUBLIC))), **pages}
+
+
+def short(package: str) -> str:
+    """Return the last part of a package's name."""
+    return package.rpartition(".")[2]
+
+
+def summary_of(package: Any) -> str:
+    """Return the first paragraph of a package's docstring, on one line."""
+    return " ".join((package.__doc__ or "").partition("\n\n")[0].split())
+
+
+def index_row(package: str) -> str:
+    """Return the row of the index for one package."""
+    door = import_module(package)
+    names = [name for name in door.__all__ if not name.startswith("__")]
+    return f"| [`{package}`]({short(package)}.md) | {summary_of(door)} | {len(names)} |"
+
+
+def section(package: str) -> str:
+    """Return the page of one package: its summary, then each of its names."""
+    door = import_module(package)
+    names = [name for name in door.__all__ if not name.startswith("__")]
+    head = [f"# {package}", "", f"{summary_of(door)} [All packages](README.md).", ""]
+    return "\n".join([*head, *(entry(name, getattr(door, name)) for name in names)])
+
+
+def entry(name: str, value: Any) -> str:
+    """Return the entry of one name: its signature and its docstring."""
+    if not (inspect.isclass(value) or inspect.isroutine(value)):
+        return f"## {name}\n\nConstant, `{value!r}`.\n"
+    text = inspect.cleandoc(value.__doc__ or "")
+    return f"## {name}\n\n```text\n{signature(name, value)}\n```\n\n{text}\n{members(value)}"
+
+
+def signature(name: str, value: Any) -> str:
+    """Return a call as a user writes it, without the types' module paths."""
+    try:
+        found = str(inspect.signature(value))
+    except (TypeError, ValueError):
+        return name
+    found = _ARRAY_LIKE.sub("ArrayLike", found)
+    found = re.sub(r"(?:[A-Za-z_]\w*\.)+([A-Za-z_]\w*)", r"\1", found)
+    found = re.sub(r"ndarray\[tuple\[[^\]]*\], dtype\[(\w+)\]\]", r"array of \1", found)
+    found = re.sub(r"<factory>|NOTHING|<[^>]*>", "...", found).replace("'", "")
+    found = f"{name}{found.removesuffix(' -> None') if inspect.isclass(value) else found}"
+    return found if len(found) <= _WIDTH else _one_a_line(found)
+
+
+def _one_a_line(call: str) -> str:
+    """Return a call with one argument on each line."""
+    parts, depth, start, first = [], 0, 0, call.index("(") + 1
+    for place, letter in enumerate(call):
+        depth += (letter in "([") - (letter in ")]")
+        if (letter == "," and depth == 1) or (letter == ")" and depth == 0):
+            parts.append(call[max(start, first) : place].strip())
+            start = place + 1
+            if letter == ")":
+                return "\n".join([call[:first], *(f"    {part}," for part in parts), call[place:]])
+    return call
+
+
+def members(value: Any) -> str:
+    """Return a list of the public methods and properties of a class, each with the first line of its docstring."""
+    if not inspect.isclass(value):
+        return ""
+    rows = []
+    for name, member in vars(value).items():
+        inner = member.__func__ if isinstance(member, classmethod | staticmethod) else member
+        inner = inner.fget if isinstance(inner, property) else inner
+        if name.startswith("_") or not inspect.isfunction(inner) or not inner.__doc__:
+            continue
+        call = name if isinstance(member, property) else f"{name}{arguments(inner)}"
+        rows.append(f"* `{call}`: {' '.join(inner.__doc__.partition(chr(10) + chr(10))[0].split())}")
+    return "\n" + "\n".join(rows) + "\n" if rows else ""
+
+
+def arguments(function: Any) -> str:
+    """Return the names of a method's arguments."""
+    names = [name for name in inspect.signature(function).parameters if name not in ("self", "cls")]
+    return f"({', '.join(names)})"
