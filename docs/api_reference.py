@@ -64,14 +64,14 @@ def summary_of(package: Any) -> str:
 def index_row(package: str) -> str:
     """Return the row of the index for one package."""
     door = import_module(package)
-    names = [name for name in door.__all__ if not name.startswith("__")]
+    names = [name for name in getattr(door, "__all__", ()) if not name.startswith("__")]
     return f"| [`{package}`]({short(package)}.md) | {summary_of(door)} | {len(names)} |"
 
 
 def section(package: str) -> str:
     """Return the page of one package: its summary, then each of its names."""
     door = import_module(package)
-    names = [name for name in door.__all__ if not name.startswith("__")]
+    names = [name for name in getattr(door, "__all__", ()) if not name.startswith("__")]
     head = [f"# {package}", "", f"{summary_of(door)} [All packages](README.md).", ""]
     return "\n".join([*head, *(entry(name, getattr(door, name)) for name in names)])
 
