@@ -29,6 +29,7 @@ from opir_core.plugin.components import (
 )
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.scene.fields import FieldInfo, flag, nested, number, text
+from opir_core.sensors.fleets import geostationary_fleet, one_track_fleet, scanning_model, walker_fleet
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig, scanning_sensor
 
 if TYPE_CHECKING:
@@ -204,11 +205,15 @@ __all__ = [
     "WithBreakpoints",
     "cited",
     "flag",
+    "geostationary_fleet",
     "hookimpl",
     "nested",
     "number",
+    "one_track_fleet",
+    "scanning_model",
     "scanning_sensor",
     "text",
+    "walker_fleet",
     "with_defaults",
 ]
 

@@ -1,30 +1,30 @@
-"""The `DSP` sensor model, after the Defense Support Program as the paper has it, and a notional fleet of four.
+"""The sensor model `DSP`, the Defense Support Program as described in the paper, and a notional fleet of four.
 
-The preset `heritage` carries what public accounts say of the real system instead of the paper's long-wave band and
-200 ms: a telescope turning with the spacecraft at 6 rpm, so one look in 10 s, lead sulfide detectors at 2.7 um and, on
-later satellites, a second band at 4.3 um (J. T. Richelson, America's Space Sentinels: DSP Satellites and National
+The preset `heritage` follows public accounts of the real system instead of the paper's long-wave band and 200 ms: a
+telescope that rotates with the spacecraft at 6 rpm, so one look in 10 s, lead sulfide detectors at 2.7 um and, on later
+satellites, a second band at 4.3 um (J. T. Richelson, America's Space Sentinels: DSP Satellites and National
 Security, University Press of Kansas, 1999). The edges of its bands, about those wavelengths, are notional.
 """
 
 from collections.abc import Iterable
-from functools import partial
 
 from opir_core.plugin import (
     Constellation,
     ScanningSensorConfig,
     SensorModel,
     cited,
+    geostationary_fleet,
     hookimpl,
-    scanning_sensor,
+    scanning_model,
     with_defaults,
 )
 
 PAPER = "opir-simulator paper (2026), section 3.1"
 
-#: Evenly spread; not any real satellite's.
+#: Evenly spread; not the slots of real satellites.
 NOTIONAL_SLOTS_DEG = (-135.0, -45.0, 45.0, 135.0)
 
-#: Limited classification, in the paper's word (section 3.4): one band tells little of the motor.
+#: "Limited" classification (paper, section 3.4): one band carries little information about the motor.
 NOTIONAL_CONFUSION = {
     "ICBM": {"ICBM": 0.55, "IRBM": 0.20, "SRBM": 0.05, "UNKNOWN": 0.20},
     "IRBM": {"ICBM": 0.20, "IRBM": 0.45, "SRBM": 0.15, "UNKNOWN": 0.20},
@@ -57,24 +57,11 @@ class DspConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `DSP`."""
-    yield SensorModel(
-        name="DSP",
-        summary="spinning long-wave scanner with one band (preset heritage: 2.7 and 4.3 um, 10 s)",
-        config=DspConfig,
-        build=partial(scanning_sensor, type="DSP"),
-        presets={"heritage": HERITAGE},
-    )
+    summary = "spinning long-wave scanner with one band (preset heritage: 2.7 and 4.3 um, 10 s)"
+    yield scanning_model("DSP", summary, DspConfig, presets={"heritage": HERITAGE})
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellation `DSP`."""
-    yield Constellation(
-        name="DSP",
-        summary="four DSP satellites in notional, evenly spread slots",
-        model="DSP",
-        satellites=[
-            {"id": f"DSP-{number}", "orbital_slot_deg": slot_deg}
-            for number, slot_deg in enumerate(NOTIONAL_SLOTS_DEG, start=1)
-        ],
-    )
+    yield geostationary_fleet("DSP", "four DSP satellites in notional, evenly spread slots", NOTIONAL_SLOTS_DEG)

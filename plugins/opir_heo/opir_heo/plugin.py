@@ -1,8 +1,6 @@
-"""The `HEO` sensor model, a two-band scanner in a highly elliptical orbit, and two notional fleets."""
+"""The sensor model `HEO`, a two-band scanner in a highly elliptical orbit, and two notional fleets."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from functools import partial
-from typing import Any
+from collections.abc import Iterable
 
 from opir_core.plugin import (
     Constellation,
@@ -10,18 +8,19 @@ from opir_core.plugin import (
     SensorModel,
     cited,
     hookimpl,
-    scanning_sensor,
+    one_track_fleet,
+    scanning_model,
     with_defaults,
 )
 
-#: Notional: every apogee of the Molniya-class fleet is over this longitude or half a turn of the Earth away.
+#: Notional: every apogee of the Molniya-class fleet is at this east longitude or at the opposite one, 180 deg away.
 NOTIONAL_APOGEE_LON_DEG = -90.0
 
 #: Half and whole rotations of the Earth, s: the periods of Molniya and of Tundra orbits, 2 pi / 7.292115e-5 rad/s each
 #: day (WGS 84).
 DAY_S = 86164.1
 
-#: Moderate classification: two bands tell the shorter, cooler burns from the long ones most of the time.
+#: Moderate classification: two bands mostly separate short, cool burns from long ones.
 NOTIONAL_CONFUSION = {
     "ICBM": {"ICBM": 0.82, "IRBM": 0.1, "SRBM": 0.02, "UNKNOWN": 0.06},
     "IRBM": {"ICBM": 0.1, "IRBM": 0.78, "SRBM": 0.06, "UNKNOWN": 0.06},
@@ -51,33 +50,13 @@ class HeoConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `HEO`."""
-    yield SensorModel(
-        name="HEO",
-        summary="step-stare scanner of two bands in a highly elliptical orbit",
-        config=HeoConfig,
-        build=partial(scanning_sensor, type="HEO"),
-    )
+    yield scanning_model("HEO", "step-stare scanner of two bands in a highly elliptical orbit", HeoConfig)
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellations `HEO-MOLNIYA` and `HEO-TUNDRA`."""
-    yield Constellation(
-        name="HEO-MOLNIYA",
-        summary="three HEO satellites that take turns about the apogee of one Molniya-class ground track; notional",
-        model="HEO",
-        satellites=list(_fleet("molniya", NOTIONAL_APOGEE_LON_DEG, DAY_S / 2.0, count=3)),
-    )
-    yield Constellation(
-        name="HEO-TUNDRA",
-        summary="two HEO satellites that take turns about the apogee of one Tundra-class ground track; notional",
-        model="HEO",
-        satellites=list(_fleet("tundra", NOTIONAL_APOGEE_LON_DEG, DAY_S, count=2)),
-    )
-
-
-def _fleet(kind: str, apogee_lon_deg: float, period_s: float, *, count: int) -> Iterator[Mapping[str, Any]]:
-    """Yield satellites that pass the apogee of one ground track one after another, evenly spread over a period."""
-    for number in range(count):
-        apogee = {"apogee_lon_deg": apogee_lon_deg, "apogee_time_s": round(number * period_s / count, 1)}
-        yield {"id": f"HEO-{kind.upper()}-{number + 1}", "orbit": {kind: apogee}}
+    summary = "three HEO satellites that take turns about the apogee of one Molniya-class ground track; notional"
+    yield one_track_fleet("HEO", summary, "molniya", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S / 2.0, count=3)
+    summary = "two HEO satellites that take turns about the apogee of one Tundra-class ground track; notional"
+    yield one_track_fleet("HEO", summary, "tundra", NOTIONAL_APOGEE_LON_DEG, period_s=DAY_S, count=2)

@@ -1,8 +1,6 @@
 """The sensor models `LEO-WIDE` and `LEO-MEDIUM` of a low tracking layer, and notional Walker patterns of them."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from functools import partial
-from typing import Any
+from collections.abc import Iterable
 
 from opir_core.plugin import (
     Constellation,
@@ -10,7 +8,8 @@ from opir_core.plugin import (
     SensorModel,
     cited,
     hookimpl,
-    scanning_sensor,
+    scanning_model,
+    walker_fleet,
     with_defaults,
 )
 
@@ -76,38 +75,16 @@ class MediumConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor models `LEO-WIDE` and `LEO-MEDIUM`."""
-    yield SensorModel(
-        name="LEO-WIDE",
-        summary="wide-field stare at the disk and the limb below a low orbit, for plumes",
-        config=WideConfig,
-        build=partial(scanning_sensor, type="LEO-WIDE"),
-    )
-    yield SensorModel(
-        name="LEO-MEDIUM",
-        summary="medium-field, finer stare of mid and long waves from a low orbit, for plumes and warm bodies",
-        config=MediumConfig,
-        build=partial(scanning_sensor, type="LEO-MEDIUM"),
-    )
+    summary = "wide-field stare at the disk and the limb below a low orbit, for plumes"
+    yield scanning_model("LEO-WIDE", summary, WideConfig)
+    summary = "medium-field, finer stare of mid and long waves from a low orbit, for plumes and warm bodies"
+    yield scanning_model("LEO-MEDIUM", summary, MediumConfig)
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellations `LEO-WIDE` and `LEO-MEDIUM`."""
-    yield Constellation(
-        name="LEO-WIDE",
-        summary="24 LEO-WIDE satellites in a notional Walker pattern 60 deg: 24/6/1 at 1200 km",
-        model="LEO-WIDE",
-        satellites=list(_fleet("LEO-WIDE", NOTIONAL_WIDE_PATTERN)),
-    )
-    yield Constellation(
-        name="LEO-MEDIUM",
-        summary="12 LEO-MEDIUM satellites in a notional Walker pattern 60 deg: 12/3/1 at 1200 km",
-        model="LEO-MEDIUM",
-        satellites=list(_fleet("LEO-MEDIUM", NOTIONAL_MEDIUM_PATTERN)),
-    )
-
-
-def _fleet(name: str, pattern: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    for number in range(1, pattern["total"] + 1):
-        walker = {**pattern, "satellite": number, "lon_asc_node_deg": 0.0}
-        yield {"id": f"{name}-{number:02d}", "orbit": {"walker": walker}}
+    summary = "24 LEO-WIDE satellites in a notional Walker pattern 60 deg: 24/6/1 at 1200 km"
+    yield walker_fleet("LEO-WIDE", summary, NOTIONAL_WIDE_PATTERN)
+    summary = "12 LEO-MEDIUM satellites in a notional Walker pattern 60 deg: 12/3/1 at 1200 km"
+    yield walker_fleet("LEO-MEDIUM", summary, NOTIONAL_MEDIUM_PATTERN)

@@ -1,24 +1,24 @@
-"""The `NEXTGEN-GEO` sensor model, a projected three-band staring array as the paper has it, and a notional fleet."""
+"""The sensor model `NEXTGEN-GEO`, the projected three-band staring array of the paper, and a notional fleet."""
 
 from collections.abc import Iterable
-from functools import partial
 
 from opir_core.plugin import (
     Constellation,
     ScanningSensorConfig,
     SensorModel,
     cited,
+    geostationary_fleet,
     hookimpl,
-    scanning_sensor,
+    scanning_model,
     with_defaults,
 )
 
 PAPER = "opir-simulator paper (2026), section 3.3"
 
-#: Evenly spread; not any real satellite's.
+#: Evenly spread; not the slots of real satellites.
 NOTIONAL_SLOTS_DEG = (-105.0, -15.0, 75.0, 165.0)
 
-#: High classification, in the paper's word (section 3.4): three bands show the spectrum.
+#: "High" classification (paper, section 3.4): three bands sample the spectrum.
 NOTIONAL_CONFUSION = {
     "ICBM": {"ICBM": 0.95, "IRBM": 0.03, "SRBM": 0.005, "UNKNOWN": 0.015},
     "IRBM": {"ICBM": 0.03, "IRBM": 0.93, "SRBM": 0.02, "UNKNOWN": 0.02},
@@ -48,23 +48,11 @@ class NextGenConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `NEXTGEN-GEO`."""
-    yield SensorModel(
-        name="NEXTGEN-GEO",
-        summary="staring three-band array with a triple-coincidence test",
-        config=NextGenConfig,
-        build=partial(scanning_sensor, type="NEXTGEN-GEO"),
-    )
+    yield scanning_model("NEXTGEN-GEO", "staring three-band array with a triple-coincidence test", NextGenConfig)
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellation `NEXTGEN-GEO`."""
-    yield Constellation(
-        name="NEXTGEN-GEO",
-        summary="four NEXTGEN-GEO satellites in notional, evenly spread slots",
-        model="NEXTGEN-GEO",
-        satellites=[
-            {"id": f"NEXTGEN-GEO-{number}", "orbital_slot_deg": slot_deg}
-            for number, slot_deg in enumerate(NOTIONAL_SLOTS_DEG, start=1)
-        ],
-    )
+    summary = "four NEXTGEN-GEO satellites in notional, evenly spread slots"
+    yield geostationary_fleet("NEXTGEN-GEO", summary, NOTIONAL_SLOTS_DEG)

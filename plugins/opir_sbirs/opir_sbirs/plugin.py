@@ -1,24 +1,24 @@
-"""The `SBIRS-GEO` sensor model, after the Space-Based Infrared System as the paper has it, and a notional fleet."""
+"""The sensor model `SBIRS-GEO`, the Space-Based Infrared System as described in the paper, and a notional fleet."""
 
 from collections.abc import Iterable
-from functools import partial
 
 from opir_core.plugin import (
     Constellation,
     ScanningSensorConfig,
     SensorModel,
     cited,
+    geostationary_fleet,
     hookimpl,
-    scanning_sensor,
+    scanning_model,
     with_defaults,
 )
 
 PAPER = "opir-simulator paper (2026), section 3.2"
 
-#: Evenly spread; not any real satellite's.
+#: Evenly spread; not the slots of real satellites.
 NOTIONAL_SLOTS_DEG = (-165.0, -75.0, 15.0, 105.0)
 
-#: Moderate classification, in the paper's word (section 3.4): the ratio of two bands tells the plume's temperature.
+#: "Moderate" classification (paper, section 3.4): the ratio of two bands gives the temperature of the plume.
 NOTIONAL_CONFUSION = {
     "ICBM": {"ICBM": 0.80, "IRBM": 0.10, "SRBM": 0.02, "UNKNOWN": 0.08},
     "IRBM": {"ICBM": 0.12, "IRBM": 0.72, "SRBM": 0.08, "UNKNOWN": 0.08},
@@ -45,23 +45,11 @@ class SbirsConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `SBIRS-GEO`."""
-    yield SensorModel(
-        name="SBIRS-GEO",
-        summary="step-staring two-band sensor with a dual-band ratio test",
-        config=SbirsConfig,
-        build=partial(scanning_sensor, type="SBIRS-GEO"),
-    )
+    yield scanning_model("SBIRS-GEO", "step-staring two-band sensor with a dual-band ratio test", SbirsConfig)
 
 
 @hookimpl
 def opir_constellations() -> Iterable[Constellation]:
     """Yield the constellation `SBIRS-GEO`."""
-    yield Constellation(
-        name="SBIRS-GEO",
-        summary="four SBIRS-GEO satellites in notional, evenly spread slots",
-        model="SBIRS-GEO",
-        satellites=[
-            {"id": f"SBIRS-GEO-{number}", "orbital_slot_deg": slot_deg}
-            for number, slot_deg in enumerate(NOTIONAL_SLOTS_DEG, start=1)
-        ],
-    )
+    summary = "four SBIRS-GEO satellites in notional, evenly spread slots"
+    yield geostationary_fleet("SBIRS-GEO", summary, NOTIONAL_SLOTS_DEG)

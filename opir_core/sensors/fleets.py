@@ -1,0 +1,63 @@
+"""The components of a constellation package: sensor models that are data, and fleets of them.
+
+A package declares its configuration classes (`with_defaults`) and yields what these functions return.
+"""
+
+from collections.abc import Iterable, Mapping
+from functools import partial
+from typing import Any
+
+from opir_core.plugin.components import Constellation, SensorModel
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig, scanning_sensor
+
+Presets = Mapping[str, Mapping[str, Any]]
+
+
+def scanning_model(
+    name: str, summary: str, config: type[ScanningSensorConfig], presets: Presets | None = None
+) -> SensorModel:
+    """Return the sensor model of a configuration class; `name` is also the `type` of its sensors in events."""
+    return SensorModel(
+        name=name, summary=summary, config=config, build=partial(scanning_sensor, type=name), presets=presets or {}
+    )
+
+
+def geostationary_fleet(model: str, summary: str, slots_deg: Iterable[float]) -> Constellation:
+    """Return the constellation with the name of its sensor model: satellites MODEL-1, ... in slots, deg east."""
+    satellites = [{"id": f"{model}-{number}", "orbital_slot_deg": slot} for number, slot in enumerate(slots_deg, 1)]
+    return Constellation(name=model, summary=summary, model=model, satellites=satellites)
+
+
+def walker_fleet(model: str, summary: str, pattern: Mapping[str, Any]) -> Constellation:
+    """Return the constellation with the name of its sensor model: satellites MODEL-01, ... of a Walker pattern.
+
+    `pattern` holds the settings of `orbit: walker` that the satellites share; the first ascending node is at 0 deg.
+    """
+    satellites = [
+        {
+            "id": f"{model}-{number:02d}",
+            "orbit": {"walker": {**pattern, "satellite": number, "lon_asc_node_deg": 0.0}},
+        }
+        for number in range(1, pattern["total"] + 1)
+    ]
+    return Constellation(name=model, summary=summary, model=model, satellites=satellites)
+
+
+def one_track_fleet(
+    model: str, summary: str, kind: str, apogee_lon_deg: float, *, period_s: float, count: int
+) -> Constellation:
+    """Return the constellation MODEL-KIND: satellites that pass the apogee of one ground track one after another.
+
+    `kind` is an orbit of a scene with an apogee (molniya, tundra); the passes are evenly spread over the period.
+    """
+    name = f"{model}-{kind.upper()}"
+    satellites = [
+        {
+            "id": f"{name}-{number + 1}",
+            "orbit": {
+                kind: {"apogee_lon_deg": apogee_lon_deg, "apogee_time_s": round(number * period_s / count, 1)},
+            },
+        }
+        for number in range(count)
+    ]
+    return Constellation(name=name, summary=summary, model=model, satellites=satellites)
