@@ -1,4 +1,4 @@
-"""Distances between a set of estimates and a set of true states: OSPA and GOSPA.
+"""GOSPA: the distance between a set of estimates and a set of true states.
 
 Pure functions of arrays. The assignment is the optimal one (scipy.optimize.linear_sum_assignment).
 """
@@ -47,21 +47,6 @@ def gospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: floa
     false = cutoff**order * (cut / 2.0 + spare_estimates / alpha)
     total = float((localisation + missed + false) ** (1.0 / order))
     return Gospa(total, localisation, missed, false, cut + spare_truths, cut + spare_estimates, pairs[near])
-
-
-def ospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: float = 2.0) -> float:
-    """Return the optimal sub-pattern assignment distance between points (m, d) and (n, d), at most `cutoff`.
-
-    The p-th mean of the cut-off distances of the best assignment, each point of the larger set that is left over at
-    `cutoff` (Schuhmacher, Vo and Vo, "A consistent metric for performance evaluation of multi-object filters", IEEE
-    Trans. Signal Processing 56(8), 2008). Two empty sets are at distance 0.
-    """
-    _check(cutoff, order)
-    larger = max(len(estimate), len(truth))
-    if not larger:
-        return 0.0
-    power, _ = _assigned(estimate, truth, cutoff, order)
-    return float(((power.sum() + cutoff**order * (larger - len(power))) / larger) ** (1.0 / order))
 
 
 def _check(cutoff: float, order: float) -> None:

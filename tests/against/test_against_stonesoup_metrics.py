@@ -1,11 +1,11 @@
-"""GOSPA and OSPA equal those of Stone Soup (MIT licence) to rounding."""
+"""GOSPA equals that of Stone Soup (MIT licence) to rounding."""
 
 import datetime
 
 import numpy as np
 import pytest
 
-from opir_core.scoring.gospa import gospa, ospa
+from opir_core.scoring.gospa import gospa
 
 CASES = [
     (seed, estimates, truths)
@@ -36,13 +36,3 @@ def test_gospa(seed: int, estimates: int, truths: int, order: float) -> None:
     assert mine.localisation == pytest.approx(told["localisation"], rel=1e-12, abs=1e-6)
     assert mine.missed == pytest.approx(told["missed"], rel=1e-12)
     assert mine.false == pytest.approx(told["false"], rel=1e-12)
-
-
-@pytest.mark.parametrize(("seed", "estimates", "truths"), CASES)
-@pytest.mark.parametrize("order", [1.0, 2.0])
-def test_ospa(seed: int, estimates: int, truths: int, order: float) -> None:
-    from stonesoup.metricgenerator.ospametric import OSPAMetric
-
-    found, true = points(seed, estimates), points(seed + 100, truths)
-    told = OSPAMetric(c=2000.0, p=order).compute_OSPA_distance(as_states(found), as_states(true))
-    assert ospa(found, true, cutoff=2000.0, order=order) == pytest.approx(float(told.value), rel=1e-12)
