@@ -26,8 +26,7 @@ from opir_core.planning.looks import Looks, exposures
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.plugin.host import Host
-from opir_core.radiometry.protocols import AtmosphereContext
-from opir_core.radiometry.records import Paths
+from opir_core.radiometry.protocols import AtmosphereContext, Paths
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine

@@ -29,7 +29,7 @@ from opir_core.radiometry.lowtran import (
     node_tables,
     shell_air_mass,
 )
-from opir_core.radiometry.records import Paths
+from opir_core.radiometry.protocols import Paths
 
 #: Where LOWTRAN7's own values between the table's points stand.
 DATA = Path(__file__).parents[2] / "tests" / "data"

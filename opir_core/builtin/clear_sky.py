@@ -5,8 +5,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.plugin.components import NoConfig
-from opir_core.radiometry.protocols import AtmosphereContext, Background, BackgroundContext, Transmittance
-from opir_core.radiometry.records import Paths, Views
+from opir_core.radiometry.protocols import AtmosphereContext, Background, BackgroundContext, Paths, Transmittance, Views
 
 
 @frozen

@@ -20,13 +20,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the least intensity for each unit that the NEI may be in."""
-    from opir_core.radiometry.aperture import minimum_detectable_intensity_w_sr
+    from opir_core.radiometry import minimum_detectable_intensity
 
     for unit in [arguments.unit] if arguments.unit else UNITS:
         nei_w_m2 = arguments.nei * UNITS[unit]
-        least = minimum_detectable_intensity_w_sr(
-            nei_w_m2, arguments.range_km * 1e3, arguments.transmittance, arguments.snr
-        )
+        least = minimum_detectable_intensity(nei_w_m2, arguments.range_km * 1e3, arguments.transmittance, arguments.snr)
         converted = "" if unit == "W/m2" else f" = {nei_w_m2:g} W/m2"
         sys.stdout.write(f"NEI {arguments.nei:g} {unit}{converted}: {float(least):.6g} W/sr\n")
     return 0

@@ -28,8 +28,8 @@ from opir_core.interfaces.protocols import Measured, RandomDraws
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.environment import RadiometricEnvironment
 from opir_core.planning.looks import blocks
+from opir_core.radiometry.long_paths import in_a_row
 from opir_core.radiometry.protocols import radiances_and_clutter_w_m2_sr, transmittances
-from opir_core.radiometry.records import in_a_row
 
 
 @frozen(eq=False)

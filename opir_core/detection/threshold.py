@@ -1,7 +1,8 @@
-"""A known signal in unit Gaussian noise against a threshold: P_fa = Q(t), P_d = Q(t - SNR).
+"""A known signal in Gaussian noise of unit standard deviation against a threshold T: P_fa = Q(T), P_d = Q(T - SNR).
 
-Tails are kept by logarithms: no probability, however near 0 or 1, is got by subtraction. The normal distribution and
-its inverse are SciPy's (`scipy.special`), imported where they are used.
+Source: S. M. Kay, Fundamentals of Statistical Signal Processing II: Detection Theory (1998), section 4.3. Tails are
+computed by logarithms: no probability, however near 0 or 1, is obtained by subtraction. The normal distribution and its
+inverse are SciPy's (`scipy.special`), imported where they are used. Arguments of all functions broadcast.
 """
 
 import numpy as np
@@ -11,9 +12,10 @@ from opir_core.arrays import FloatArray
 
 
 def threshold_sigma(false_alarm_probability: ArrayLike) -> FloatArray:
-    """Return thresholds, in standard deviations of the noise, that noise alone crosses with these probabilities.
+    """Return the thresholds T = Q⁻¹(P_fa), in standard deviations of the noise, for false-alarm probabilities.
 
-    Probabilities in (0, 1), down to the least double; nan outside.
+    `false_alarm_probability` is per look and resolution cell, in (0, 1), down to the least double; `nan` outside. The
+    result has its shape.
     """
     from scipy.special import ndtri
 
@@ -22,12 +24,16 @@ def threshold_sigma(false_alarm_probability: ArrayLike) -> FloatArray:
 
 
 def false_alarm_probability(threshold: ArrayLike) -> FloatArray:
-    """Return the probabilities that noise alone crosses thresholds, in standard deviations: Q(t)."""
+    """Return the false-alarm probabilities P_fa = Q(T) of thresholds T, in standard deviations of the noise."""
     return probability_of_detection(0.0, threshold)
 
 
 def probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray:
-    """Return Q(threshold - SNR), in [0, 1]: the probability that a signal in unit noise crosses a threshold."""
+    """Return the probabilities of detection of one look, P_d = Q(T - SNR), in [0, 1].
+
+    `snr` is the signal in standard deviations of the noise (an amplitude ratio, not dB), `threshold` is T in the same
+    unit. The result has their common shape; `nan` where an argument is.
+    """
     from scipy.special import ndtr
 
     probability: FloatArray = ndtr(np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64))
@@ -35,15 +41,18 @@ def probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray
 
 
 def log_probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray:
-    """Return ln Q(threshold - SNR), exact where the probability itself is too small for a double."""
+    """Return ln P_d = ln Q(T - SNR), exact where P_d itself is too small for a double; arguments as above."""
     from scipy.special import log_ndtr
 
     logarithm: FloatArray = log_ndtr(np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64))
     return logarithm
 
 
-def snr_needed(probability: ArrayLike, threshold: ArrayLike) -> FloatArray:
-    """Return the signal-to-noise ratios that are detected with these probabilities, (0, 1)."""
+def required_snr(probability: ArrayLike, threshold: ArrayLike) -> FloatArray:
+    """Return the signal-to-noise ratios that a threshold detects with probabilities P_d in (0, 1): T - Q⁻¹(P_d).
+
+    Units and shapes as in `probability_of_detection`, which this inverts; `nan` outside the domain.
+    """
     from scipy.special import ndtri
 
     snr: FloatArray = np.asarray(threshold, dtype=np.float64) + ndtri(np.asarray(probability, dtype=np.float64))
@@ -58,8 +67,12 @@ def probit(log_hit: FloatArray, log_miss: FloatArray) -> FloatArray:
     return quantile
 
 
-def m_of_n(probability: ArrayLike, needed: int, looks: int) -> FloatArray:
-    """Return the probability of at least `needed` detections in `looks` independent looks of one probability each."""
+def m_of_n_probability(probability: ArrayLike, needed: int, looks: int) -> FloatArray:
+    """Return the probabilities of at least M = `needed` detections in N = `looks` independent looks.
+
+    `probability` is P_d of one look, in [0, 1]; the result has its shape. The upper tail of the binomial distribution,
+    by the incomplete beta function: 1 for `needed` <= 0, 0 for more needed than looks.
+    """
     from scipy.special import betainc
 
     chance = np.asarray(probability, dtype=np.float64)
@@ -69,25 +82,3 @@ def m_of_n(probability: ArrayLike, needed: int, looks: int) -> FloatArray:
         return np.zeros_like(chance)
     result: FloatArray = betainc(needed, looks - needed + 1, chance)
     return result
-
-
-def marcum_q1(a: ArrayLike, b: ArrayLike) -> FloatArray:
-    """Return Marcum's Q function of order 1: a steady signal of amplitude a behind an envelope detector, threshold b.
-
-    P_d = Q1(sqrt(2 S), sqrt(-2 ln P_fa)) for a ratio S of signal power to noise power (Marcum, RAND RM-754, 1947).
-    """
-    from scipy.stats import ncx2
-
-    tail: FloatArray = ncx2.sf(np.square(b), 2, np.square(a))
-    return tail
-
-
-def albersheim_snr_db(probability: float, false_alarms: float, pulses: int = 1) -> float:
-    """Return Albersheim's estimate of the SNR, dB, that `pulses` added after an envelope detector need.
-
-    W. J. Albersheim, Proc. IEEE 69 (1981): within 0.2 dB for P_d 0.1 to 0.9, P_fa 1e-7 to 1e-3, 1 to 8096 pulses.
-    """
-    a = np.log(0.62 / false_alarms)
-    b = np.log(probability / (1.0 - probability))
-    spread = 6.2 + 4.54 / np.sqrt(pulses + 0.44)
-    return float(-5.0 * np.log10(pulses) + spread * np.log10(a + 0.12 * a * b + 1.7 * b))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from opir_core.flight.kepler import KeplerStatus, kepler_status, propagate_kepler
     from opir_core.flight.lambert_solver import lambert
     from opir_core.flight.propagation import propagate
+    from opir_core.flight.trajectory import boost_ephemeris, coast_ephemeris, flight_ephemeris
 
 _HOMES = {
     "Aim": "aiming",
@@ -25,8 +26,11 @@ _HOMES = {
     "Forces": "forces",
     "KeplerStatus": "kepler",
     "aim": "aiming",
+    "boost_ephemeris": "trajectory",
     "boost_profile": "boost",
     "boost_profiles": "boost",
+    "coast_ephemeris": "trajectory",
+    "flight_ephemeris": "trajectory",
     "impact": "impact_event",
     "kepler_impact": "conic_impact",
     "kepler_status": "kepler",
@@ -43,8 +47,11 @@ __all__ = [
     "Forces",
     "KeplerStatus",
     "aim",
+    "boost_ephemeris",
     "boost_profile",
     "boost_profiles",
+    "coast_ephemeris",
+    "flight_ephemeris",
     "impact",
     "kepler_impact",
     "kepler_status",

@@ -234,10 +234,6 @@ class Ephemeris:
         position, velocity = self._evaluated(target, time_s, (_position, _velocity))
         return position, velocity
 
-    def position_grid_m(self, time_s: ArrayLike) -> FloatArray:
-        """Return positions (n, m, 3) of all targets at times (m,)."""
-        return self.position_m(np.arange(len(self))[:, None], np.asarray(time_s, dtype=np.float64)[None, :])
-
     def _evaluated(self, target: ArrayLike, time_s: ArrayLike, columns: "Sequence[_Column]") -> list[FloatArray]:
         """Return one (..., 3) array for each of the columns, computed block by block."""
         rows, times = np.broadcast_arrays(np.asarray(target), np.asarray(time_s, dtype=np.float64))

@@ -19,6 +19,7 @@ from opir_core.radiometry.protocols import (
     Background,
     BackgroundContext,
     CourseWithBreakpoints,
+    Paths,
     SignatureContext,
     Signatures,
     SignaturesWithBreakpoints,
@@ -26,9 +27,9 @@ from opir_core.radiometry.protocols import (
     Sources,
     Transmittance,
     TransmittanceWithBreakpoints,
+    Views,
     intensities_w_sr,
 )
-from opir_core.radiometry.records import Paths, Views
 from opir_core.radiometry.viewing import views
 from opir_core.scene.scene import DEFAULT_SIGNATURE, EMITTER_TYPES, Choice, Scene
 

@@ -1,6 +1,82 @@
-"""Radiometry: how brightly things radiate, what the air lets through, what the Earth shines with; pure functions.
+"""Radiometry: radiance of black bodies, transmittance of the atmosphere, background radiance, irradiance at a sensor.
 
-The chain is source, path, aperture: a `Signatures` gives in-band radiant intensity at the source (W/sr), a
-`Transmittance` what of it leaves the atmosphere along a path, `irradiance` what arrives at an aperture (W/m²); a
-`Background` gives the radiance (W m⁻² sr⁻¹) that lies under it.
+The chain is source, path, aperture: a `Signatures` model gives in-band radiant intensity at the source (W/sr), a
+`Transmittance` the share of it that leaves the atmosphere along a path, `irradiance_at_aperture` the irradiance at the
+sensor (W/m²); a `Background` gives the radiance behind the target (W m⁻² sr⁻¹). These protocols are in
+`opir_core.plugin`. Each name is imported when it is first used.
 """
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from opir_core.radiometry.aperture import (
+        irradiance_at_aperture,
+        irradiance_of_projected_area,
+        irradiance_of_sphere,
+        minimum_detectable_intensity,
+    )
+    from opir_core.radiometry.lowtran import band_transmittance
+    from opir_core.radiometry.planck import (
+        Temperature,
+        band_photon_radiance,
+        band_radiance,
+        band_radiance_slope,
+        band_ratio,
+        grey_body_intensity,
+        planck_photon_radiance,
+        planck_radiance,
+        two_colour_temperature,
+    )
+    from opir_core.radiometry.protocols import Paths, Views
+
+_HOMES = {
+    "Paths": "protocols",
+    "Temperature": "planck",
+    "Views": "protocols",
+    "band_photon_radiance": "planck",
+    "band_radiance": "planck",
+    "band_radiance_slope": "planck",
+    "band_ratio": "planck",
+    "band_transmittance": "lowtran",
+    "grey_body_intensity": "planck",
+    "irradiance_at_aperture": "aperture",
+    "irradiance_of_projected_area": "aperture",
+    "irradiance_of_sphere": "aperture",
+    "minimum_detectable_intensity": "aperture",
+    "planck_photon_radiance": "planck",
+    "planck_radiance": "planck",
+    "two_colour_temperature": "planck",
+}
+
+__all__ = [
+    "Paths",
+    "Temperature",
+    "Views",
+    "band_photon_radiance",
+    "band_radiance",
+    "band_radiance_slope",
+    "band_ratio",
+    "band_transmittance",
+    "grey_body_intensity",
+    "irradiance_at_aperture",
+    "irradiance_of_projected_area",
+    "irradiance_of_sphere",
+    "minimum_detectable_intensity",
+    "planck_photon_radiance",
+    "planck_radiance",
+    "two_colour_temperature",
+]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOMES.get(name)
+    if home is None:
+        raise AttributeError(f"module 'opir_core.radiometry' has no attribute {name!r}")
+    value = getattr(import_module(f"opir_core.radiometry.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

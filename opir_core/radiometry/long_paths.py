@@ -20,8 +20,60 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.radiometry.akima import akima
-from opir_core.radiometry.records import sky_columns
+
+
+def akima(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
+    """Return the curves through points, values (n, m) at rising x (n,), at places (k,) within them: (k, m).
+
+    Source: H. Akima, Journal of the ACM 17 (1970), 589-602: cubics whose slope at a point is the mean of the slopes
+    beside it, each weighted with the change of slope on the other side; slopes beyond the ends are extrapolated. Where
+    nothing bends the plain mean is taken. SciPy's `Akima1DInterpolator` differs in the last bits and takes 0.3 s to
+    import.
+    """
+    rise = np.diff(y, axis=0) / np.diff(x)[:, None]
+    before = [2.0 * rise[0] - rise[1]]
+    before.insert(0, 2.0 * before[0] - rise[0])
+    after = [2.0 * rise[-1] - rise[-2]]
+    after.append(2.0 * after[0] - rise[-1])
+    slopes = np.vstack([*before, rise, *after])
+    bend = np.abs(np.diff(slopes, axis=0))
+    left, right = bend[2:], bend[:-2]
+    total = left + right
+    is_straight = total <= 1e-9 * np.abs(bend).max()
+    weighted = (left * slopes[1:-2] + right * slopes[2:-1]) / np.where(is_straight, 1.0, total)
+    slope = np.where(is_straight, 0.5 * (slopes[1:-2] + slopes[2:-1]), weighted)
+    return _hermite(x, y, slope, at)
+
+
+def _hermite(x: FloatArray, y: FloatArray, slope: FloatArray, at: FloatArray) -> FloatArray:
+    """Return cubics by their values and slopes at points."""
+    place = np.clip(np.searchsorted(x, at, side="right") - 1, 0, len(x) - 2)
+    width = (x[place + 1] - x[place])[:, None]
+    t = ((at - x[place])[:, None]) / width
+    level: FloatArray = y[place] * (1.0 + 2.0 * t) * (1.0 - t) ** 2 + y[place + 1] * t * t * (3.0 - 2.0 * t)
+    return level + width * t * (1.0 - t) * (slope[place] * (1.0 - t) - slope[place + 1] * t)
+
+
+def in_a_row(rows: IntArray) -> "slice | IntArray":
+    """Return rising rows as a slice where they follow one another, so that taking them copies nothing."""
+    is_run = len(rows) > 0 and int(rows[-1] - rows[0]) == len(rows) - 1
+    return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows
+
+
+def sky_columns(table: Path, climate: str, aerosol: str) -> dict[str, list[str]]:
+    """Return the cells of a climate and aerosol by the name of their column; of a sky that is not there, nothing.
+
+    The rows of one sky stand together, below a line of names.
+    """
+    text, beginning = table.read_text(encoding="utf-8"), f"\n{climate},{aerosol},"
+    first, last = text.find(beginning), text.rfind(beginning)
+    if first < 0:
+        return {}
+    head = text.find("\natmosphere,aerosol,") + 1
+    names = text[head : text.find("\n", head)].split(",")
+    cells = text[first + 1 : text.find("\n", last + 1)].replace("\n", ",").split(",")
+    return {name: cells[place :: len(names)] for place, name in enumerate(names)}
+
 
 #: The least transmittance in the table.
 _LEAST = 1e-9

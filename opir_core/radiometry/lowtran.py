@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 from attrs import Factory, field, frozen
+from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band
-from opir_core.radiometry.akima import akima
 from opir_core.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
 from opir_core.radiometry.configs import CloudConfig, LowtranConfig
 from opir_core.radiometry.long_paths import (
@@ -33,11 +33,13 @@ from opir_core.radiometry.long_paths import (
     SCALE_HEIGHT_M,
     TOP_M,
     LimbTable,
+    akima,
+    in_a_row,
     limb_tables,
+    sky_columns,
 )
 from opir_core.radiometry.planck import band_radiance
-from opir_core.radiometry.protocols import AtmosphereContext, Transmittance
-from opir_core.radiometry.records import Paths, in_a_row, sky_columns
+from opir_core.radiometry.protocols import AtmosphereContext, Paths, Transmittance
 
 #: The grid: so many sines of elevation, from the horizon to the zenith, and so many heights from 0 to the top.
 GRID_SHAPE = (125, 401)
@@ -240,6 +242,46 @@ def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Tra
     require_known_bands(config.bands, context.bands, context.path)
     grids = tuple(_grid(band, config, list(tables.values()), context.path) for band in context.bands)
     return LowtranAtmosphere(grids, None if config.cloud is None else _deck(config.cloud, context.seed))
+
+
+def band_transmittance(
+    lower_um: float,
+    upper_um: float,
+    height_m: ArrayLike,
+    elevation_rad: ArrayLike,
+    *,
+    climate: str = "us1976",
+    aerosol: str = "rural23km",
+    weighting: str = "flat",
+) -> FloatArray:
+    """Return in-band transmittances, in [0, 1], of cloudless paths from targets to space, by LOWTRAN7.
+
+    `lower_um` to `upper_um` are the edges of the band, µm: one of LOWTRAN's table or adjacent ones of it. `height_m` is
+    the target's height above the WGS 84 ellipsoid, m (at 100 km and above the result is 1), `elevation_rad` the
+    elevation of the sensor above the target's horizon, rad, in [-pi/2, pi/2]: below 0 the path first descends, and the
+    result is 0 through the Earth. The two broadcast; the result has their common shape. `climate`, `aerosol` and
+    `weighting` are those of the component `lowtran`. `ValueError` for a band or a climate that the table does not have.
+
+    Source: LOWTRAN7 (Kneizys et al., AFGL-TR-88-0177, 1988), tabulated and interpolated as `LowtranAtmosphere` does.
+    """
+    height, sine = np.broadcast_arrays(np.asarray(height_m, dtype=np.float64), np.sin(elevation_rad))
+    grid = _cached_grid(lower_um, upper_um, climate, aerosol, weighting)
+    nowhere = np.empty((height.size, 3))
+    path = Paths(height.ravel(), sine.ravel(), nowhere, nowhere, np.empty(height.size))
+    return LowtranAtmosphere((grid,), None).transmittance(0, path).reshape(height.shape)
+
+
+@cache
+def _cached_grid(lower_um: float, upper_um: float, climate: str, aerosol: str, weighting: str) -> BandGrid:
+    config = LowtranConfig(climate=climate, aerosol=aerosol, weighting=weighting)
+    tables = node_tables(climate, aerosol, weighting)
+    try:
+        return _grid(Band("band", lower_um, upper_um), config, list(tables.values()), "band_transmittance")
+    except ModelError:
+        known = ", ".join(f"{table.band.lower_um:g}-{table.band.upper_um:g}" for table in tables.values())
+        raise ValueError(
+            f"{lower_um:g} to {upper_um:g} um is no band of LOWTRAN's table, nor composed of adjacent ones: {known}"
+        ) from None
 
 
 def _deck(config: CloudConfig, seed: int) -> Deck:

@@ -7,10 +7,14 @@ rule is right to rounding (1e-13) over such a span; what the exponential makes o
 x · 2e-16.
 """
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from opir_core.arrays import FloatArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
+from opir_core.interfaces.protocols import Band
 
 #: Planck's constant, J s, and Boltzmann's, J/K (exact, SI 2019).
 PLANCK_J_S = 6.62607015e-34
@@ -23,7 +27,7 @@ FIRST_PHOTON_UM3_S_M2_SR = 2.0 * SPEED_OF_LIGHT_M_S * 1e18
 #: Second radiation constant, hc/k, µm K.
 SECOND_RADIATION_UM_K = PLANCK_J_S * SPEED_OF_LIGHT_M_S / BOLTZMANN_J_K * 1e6
 
-_Floats = NDArray[np.float64]
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(72)
 _SPAN = 50.0
 #: Beyond this the exponential is past the largest float, and what is radiated below the smallest.
@@ -31,7 +35,7 @@ _FARTHEST = 1e6
 
 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
-def planck_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> _Floats:
+def planck_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> FloatArray:
     """Return spectral radiances of black bodies, W m⁻² sr⁻¹ µm⁻¹; arguments broadcast. 0 at 0 K, nan below it.
 
     Source: Planck's law with the exact constants of the SI of 2019.
@@ -40,12 +44,12 @@ def planck_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> _Floa
 
 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
-def planck_photon_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> _Floats:
+def planck_photon_radiance(temperature_k: ArrayLike, wavelength_um: ArrayLike) -> FloatArray:
     """Return spectral radiances of black bodies in photons s⁻¹ m⁻² sr⁻¹ µm⁻¹; as `planck_radiance`."""
     return _spectral(temperature_k, wavelength_um, FIRST_PHOTON_UM3_S_M2_SR, 4)
 
 
-def band_radiance(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> _Floats:
+def band_radiance(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> FloatArray:
     """Return in-band radiances of black bodies, W m⁻² sr⁻¹; arguments broadcast.
 
     Relative error at most 1e-12 from 100 K to 6000 K in bands between 1 and 30 µm of any width, and finite at all
@@ -57,33 +61,33 @@ def band_radiance(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: Array
     return scale * temperature**4 * _integral(temperature, lower_um, upper_um, 3)
 
 
-def band_photon_radiance(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> _Floats:
+def band_photon_radiance(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> FloatArray:
     """Return in-band radiances of black bodies in photons s⁻¹ m⁻² sr⁻¹; as `band_radiance`."""
     temperature = np.asarray(temperature_k, dtype=np.float64)
     scale = FIRST_PHOTON_UM3_S_M2_SR / SECOND_RADIATION_UM_K**3
     return scale * temperature**3 * _integral(temperature, lower_um, upper_um, 2)
 
 
-def band_radiance_slope(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> _Floats:
+def band_radiance_slope(temperature_k: ArrayLike, lower_um: ArrayLike, upper_um: ArrayLike) -> FloatArray:
     """Return how in-band radiances of black bodies rise with temperature, W m⁻² sr⁻¹ K⁻¹; as `band_radiance`."""
     temperature = np.asarray(temperature_k, dtype=np.float64)
     scale = FIRST_RADIATION_W_UM4_M2_SR / SECOND_RADIATION_UM_K**4
     return scale * temperature**3 * _integral(temperature, lower_um, upper_um, 4)
 
 
-def grey_body_intensity_w_sr(
+def grey_body_intensity(
     temperature_k: ArrayLike,
     projected_area_m2: ArrayLike,
     emissivity: ArrayLike,
     lower_um: ArrayLike,
     upper_um: ArrayLike,
-) -> _Floats:
+) -> FloatArray:
     """Return in-band radiant intensities of grey bodies, W/sr, of an area as it is seen from the sensor, m²."""
     size = np.asarray(projected_area_m2, dtype=np.float64) * np.asarray(emissivity, dtype=np.float64)
     return size * band_radiance(temperature_k, lower_um, upper_um)
 
 
-def _spectral(temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, power: int) -> _Floats:
+def _spectral(temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, power: int) -> FloatArray:
     temperature, wavelength = np.asarray(temperature_k, dtype=np.float64), np.asarray(wavelength_um, dtype=np.float64)
     x = SECOND_RADIATION_UM_K / (wavelength * np.where(temperature < 0.0, np.nan, temperature))
     # The power is shared out so that neither factor leaves the range of floats alone.
@@ -91,7 +95,7 @@ def _spectral(temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, 
 
 
 @np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore")
-def _integral(temperature: _Floats, lower_um: ArrayLike, upper_um: ArrayLike, power: int) -> _Floats:
+def _integral(temperature: FloatArray, lower_um: ArrayLike, upper_um: ArrayLike, power: int) -> FloatArray:
     """Return ∫ xᵖ / (eˣ - 1) dx over a band for p = 2, 3 and, for p = 4, ∫ x⁴ eˣ / (eˣ - 1)² dx."""
     lower, upper = np.asarray(lower_um, dtype=np.float64), np.asarray(upper_um, dtype=np.float64)
     short, long = np.minimum(lower, upper), np.maximum(lower, upper)
@@ -108,10 +112,88 @@ def _integral(temperature: _Floats, lower_um: ArrayLike, upper_um: ArrayLike, po
     return np.where(invalid, np.nan, np.where(upper < lower, -1.0, 1.0) * half * total)
 
 
-def _integrand(x: _Floats, power: int) -> _Floats:
+def _integrand(x: FloatArray, power: int) -> FloatArray:
     """Return what is to be integrated; written with e⁻ˣ, which only falls."""
     falling = np.exp(-x)
-    share: _Floats = falling / -np.expm1(-x)
+    share: FloatArray = falling / -np.expm1(-x)
     if power == 4:
         return np.where(x > 0.0, x**4 * share / -np.expm1(-x), 0.0)
     return np.where(x > 0.0, x**power * share, 0.0)
+
+
+#: Between these temperatures, K, a ratio is inverted.
+COLDEST_K, HOTTEST_K = 50.0, 20_000.0
+
+#: Halvings of the interval of 1/T before Newton's steps: it is narrower than 1e-4 of itself then, where they converge.
+_HALVINGS = 16
+_STEPS = 4
+
+
+class Temperature(NamedTuple):
+    """Temperatures (n,), K, and their variances (n,), K²."""
+
+    temperature_k: FloatArray
+    variance_k2: FloatArray
+
+
+def band_ratio(temperature_k: ArrayLike, shorter: Band, longer: Band) -> FloatArray:
+    """Return the ratios of a grey body's intensities in two bands; `shorter` lies at shorter wavelengths."""
+    return np.exp(_log_ratio(np.asarray(temperature_k, dtype=np.float64), shorter, longer))
+
+
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
+def two_colour_temperature(
+    shorter_w: ArrayLike,
+    longer_w: ArrayLike,
+    shorter_variance: ArrayLike,
+    longer_variance: ArrayLike,
+    shorter: Band,
+    longer: Band,
+) -> Temperature:
+    """Return the temperatures of grey bodies from what two bands measure, and the variances of these.
+
+    The measurements may be intensities or irradiances, in one unit, with their variances. The ratio rises with
+    temperature where `shorter` begins and ends before `longer` (else `ValueError`), so it has one solution; nan where
+    that is not between 50 K and 20 000 K or a measurement is not positive. The variance is that of first order,
+    (v₁/m₁² + v₂/m₂²) / (d ln ratio / dT)², for independent errors, which are to be small beside the measurements.
+    """
+    if not (shorter.lower_um < longer.lower_um and shorter.upper_um < longer.upper_um):
+        raise ValueError(f"band {shorter.name} does not lie at shorter wavelengths than {longer.name}")
+    first, second = np.asarray(shorter_w, dtype=np.float64), np.asarray(longer_w, dtype=np.float64)
+    wanted = np.log(np.where(first > 0.0, first, np.nan)) - np.log(np.where(second > 0.0, second, np.nan))
+    temperature = _inverted(np.atleast_1d(wanted), shorter, longer).reshape(wanted.shape)
+    relative = np.asarray(shorter_variance) / first**2 + np.asarray(longer_variance) / second**2
+    slope = _log_slope(temperature, shorter, longer)
+    return Temperature(temperature, relative / slope**2)
+
+
+def _inverted(wanted: FloatArray, shorter: Band, longer: Band) -> FloatArray:
+    """Return the temperatures of log ratios (n,): halving in 1/T, where they are nearly straight, then Newton."""
+    cold = np.full_like(wanted, 1.0 / COLDEST_K)
+    hot = np.full_like(wanted, 1.0 / HOTTEST_K)
+    ends = _log_ratio(np.array([COLDEST_K, HOTTEST_K]), shorter, longer)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (cold + hot)
+        is_colder = wanted < _log_ratio(1.0 / middle, shorter, longer)
+        cold, hot = np.where(is_colder, cold, middle), np.where(is_colder, middle, hot)
+    temperature = 2.0 / (cold + hot)
+    for _ in range(_STEPS):
+        miss = wanted - _log_ratio(temperature, shorter, longer)
+        # A step in 1/T: d/d(1/T) is -T² d/dT.
+        temperature = 1.0 / (1.0 / temperature - miss / (temperature**2 * _log_slope(temperature, shorter, longer)))
+    return np.where((wanted >= ends[0]) & (wanted <= ends[1]), temperature, np.nan)
+
+
+def _log_ratio(temperature: FloatArray, shorter: Band, longer: Band) -> FloatArray:
+    first, second = (band_radiance(temperature, band.lower_um, band.upper_um) for band in (shorter, longer))
+    return np.log(first) - np.log(second)
+
+
+def _log_slope(temperature: FloatArray, shorter: Band, longer: Band) -> FloatArray:
+    """Return d ln ratio / dT, 1/K."""
+    slopes = [
+        band_radiance_slope(temperature, band.lower_um, band.upper_um)
+        / band_radiance(temperature, band.lower_um, band.upper_um)
+        for band in (shorter, longer)
+    ]
+    return slopes[0] - slopes[1]

@@ -8,14 +8,58 @@ Several bands asked of a model at once: by its own way where it has one, else on
 """
 
 from collections.abc import Callable, Sequence
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 from attrs import field, frozen
 
 from opir_core.arrays import FloatArray, IndexArray
+from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Band, Trajectories
-from opir_core.radiometry.records import Paths, Views
+
+
+@frozen(eq=False)
+class Paths(Columns):
+    """Paths of light from targets to sensors, one row each; the arguments of `Transmittance.transmittance`.
+
+    `height_m` is the target's height above the WGS 84 ellipsoid; `elevation_sine` that of the sensor above the target's
+    horizon; `target_ecef_m` and `sensor_ecef_m` are positions (n, 3), m; `time_s` is scene time.
+    """
+
+    height_m: FloatArray
+    elevation_sine: FloatArray
+    target_ecef_m: FloatArray
+    sensor_ecef_m: FloatArray
+    time_s: FloatArray
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no paths."""
+        none, nowhere = np.empty(0), np.empty((0, 3))
+        return cls(none, none, nowhere, nowhere, none)
+
+
+@frozen(eq=False)
+class Views(Columns):
+    """What lines of sight end on, one row each; the arguments of `Background.radiance_w_m2_sr`.
+
+    `point_ecef_m` (n, 3) is where the line of sight meets the WGS 84 ellipsoid or, where it misses it, the point of the
+    line that comes nearest to it. `height_m` is that point's height: 0 on the Earth, the tangent height beyond the limb
+    (inf where the line only leads away from the Earth). `elevation_sine` is of the sensor above the point's horizon, 0
+    beyond the limb; `sun_elevation_sine` of the Sun above it; `time_s` is scene time.
+    """
+
+    height_m: FloatArray
+    elevation_sine: FloatArray
+    sun_elevation_sine: FloatArray
+    point_ecef_m: FloatArray
+    time_s: FloatArray
+
+    @classmethod
+    def empty(cls) -> Self:
+        """Return the record of no views."""
+        none = np.empty(0)
+        return cls(none, none, none, np.empty((0, 3)), none)
 
 
 class Signatures(Protocol):
@@ -113,8 +157,8 @@ class Background(Protocol):
     def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return the standard deviations (n,) of the radiance left after the sensor has taken the background off.
 
-        Over a pixel of solid angle ω at range R it is like a source of standard deviation clutter · ω · R², W/sr
-        (`opir_core.radiometry.clutter_intensity_w_sr`), or clutter · ω at the aperture, W/m².
+        Over a pixel of solid angle ω at range R it equals a source of standard deviation clutter · ω · R², W/sr, or an
+        irradiance of clutter · ω at the aperture, W/m².
         """
 
 

@@ -25,9 +25,8 @@ from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
 from opir_core.geometry.vectors import components, dot, length, vector
 from opir_core.interfaces.protocols import Band, Trajectories
 from opir_core.radiometry.emitters import Emitters, emitters_of
-from opir_core.radiometry.planck import band_radiance, grey_body_intensity_w_sr
-from opir_core.radiometry.protocols import Signatures, SourceContext, Sources, Transmittance
-from opir_core.radiometry.records import Paths
+from opir_core.radiometry.planck import band_radiance, grey_body_intensity
+from opir_core.radiometry.protocols import Paths, Signatures, SourceContext, Sources, Transmittance
 from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
 from opir_core.radiometry.viewing import sun_ecef_m
 from opir_core.scene.scene import EMITTER_TYPES
@@ -277,6 +276,6 @@ def _trajectories(
 def _grey_w_sr(emitters: Emitters, context: SourceContext) -> FloatArray:
     """Return intensities (bands, n) of the whole area."""
     bodies = (emitters["temperature_k"], emitters["area_m2"], emitters["emissivity"])
-    found = [grey_body_intensity_w_sr(*bodies, band.lower_um, band.upper_um) for band in context.bands]
+    found = [grey_body_intensity(*bodies, band.lower_um, band.upper_um) for band in context.bands]
     # A band whose edges are swapped holds nothing.
     return np.maximum(np.array(found, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0)

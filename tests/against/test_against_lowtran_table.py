@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from attrs import evolve
 from repository import DATA
+from scipy.interpolate import Akima1DInterpolator
 
 import opir_core
 from opir_core.interfaces.protocols import Band
 from opir_core.radiometry.configs import CLIMATES, LowtranConfig
-from opir_core.radiometry.long_paths import RADIUS_M, LimbTable, bent_lowest_m
+from opir_core.radiometry.long_paths import RADIUS_M, LimbTable, akima, bent_lowest_m
 from opir_core.radiometry.lowtran import LowtranAtmosphere, fine_grid, lowtran_atmosphere, node_tables
-from opir_core.radiometry.protocols import AtmosphereContext
-from opir_core.radiometry.records import Paths
+from opir_core.radiometry.protocols import AtmosphereContext, Paths
 
 TABLE = Path(opir_core.__file__).parent / "data" / "lowtran7_band_transmittance.csv"
 WEIGHTINGS = {"flat": "tau_flat", "blackbody-1500K": "tau_bb1500"}
@@ -37,6 +37,14 @@ def paths(height_m, zenith_rad):
     height = np.asarray(height_m, dtype=np.float64)
     nowhere = np.zeros((len(height), 3))
     return Paths(height, np.cos(zenith_rad), nowhere, nowhere, np.zeros(len(height)))
+
+
+def test_akimas_curves_are_scipys():
+    rng = np.random.default_rng(3)
+    for count in (3, 5, 40):
+        x, y = np.cumsum(rng.uniform(0.1, 2.0, count)), rng.normal(size=(count, 4))
+        at = np.linspace(x[0], x[-1], 333)
+        np.testing.assert_allclose(akima(x, y, at), Akima1DInterpolator(x, y)(at), rtol=0.0, atol=1e-13)
 
 
 def test_all_climates_are_in_the_table():

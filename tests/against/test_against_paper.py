@@ -14,6 +14,7 @@ from attrs import evolve
 from scipy.stats import binom
 
 import opir_core as opir
+from opir_core.detection import cumulative_probability, latency_cdf, latency_mean, latency_quantile
 from opir_core.simulation.engine import Engine
 
 #: Section 3.4: scan period (s) and probability of detection per scan of an ICBM-class target.
@@ -65,7 +66,7 @@ def first_scans(model: str) -> np.ndarray:
 @pytest.mark.parametrize("model", PAPER)
 def test_mean_latency(model: str) -> None:
     period_s, probability = PAPER[model]
-    closed_s = period_s / probability
+    closed_s = float(latency_mean(period_s, probability))
     assert round(closed_s, 4) == MEAN_LATENCY_S[model]
     latency_s = first_scans(model) * period_s
     error_s = period_s * math.sqrt(1.0 - probability) / probability / math.sqrt(len(latency_s))
@@ -76,10 +77,14 @@ def test_mean_latency(model: str) -> None:
 def test_95th_percentile_latency(model: str) -> None:
     period_s, probability = PAPER[model]
     # Exactly 1 scan for NEXTGEN-GEO, where ln 0.05 / ln 0.05 must not be rounded up.
-    scans = math.ceil(round(math.log(0.05) / math.log1p(-probability), 9))
-    assert scans * period_s == pytest.approx(LATENCY_95_S[model])
+    latency_s = float(latency_quantile(0.95, period_s, probability))
+    assert latency_s == pytest.approx(LATENCY_95_S[model])
+    scans = round(latency_s / period_s)
     for count in (scans - 1, scans):
-        share, closed = (first_scans(model) <= count).mean(), 1.0 - (1.0 - probability) ** count
+        share, closed = (
+            (first_scans(model) <= count).mean(),
+            float(latency_cdf(count * period_s, period_s, probability)),
+        )
         assert abs(share - closed) <= Z * math.sqrt(closed * (1.0 - closed) / (TARGETS * SEEDS))
     assert 1.0 - (1.0 - probability) ** scans >= 0.95 - 1e-12 > 1.0 - (1.0 - probability) ** (scans - 1)
 
@@ -95,8 +100,8 @@ def test_cumulative_probability_after_n_scans(model: str, scans: int) -> None:
 
 
 def test_cumulative_probability_in_the_first_second() -> None:
-    assert abs((1.0 - 0.2**10) - 0.9999998976) < 5e-11
-    assert abs((1.0 - 0.4**5) - 0.98976) < 1e-12
+    assert abs(cumulative_probability(0.8, 10) - 0.9999998976) < 5e-11
+    assert abs(cumulative_probability(0.6, 5) - 0.98976) < 1e-12
 
 
 @pytest.mark.parametrize("model", PAPER)
@@ -129,7 +134,7 @@ def test_random_scan_phase_has_its_own_mean_latency() -> None:
     """With a uniformly random start of each sensor's scan, the mean is T (1/P - 1/2)."""
     period_s, probability = PAPER["DSP"]
     latency_s = np.concatenate([random_phase_latencies(seed) for seed in range(8)])
-    closed_s = period_s * (1.0 / probability - 0.5)
+    closed_s = float(latency_mean(period_s, probability, "random"))
     variance = period_s**2 * ((1.0 - probability) / probability**2 + 1.0 / 12.0)
     assert abs(latency_s.mean() - closed_s) < Z * math.sqrt(variance / len(latency_s))
 

@@ -1,4 +1,4 @@
-"""Detection against published cases: thresholds in Gaussian noise, Marcum's Q, Albersheim's equation, M of N."""
+"""Detection against published cases: thresholds in Gaussian noise, M of N."""
 
 import json
 from typing import Any
@@ -8,14 +8,12 @@ import pytest
 from repository import DATA
 from scipy.stats import binom
 
-from opir_core.detection.threshold import (
-    albersheim_snr_db,
+from opir_core.detection import (
     false_alarm_probability,
     log_probability_of_detection,
-    m_of_n,
-    marcum_q1,
+    m_of_n_probability,
     probability_of_detection,
-    snr_needed,
+    required_snr,
     threshold_sigma,
 )
 
@@ -35,25 +33,15 @@ def test_thresholds_and_probabilities_in_gaussian_noise(row: dict[str, Any]) -> 
     assert threshold == pytest.approx(row["threshold_sigma"], rel=1e-13)
     assert probability_of_detection(row["snr"], threshold) == pytest.approx(row["pd"], rel=1e-12)
     assert false_alarm_probability(threshold) == pytest.approx(row["pfa"], rel=1e-12)
-    assert snr_needed(row["pd"], threshold) == pytest.approx(row["snr"], abs=1e-4)
-
-
-@pytest.mark.parametrize("row", rows("marcum_single_pulse"), ids=str)
-def test_a_steady_signal_behind_an_envelope_detector(row: dict[str, Any]) -> None:
-    power = 10.0 ** (row["snr_db"] / 10.0)
-    chance = marcum_q1(np.sqrt(2.0 * power), np.sqrt(-2.0 * np.log(row["pfa"])))
-    assert chance == pytest.approx(row["pd_marcum"], rel=1e-9)
-
-
-@pytest.mark.parametrize("row", rows("albersheim"), ids=str)
-def test_albersheims_equation(row: dict[str, Any]) -> None:
-    assert albersheim_snr_db(row["pd"], row["pfa"], row["n"]) == pytest.approx(row["snr_db"], abs=1e-12)
+    assert required_snr(row["pd"], threshold) == pytest.approx(row["snr"], abs=1e-4)
 
 
 @pytest.mark.parametrize(("needed", "looks"), [(1, 1), (2, 3), (3, 5), (8, 10), (0, 4), (5, 4)])
 def test_m_of_n_is_the_tail_of_the_binomial_law(needed: int, looks: int) -> None:
     chance = np.array([0.0, 1e-9, 0.1, 0.5, 0.95, 1.0])
-    assert m_of_n(chance, needed, looks) == pytest.approx(binom.sf(needed - 1, looks, chance), rel=1e-11, abs=1e-300)
+    assert m_of_n_probability(chance, needed, looks) == pytest.approx(
+        binom.sf(needed - 1, looks, chance), rel=1e-11, abs=1e-300
+    )
 
 
 def test_tails_are_kept_down_to_the_least_double_and_below() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from repository import DATA
 
-from opir_core.radiometry.aperture import W_M2_PER_W_CM2, minimum_detectable_intensity_w_sr
+from opir_core.radiometry.aperture import W_M2_PER_W_CM2, minimum_detectable_intensity
 from opir_core.radiometry.planck import FIRST_RADIATION_W_UM4_M2_SR, SECOND_RADIATION_UM_K, band_radiance
 
 CASES = json.loads((DATA / "reference_cases.json").read_text(encoding="utf-8"))["cases"]
@@ -29,7 +29,7 @@ def test_planck_band_radiance():
 def test_the_papers_minimum_detectable_intensity_in_both_units():
     given, expected = case("seed_imin")["inputs"], case("seed_imin")["expected"]
     rest = (given["R_km"] * 1e3, given["tau"], given["snr"])
-    converted = minimum_detectable_intensity_w_sr(given["NEI_W_cm2"] * W_M2_PER_W_CM2, *rest)
+    converted = minimum_detectable_intensity(given["NEI_W_cm2"] * W_M2_PER_W_CM2, *rest)
     assert converted == pytest.approx(expected["I_min_W_sr"], rel=1e-12)
-    taken_as_w_m2 = minimum_detectable_intensity_w_sr(given["NEI_W_cm2"], *rest)
+    taken_as_w_m2 = minimum_detectable_intensity(given["NEI_W_cm2"], *rest)
     assert taken_as_w_m2 == pytest.approx(expected["I_min_if_cm2_not_converted"], rel=1e-12)

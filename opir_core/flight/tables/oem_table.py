@@ -1,7 +1,8 @@
 """Orbit Ephemeris Messages: CCSDS 502.0-B-3, section 5, in the keyword form (KVN).
 
-States of the Earth's frames ITRF (any realisation), TDR and GRC, of TEME and of EME2000 (which stands for GCRF and ICRF
-as well: they differ by 0.02 arcseconds) in UTC are taken; other frames and time systems are refused by name.
+Accepted are states in UTC in the Earth-fixed frames ITRF (any realisation), TDR and GRC, in TEME, and in EME2000 (also
+used for GCRF and ICRF, which differ from it by 0.02 arcseconds); other frames and time systems are rejected by name.
+The library `oem`, a reference in the tests, needs astropy and reports most errors without line and remedy.
 """
 
 import math

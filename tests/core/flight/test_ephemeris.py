@@ -81,9 +81,8 @@ def test_both_ends_belong_to_the_span_and_nothing_beyond():
 
 def test_targets_and_times_broadcast():
     ephemeris, times = three_circles(), np.linspace(0.0, 3000.0, 7)
-    grid = ephemeris.position_grid_m(times)
+    grid = ephemeris.position_m(np.arange(3)[:, None], times)
     assert grid.shape == (3, 7, 3)
-    assert grid.tobytes() == ephemeris.position_m(np.arange(3)[:, None], times).tobytes()
     assert ephemeris.position_m(1, 5.0).shape == (3,)
     assert ephemeris.position_m(np.zeros((0,), dtype=int), 5.0).shape == (0, 3)
     assert ephemeris.position_m(np.int32(1), times[3]).tobytes() == grid[1, 3].tobytes()

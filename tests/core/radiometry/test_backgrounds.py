@@ -14,8 +14,7 @@ from opir_core.plugin.host import Host
 from opir_core.radiometry.configs import CloudConfig, EarthConfig, LowtranConfig
 from opir_core.radiometry.earth import LOOK_SINES, earth_background, sky_tables, table_rows
 from opir_core.radiometry.lowtran import lowtran_atmosphere
-from opir_core.radiometry.protocols import AtmosphereContext, BackgroundContext
-from opir_core.radiometry.records import Views
+from opir_core.radiometry.protocols import AtmosphereContext, BackgroundContext, Views
 from opir_core.radiometry.viewing import sun_ecef_m, views
 
 BANDS = tuple(table.band for table in sky_tables("us1976", "clear"))
