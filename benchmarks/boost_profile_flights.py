@@ -20,7 +20,7 @@ from opir_trackers.profile.report import Basis, report
 from opir_trackers.profile.rows import means, single
 from opir_trackers.profile.seen import TrackHistory
 from opir_trackers.profile.strain import OffModelFilters
-from opir_trackers.sensor_schedule import SensorSchedule
+from opir_trackers.sensors import SensorSchedule
 
 from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.scene.scene import TARGET_TYPES

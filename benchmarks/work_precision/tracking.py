@@ -24,8 +24,7 @@ from attrs import evolve
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.stereo.histories import Histories
 from opir_trackers.stereo.track_management import TrackTable
-from opir_trackers.stereo.tracker_state import TrackerState
-from opir_trackers.stereo.tracking import StereoTracking
+from opir_trackers.stereo.tracking import StereoTracking, TrackerState
 from tracking_page import (
     Line,
     RaidLines,

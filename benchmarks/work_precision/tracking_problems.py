@@ -3,7 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import LinesOfSight, Sights, axes_across, turned

@@ -28,8 +28,7 @@ from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring.comparison import TimedTracker
 from opir_core.scoring.consistency import root_mean_square
 from opir_core.scoring.errors import StateErrors, state_errors
-from opir_core.scoring.evidence import evidence_of_run
-from opir_core.scoring.ownership import ownership
+from opir_core.scoring.evidence import evidence_of_run, ownership
 from opir_core.simulation.run import run_of_plan
 
 #: Errors count from here to the end, s since ignition: from when directions of both sensors tell the place.

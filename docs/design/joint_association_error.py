@@ -12,7 +12,7 @@ import argparse
 import time
 
 import numpy as np
-from opir_trackers.joint_association import exact_marginals, propagated
+from opir_trackers.assignment import exact_marginals, propagated
 
 
 def main() -> None:

@@ -4,7 +4,12 @@ Innovations: how far detections are from where the estimate of the tick before e
 
 No truth is needed. The first detection of a track after each tick is taken: what an honest tracker expects of it errs
 independently from tick to tick.
+
+Figures of a scorecard as plain values, each with its 95 % interval.
 """
+
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from attrs import frozen
@@ -14,8 +19,7 @@ from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation.lines_of_sight import along, axes_across
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
-from opir_core.scoring.evidence import RunEvidence
-from opir_core.scoring.ownership import Ownership, rows_in_force
+from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force
 
 #: Nominal containments of a containment curve.
 CONTAINMENTS = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
@@ -214,3 +218,59 @@ def _normalised(evidence: RunEvidence, rows: IntArray, told: Tracks) -> FloatArr
     spread[:, [0, 1], [0, 1]] += np.square(evidence.sigma_rad[rows])[:, None]
     found: FloatArray = np.sum(seen * np.linalg.solve(spread, seen[:, :, None])[:, :, 0], axis=1)
     return found
+
+
+_GROUND_FREEDOM = 2
+
+
+def rms(error: FloatArray, cluster: IntArray | None = None) -> dict[str, Any]:
+    """Return the root mean square of errors (n,); those of a cluster (n,) are not independent of each other."""
+    value, lower, upper = root_mean_square(error, cluster)
+    return {"value": value, "interval_95": [lower, upper]}
+
+
+def over(figure: Mapping[str, Any], bound: float) -> dict[str, Any]:
+    """Return a figure over a bound."""
+    low, high = figure["interval_95"]
+    return {"value": figure["value"] / bound, "interval_95": [low / bound, high / bound]}
+
+
+def share(value: float, lower: float, upper: float) -> dict[str, Any]:
+    """Return a share with its interval."""
+    return {"value": value, "interval_95": [lower, upper]}
+
+
+def mean(values: FloatArray, most: float = np.inf) -> dict[str, Any]:
+    """Return the mean of what is known of independent values (n,) in [0, most], with Student's interval."""
+    from scipy.stats import t
+
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return {"value": np.nan, "interval_95": [np.nan, np.nan]}
+    centre, count = float(values.mean()), len(values)
+    half = float(t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)) if count > 1 else np.nan
+    return {"value": centre, "interval_95": [max(centre - half, 0.0), min(centre + half, most)]}
+
+
+def consistent(found: Consistency) -> dict[str, Any]:
+    """Return an average NEES or NIS and its band over its degrees of freedom: 1 is honest."""
+    return {
+        "samples": found.samples,
+        "mean": found.mean / found.freedom,
+        "band_99": [found.lower / found.freedom, found.upper / found.freedom],
+        "distribution_p": found.p_value,
+    }
+
+
+def contained(values: FloatArray) -> list[dict[str, Any]]:
+    """Return the containment curve of NEES values (n,) on the ground: nominal shares, and those observed."""
+    return [{"nominal": nominal, **share(*containment(values, _GROUND_FREEDOM, nominal))} for nominal in CONTAINMENTS]
+
+
+def plain(value: Any) -> Any:
+    """Return figures for JSON, where what is not known is null."""
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [plain(each) for each in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -4,9 +4,8 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.scoring.evidence import RunEvidence, true_states
+from opir_core.scoring.evidence import Ownership, RunEvidence, true_states
 from opir_core.scoring.gospa import gospa
-from opir_core.scoring.ownership import Ownership
 
 _NS = 1_000_000_000
 

@@ -13,8 +13,7 @@ from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks
 from opir_core.scoring.bound import SeenLooks, free_bound, position_and_velocity, state_bound
 from opir_core.scoring.consistency import nees, on_normal_scale
-from opir_core.scoring.evidence import RunEvidence, true_states
-from opir_core.scoring.ownership import Ownership, rows_in_force
+from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states
 
 
 @frozen(eq=False)

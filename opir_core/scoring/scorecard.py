@@ -8,12 +8,22 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
-from opir_core.scoring.consistency import Innovations, consistency, innovations, proportion
+from opir_core.scoring.consistency import (
+    Innovations,
+    consistency,
+    consistent,
+    contained,
+    innovations,
+    mean,
+    over,
+    plain,
+    proportion,
+    rms,
+    share,
+)
 from opir_core.scoring.coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
 from opir_core.scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
-from opir_core.scoring.evidence import RunEvidence
-from opir_core.scoring.interval_figures import consistent, contained, mean, over, plain, rms, share
-from opir_core.scoring.ownership import Ownership, ownership
+from opir_core.scoring.evidence import Ownership, RunEvidence, ownership
 
 _STATE_FREEDOM = 6
 _DIRECTION_FREEDOM = 2

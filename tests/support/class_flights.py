@@ -5,11 +5,10 @@ from attrs import evolve
 from opir_trackers.configs import BoostProfileConfig
 from opir_trackers.profile import fit
 from opir_trackers.profile import flight as profile_flight
-from opir_trackers.profile.family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH, fitted
-from opir_trackers.profile.priors import priors_of
+from opir_trackers.profile.family import BURN, LIFT, PITCH, SHAPE, SIZE, SPEED, TURN_EAST, TURN_NORTH, fitted, priors_of
 from opir_trackers.profile.rows import axes_about
 from opir_trackers.profile.strain import OffModelFilters
-from opir_trackers.sensor_schedule import SensorSchedule
+from opir_trackers.sensors import SensorSchedule
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation.lines_of_sight import LinesOfSight

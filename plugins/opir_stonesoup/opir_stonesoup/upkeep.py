@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from opir_trackers.initiation import TrackInitiator
-from opir_trackers.low_orbit_ranges import FIRST_HEIGHT_M
 from opir_trackers.track_priors import (
     FIRST_FORCE_M_S2,
     FIRST_FORCE_SIGMA_M_S2,
@@ -14,6 +13,7 @@ from opir_trackers.track_priors import (
     prior_axes,
     prior_sides,
 )
+from opir_trackers.triangulation import FIRST_HEIGHT_M
 from ordered_set import OrderedSet
 from stonesoup.base import Property
 from stonesoup.deleter.base import Deleter

@@ -7,9 +7,8 @@ from attrs import Factory, field, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.estimation.lines_of_sight import LinesOfSight, Sights
-from opir_trackers.assignment import components, different, lone, nearest, ranks
+from opir_trackers.assignment import components, different, lone, marginals, nearest, ranks
 from opir_trackers.gating import GatedPairs
-from opir_trackers.joint_association import marginals
 
 #: A pair that a joint association believes in less than this is left out of the track's sight.
 _LEAST_BELIEF = 1e-6

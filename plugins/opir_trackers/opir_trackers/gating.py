@@ -23,7 +23,7 @@ from opir_core.estimation.lines_of_sight import (
     turned,
 )
 from opir_core.interfaces.columns import Columns
-from opir_trackers.predicted_measurements import PredictedMeasurements
+from opir_trackers.filter.estimates import PredictedMeasurements
 
 #: Bits of each of three bin numbers in a key, which leaves room for 512 sensors; the finest bins are 15 µrad wide.
 _BITS = 18

@@ -11,10 +11,11 @@ from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.contexts import TrackerContext
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.initiation import HIGHER_M, TrackInitiator
-from opir_trackers.low_orbit_ranges import FIRST_HEIGHT_M, GRAZING
+from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING
 
 #: Specific force of a boost before anything is known of it: straight up, and how far from that with any jerk, m/s².
 FIRST_FORCE_M_S2 = 20.0
@@ -52,7 +53,7 @@ def _coast_of(config: StereoFilterConfig, forces: Forces, drag: Drag | None) -> 
     fall = Motion(COAST, config.coast_noise_m_s, forces)
     if drag is None:
         return fall
-    from opir_trackers.filter.dragged_fall import DraggedFall
+    from opir_trackers.filter.dynamics import DraggedFall
 
     return DraggedFall(fall, drag)
 

@@ -1,10 +1,98 @@
-"""Where rays from several places meet, and how surely."""
+"""Where rays from several places meet, and how surely.
+
+Directions of unclaimed rays as they would be seen from far away: low sensors move past what they look at.
+
+From geostationary height a launch stays in its direction for seconds, whatever the satellite does. A sensor in a low
+orbit sees it turn by its own motion, by tenths of a degree a second. So rays of low sensors are compared by where they
+meet the ground, seen from a station above the sensor that stands still, at geostationary height.
+"""
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.estimation.lines_of_sight import LinesOfSight
+from opir_core.geometry import ecef_to_geodetic, local_axes
+from opir_core.geometry.occlusion import intersection_with_ellipsoid
 from opir_core.interfaces.columns import Columns
+
+#: How far sensors at geostationary height are from what they look at, about, m.
+FAR_M = 3.6e7
+
+#: Sensors lower than this move past what they look at, m from the Earth's centre.
+_LOW_M = 3e7 + EARTH_EQUATORIAL_RADIUS_M
+
+#: The mean height of a target when one sensor alone first sees it, and the highest at which rays may meet, m.
+FIRST_HEIGHT_M, HIGHEST_M = 3e3, 500e3
+
+#: No ray counts as lower than at this sine of an angle: along the horizon a line rises by 5 km in 250 km.
+GRAZING = 0.02
+
+
+def are_low(origin_m: FloatArray) -> BoolArray:
+    """Return which sensors at points (n, 3) are low."""
+    return np.asarray(np.add.reduce(origin_m * origin_m, axis=1) < _LOW_M**2)
+
+
+def near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return where (n, 3) rays are at the first height of a target, or, where they pass above it, at their lowest.
+
+    A biased ray of a target near the horizon may miss the Earth, and one of a target that rises from behind it does.
+    Rays that pass higher than any target meet nothing: nan.
+    """
+    point = intersection_with_ellipsoid(origin_m, direction, FIRST_HEIGHT_M)
+    missed = np.flatnonzero(np.isnan(point[:, 0]))
+    if len(missed):
+        ahead = np.maximum(-np.sum(origin_m[missed] * direction[missed], axis=1), 0.0)
+        lowest = origin_m[missed] + ahead[:, None] * direction[missed]
+        lawful = ecef_to_geodetic(lowest).height_m < HIGHEST_M
+        point[missed[lawful]] = lowest[lawful]
+    return point
+
+
+def from_afar(rays: LinesOfSight, which: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return directions (n, 3) that stand still as launches do, and their errors (n,), rad; `which` (n,) is the sensor.
+
+    Rays of low sensors that meet nothing keep their directions.
+    """
+    low = np.flatnonzero(are_low(rays.origin_ecef_m))
+    if not len(low):
+        return rays.direction_ecef, rays.sigma_rad
+    origin = rays.origin_ecef_m[low]
+    point = near_ground(origin, rays.direction_ecef[low])
+    met = np.isfinite(point[:, 0])
+    low, origin, point = low[met], origin[met], point[met]
+    above = rays.origin_ecef_m[np.unique(which, return_index=True)[1]][which[low]]
+    height_m = FAR_M + EARTH_EQUATORIAL_RADIUS_M
+    off = point - height_m * above / np.sqrt(np.sum(above * above, axis=1))[:, None]
+    direction, sigma_rad = rays.direction_ecef.copy(), rays.sigma_rad.copy()
+    direction[low] = off / np.sqrt(np.sum(off * off, axis=1))[:, None]
+    range_m = np.sqrt(np.sum((point - origin) ** 2, axis=1))
+    sine = -np.sum(local_axes(point)[:, 2] * rays.direction_ecef[low], axis=1)
+    sigma_rad[low] *= range_m / (FAR_M * np.maximum(sine, GRAZING))
+    return direction, sigma_rad
+
+
+def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArray) -> FloatArray:
+    """Return unit vectors (n, 3) of mean rays, from the means of their origins, directions and aims on the ground.
+
+    A low sensor's is that from the mean origin to the mean aim, where there is one.
+    """
+    along = np.where((are_low(origin_m) & np.isfinite(aim_m[:, 0]))[:, None], aim_m - origin_m, direction)
+    unit: FloatArray = along / np.sqrt(np.sum(along * along, axis=1))[:, None]
+    return unit
+
+
+def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return about how far (n,) sensors are from what they see, m."""
+    range_m = np.full(len(origin_m), FAR_M)
+    low = np.flatnonzero(are_low(origin_m))
+    if len(low):
+        apart = near_ground(origin_m[low], direction[low]) - origin_m[low]
+        found = np.sqrt(np.sum(apart * apart, axis=1))
+        range_m[low] = np.where(np.isfinite(found), found, FAR_M)
+    return range_m
 
 
 @frozen(eq=False)

@@ -11,8 +11,7 @@ from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
 from opir_core.scoring.coverage import GospaSettings, coverage, gospa_parts, mean_gospa, ticks_s
 from opir_core.scoring.errors import point_errors, state_errors
-from opir_core.scoring.evidence import true_states
-from opir_core.scoring.ownership import ownership, rows_in_force
+from opir_core.scoring.evidence import ownership, rows_in_force, true_states
 from opir_core.scoring.scorecard import GEOMETRIES, Scorecard
 from opir_core.simulation.run import run_of_plan
 

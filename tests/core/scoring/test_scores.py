@@ -20,8 +20,7 @@ from opir_core.scoring.consistency import (
     root_mean_square,
 )
 from opir_core.scoring.errors import ground_error
-from opir_core.scoring.evidence import true_states
-from opir_core.scoring.ownership import ownership
+from opir_core.scoring.evidence import ownership, true_states
 from opir_core.simulation.run import run_of_plan
 
 RNG = np.random.default_rng(11)

@@ -11,7 +11,7 @@ from opir_stonesoup.models import EarthFixedTransition, SightModel, sensor_axes
 from opir_stonesoup.reader import OpirDetectionReader
 from opir_stonesoup.tracker import StoneSoupTracker
 from opir_stonesoup.upkeep import SilenceDeleter, ground_prior
-from opir_trackers.low_orbit_ranges import FIRST_HEIGHT_M
+from opir_trackers.triangulation import FIRST_HEIGHT_M
 from stonesoup.predictor.kalman import ExtendedKalmanPredictor
 from stonesoup.predictor.particle import ParticlePredictor
 from stonesoup.tracker.simple import MultiTargetTracker

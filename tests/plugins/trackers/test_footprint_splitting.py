@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_trackers.footprint_splitting import parted, unlikelihood
+from opir_trackers.initiation import parted, unlikelihood
 from opir_trackers.triangulation import Fixes
 
 import opir_core as opir

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import candidates, gated
-from opir_trackers.predicted_measurements import PredictedMeasurements
 
 from opir_core.estimation.lines_of_sight import LinesOfSight, turned
 from opir_core.estimation.motion import BOOST

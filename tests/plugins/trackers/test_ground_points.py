@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from opir_trackers.ground_points import GroundPoints, impacts, renewed
-from opir_trackers.launch_points import launches
-from opir_trackers.predicted_measurements import PredictedMeasurements
+from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_trackers.ground_points import GroundPoints, impacts, launches, renewed
 from opir_trackers.stereo.report import evidence_of, type_posterior
 
 from opir_core.estimation.lines_of_sight import turned

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from opir_trackers.assignment import components, nearest, ranks
-from opir_trackers.joint_association import exact_marginals, marginals, propagated
+from opir_trackers.assignment import components, exact_marginals, marginals, nearest, propagated, ranks
 
 sizes = st.integers(1, 6)
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from opir_trackers.launch_points import _add_noise, _covariances, _on_ground, _turned, _whitened
-from opir_trackers.predicted_measurements import PredictedMeasurements
+from opir_trackers.filter.estimates import PredictedMeasurements
+from opir_trackers.ground_points import _add_noise, _covariances, _on_ground, _turned, _whitened
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation.motion import BOOST, weights_at

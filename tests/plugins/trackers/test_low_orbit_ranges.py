@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_trackers.low_orbit_ranges import from_afar, near_ground
+from opir_trackers.triangulation import from_afar, near_ground
 
 import opir_core as opir
 from opir_core.estimation.lines_of_sight import LinesOfSight

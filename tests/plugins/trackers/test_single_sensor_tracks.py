@@ -9,8 +9,7 @@ from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import load_scene
 from opir_core.scoring import evidence_of_run
 from opir_core.scoring.consistency import nees
-from opir_core.scoring.evidence import true_states
-from opir_core.scoring.ownership import ownership
+from opir_core.scoring.evidence import ownership, true_states
 from opir_core.simulation.run import run_of_plan
 
 SCENE = EXAMPLES / "pacific_test_range.yaml"

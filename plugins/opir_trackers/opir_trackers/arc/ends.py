@@ -13,7 +13,7 @@ from opir_core.geometry.occlusion import intersection_with_ellipsoid
 from opir_trackers.arc.fit import STEPS, ArcFits, solved
 from opir_trackers.ground_points import GroundPoints
 from opir_trackers.range_types import burn_s
-from opir_trackers.sensor_schedule import SensorSchedule
+from opir_trackers.sensors import SensorSchedule
 
 
 class LaunchGuess(NamedTuple):

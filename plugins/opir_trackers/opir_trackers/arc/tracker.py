@@ -19,8 +19,7 @@ from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.gating import candidates, gated
 from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilities
-from opir_trackers.ray_cache import LineOfSightCache
-from opir_trackers.sensor_schedule import SensorSchedule
+from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 from opir_trackers.stereo.tracking import StereoTracking
 
 #: The least detections of an arc.

@@ -24,7 +24,7 @@ from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import square_root
 from opir_core.estimation.lines_of_sight import along
 from opir_core.estimation.motion import COAST
-from opir_trackers.filter.mixtures import ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
 
 #: The standard deviation of targets' velocities over the ground along any axis, m/s: half as much again as the root
 #: mean square of one component through the burns of the three classes' median profiles (1240 m/s), three quarters of

@@ -20,10 +20,9 @@ from opir_core.estimation.lines_of_sight import Sights
 from opir_core.estimation.motion import BOOST, COAST
 from opir_trackers.filter import iterated_update, mode_mixing
 from opir_trackers.filter.dynamics import Dynamics
+from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.iterated_update import Mode
-from opir_trackers.filter.mixtures import ModeEstimates
 from opir_trackers.filter.mode_mixing import SHUT_OUT, restrained
-from opir_trackers.predicted_measurements import PredictedMeasurements
 
 __all__ = ("ImmFilter", "ModeEstimates")
 

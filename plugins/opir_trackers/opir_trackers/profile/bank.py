@@ -6,19 +6,18 @@ from attrs import evolve, frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation.lines_of_sight import LinesOfSight
-from opir_trackers.profile import fit, trials, windows
+from opir_trackers.profile import fit, windows
 from opir_trackers.profile import hypotheses as hypotheses_of
 from opir_trackers.profile.end import BurnEnds, ends_of
 from opir_trackers.profile.family import Family, Priors
 from opir_trackers.profile.fit import Hypotheses, Solved
-from opir_trackers.profile.hypotheses import joined
-from opir_trackers.profile.memory import FitMemory
+from opir_trackers.profile.hypotheses import FitMemory, joined
+from opir_trackers.profile.parts import are_open, parted, parts_of
 from opir_trackers.profile.rows import SPAN_S, Rows, compressed, means, normal_points, single
 from opir_trackers.profile.seen import TrackHistory
 from opir_trackers.profile.start import started
-from opir_trackers.profile.start_parts import are_open, parted, parts_of
 from opir_trackers.profile.strain import OffModelFilters, strained
-from opir_trackers.sensor_schedule import SensorSchedule
+from opir_trackers.sensors import SensorSchedule
 
 #: Ticks of a track at which its hypotheses are reviewed: linearised anew, row by row.
 REVIEWS = frozenset({1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20, 25, 32, 40, 50, 63, 79, 100, 126, 158, 200, 251, 316})
@@ -226,7 +225,7 @@ class Fitting:
             return found
         for _ in range(2):
             trial = hypotheses_of.distinct(self._relinearised(trial, rows, seen, tick_s, _STEPS))
-        return trials.enlarged(found, trial)
+        return windows.enlarged(found, trial)
 
     def _pitched_early(
         self, found: Hypotheses, rows: Rows, seen: TrackHistory, tick_s: float, track: IntArray
@@ -234,7 +233,7 @@ class Fitting:
         """Return hypotheses with those of tracks, by number, that one sensor sees, which pitched over unseen."""
         may = (found.window[:, 3] > 0.0) & seen.seen_by_one_sensor(found.track) & are_open(found, tick_s)
         may &= np.isin(found.track, track) & (hypotheses_of.probability(found) > _TELLING)
-        trial = trials.pitched_early(found.take(may), self.priors)
+        trial = windows.pitched_early(found.take(may), self.priors)
         return Hypotheses.concatenate([found, self._relinearised(trial, rows, seen, tick_s, _EARLY_STEPS)])
 
     def _relinearised(self, trial: Hypotheses, rows: Rows, seen: TrackHistory, tick_s: float, steps: int) -> Hypotheses:

@@ -19,8 +19,11 @@ vertical at the reference time, as a vector, rad; and logarithms, zero at the cl
 the start, of the burn time, of the rate at which acceleration grows, of the pitch exponent, of the time of the pitch
 start. The natural parameters have in these places the turn, and logarithms over medians of burnout speed, burn time,
 speed shape, pitch exponent and the pitch start's share of the burn.
+
+The priors of the classes of boosts, from what a scene says of them.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +33,8 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.flight.boost import LaunchSite, launch_site
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.columns import Columns
+from opir_core.scene.scene import TARGET_TYPES
+from opir_trackers.configs import BoostPriorsConfig
 from opir_trackers.profile import course
 from opir_trackers.profile.course import Courses
 
@@ -338,3 +343,28 @@ class Family:
         level = along * self.turn_north[row]
         by_latitude = (self.site.meridian_radius_m[row] + rise)[:, None] * north - level[:, None] * self.up[row]
         slope[:, NORTH] = by_latitude / RADIUS_M
+
+
+def priors_of(config: BoostPriorsConfig) -> Priors:
+    """Return the priors, one row a target type."""
+    rows = []
+    for kind in TARGET_TYPES:
+        prior = getattr(config, kind)
+        rows.append(
+            (
+                prior.burn_s,
+                prior.speed_m_s,
+                prior.speed_shape,
+                prior.pitch_exponent,
+                prior.pitch_start_share,
+                math.radians(prior.turn_deg),
+                prior.burn_sigma,
+                prior.speed_sigma,
+                prior.shape_sigma,
+                prior.pitch_sigma,
+                prior.start_sigma,
+                math.radians(prior.turn_sigma_deg),
+                config.hidden_s,
+            )
+        )
+    return Priors(*np.array(rows, dtype=np.float64).T)

@@ -1,16 +1,20 @@
-"""Hypotheses of a track's class and heading: how probable they are, which rows are theirs, where they begin."""
+"""Hypotheses of a track's class and heading: how probable they are, which rows are theirs, where they begin.
+
+What a bank remembers, with which hypotheses are linearised anew anywhere else.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
-from attrs import evolve
+from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_trackers.profile import fit
 from opir_trackers.profile.family import START, TURN_EAST, TURN_NORTH, Anchors, Family, Priors, natural
-from opir_trackers.profile.fit import Hypotheses
+from opir_trackers.profile.fit import Hypotheses, Solved
 from opir_trackers.profile.rows import Rows
+from opir_trackers.profile.seen import TrackHistory
 
 #: The chance below which a hypothesis is given up.
 GIVEN_UP = 1e-3
@@ -160,3 +164,20 @@ def on_the_ground(rows: Rows) -> FloatArray:
     nearest = rows.origin_ecef_m - np.sum(rows.origin_ecef_m * direction, axis=1)[:, None] * direction
     met = np.asarray(np.isfinite(point).all(axis=1))
     return np.where(met[:, None], point, nearest)
+
+
+@frozen(eq=False)
+class FitMemory:
+    """All rows of tracks, what was seen of them, the priors of their classes and the biases (sensors,) of sensors."""
+
+    rows: Rows
+    seen: TrackHistory
+    priors: Priors
+    bias_sigma_rad: FloatArray
+
+    def linearised(self, hypotheses: Hypotheses) -> tuple[Hypotheses, Family, Solved]:
+        """Return hypotheses with all their rows, linearised where they stand, their paths, and the solutions."""
+        family = fit.family_of(hypotheses, self.priors)
+        row, owner = joined(hypotheses.track, self.rows.track)
+        found = fit.with_rows(hypotheses.cleared(), family, self.rows.take(row), owner, np.ones(len(row)))
+        return found, family, fit.solved(found, self.priors, self.bias_sigma_rad)

@@ -14,11 +14,11 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_trackers.profile import flight
 from opir_trackers.profile.burnout_speed import Placed, moved_by_speed, placed
 from opir_trackers.profile.containing import ContainingArcs
-from opir_trackers.profile.end_parts import given_ends
 from opir_trackers.profile.family import SPEED, Priors
 from opir_trackers.profile.fit import Hypotheses, family_of, plausible
 from opir_trackers.profile.flight import HERMITE_NODES, HERMITE_WEIGHTS, Moments, off_ground, on_ground
-from opir_trackers.profile.memory import FitMemory
+from opir_trackers.profile.hypotheses import FitMemory
+from opir_trackers.profile.parts import given_ends
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel

@@ -3,6 +3,15 @@
 Estimates of a track's hypotheses are blended by their probabilities; the covariance holds what they differ by. Beside
 the impact's covariance is told how far its ellipses reach that hold what they say (`containing`), and beside the
 state's, its ellipsoids (`holding`).
+
+By how much states at rest, and of upright flight, are less certain than slopes say.
+
+How far ellipsoids of states reach that hold what they say, where a state's distribution is a mixture.
+
+Mean and covariance of what one sensor knows are its own, and yet most states lie nearer than those of a normal
+distribution and a few far off. The squared distance of a normal distribution from another's middle is a sum of χ²
+variables, which is told by its first three cumulants (Hall, Buckley and Eagleson; Buckley and Eagleson, Austral. J.
+Statist. 30A, 1988, 150): exact where both are one, and to a hundredth of what is held where a mixture differs.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,17 +22,115 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
 from opir_trackers.profile import flight
 from opir_trackers.profile.containing import ContainingArcs, containing_sigmas
-from opir_trackers.profile.doubts import doubts
-from opir_trackers.profile.family import EAST, NORTH, RADIUS_M, START, Family, Priors
+from opir_trackers.profile.family import EAST, LIFT, NORTH, RADIUS_M, START, Family, Priors
 from opir_trackers.profile.fit import Hypotheses, family_of
 from opir_trackers.profile.flight import Moments, off_ground, on_ground
-from opir_trackers.profile.holding import holding_sigmas
-from opir_trackers.profile.memory import FitMemory
+from opir_trackers.profile.hypotheses import FitMemory
 from opir_trackers.profile.open_impacts import open_impacts
 from opir_trackers.profile.thrust_end import with_ends
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
+
+#: How fast a boost sets out, m/s², about, and the least doubt about when it did, s.
+_ACCELERATION_M_S2 = 15.0
+_START_DOUBT_S = 0.05
+
+
+def doubts(hypotheses: Hypotheses, family: Family, tick_s: float, state: FloatArray, priors: Priors) -> FloatArray:
+    """Return the covariances (n, 6, 6) by which states at rest and upright are less certain than slopes say."""
+    # What has no heading yet tells no turn either: it is the class's.
+    turn_rad = np.where(hypotheses.is_bent > 0, family.courses.turn_rad, priors.turn_rad[hypotheses.kind])
+    spread = hypotheses.spread
+    return _at_rest(family, spread, tick_s) + _upright(family, spread, tick_s, state, turn_rad)
+
+
+def _at_rest(family: Family, spread: FloatArray, tick_s: float) -> FloatArray:
+    """Return the covariances (n, 6, 6) by which states at rest are less certain than their slopes say.
+
+    A target that is estimated to start later may have started already: it then moves by the time in doubt.
+    """
+    doubt_s = np.sqrt(spread[:, START, START]) + _START_DOUBT_S
+    waits = tick_s <= family.start_s + doubt_s
+    sigma = np.concatenate([np.full(3, 0.5 * _ACCELERATION_M_S2), np.full(3, _ACCELERATION_M_S2)])
+    times = doubt_s[:, None] ** np.array([2, 2, 2, 1, 1, 1])
+    variance = np.where(waits[:, None], np.square(sigma * times), 0.0)
+    more: FloatArray = variance[:, :, None] * np.eye(6)
+    return more
+
+
+def _upright(family: Family, spread: FloatArray, tick_s: float, state: FloatArray, turn_rad: FloatArray) -> FloatArray:
+    """Return the covariances (n, 6, 6) by which states of upright flight are less certain than their slopes say.
+
+    A target that is estimated to pitch over later may have done so already: it then leans by what the time in doubt
+    bends it, of the whole turn (n,).
+    """
+    flown = family.courses
+    pitch_s = flown.lift * flown.burn_s
+    both = spread[:, START, START] + 2.0 * pitch_s * spread[:, START, LIFT]
+    doubt_s = np.sqrt(np.maximum(both + np.square(pitch_s) * spread[:, LIFT, LIFT], 0.0))
+    upright = tick_s <= family.start_s + pitch_s + doubt_s
+    share = np.minimum(doubt_s / flown.burn_s, 1.0) ** flown.pitch_exponent
+    lean = turn_rad * np.sin(0.5 * np.pi * share)
+    sideways = 0.5 * lean * np.sqrt(np.sum(np.square(state[:, 3:]), axis=1))
+    sigma = np.stack([0.5 * sideways * doubt_s] * 3 + [sideways] * 3, axis=1)
+    variance = np.where(upright[:, None], np.square(sigma), 0.0)
+    more: FloatArray = variance[:, :, None] * np.eye(6)
+    return more
+
+
+#: Squared distances at which is counted what they hold: of six dimensions, no more than a twentieth lies beyond 120.
+_SQUARES = np.geomspace(0.5, 130.0, 64)
+
+#: No direction of a correlation is known better than this.
+_LEAST_CORRELATION = 1e-12
+
+
+def holding_sigmas(parts: Moments, weight: FloatArray, row: IntArray, told: Moments) -> FloatArray:
+    """Return the radii (count, 3) of ellipsoids of told states that hold `TOLD_CONTAINMENTS` of their parts' mixture.
+
+    They are in standard deviations of the told covariances (count, d, d); parts (n,) belong to the told ones of `row`
+    (n,), with weights (n,). nan where there is one part, which is normally distributed, or one that is not known.
+    """
+    from scipy.special import gammainc
+
+    count = len(told)
+    found = np.full((count, len(TOLD_CONTAINMENTS)), np.nan)
+    known = [
+        np.isfinite(each.mean).all(axis=1) & np.isfinite(each.covariance).all(axis=(1, 2)) for each in (parts, told)
+    ]
+    unknown = np.bincount(row, ~known[0], count) > 0
+    mixed = known[1] & ~unknown & (np.bincount(row, minlength=count) > 1)
+    used = np.flatnonzero(mixed[row])
+    if not len(used):
+        return found
+    one, two, three = _cumulants(parts.take(used), told.take(row[used]))
+    freedom = two**3 / three**2
+    scaled = (_SQUARES - one[:, None]) * np.sqrt(freedom / two)[:, None] + freedom[:, None]
+    held = gammainc(0.5 * freedom[:, None], 0.5 * np.maximum(scaled, 0.0))
+    total = np.zeros((count, len(_SQUARES)))
+    np.add.at(total, row[used], weight[used, None] * held)
+    share = np.bincount(row[used], weight[used], count)
+    for mine in np.flatnonzero(mixed).tolist():
+        found[mine] = np.interp(TOLD_CONTAINMENTS, total[mine] / share[mine], np.sqrt(_SQUARES))
+    return found
+
+
+def _cumulants(parts: Moments, told: Moments) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return Σ λʲ (1 + j b²), j = 1, 2, 3, (n,) of parts' squared distances Σ λ (z + b)² from what is told."""
+    sigma = np.sqrt(np.diagonal(told.covariance, axis1=1, axis2=2))
+    scale = sigma[:, :, None] * sigma[:, None]
+    value, axes = np.linalg.eigh(told.covariance / scale)
+    white = axes / np.sqrt(np.maximum(value, _LEAST_CORRELATION))[:, None]
+    away = np.sum(white * ((parts.mean - told.mean) / sigma)[:, :, None], axis=1)
+    spread = white.transpose(0, 2, 1) @ (parts.covariance / scale) @ white
+    square = spread @ spread
+    moved = np.sum(spread * away[:, None], axis=2)
+    one = np.trace(spread, axis1=1, axis2=2) + np.sum(away * away, axis=1)
+    two = np.trace(square, axis1=1, axis2=2) + 2.0 * np.sum(away * moved, axis=1)
+    three = np.sum(square * spread, axis=(1, 2)) + 3.0 * np.sum(moved * moved, axis=1)
+    return one, two, three
+
 
 #: A hypothesis less probable than this is left out of the blend.
 _LEAST = 1e-3

@@ -7,7 +7,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_trackers.profile.end import Silence
 from opir_trackers.profile.rows import Rows
-from opir_trackers.sensor_schedule import SensorSchedule
+from opir_trackers.sensors import SensorSchedule
 from opir_trackers.stereo.report import STAGED_S
 
 #: A sensor's chance of detection is believed as much as so many looks.

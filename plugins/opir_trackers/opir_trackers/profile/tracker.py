@@ -1,4 +1,7 @@
-"""The tracker `boost-profile`: association by the stereo filter, estimates by the fit of boost profiles."""
+"""The tracker `boost-profile`: association by the stereo filter, estimates by the fit of boost profiles.
+
+Tracks that begin with rays from before they were known: the fit goes through that time as if it had known them.
+"""
 
 import numpy as np
 from attrs import evolve
@@ -12,14 +15,36 @@ from opir_core.scene.scene import TARGET_TYPES
 from opir_trackers.configs import BoostProfileConfig
 from opir_trackers.profile import hypotheses as hypotheses_of
 from opir_trackers.profile.bank import Fitting
-from opir_trackers.profile.beginning import caught_up
+from opir_trackers.profile.family import priors_of
 from opir_trackers.profile.fit import Hypotheses
-from opir_trackers.profile.priors import priors_of
 from opir_trackers.profile.report import Basis, report
 from opir_trackers.profile.strain import OffModelFilters
 from opir_trackers.profile.trust import apart, blended, chances, typed
-from opir_trackers.sensor_schedule import SensorSchedule
+from opir_trackers.sensors import SensorSchedule
 from opir_trackers.stereo.tracker import StereoTracker
+
+
+def caught_up(
+    fitting: Fitting,
+    bank: OffModelFilters,
+    track: IntArray,
+    rays: LinesOfSight,
+    stray: FloatArray,
+    cadence_s: float,
+    now_s: float,
+) -> OffModelFilters:
+    """Return the bank with tracks that begin with rays (m,) from up to a tick, given to them by number (m,).
+
+    All at once they would leave the fit far from where it begins. So each tick that one of the tracks was seen in is
+    taken by itself. `stray` (m,) is the share of strays among each ray's track's.
+    """
+    young = OffModelFilters.empty(bank.seen.hits.shape[1])
+    ticks_s = np.minimum((np.floor(rays.time_s / cadence_s) + 1.0) * cadence_s, now_s)
+    for tick_s in np.unique(ticks_s).tolist():
+        mine = np.flatnonzero(ticks_s == tick_s)
+        young = fitting.stepped(young, tick_s, track[mine], rays.take(mine), stray[mine])
+    return bank.joined(young)
+
 
 #: Rays that belong to no track are kept for this long, s, or this many scans, for a track that begins later.
 _POOL_S, _POOL_SCANS = 20.0, 20

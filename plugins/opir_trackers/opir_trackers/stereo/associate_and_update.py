@@ -19,14 +19,14 @@ from opir_trackers.association import (
     scan_numbers,
     uncontested,
 )
-from opir_trackers.biases import Biases
 from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.mode_mixing import are_loose
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, candidates, gated
-from opir_trackers.predicted_measurements import PredictedMeasurements
+from opir_trackers.sensors import Biases
 from opir_trackers.stereo.ghosts import RANGE_M, Slice, without_ghosts
-from opir_trackers.stereo.outlier_fraction import FEW, Outliers, Span, doubtful, unsuspected, weighed
+from opir_trackers.stereo.measurement_weights import FEW, Outliers, Span, doubtful, unsuspected, weighed
 from opir_trackers.stereo.track_management import TrackTable
 
 #: A settled assignment may reach this much farther than the first gate, in standard deviations.

@@ -15,7 +15,8 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import LinesOfSight, Sights
 from opir_trackers.assignment import nearest
 from opir_trackers.association import Chances, scan_groups
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, gated
 
 #: Rivals share at least this share of the rays that one of them holds of a sensor.

@@ -11,7 +11,8 @@ from opir_core.flight.forces import Forces
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.ground_points import impacts
 from opir_trackers.stereo.track_management import TrackTable
 

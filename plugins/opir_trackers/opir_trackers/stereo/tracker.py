@@ -18,11 +18,9 @@ from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.association import associate_nearest, nobody
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.gating import candidates, gated
-from opir_trackers.ray_cache import LineOfSightCache
-from opir_trackers.sensor_schedule import looks_a_second
-from opir_trackers.stereo.outlier_fraction import SHARES, Outliers
-from opir_trackers.stereo.tracker_state import TrackerState
-from opir_trackers.stereo.tracking import StereoTracking
+from opir_trackers.sensors import LineOfSightCache, looks_a_second
+from opir_trackers.stereo.measurement_weights import SHARES, Outliers
+from opir_trackers.stereo.tracking import StereoTracking, TrackerState
 
 
 def earlier_owners(tracking: StereoTracking, now: TrackerState, number: IntArray, rays: LinesOfSight) -> IntArray:

@@ -1,34 +1,79 @@
-"""The tracker `stereo-filter`: association, track management, the IMM filter; each slice makes a new `TrackerState`."""
+"""The tracker `stereo-filter`: association, track management, the IMM filter; each slice makes a new `TrackerState`.
+
+All that the tracker `stereo-filter` knows at a time, as one frozen record: a step makes a new one.
+
+So late detections are taken in by going back to the situation before them and stepping forward again: the result is
+that of their having been in time.
+"""
 
 from collections.abc import Iterator
 from math import ceil
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, no_sights
+from opir_core.estimation.lines_of_sight import LinesOfSight, no_rays, no_sights
 from opir_core.flight.forces import Forces, forces_of
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers import initiation
 from opir_trackers.association import Chances, associate_nearest, nobody, plain
-from opir_trackers.biases import Biases
 from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
-from opir_trackers.ground_points import GroundPoints, renewed
-from opir_trackers.launch_points import launches
+from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.ground_points import GroundPoints, launches, renewed
+from opir_trackers.sensors import Biases
 from opir_trackers.stereo import track_management
-from opir_trackers.stereo.ambiguous_histories import LONGEST_S, asked, kept, slice_sights, turned
 from opir_trackers.stereo.associate_and_update import AssociateAndUpdate, AssociationResult
-from opir_trackers.stereo.duplicate_tracks import doubles, remembered_s
 from opir_trackers.stereo.ghosts import RANGE_M
-from opir_trackers.stereo.histories import Histories, lasting_s, mean_sights
+from opir_trackers.stereo.histories import (
+    LONGEST_S,
+    Histories,
+    asked,
+    kept,
+    lasting_s,
+    mean_sights,
+    slice_sights,
+    turned,
+)
 from opir_trackers.stereo.history_assignment import decided
 from opir_trackers.stereo.report import estimates, evidence_of, free_flights, type_posterior
-from opir_trackers.stereo.tracker_state import TrackerState
+from opir_trackers.stereo.track_management import SharedDetections, TrackTable, doubles, remembered_s
 from opir_trackers.track_priors import filter_of, first_bank
+
+
+@frozen(eq=False)
+class TrackerState:
+    """All a tracker knows at a time: estimates, roster, recent rays that belong to no track, and the next number.
+
+    `doubtful` are the numbers of tracks that may have others' histories, and what is told of them; `recent` says in
+    which scans tracks were seen lately.
+    """
+
+    time_s: float
+    bank: ModeEstimates
+    roster: TrackTable
+    pool: LinesOfSight
+    reported: IntArray
+    histories: Histories = field(factory=Histories.none)
+    doubtful: tuple[IntArray, ModeEstimates] = field(
+        factory=lambda: (np.empty(0, dtype=np.int64), ModeEstimates.empty())
+    )
+    next_number: int = 0
+    recent: SharedDetections = field(factory=SharedDetections.empty)
+
+    def after(self, time_s: float, bank: ModeEstimates, roster: TrackTable, histories: Histories) -> "TrackerState":
+        """Return the situation at a time with its tracks as they are then."""
+        known = self.doubtful, self.next_number, self.recent
+        return TrackerState(time_s, bank, roster, self.pool, self.reported, histories, *known)
+
+    @classmethod
+    def first(cls, sensors: int) -> "TrackerState":
+        """Return the situation before the first detection, of a scene with so many sensors."""
+        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_rays(), np.empty(0, dtype=np.int64))
+
 
 #: A track's launch is worked out as long as it is no older than this, s.
 _YOUNG_S = 10.0

@@ -6,7 +6,7 @@ from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import impacts, launches, shots, states_at
 from opir_trackers.arc.fit import ArcFits
 from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilities
-from opir_trackers.sensor_schedule import SensorSchedule
+from opir_trackers.sensors import SensorSchedule
 from scipy.optimize import least_squares
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from opir_trackers.configs import StereoFilterConfig
-from opir_trackers.filter.dragged_fall import DraggedFall
-from opir_trackers.filter.mixtures import ModeEstimates
+from opir_trackers.filter.dynamics import DraggedFall
+from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.track_priors import filter_of
 
 from opir_core.estimation.motion import COAST, Motion

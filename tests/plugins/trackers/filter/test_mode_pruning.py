@@ -2,7 +2,8 @@
 
 import numpy as np
 from attrs import evolve
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import THRUST, Thrust
 
 from opir_core.estimation import square_root

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import THRUST, Thrust
 from opir_trackers.gating import candidates, gated
 

@@ -3,7 +3,8 @@
 import numpy as np
 from class_flights import GEO_M, PRIORS, SLOTS_RAD, flights
 from opir_trackers.filter.dynamics import Dynamics
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
 from opir_trackers.profile import fit
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from class_flights import PRIORS, flights, lines_of_sight, watch_of
 from opir_trackers.profile.bank import Fitting
-from opir_trackers.profile.beginning import caught_up
 from opir_trackers.profile.strain import OffModelFilters
+from opir_trackers.profile.tracker import caught_up
 from scipy.stats import chi2
 
 import opir_core as opir

@@ -8,10 +8,10 @@ from exact_boost_posteriors import Looks, effective, impacts_of, sampled
 from opir_trackers.profile import fit
 from opir_trackers.profile import report as report_module
 from opir_trackers.profile.bank import Fitting
-from opir_trackers.profile.end_parts import given_ends
 from opir_trackers.profile.flight import on_ground
 from opir_trackers.profile.hypotheses import probability
 from opir_trackers.profile.open_impacts import open_impacts
+from opir_trackers.profile.parts import given_ends
 from opir_trackers.profile.report import Basis, report
 
 from opir_core.scene.scene import TARGET_TYPES

@@ -22,9 +22,9 @@ from opir_trackers.profile.family import (
     Priors,
     fitted,
     natural,
+    priors_of,
 )
 from opir_trackers.profile.fit import SPACING
-from opir_trackers.profile.priors import priors_of
 from opir_trackers.profile.report import Basis, report
 from opir_trackers.profile.rows import compressed, normal_points, single
 from opir_trackers.profile.windows import windowed

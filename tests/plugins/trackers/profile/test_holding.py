@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_trackers.profile.flight import Moments
-from opir_trackers.profile.holding import holding_sigmas
+from opir_trackers.profile.report import holding_sigmas
 from scipy.stats import chi2, kstest, ncx2
 
 from opir_core.interfaces.records import TOLD_CONTAINMENTS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from opir_trackers.profile.robust_means import GATE, detrended, medians, weights_of
+from opir_trackers.profile.rows import GATE, detrended, medians, weights_of
 
 SIGMA_RAD = 2e-5
 

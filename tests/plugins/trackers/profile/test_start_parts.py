@@ -12,8 +12,8 @@ from opir_trackers.profile.bank import Fitting
 from opir_trackers.profile.family import SHAPE, START
 from opir_trackers.profile.fit import Solved
 from opir_trackers.profile.hypotheses import probability
+from opir_trackers.profile.parts import parted, parts_of
 from opir_trackers.profile.report import Basis, report
-from opir_trackers.profile.start_parts import parted, parts_of
 from scipy.integrate import quad
 from scipy.stats import halfnorm, norm
 

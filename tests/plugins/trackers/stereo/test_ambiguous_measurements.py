@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
-from opir_trackers.stereo.ambiguous_histories import turned
-from opir_trackers.stereo.ambiguous_measurements import AmbiguousMeasurements
-from opir_trackers.stereo.histories import Histories, weighed
-from opir_trackers.stereo.swap_likelihood import settled_exchanges
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
+from opir_trackers.stereo.histories import Histories, turned, weighed
+from opir_trackers.stereo.history_assignment import settled_exchanges
+from opir_trackers.stereo.measurement_weights import AmbiguousMeasurements
 
 from opir_core.estimation.lines_of_sight import Sights, axes_across
 from opir_core.estimation.motion import BOOST, COAST, Motion

@@ -1,7 +1,7 @@
 """Which of two tracks that follow one target is let go, and which two follow two."""
 
 import numpy as np
-from opir_trackers.stereo.duplicate_tracks import SharedDetections, doubles, remembered_s
+from opir_trackers.stereo.track_management import SharedDetections, doubles, remembered_s
 
 from opir_core.estimation.lines_of_sight import no_rays
 

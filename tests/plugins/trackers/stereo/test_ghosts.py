@@ -2,7 +2,8 @@
 
 import numpy as np
 from opir_trackers.association import Chances
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import candidates, gated
 from opir_trackers.stereo.ghosts import Slice, without_ghosts
 

@@ -5,7 +5,8 @@ from itertools import permutations
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.filter.switching import ImmFilter, ModeEstimates
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.stereo.histories import Histories, lasting_s, mean_sights, with_biases
 from opir_trackers.stereo.history_assignment import decided
 

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from off_model_flights import flown
 from opir_trackers.gating import GatedPairs
-from opir_trackers.stereo.outlier_fraction import SHARES, Outliers, doubtful, shares_told, unsuspected
+from opir_trackers.stereo.measurement_weights import SHARES, Outliers, doubtful, shares_told, unsuspected
 from tracked_flights import followed, rows_of, usual
 
 from opir_core.scoring.consistency import nees

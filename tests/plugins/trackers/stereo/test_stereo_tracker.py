@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from attrs import evolve
 from opir_trackers.configs import StereoFilterConfig
-from opir_trackers.predicted_measurements import PredictedMeasurements
+from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.stereo.tracker import StereoTracker, stereo_filter
 
 from opir_core.estimation.lines_of_sight import axes_across

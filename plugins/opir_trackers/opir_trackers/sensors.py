@@ -1,4 +1,8 @@
-"""What the constant biases of sensors add to an estimate: they are not estimated, and do not average out.
+"""Rays of detections, worked out once: a tracker's labels and its estimates ask for the same.
+
+What trackers take the sensors of a scene to be: how often each looks, and how likely it sees.
+
+What the constant biases of sensors add to an estimate: they are not estimated, and do not average out.
 
 A filter that takes single lines of sight for as wide as noise and bias together neither loses biased rays nor trusts
 them too much at once; what it gains by averaging, the bias takes back. So the covariance of the place that biased rays
@@ -6,7 +10,9 @@ meet in is added to what is told (a consider analysis after Schmidt; Tapley, Sch
 Determination", 2004, 6.2).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from attrs import Factory, evolve, field, frozen
@@ -14,6 +20,43 @@ from attrs import Factory, evolve, field, frozen
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.estimation.lines_of_sight import LinesOfSight, turned
 from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.records import Detections
+from opir_core.scene.scene import TARGET_TYPES
+
+#: The chance of detection of a sensor that states none for a type.
+_UNSTATED = 0.5
+
+
+@frozen(eq=False)
+class SensorSchedule:
+    """Scan periods (sensors,), s, chances of detection (sensors, types), spreads of bias (sensors,), and who follows.
+
+    A sensor that `follows` bodies sees them after the burn too: of its end it tells nothing.
+    """
+
+    period_s: FloatArray
+    chance: FloatArray
+    bias_sigma_rad: FloatArray
+    follows: BoolArray
+
+    @classmethod
+    def of(cls, sensors: Sequence[Sensor], *, least: float, most: float) -> "SensorSchedule":
+        """Return the watch of a scene's sensors; what they state of their chances is believed from least to most."""
+        chance = [[sensor.detection_probability.get(kind, _UNSTATED) for kind in TARGET_TYPES] for sensor in sensors]
+        stated = np.array(chance, dtype=np.float64).reshape(len(sensors), len(TARGET_TYPES))
+        return cls(
+            period_s=np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors]),
+            chance=np.clip(stated, least, most),
+            bias_sigma_rad=np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]),
+            follows=np.array([sensor.follows_bodies for sensor in sensors], dtype=np.bool_),
+        )
+
+
+def looks_a_second(sensors: Sequence[Sensor]) -> float:
+    """Return how many detections a second sensors promise of a target that all of them see, over all types alike."""
+    watch = SensorSchedule.of(sensors, least=0.01, most=1.0)
+    return float(np.sum(watch.chance.mean(axis=1) / watch.period_s))
+
 
 #: Where rays say nothing of a direction, a place is known this well beforehand, m.
 _BEFOREHAND_M = 30e3
@@ -84,3 +127,36 @@ def position_covariance(
     added = inverse @ moved @ inverse
     symmetric: FloatArray = 0.5 * (added + added.transpose(0, 2, 1))
     return symmetric
+
+
+#: What makes detections rays.
+_seen = attrgetter("time_ns", "sensor", "scan", "line_of_sight_ecef", "sensor_ecef_m", "line_of_sight_sigma_rad")
+
+
+class LineOfSightCache:
+    """The rays that some way makes of detections; those asked for last are kept."""
+
+    def __init__(self, way: Callable[[Detections], LinesOfSight]) -> None:
+        self._way = way
+        self._met: tuple[Detections, LinesOfSight] | None = None
+
+    def of(self, detections: Detections) -> LinesOfSight:
+        """Return the rays of detections: the same record for the same rays."""
+        if self._met is None or not _alike(self._met[0], detections):
+            self._met = detections, self._way(detections)
+        elif self._met[0] is not detections:
+            self._met = detections, self._met[1]
+        return self._met[1]
+
+
+def _alike(one: Detections, other: Detections) -> bool:
+    """Return whether the rays of two records are the same, to the last bit."""
+    if one is other:
+        return True
+    if len(one.time_ns) != len(other.time_ns):
+        return False
+    return all(map(_same, _seen(one), _seen(other)))
+
+
+def _same(one: Any, other: Any) -> bool:
+    return one is other or one.tobytes() == other.tobytes()
