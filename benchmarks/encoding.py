@@ -32,7 +32,7 @@ from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Band, Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.interfaces.viewpoints import AzimuthElevation
-from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import (
     rounded,

@@ -29,9 +29,9 @@ from opir_kafka.carrier import KafkaCarrier
 from opir_kafka.connection import connector
 from opir_kafka.settings import KafkaConfig
 
-from opir_core.output.spool.batches import MemoryBacklog, Packer
-from opir_core.output.spool.dispatch import Dispatch, Policy
+from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.transport_sink import Policy, TransportSink
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 import kafka_broker
@@ -149,7 +149,7 @@ def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None
     carrier = KafkaCarrier(config, connector(config))
     while carrier.trouble is not None:
         time.sleep(0.001)
-    sink = Dispatch("kafka", carrier, backlog, Packer(ENCODER, SENSORS), Policy())
+    sink = TransportSink("kafka", carrier, backlog, EncodedBatcher(ENCODER, SENSORS), Policy())
     events = sum(len(each.detections) for each in windows)
     began = time.perf_counter()
     for each in windows:

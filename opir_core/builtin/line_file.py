@@ -8,7 +8,7 @@ from pathlib import Path
 from opir_core.errors import SinkError, reason_of, way_to_write
 from opir_core.interfaces.protocols import Delivery, Encoder
 from opir_core.interfaces.records import Window
-from opir_core.output.events.blocks import only_encodable, window_blocks
+from opir_core.output.events.encoder_input import only_encodable, window_blocks
 
 #: The path that stands for standard output.
 STANDARD_OUTPUT = "-"

@@ -20,8 +20,8 @@ from opir_core.live.change_validation import Draft, drafted_launch, drafted_sett
 from opir_core.live.laps import Laps, Launched, Place, Shift, past, timed
 from opir_core.live.pace import Pace
 from opir_core.live.plan_updates import looked_at
-from opir_core.live.sink_thread import SinkStatus, SinkThread
 from opir_core.output.delivery import opened_sink
+from opir_core.output.sink_thread import SinkStatus, SinkThread
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_mapping
@@ -168,8 +168,8 @@ class LiveRun:
         plan, outlets = self.plan, list[SinkThread]()
         try:
             for choice in plan.scene.outputs:
-                is_kept = choice.spool is not None
-                outlets.append(SinkThread(choice.path, choice.name, opened_sink(plan, choice), is_kept=is_kept))
+                is_spooled = choice.spool is not None
+                outlets.append(SinkThread(choice.path, choice.name, opened_sink(plan, choice), is_spooled=is_spooled))
         except BaseException:
             for outlet in outlets:
                 outlet.close(time.monotonic() + 1.0)
@@ -340,11 +340,11 @@ class LiveRun:
         """Give a window to the outlets, to those with a spool first: nobody hears of an event that may yet be lost."""
         outlets = self._outlets if len(window.detections) else ()
         for outlet in outlets:
-            if outlet.is_kept:
+            if outlet.is_spooled:
                 outlet.write(window, self._stopping)
         self._counts.take(window)
         for outlet in outlets:
-            if not outlet.is_kept:
+            if not outlet.is_spooled:
                 outlet.write(window, self._stopping)
 
     def _next_lap(self, laps: Laps) -> Place:
@@ -369,5 +369,5 @@ class LiveRun:
                 self._laps.prepare(place.lap + 1, draft.base)
             for choice in draft.reopened:
                 outlet = next(outlet for outlet in self._outlets if outlet.path == choice.path)
-                outlet.replace(partial(opened_sink, draft.engine.plan, choice), is_kept=choice.spool is not None)
+                outlet.replace(partial(opened_sink, draft.engine.plan, choice), is_spooled=choice.spool is not None)
             answer.set_result(self._counts.cycle)

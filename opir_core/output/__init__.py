@@ -10,17 +10,16 @@ if TYPE_CHECKING:
     from opir_core.output.delivery import RunOutcome, deliver
     from opir_core.output.events import detection_schema, schema
     from opir_core.output.pump import SinkReport
-    from opir_core.output.tracks_file import TracksFile, read_tracks
-    from opir_core.output.truth_file import TruthFile
+    from opir_core.output.run_files import TracksFile, TruthFile, read_tracks
 
 _HOMES = {
     "RunOutcome": "output.delivery",
     "SinkReport": "output.pump",
-    "TracksFile": "output.tracks_file",
-    "TruthFile": "output.truth_file",
+    "TracksFile": "output.run_files",
+    "TruthFile": "output.run_files",
     "deliver": "output.delivery",
     "detection_schema": "output.events",
-    "read_tracks": "output.tracks_file",
+    "read_tracks": "output.run_files",
     "schema": "output.events",
 }
 

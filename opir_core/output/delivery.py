@@ -1,4 +1,4 @@
-"""A run on its way out: windows through the scene's sinks, the truth into its own file, and what came of it."""
+"""Batch runs: windows into the scene's sinks, truth and tracks into files of their own."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
@@ -23,23 +23,23 @@ from opir_core.simulation.summary import Tally
 
 @frozen(eq=False)
 class RunOutcome:
-    """What came of a run: its summary, its manifest, and what each sink took."""
+    """Summary, manifest and sink reports of a run."""
 
     summary: Mapping[str, Any]
     manifest: Mapping[str, Any]
     report: PumpReport
 
     def raise_for_failures(self) -> None:
-        """Raise `SinkError` if any sink failed, with what each had delivered."""
-        told = [
-            f"{sink.error} ({sink.delivered} events delivered, {_kept(sink)}{sink.dropped} lost)"
+        """Raise `SinkError` if any sink failed, with its event counts."""
+        failures = [
+            f"{sink.error} ({sink.delivered} events delivered, {_spooled(sink)}{sink.dropped} lost)"
             for sink in self.report.failures
         ]
-        if told:
-            raise SinkError("\n".join(told))
+        if failures:
+            raise SinkError("\n".join(failures))
 
 
-def _kept(sink: SinkReport) -> str:
+def _spooled(sink: SinkReport) -> str:
     return f"{sink.spooled} spooled, " if sink.spooled else ""
 
 
@@ -50,41 +50,38 @@ def deliver(
     tracks_path: Path | None = None,
     on_window: Callable[[Window], None] | None = None,
 ) -> RunOutcome:
-    """Run a plan into the sinks of its scene and return what came of it; memory use does not grow with duration.
+    """Run a plan into the sinks of its scene and return the outcome; memory use does not grow with duration.
 
-    `on_window` is called with each window once it is delivered. A failing sink does not stop the others. Raises
-    `SinkError` where the truth or the tracks cannot be written; `RunOutcome.raise_for_failures` does for the sinks.
+    `on_window` is called with each window after the sinks. A failing sink does not stop the others. Raises `SinkError`
+    if truth or tracks cannot be written; for the sinks, `RunOutcome.raise_for_failures` does.
     """
     tally = Tally(plan)
     windows = tally.over(plan_windows(plan))
-    if truth_path is not None:
-        windows = _with_truth(plan, truth_path, windows)
-    if tracks_path is not None:
-        windows = _with_tracks(tracks_path, windows)
+    if truth_path is not None or tracks_path is not None:
+        windows = _recorded(plan, windows, truth_path, tracks_path)
     report = pump(windows, _sinks(plan), on_window=on_window)
     return RunOutcome(tally.summary(), run_manifest(plan, tally.counts()), report)
 
 
-def _with_truth(plan: Plan, path: Path, windows: Iterable[Window]) -> Iterator[Window]:
-    from opir_core.output.truth_file import TruthFile
+def _recorded(
+    plan: Plan, windows: Iterable[Window], truth_path: Path | None, tracks_path: Path | None
+) -> Iterator[Window]:
+    """Yield windows after their truth and tracks are written to files."""
+    from opir_core.output.run_files import TracksFile, TruthFile
 
-    with TruthFile(path, plan) as truth:
+    with ExitStack() as files:
+        truth = None if truth_path is None else files.enter_context(TruthFile(truth_path, plan))
+        tracks = None if tracks_path is None else files.enter_context(TracksFile(tracks_path))
         for window in windows:
-            truth.write(window)
-            yield window
-
-
-def _with_tracks(path: Path, windows: Iterable[Window]) -> Iterator[Window]:
-    from opir_core.output.tracks_file import TracksFile
-
-    with TracksFile(path) as tracks:
-        for window in windows:
-            tracks.write(window.tracks)
+            if truth is not None:
+                truth.write(window)
+            if tracks is not None:
+                tracks.write(window.tracks)
             yield window
 
 
 def _sinks(plan: Plan) -> Mapping[str, Sink]:
-    """Return the scene's sinks by their place in it, `outputs[0].jsonl`; where one cannot be had, none stays open."""
+    """Return the scene's sinks, open, by their path in it, `outputs[0].jsonl`; if one cannot be opened, none is."""
     with ExitStack() as opened:
         sinks: dict[str, Sink] = {}
         for choice in plan.scene.outputs:
@@ -95,20 +92,20 @@ def _sinks(plan: Plan) -> Mapping[str, Sink]:
 
 
 def opened_sink(plan: Plan, choice: Choice) -> Sink:
-    """Return the sink of one of a scene's outputs, open."""
+    """Return the sink of a scene's output, open."""
     make_encoder = partial(_encoder, plan, choice)
     context = SinkContext(make_encoder=make_encoder, scene_name=plan.scene.name, resumes=choice.spool is not None)
     made: Any = built(plan.host, choice, context)
     if choice.spool is None and not isinstance(made, Transport):
         sink: Sink = made
         return sink
-    from opir_core.output.spool.opening import dispatched
+    from opir_core.output.spool.transport_sink import transport_sink
 
-    return dispatched(choice, made, make_encoder, plan.sensors)
+    return transport_sink(choice, made, make_encoder, plan.sensors)
 
 
 def _encoder(plan: Plan, choice: Choice) -> Encoder:
-    """Return the encoder that an output names with `encoder: NAME`."""
+    """Return the encoder of an output, `encoder: NAME`."""
     component = plan.host.component(EventEncoder, getattr(choice.config, "encoder", "forge"), f"{choice.path}.encoder")
     context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)
     encoder: Encoder = component.build(component.config(), context)

@@ -1,6 +1,6 @@
-"""The pump: windows into sinks, and what became of the events.
+"""The pump: writes windows into the sinks of a batch run, one after the other.
 
-A sink that fails is closed and left out while the others go on; every sink is closed exactly once, whatever happens.
+A sink that fails is closed and left out; the other sinks continue. Every sink is closed exactly once.
 """
 
 from collections.abc import Callable, Generator, Iterable, Mapping
@@ -10,14 +10,14 @@ from typing import Self
 
 from attrs import frozen
 
-from opir_core.errors import SinkError
-from opir_core.interfaces.protocols import Delivery, Sink
+from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Window
+from opir_core.output.sink_thread import OpenSink
 
 
 @frozen
 class SinkReport:
-    """What became of the events that a sink was to take (see `Delivery`); `error` says why it failed, or is None."""
+    """Event counts of a sink (see `Delivery`); `error` is the reason of its failure, or None."""
 
     name: str
     delivered: int
@@ -30,7 +30,7 @@ class SinkReport:
 
 @frozen
 class PumpReport:
-    """How much was pumped, and each sink's report in the order of the sinks."""
+    """Number of windows and events, and the report of each sink, in the order of the sinks."""
 
     windows: int
     events: int
@@ -43,90 +43,78 @@ class PumpReport:
 
 
 class SinkGroup:
-    """The sinks of a run: a context that closes them, and that can be asked for its report at any time after.
+    """The sinks of a batch run: a context that closes them; its report is available afterwards too.
 
-    What a sink raises other than `SinkError` is a defect, not a failure of the output, and is passed on.
+    Exceptions of a sink other than `SinkError` are defects and are passed on.
     """
 
     def __init__(self, sinks: Mapping[str, Sink]) -> None:
-        self._names = tuple(sinks)
-        self._open = dict(sinks)
-        self._closed: dict[str, tuple[Delivery | None, str | None]] = {}
+        self._sinks = tuple(OpenSink(name, sink) for name, sink in sinks.items())
         self.windows = 0
         self.events = 0
 
     def __enter__(self) -> Self:
-        """Return the outlets."""
+        """Return the group."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close every sink that is still open."""
+        """Close every open sink."""
         self.close()
 
     @property
     def have_all_failed(self) -> bool:
-        """Whether there were sinks and none is left."""
-        return bool(self._names) and not self._open
+        """Whether there are sinks and all of them are closed."""
+        return bool(self._sinks) and all(sink.is_closed for sink in self._sinks)
 
     def write(self, window: Window) -> None:
-        """Give a window to every sink that is still open."""
+        """Write a window to every open sink."""
         self.windows += 1
         self.events += len(window.detections)
-        for name, sink in tuple(self._open.items()):
-            try:
-                sink.write(window)
-            except SinkError as error:
-                self._shut(name, str(error))
+        for sink in self._sinks:
+            sink.write_now(window)
 
     def close(self) -> None:
-        """Close every sink that is still open; an error of one does not keep the others from being closed."""
+        """Close every open sink; an exception of one does not keep the others open."""
         with ExitStack() as closings:
-            for name in reversed(tuple(self._open)):
-                closings.callback(self._shut, name, None)
+            for sink in reversed(self._sinks):
+                closings.callback(sink.close_now)
 
     def report(self) -> PumpReport:
-        """Return what became of the events, of the sinks that are closed."""
-        reports = (self._sink_report(name) for name in self._names if name in self._closed)
+        """Return the reports of the closed sinks."""
+        reports = (_report(sink) for sink in self._sinks if sink.is_closed)
         return PumpReport(self.windows, self.events, tuple(reports))
 
-    def _shut(self, name: str, failure: str | None) -> None:
-        sink = self._open.pop(name)
-        self._closed[name] = (None, failure or "closing it was interrupted")
-        try:
-            delivery = sink.close()
-        except SinkError as error:
-            self._closed[name] = (None, failure or str(error))
-        else:
-            self._closed[name] = (delivery, failure or delivery.complaint)
 
-    def _sink_report(self, name: str) -> SinkReport:
-        delivery, failure = self._closed[name]
-        told = delivery or Delivery(delivered=0)
-        missing = told.dropped
-        if failure is not None:
-            # A sink that failed has not seen all events, so it cannot know how many it has cost.
-            accounted = told.delivered + told.spooled + told.withheld - told.recovered
-            missing = max(told.dropped, self.events - accounted)
-        return SinkReport(name, told.delivered, told.spooled, missing, failure, told.withheld, told.recovered)
+def _report(sink: OpenSink) -> SinkReport:
+    counts = sink.delivery()
+    return SinkReport(
+        sink.path,
+        counts.delivered,
+        counts.spooled,
+        counts.dropped,
+        sink.error,
+        counts.withheld,
+        counts.recovered,
+    )
 
 
 def pump(
     windows: Iterable[Window], sinks: Mapping[str, Sink], *, on_window: Callable[[Window], None] | None = None
 ) -> PumpReport:
-    """Drive windows into sinks, by name, and report; `on_window` is called when the sinks have taken one.
+    """Write windows into sinks, by name, and return the report; `on_window` is called after each window is written.
 
-    Ends early when every sink has failed, for then nobody listens. A generator of windows is closed at the end. What
-    the windows or `on_window` raise is passed on, the sinks closed; use `SinkGroup` to have their report then.
+    Ends early when every sink has failed. A generator of windows is closed at the end. Exceptions of the windows or of
+    `on_window` are passed on, with the sinks closed; use `SinkGroup` to get the report in this case.
     """
-    with SinkGroup(sinks) as outlets, ExitStack() as ending:
+    with SinkGroup(sinks) as group, ExitStack() as ending:
         if isinstance(windows, Generator):
             ending.callback(windows.close)
         for window in windows:
-            outlets.write(window)
+            group.write(window)
             if on_window is not None:
                 on_window(window)
-            if outlets.have_all_failed:
+            if group.have_all_failed:
                 break
-    return outlets.report()
+    return group.report()

@@ -1,47 +1,203 @@
-"""Files that are scored together are of one run: events, truth, tracks and manifest, each of them whole."""
+"""Files of a run beside its events: truth and tracks, and the checks that files belong to the same run.
+
+The truth file has JSON lines: a `sensor` record per sensor with a line-of-sight bias, a `target` per launch or other
+hot source, a `detection` per event with its `detection_id`; `target_id` is null for noise alone.
+
+The tracks file has one JSON line per track and tick; unknown numbers are null. States are ECEF, m and m/s relative to
+the rotating Earth; points are latitude and longitude in rad and the scene time in s; covariances are row by row.
+"""
 
 import json
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
-from opir_core.errors import Problem, SceneError, reason_of
+import msgspec
+import numpy as np
+from attrs import NOTHING, fields
+
+from opir_core.errors import Problem, SceneError, reason_of, unwritable
+from opir_core.interfaces.records import Tracks, Window
+from opir_core.output.events.encoder_input import window_blocks
 from opir_core.planning.plan import Plan
+from opir_core.random_streams.detection_ids import uuid_text
 from opir_core.simulation.manifest import MANIFEST_VERSION
 
-_REST = "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
-#: Truth and plan tell where and when a launch is to this many degrees or seconds.
-_CLOSE = 1e-6
+_RERUN = "the files are of different runs, or one of them is cut off; `opir run` writes all of them anew"
+#: Largest difference between the launches of truth and plan, in degrees or seconds.
+_TOLERANCE = 1e-6
 
 
-def refused(path: Path, where: str, message: str) -> SceneError:
-    """Return the complaint about a place in a file."""
+class _LinesFile:
+    """A file of JSON lines; a context that closes it."""
+
+    _kind: str
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._encoder = msgspec.json.Encoder()
+        try:
+            self._file = path.open("wb")
+        except OSError as error:
+            raise unwritable(self._kind, path, error) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, _kind: type[BaseException] | None, _error: object, _trace: TracebackType | None) -> None:
+        try:
+            self._file.close()
+        except OSError as error:
+            raise unwritable(self._kind, self._path, error) from error
+
+    def _write(self, lines: Sequence[object]) -> None:
+        try:
+            self._file.write(self._encoder.encode_lines(list(lines)))  # msgspec writes nan as null
+        except OSError as error:
+            raise unwritable(self._kind, self._path, error) from error
+
+
+class _Detection(msgspec.Struct, tag_field="record", tag="detection", gc=False):
+    detection_id: str
+    target_id: str | None
+    emission_s: float
+    range_m: float
+    target_elevation_rad: float
+    probability: float
+
+
+class TruthFile(_LinesFile):
+    """Writes the truth of a run to a file, window by window; use it as a context."""
+
+    _kind = "the truth file"
+
+    def __init__(self, path: Path, plan: Plan) -> None:
+        super().__init__(path)
+        self._ids = plan.targets.ids
+        biases = () if plan.bias is None else plan.bias.told(plan.sensors)
+        self._write([{"record": "sensor", **bias} for bias in biases])
+        targets = zip(self._ids, plan.targets.truth(), strict=True)
+        self._write([{"record": "target", "target_id": id_, **launch} for id_, launch in targets])
+
+    def write(self, window: Window) -> None:
+        """Write the truth of a window's detections."""
+        for block in window_blocks(window):
+            truth = block.truth
+            columns = (
+                uuid_text(block.detections.detection_id),
+                [None if target < 0 else self._ids[target] for target in truth.target.tolist()],
+                truth.emission_time_s.tolist(),
+                truth.range_m.tolist(),
+                truth.target_elevation_rad.tolist(),
+                truth.probability.tolist(),
+            )
+            self._write(list(map(_Detection, *columns)))
+
+
+_NAMES = tuple(attribute.name for attribute in fields(Tracks))
+#: Columns that a tracker, and a file, may leave out: unknown.
+_OPTIONAL = tuple(attribute.name for attribute in fields(Tracks) if attribute.default is not NOTHING)
+_BLANK = {name: np.full(getattr(Tracks.empty(), name).shape[1:], None).tolist() for name in _OPTIONAL}
+
+
+class TracksFile(_LinesFile):
+    """Writes tracks to a file, tick by tick; use it as a context."""
+
+    _kind = "the tracks file"
+
+    def write(self, tracks: Tracks) -> None:
+        """Write the tracks of a window."""
+        columns = [getattr(tracks, name).tolist() for name in _NAMES]
+        self._write([dict(zip(_NAMES, row, strict=True)) for row in zip(*columns, strict=True)])
+
+
+def read_tracks(path: Path) -> Tracks:
+    """Return the tracks of a file, by tick and then by track; `SceneError` with file and line if it is invalid."""
+    rows = [_row(line, number, path) for number, line in enumerate(content(path).splitlines(), start=1)]
+    if not rows:
+        return Tracks.empty()
+    empty = Tracks.empty()
+    tracks = Tracks(*(_column(rows, name, getattr(empty, name), path) for name in _NAMES))
+    order = np.lexsort((tracks.track, tracks.tick_s))
+    tracks = tracks.take(order)
+    again = np.flatnonzero((np.diff(tracks.tick_s) == 0.0) & (np.diff(tracks.track) == 0))
+    if len(again):
+        first = int(again[np.argmin(order[again + 1])])
+        words = f"track {tracks.track[first]} has two rows at {tracks.tick_s[first]:g} s"
+        raise invalid_file(path, f"line {order[first + 1] + 1}", f"{words}; give one row a track and tick")
+    return tracks
+
+
+def _row(line: bytes, number: int, path: Path) -> dict[str, Any]:
+    try:
+        row = msgspec.json.decode(line, type=dict[str, Any])
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise invalid_file(path, f"line {number}", f"not a track: {error}") from error
+    row = _BLANK | row
+    missing = [name for name in _NAMES if name not in row]
+    if missing:
+        raise invalid_file(path, f"line {number}", f"a track without {', '.join(missing)}")
+    for name, kinds, due in (("track", (int,), "a whole number of 64 bits"), ("tick_s", (int, float), "a time, s")):
+        if type(row[name]) not in kinds or abs(row[name]) >= 2**63:
+            raise invalid_file(path, f"line {number}: {name}", f"{row[name]!r} is not {due}")
+    return row
+
+
+def _column(rows: list[dict[str, Any]], name: str, like: Any, path: Path) -> Any:
+    due = like.shape[1:]
+    try:
+        values = np.array([row[name] for row in rows], dtype=object if like.dtype.kind == "f" else like.dtype)
+        column = values.astype(like.dtype)  # null becomes nan
+    except (TypeError, ValueError, OverflowError):
+        column = None
+    if column is None or column.shape[1:] != due:
+        words = f"not what opir writes: {' by '.join(map(str, due)) or '1'} numbers or nulls expected"
+        raise invalid_file(path, _first_invalid(rows, name, due), words)
+    return column
+
+
+def _first_invalid(rows: list[dict[str, Any]], name: str, due: tuple[int, ...]) -> str:
+    """Return the place of the first row with an invalid value in a column."""
+    for number, row in enumerate(rows, start=1):
+        try:
+            if np.array(row[name], dtype=object).astype(np.float64).shape != due:
+                return f"line {number}: {name}"
+        except (TypeError, ValueError, OverflowError):
+            return f"line {number}: {name}"
+    return name
+
+
+def invalid_file(path: Path, where: str, message: str) -> SceneError:
+    """Return the error for a place in a file."""
     return SceneError([Problem(where, message)], source=str(path))
 
 
 def content(path: Path) -> bytes:
-    """Return what a file holds; `SceneError` where the system does not let it be read."""
+    """Return the content of a file; `SceneError` if the system does not permit to read it."""
     try:
         return path.read_bytes()
     except OSError as error:
-        raise refused(path, "", f"cannot be read: {reason_of(error)}") from error
+        raise invalid_file(path, "", f"cannot be read: {reason_of(error)}") from error
 
 
 def read_manifest(path: Path) -> Mapping[str, Any]:
-    """Return a run's manifest; `SceneError` where it is none."""
+    """Return a run's manifest; `SceneError` if the file is none."""
     try:
         manifest = json.loads(content(path))
     except ValueError as error:
-        raise refused(path, "", f"not what opir writes: {error}") from error
+        raise invalid_file(path, "", f"not what opir writes: {error}") from error
     if not isinstance(manifest, dict) or "scene" not in manifest:
-        raise refused(path, "", "not what opir writes: a manifest is a block with the scene")
+        raise invalid_file(path, "", "not what opir writes: a manifest has a block scene")
     version = manifest.get("manifest_version")
     if version != MANIFEST_VERSION:
         words = f"of manifest version {version}, where {MANIFEST_VERSION} is read"
-        raise refused(path, "manifest_version", f"{words}: run the scene anew, or score it with the opir that wrote it")
+        raise invalid_file(
+            path, "manifest_version", f"{words}: run the scene anew, or score it with the opir that wrote it"
+        )
     if not isinstance(manifest.get("counts", {}), dict):
-        raise refused(path, "counts", "not what opir writes: a block of counts is due")
+        raise invalid_file(path, "counts", "not what opir writes: counts must be a block")
     return manifest
 
 
@@ -51,48 +207,49 @@ def digest(path: Path) -> str:
 
 
 def require_tracks_of_run(tracks: Path, manifest: Mapping[str, Any]) -> None:
-    """Refuse a file of tracks that is not the one that the manifest's run wrote."""
+    """Raise `SceneError` if a file of tracks is not the one that the manifest's run wrote."""
     written = manifest.get("tracks_sha256")
     if written is not None and written != digest(tracks):
-        words = "not the tracks that the manifest's run wrote (their SHA-256 differs): "
-        raise refused(tracks, "", f"{words}{_REST}, and --tracks judges tracks from elsewhere")
+        words = "not the tracks of the manifest's run (their SHA-256 differs): "
+        raise invalid_file(tracks, "", f"{words}{_RERUN}, and --tracks scores tracks from elsewhere")
 
 
 def require_events_of_run(
     events: Path, ids: Sequence[str], targets: Mapping[str, int], manifest: Mapping[str, Any]
 ) -> None:
-    """Refuse events (their ids) that are not those of the truth (target by id), or not as many as the run made."""
-    known = set(ids)
+    """Raise `SceneError` if the ids of events are not those of the truth (target by id) or of the manifest's count."""
+    unique = set(ids)
     unknown = next((each for each in ids if each not in targets), None)
-    lacking = next((each for each in targets if each not in known), None)
+    lacking = next((each for each in targets if each not in unique), None)
     made = manifest.get("counts", {}).get("detections", len(ids))
     if unknown is not None:
-        raise refused(events, "", f"detection {unknown} is not in the truth: {_REST}")
+        raise invalid_file(events, "", f"detection {unknown} is not in the truth: {_RERUN}")
     if lacking is not None:
-        raise refused(events, "", f"detection {lacking} of the truth is not among the events: {_REST}")
-    if len(known) < len(ids):
-        raise refused(events, "", f"{len(ids) - len(known)} detections are told twice; score the events of one run")
+        raise invalid_file(events, "", f"detection {lacking} of the truth is not among the events: {_RERUN}")
+    if len(unique) < len(ids):
+        duplicates = len(ids) - len(unique)
+        raise invalid_file(events, "", f"{duplicates} detections appear twice; score the events of one run")
     if made != len(ids):
-        raise refused(events, "", f"has {len(ids)} detections, where the manifest's run made {made}: {_REST}")
+        raise invalid_file(events, "", f"has {len(ids)} detections, where the manifest's run made {made}: {_RERUN}")
 
 
-def require_launches_of_run(truth: Path, told: Sequence[Mapping[str, Any]], plan: Plan) -> None:
-    """Refuse a truth whose targets are not those of the manifest's scene."""
+def require_launches_of_run(truth: Path, targets: Sequence[Mapping[str, Any]], plan: Plan) -> None:
+    """Raise `SceneError` if the targets of a truth are not those of the manifest's scene."""
     due = dict(zip(plan.targets.ids, plan.targets.truth(), strict=True))
-    for target in told:
+    for target in targets:
         name = target.get("target_id")
         if name not in due:
-            raise refused(truth, "", f"the manifest's scene has no target {name}: {_REST}")
+            raise invalid_file(truth, "", f"the manifest's scene has no target {name}: {_RERUN}")
         if _differ(target, due[name]):
-            words = f"{name} flies otherwise in the manifest's scene, by the plugins installed"
-            raise refused(truth, "", f"{words}: {_REST}")
+            words = f"{name} has another trajectory in the manifest's scene, with the plugins installed"
+            raise invalid_file(truth, "", f"{words}: {_RERUN}")
 
 
-def _differ(told: Mapping[str, Any], due: Mapping[str, Any]) -> bool:
-    pairs = [(told.get(name), due.get(name)) for name in ("ignition_s", "burnout_s")]
+def _differ(target: Mapping[str, Any], due: Mapping[str, Any]) -> bool:
+    pairs = [(target.get(name), due.get(name)) for name in ("ignition_s", "burnout_s")]
     for name in ("launch", "burnout", "impact"):
-        mine, theirs = told.get(name), due.get(name)
+        mine, theirs = target.get(name), due.get(name)
         if isinstance(mine, dict) and isinstance(theirs, Mapping):
             pairs += [(mine.get(angle), theirs.get(angle)) for angle in ("lat_deg", "lon_deg")]
-    known = [(mine, theirs) for mine, theirs in pairs if isinstance(mine, float) and isinstance(theirs, float)]
-    return any(abs(mine - theirs) > _CLOSE for mine, theirs in known)
+    numbers = [(mine, theirs) for mine, theirs in pairs if isinstance(mine, float) and isinstance(theirs, float)]
+    return any(abs(mine - theirs) > _TOLERANCE for mine, theirs in numbers)

@@ -11,13 +11,13 @@ from opir_core.errors import reason_of
 from opir_core.geometry import line_of_sight
 from opir_core.interfaces.records import Tracks
 from opir_core.output.run_files import (
+    invalid_file,
     read_manifest,
-    refused,
+    read_tracks,
     require_events_of_run,
     require_launches_of_run,
     require_tracks_of_run,
 )
-from opir_core.output.tracks_file import read_tracks
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring.evidence import RunEvidence
@@ -57,7 +57,7 @@ def evidence_of_files(
     what it should be, or is of another run.
     """
     if not events.name:
-        raise refused(events, "", "is no file of a run's events; give the path that `opir run` wrote them to")
+        raise invalid_file(events, "", "is no file of a run's events; give the path that `opir run` wrote them to")
     made = _existing(manifest or events.with_suffix(".manifest.json"), "manifest")
     told = read_manifest(made)
     plan = compile_plan(scene_from_mapping(told["scene"], source=f"the scene in {made}"))
@@ -96,7 +96,7 @@ def _sensors(rows: list[_Event], plan: Plan, path: Path) -> np.ndarray[Any, np.d
     number = {sensor.id: place for place, sensor in enumerate(plan.sensors)}
     unknown = next((row.sensor_id for row in rows if row.sensor_id not in number), None)
     if unknown is not None:
-        raise refused(path, "", f"the manifest's scene has no sensor {unknown}: the files are of different runs")
+        raise invalid_file(path, "", f"the manifest's scene has no sensor {unknown}: the files are of different runs")
     return np.array([number[row.sensor_id] for row in rows], dtype=np.int32)
 
 
@@ -119,20 +119,20 @@ def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
     try:
         lines = path.open("rb")
     except OSError as error:
-        raise refused(path, "", f"cannot be read: {reason_of(error)}") from error
+        raise invalid_file(path, "", f"cannot be read: {reason_of(error)}") from error
     with lines:
         for number, line in enumerate(lines, start=1):
             try:
                 yield decoder.decode(line)
             except (msgspec.DecodeError, UnicodeDecodeError) as error:
-                raise refused(path, f"line {number}", f"not {due}: {error}") from error
+                raise invalid_file(path, f"line {number}", f"not {due}: {error}") from error
 
 
 def _times_s(rows: list[_Event], plan: Plan, path: Path) -> np.ndarray[Any, np.dtype[np.float64]]:
     try:
         stamps = np.array([row.timestamp.removesuffix("Z") for row in rows], dtype="datetime64[us]")
     except ValueError as error:
-        raise refused(path, "timestamp", f"not what opir writes: {error}") from error
+        raise invalid_file(path, "timestamp", f"not what opir writes: {error}") from error
     return (stamps.astype(np.int64) - plan.scene.epoch_us).astype(np.float64) * 1e-6
 
 
@@ -140,4 +140,4 @@ def _existing(path: Path, what: str, more: str = "") -> Path:
     if path.is_file():
         return path
     words = f"there is no file of the {what}; `opir run` writes events, truth, tracks and manifest side by side{more}"
-    raise refused(path, "", words)
+    raise invalid_file(path, "", words)

@@ -21,9 +21,9 @@ from opir_kafka.settings import KafkaConfig
 from spool_transports import ENCODER, SENSORS, take_for_ever, window
 
 from opir_core.interfaces.protocols import Delivery
-from opir_core.output.spool.batches import MemoryBacklog, Packer
-from opir_core.output.spool.dispatch import Dispatch, Policy
+from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.transport_sink import Policy, TransportSink
 
 #: A broker to test against instead of the mock one; what has to spoil the broker is then left out.
 BOOTSTRAP = os.environ.get("KAFKA_BOOTSTRAP")
@@ -140,10 +140,14 @@ def carrier(address: str, topic: str, **settings: Any) -> KafkaCarrier:
     return KafkaCarrier(made, connector(made))
 
 
-def kafka_sink(address: str, topic: str, spool: Path | None, policy: Policy | None = None, **settings: Any) -> Dispatch:
+def kafka_sink(
+    address: str, topic: str, spool: Path | None, policy: Policy | None = None, **settings: Any
+) -> TransportSink:
     backlog = MemoryBacklog(64 << 20) if spool is None else Journal(str(spool), 64 << 20)
     made = carrier(address, topic, **settings)
-    return Dispatch("kafka", made, backlog, Packer(ENCODER, SENSORS), policy or Policy(wait_s=1.0, stall_s=8.0))
+    return TransportSink(
+        "kafka", made, backlog, EncodedBatcher(ENCODER, SENSORS), policy or Policy(wait_s=1.0, stall_s=8.0)
+    )
 
 
 def messages(address: str, topic: str) -> list[confluent_kafka.Message]:

@@ -15,9 +15,9 @@ from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Batch, Window
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.spool.batches import MemoryBacklog, Packer
-from opir_core.output.spool.dispatch import Dispatch, Policy
+from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.transport_sink import Policy, TransportSink
 from opir_core.testing import stub_sensor
 from opir_core.testing.doubles import stub_window
 
@@ -100,12 +100,12 @@ def ids_of(*windows: Window) -> list[str]:
     return [json.loads(line)["detection_id"] for each in windows for line in ENCODER.encode(each).splitlines()]
 
 
-def spooled(path: Path, carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> Dispatch:
-    return Dispatch("stub", carrier, Journal(str(path), max_bytes), Packer(ENCODER, SENSORS), policy)
+def spooled(path: Path, carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> TransportSink:
+    return TransportSink("stub", carrier, Journal(str(path), max_bytes), EncodedBatcher(ENCODER, SENSORS), policy)
 
 
-def unspooled(carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> Dispatch:
-    return Dispatch("stub", carrier, MemoryBacklog(max_bytes), Packer(ENCODER, SENSORS), policy)
+def unspooled(carrier: Any, policy: Policy = QUICK, max_bytes: int = 64 * MIB) -> TransportSink:
+    return TransportSink("stub", carrier, MemoryBacklog(max_bytes), EncodedBatcher(ENCODER, SENSORS), policy)
 
 
 def fill(sink: Sink, windows: int, rows: int, first: int, nap_s: float) -> None:
@@ -129,14 +129,14 @@ def take_for_ever(sink: Sink, folder: str, first: int) -> None:
         time.sleep(0.001)
 
 
-def small(tmp_path: Path, carrier: Any, when_full: str, *, is_spooled: bool, wait_s: float = 0.2) -> Dispatch:
+def small(tmp_path: Path, carrier: Any, when_full: str, *, is_spooled: bool, wait_s: float = 0.2) -> TransportSink:
     policy = Policy(when_full=when_full, wait_s=wait_s, stall_s=0.3)
     if is_spooled:
         return spooled(tmp_path / "spool", carrier, policy, 10 * MIB)
     return unspooled(carrier, policy, 10 * MIB)
 
 
-def overfill(sink: Dispatch) -> int:
+def overfill(sink: TransportSink) -> int:
     """Write twice what the small backlogs hold, and return how many events that is."""
     for each in many_windows():
         sink.write(each)

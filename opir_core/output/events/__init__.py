@@ -1,18 +1,14 @@
-"""The detection event: its identifiers, its timestamps, its schemas and its encoders.
-
-The encoders are in modules of their own, which are imported when a scene chooses one.
-"""
+"""Detection events: versions and JSON Schemas of the messages; each encoder is a module of its own."""
 
 from typing import Any
 
-#: The version of the event's shape, which every event carries.
+#: Schema version of the detection event, in every event.
 SCHEMA_VERSION = "1.0"
 
-
-#: The versions of the shapes of other encoders, which their messages' headers carry.
+#: Schema versions of the other encoders, in the headers of their messages.
 FORGE_C2_VERSION, UDL_VERSION = "forge-c2-1.0", "udl-1.0"
 
-#: The schemas that ship in the package: the encoder whose messages each describes, and their version.
+#: Schemas in the package: the encoder and schema version of each.
 SCHEMAS = {
     "detection": ("forge", SCHEMA_VERSION),
     "forge-c2": ("forge-c2", FORGE_C2_VERSION),
@@ -29,8 +25,8 @@ def schema(name: str) -> dict[str, Any]:
     """Return one of `SCHEMAS` (draft 2020-12)."""
     import json
 
-    found: dict[str, Any] = json.loads(schema_text(name))
-    return found
+    document: dict[str, Any] = json.loads(schema_text(name))
+    return document
 
 
 def schema_text(name: str) -> str:

@@ -1,10 +1,8 @@
-"""The encoders `forge`, `forge-bands` and `forge-tracks`: one flat JSON object a line, fields in the schema's order.
+"""The encoders `forge`, `forge-bands` and `forge-tracks`: one flat JSON object per line, fields in the schema's order.
 
-A line is put together from pieces: text that is the same for many events (a sensor's name, a track's launch point) is
-made once and looked up, and what differs from event to event is made a column at a time. `benchmarks/encoding.py` holds
-the ways that were measured against it.
-
-The irradiances that bands measured, as events carry them: an object by the name of the band.
+A line is joined from pieces: text shared by many events (a sensor's name, a track's launch point) is encoded once and
+looked up; values that differ from event to event are encoded a column at a time. `benchmarks/encoding.py` compares this
+with other methods.
 """
 
 from collections.abc import Sequence
@@ -19,17 +17,19 @@ from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import SCHEMA_VERSION
+from opir_core.output.events.encoder_input import require_valid
+from opir_core.output.events.estimates import point_texts, track_fields
 from opir_core.output.events.text import (
     DEGREE_DECIMALS,
     IRRADIANCE_DIGITS,
     METRE_DECIMALS,
     RATIO_DECIMALS,
     Piece,
-    carried_positions,
     joined_lines,
     number_texts,
     openings,
     piece_table,
+    propagated_positions,
     rounded,
     rounded_bearing_deg,
     rounded_degrees,
@@ -39,14 +39,13 @@ from opir_core.output.events.text import (
     taken,
     vector_texts,
 )
-from opir_core.output.events.validation import refuse_unlawful
 from opir_core.scene.scene import REPORTED_TYPES
 
 _json = msgspec.json.Encoder().encode
 
 
 class IrradianceTexts:
-    """Texts of measured irradiances, of the sensors of a run."""
+    """Measured irradiances as JSON: an object with a number per band name."""
 
     def __init__(self, sensors: Sequence[Sensor]) -> None:
         self._widths = np.array([len(sensor.bands) for sensor in sensors], dtype=np.int64)
@@ -54,7 +53,7 @@ class IrradianceTexts:
         self._names = [piece_table(_name(sensor, place) for sensor in sensors) for place in range(most)]
 
     def pieces(self, detections: Detections, sensor: IntArray) -> list[Piece]:
-        """Return `,"band_irradiance_w_m2":{...}`, in pieces; nothing where the detection model measures none."""
+        """Return `,"band_irradiance_w_m2":{...}`, in pieces; none if the detection model measures no irradiance."""
         measured = detections.band_irradiance_w_m2
         if not measured.shape[1]:
             return []
@@ -65,17 +64,17 @@ class IrradianceTexts:
 
 
 def _name(sensor: Sensor, place: int) -> bytes:
-    """Return the beginning of a band's entry; nothing for bands that the sensor has not."""
+    """Return the key of a band; empty beyond the sensor's bands."""
     if place >= len(sensor.bands):
         return b""
     return (b"," if place else b"") + _json(sensor.bands[place].name) + b":"
 
 
-def _texts(irradiance_w_m2: FloatArray, is_there: BoolArray) -> list[bytes]:
+def _texts(irradiance_w_m2: FloatArray, exists: BoolArray) -> list[bytes]:
     texts = number_texts(significant(irradiance_w_m2, IRRADIANCE_DIGITS))
-    if is_there.all():
+    if exists.all():
         return texts
-    return [text if there else b"" for text, there in zip(texts, is_there.tolist(), strict=True)]
+    return [text if here else b"" for text, here in zip(texts, exists.tolist(), strict=True)]
 
 
 _OPENING = b'{"detection_id":"', b'","timestamp":"'
@@ -86,16 +85,16 @@ _SIGMA = b',"line_of_sight_sigma_urad":'
 _BANDS = b',"bands":%b,"snr":'
 _POSITION = b',"sensor_position_ecef_m":[%b],'
 _TYPES = [b'"type_probability":{"ICBM":', *(b',"%b":' % name.encode() for name in REPORTED_TYPES[1:])]
-_NOWHERE = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
+_NO_POSITION = b'"latitude_deg":null,"longitude_deg":null,"altitude_m":null}\n'
 
 _URAD_PER_RAD = 1e6
 
 
 class ForgeEncoder:
-    """Detections to lines of JSON, one flat object each; the same bytes however detections are cut into windows.
+    """Detections as lines of JSON, one flat object each; the bytes do not depend on the windows.
 
-    With `has_irradiances` an event has the irradiance that each band measured, where the detection model measures it;
-    with `has_tracks` the state of its track, of the end of its burn, their covariances and the odds of its type.
+    With `has_irradiances` an event has the irradiance measured in each band, if the detection model measures it; with
+    `has_tracks` the state of its track, the state at burnout, their covariances and the type probabilities.
     """
 
     content_type = "application/json"
@@ -103,7 +102,7 @@ class ForgeEncoder:
 
     def __init__(self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False) -> None:
         self._sensors = context.sensors
-        self._irradiances = _irradiances(context) if has_irradiances else None
+        self._irradiances = IrradianceTexts(context.sensors) if has_irradiances else None
         self._epoch_us, self._has_tracks = context.epoch_us, has_tracks
         self._sensor_pieces = piece_table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
         self._band_pieces = piece_table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
@@ -113,11 +112,11 @@ class ForgeEncoder:
         self._first_look = np.cumsum([0, *looks[:-1]], dtype=np.int64)
 
     def encode(self, window: Window) -> bytes:
-        """Return the window's detections as lines; what no event can carry raises `ModelError`."""
+        """Return the window's detections as lines; invalid values raise `ModelError`."""
         detections = window.detections
         if not len(detections):
             return b""
-        refuse_unlawful(window, self._sensors)
+        require_valid(window, self._sensors)
         sensor = detections.sensor.astype(np.int64)
         viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
         angles = viewpoints.angles(detections.line_of_sight_ecef)
@@ -137,59 +136,46 @@ class ForgeEncoder:
                 *(self._irradiances.pieces(detections, sensor) if self._irradiances else ()),
                 _sensor_positions(viewpoints),
                 *_type_probabilities(detections),
-                *(_knowledge(window, self._epoch_us) if self._has_tracks else ()),
-                *_whereabouts(window),
+                *([track_fields(window, self._epoch_us)] if self._has_tracks else ()),
+                *_positions(window),
             ],
         )
 
     def _looks(self, detections: Detections, sensor: IntArray) -> list[Piece]:
-        """Return how well the direction is known and which bands confirm; sensors' own sigmas come from tables."""
-        place = self._first_look[sensor] + detections.bands
+        """Return the line-of-sight sigma and the confirming bands; from a table if all sigmas are the sensors' own."""
+        row = self._first_look[sensor] + detections.bands
         sigma_rad = detections.line_of_sight_sigma_rad
         if np.array_equal(sigma_rad, self._sigma_rad.take(sensor)):
-            return [taken(self._look_pieces, place)]
+            return [taken(self._look_pieces, row)]
         sigma_urad = rounded(sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS)
-        return [_SIGMA, number_texts(sigma_urad), taken(self._band_pieces, place)]
-
-
-def _irradiances(context: EncoderContext) -> "IrradianceTexts":
-
-    return IrradianceTexts(context.sensors)
-
-
-def _knowledge(window: Window, epoch_us: int) -> list[Piece]:
-    from opir_core.output.events.track_texts import knowledge
-
-    return [knowledge(window, epoch_us)]
+        return [_SIGMA, number_texts(sigma_urad), taken(self._band_pieces, row)]
 
 
 def _sensor_pieces(sensor: Sensor) -> list[bytes]:
-    """Return a piece for each reported type."""
+    """Return one piece per reported type."""
     slot = None if sensor.orbital_slot_deg is None else rounded_number(sensor.orbital_slot_deg, DEGREE_DECIMALS)
     constant = _json(sensor.id), _json(sensor.type), _json(slot)
     return [_SENSOR % (*constant, _json(name)) for name in REPORTED_TYPES]
 
 
 def _look_pieces(sensor: Sensor) -> list[bytes]:
-    """Return a piece for each set of bands, with the sensor's own sigma."""
+    """Return one piece per set of bands, with the sensor's own sigma."""
     sigma = _json(rounded_number(sensor.line_of_sight_sigma_rad * _URAD_PER_RAD, RATIO_DECIMALS))
     return [_SIGMA + sigma + bands for bands in _band_pieces(sensor)]
 
 
 def _band_pieces(sensor: Sensor) -> list[bytes]:
-    """Return a piece for each set of bands, in the order of its bit mask."""
+    """Return one piece per set of bands, in the order of the bit masks."""
     names = [band.name for band in sensor.bands]
     masks = range(1 << len(names))
     return [_BANDS % _json([name for bit, name in enumerate(names) if mask >> bit & 1]) for mask in masks]
 
 
 def _points(window: Window, epoch_us: int) -> Piece:
-    """Return the launch and impact points of the estimates that the detections point to."""
+    """Return the launch and impact points of the detections' estimates."""
     estimate, estimates = window.detections.estimate, window.estimates
     if not (estimate >= 0).any():
         return _POINTS % (b"null", b"null")
-    from opir_core.output.events.points import point_texts
-
     rows, of_detection = np.unique(estimate, return_inverse=True)
     used = rows[rows >= 0]
     launches = point_texts(estimates.launch[used], estimates.launch_covariance[used], epoch_us)
@@ -197,8 +183,8 @@ def _points(window: Window, epoch_us: int) -> Piece:
         estimates.impact[used], estimates.impact_covariance[used], epoch_us, estimates.impact_sigmas[used]
     )
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
-    known = [_POINTS % both for both in zip(launches, impacts, strict=True)]
-    return taken(piece_table([*unknown, *known]), of_detection)
+    points = [_POINTS % both for both in zip(launches, impacts, strict=True)]
+    return taken(piece_table([*unknown, *points]), of_detection)
 
 
 def _tracks(track: IntArray) -> Piece:
@@ -209,27 +195,27 @@ def _tracks(track: IntArray) -> Piece:
 
 
 def _sensor_positions(viewpoints: Viewpoints) -> Piece:
-    places = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
-    return taken(piece_table(_POSITION % place for place in places), viewpoints.of_row)
+    positions = vector_texts(rounded(viewpoints.position_ecef_m, METRE_DECIMALS))
+    return taken(piece_table(_POSITION % position for position in positions), viewpoints.of_row)
 
 
 def _type_probabilities(detections: Detections) -> list[Piece]:
-    """Return the probabilities of the types, where the classifier gives them."""
+    """Return the type probabilities, if the classifier has them."""
     if not detections.type_log_probability.shape[1]:
         return []
     columns = [number_texts(rounded(column, RATIO_DECIMALS)) for column in detections.type_probability.T]
     return [piece for both in zip(_TYPES, columns, strict=True) for piece in both] + [b"},"]
 
 
-def _whereabouts(window: Window) -> list[Piece]:
-    """Return where the tracks put their objects at the time of the detection."""
+def _positions(window: Window) -> list[Piece]:
+    """Return the positions of the tracks, propagated to the time of the detection."""
     tracked = np.flatnonzero(window.detections.estimate >= 0)
     if not len(tracked):
-        return [_NOWHERE]
-    place = ecef_to_geodetic(carried_positions(window, tracked))
+        return [_NO_POSITION]
+    position = ecef_to_geodetic(propagated_positions(window, tracked))
     columns = np.full((3, len(window.detections)), np.nan)
-    columns[0, tracked] = rounded_degrees(place.latitude_rad)
-    columns[1, tracked] = rounded_longitude_deg(place.longitude_rad)
-    columns[2, tracked] = rounded(place.height_m, METRE_DECIMALS)
+    columns[0, tracked] = rounded_degrees(position.latitude_rad)
+    columns[1, tracked] = rounded_longitude_deg(position.longitude_rad)
+    columns[2, tracked] = rounded(position.height_m, METRE_DECIMALS)
     latitude, longitude, altitude = (number_texts(column) for column in columns)
     return [b'"latitude_deg":', latitude, b',"longitude_deg":', longitude, b',"altitude_m":', altitude, b"}\n"]

@@ -1,9 +1,4 @@
-"""Lines of JSON put together from pieces: text that many events share made once, the rest a column at a time.
-
-Timestamps in bulk: RFC 3339, UTC, microseconds, `Z`.
-
-Columns of numbers as JSON text, in bulk.
-"""
+"""Columns of events as JSON text: lines joined from pieces, RFC 3339 timestamps (UTC, microseconds, `Z`), numbers."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -17,7 +12,7 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.records import Detections, Window
 from opir_core.random_streams.detection_ids import uuid_characters
 
-#: The years that RFC 3339 can write, 1 to 9999, in µs since 1970-01-01: the first microsecond, and the first after.
+#: Years of RFC 3339, 1 to 9999, in µs since 1970-01-01: the first microsecond, and the first after the last.
 FIRST_UNIX_US = -62_135_596_800_000_000
 END_UNIX_US = 253_402_300_800_000_000
 
@@ -29,7 +24,7 @@ _TEN = np.uint32(10)
 
 
 def unix_microseconds(time_ns: IntArray, epoch_us: int) -> IntArray:
-    """Return scene times (n,), ns since the epoch, as µs of UTC since 1970-01-01: the nearest, halves later.
+    """Return scene times (n,), ns since the epoch, as µs of UTC since 1970-01-01, rounded half up.
 
     `epoch_us` is the epoch, in µs since 1970-01-01 without leap seconds.
     """
@@ -39,9 +34,9 @@ def unix_microseconds(time_ns: IntArray, epoch_us: int) -> IntArray:
 
 
 def writable_unix_microseconds(time_s: FloatArray, epoch_us: int) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Return scene times (n,), s, as µs since 1970-01-01, and which of them are known and in the years 1 to 9999.
+    """Return scene times (n,), s, as µs since 1970-01-01, and which are finite and in the years 1 to 9999.
 
-    The others are given as the epoch.
+    The others are the epoch.
     """
     earliest_s, latest_s = (FIRST_UNIX_US - epoch_us) / _US_PER_S, (END_UNIX_US - epoch_us) / _US_PER_S
     writable = (time_s > earliest_s) & (time_s < latest_s)
@@ -75,7 +70,7 @@ def timestamp_characters(unix_us: IntArray) -> NDArray[np.uint8]:
 
 
 def _second_characters(seconds: IntArray) -> NDArray[np.uint8]:
-    """Return whole seconds (n,) as ASCII codes (n, 19); equal neighbours, as in sorted times, are written once."""
+    """Return whole seconds (n,) as ASCII codes (n, 19); equal neighbours are converted once."""
     is_new = np.diff(seconds, prepend=seconds[:1] - 1) != 0
     text = np.datetime_as_string(seconds[is_new].astype("M8[s]")).astype(f"S{_TO_SECONDS}")
     characters = text.view(np.uint8).reshape(-1, _TO_SECONDS)
@@ -87,52 +82,52 @@ def _refuse_unwritable(unix_us: IntArray) -> None:
     outside = np.count_nonzero((unix_us < FIRST_UNIX_US) | (unix_us >= END_UNIX_US))
     if outside:
         raise SinkError(
-            f"{outside} of {len(unix_us)} times lie outside the years 1 to 9999, which a timestamp cannot say;"
+            f"{outside} of {len(unix_us)} times lie outside the years 1 to 9999, the range of timestamps;"
             " give the scene another epoch"
         )
 
 
-#: Digits behind the point: angles to 1e-9 deg (0.1 mm on the ground), lengths to the millimetre, ratios to 1e-6.
+#: Decimals: angles to 1e-9 deg (0.1 mm on the ground), lengths to the millimetre, ratios to 1e-6.
 DEGREE_DECIMALS = 9
 METRE_DECIMALS = 3
 RATIO_DECIMALS = 6
 
-#: Digits of irradiances, whose sizes lie many powers of ten apart.
+#: Significant digits of irradiances, which span many orders of magnitude.
 IRRADIANCE_DIGITS = 6
 
-#: Between these sizes numbers are rounded to significant digits.
+#: Magnitudes that are rounded to significant digits.
 _LEAST, _MOST = 1e-290, 1e290
 
-# Beyond it doubles have no half-units left to round.
+# From here on doubles are integers.
 _ALL_WHOLE = 2.0**52
 
 _encode = msgspec.json.Encoder().encode
 
 
 def rounded(values: FloatArray, decimals: int) -> FloatArray:
-    """Return values rounded to decimals, element by element; never -0, nan and inf as they are."""
+    """Return values rounded to decimals, element by element; never -0; nan and inf unchanged."""
     scale = 10.0**decimals
     has_decimals = np.abs(values) < _ALL_WHOLE / scale
     return np.where(has_decimals, np.rint(np.where(has_decimals, values, 0.0) * scale) / scale, values) + 0.0
 
 
 def significant(values: FloatArray, digits: int) -> FloatArray:
-    """Return values rounded to so many significant digits, element by element; never -0, nan and inf as they are.
+    """Return values rounded to significant digits, element by element; never -0; nan and inf unchanged.
 
-    Below 1e-290 they are 0, and beyond 1e290 left as they are: there powers of ten leave the doubles.
+    Magnitudes below 1e-290 become 0, those above 1e290 are unchanged: there powers of ten leave the range of doubles.
     """
     size = np.abs(values)
-    lawful = (size >= _LEAST) & (size <= _MOST)
-    known = np.where(lawful, values, 1.0)
-    places = digits - 1 - np.floor(np.log10(np.abs(known)))
-    # Powers of ten up to the 22nd are doubles themselves: texts have no more than the digits then.
+    in_range = (size >= _LEAST) & (size <= _MOST)
+    regular = np.where(in_range, values, 1.0)
+    places = digits - 1 - np.floor(np.log10(np.abs(regular)))
+    # Powers of ten up to the 22nd are exact doubles: the texts then have no more than these digits.
     up, down = 10.0 ** np.maximum(places, 0.0), 10.0 ** np.maximum(-places, 0.0)
-    nearest = np.rint(known * up / down) * down / up
-    return np.where(lawful, nearest, np.where(size < _LEAST, 0.0, values)) + 0.0
+    nearest = np.rint(regular * up / down) * down / up
+    return np.where(in_range, nearest, np.where(size < _LEAST, 0.0, values)) + 0.0
 
 
 def rounded_number(value: float, decimals: int) -> float:
-    """Return one number rounded as `rounded` does."""
+    """Return one number, rounded as in `rounded`."""
     return float(rounded(np.array([value]), decimals)[0])
 
 
@@ -144,7 +139,7 @@ def rounded_degrees(angle_rad: FloatArray) -> FloatArray:
 def rounded_bearing_deg(angle_rad: FloatArray, turn_deg: float = 360.0) -> FloatArray:
     """Return angles, rad, as degrees in [0, turn), rounded."""
     bearing = np.degrees(angle_rad)
-    if not np.all((bearing >= 0.0) & (bearing < turn_deg)):  # The remainder leaves such as they are, but takes time.
+    if not np.all((bearing >= 0.0) & (bearing < turn_deg)):  # np.mod changes no other value, but takes time.
         bearing = np.mod(bearing, turn_deg)
     bearing = rounded(bearing, DEGREE_DECIMALS)
     return np.where(bearing == turn_deg, 0.0, bearing)
@@ -157,23 +152,23 @@ def rounded_longitude_deg(longitude_rad: FloatArray) -> FloatArray:
 
 
 def number_texts(values: FloatArray) -> list[bytes]:
-    """Return numbers (n,) as JSON: the shortest text that reads back as the same double; nan and inf are `null`."""
+    """Return numbers (n,) as JSON: the shortest text of the same double; nan and inf are `null`."""
     return _encode(values.tolist())[1:-1].split(b",") if len(values) else []
 
 
 def vector_texts(vectors: FloatArray) -> list[bytes]:
-    """Return the components of vectors (n, m) as `number_texts`, joined by commas."""
+    """Return the components of vectors (n, m) as in `number_texts`, joined by commas."""
     return _encode(vectors.tolist())[2:-2].split(b"],[") if len(vectors) else []
 
 
-#: A piece of the line: one for all events, or one for each.
+#: A piece of the lines: one for all events, or one per event.
 Piece = bytes | list[bytes]
 
 _ID_LENGTH, _TIMESTAMP_LENGTH = 36, 27
 
 
 def joined_lines(count: int, pieces: Sequence[Piece]) -> bytes:
-    """Return `count` lines of the pieces, one after the other."""
+    """Return `count` lines, each joined from its pieces."""
     line: list[bytes] = [b""] * (count * len(pieces))
     for place, piece in enumerate(pieces):
         line[place :: len(pieces)] = [piece] * count if isinstance(piece, bytes) else piece
@@ -181,7 +176,7 @@ def joined_lines(count: int, pieces: Sequence[Piece]) -> bytes:
 
 
 def piece_table(pieces: Iterable[bytes]) -> NDArray[Any]:
-    """Return pieces as an array to take from: an index array takes faster than a loop."""
+    """Return pieces as an object array, for fast indexing with an index array."""
     return np.array(list(pieces), dtype=object)
 
 
@@ -192,7 +187,7 @@ def taken(table: NDArray[Any], rows: NDArray[Any]) -> list[bytes]:
 
 
 def openings(detections: Detections, epoch_us: int, before_id: bytes, before_time: bytes) -> list[bytes]:
-    """Return the beginnings of the lines: text, the id, text, the time, and a quotation mark with a comma."""
+    """Return the beginnings of the lines: `before_id`, the id, `before_time`, the time, and `",`."""
     blank = before_id + b"-" * _ID_LENGTH + before_time + b"-" * _TIMESTAMP_LENGTH + b'",'
     text = np.empty((len(detections), len(blank)), dtype=np.uint8)
     text[:] = np.frombuffer(blank, dtype=np.uint8)
@@ -205,10 +200,10 @@ def openings(detections: Detections, epoch_us: int, before_id: bytes, before_tim
 
 
 @np.errstate(invalid="ignore", over="ignore")
-def carried_positions(window: Window, rows: IntArray) -> FloatArray:
-    """Return ECEF positions of the estimates of some detections, carried from their tick at constant velocity."""
+def propagated_positions(window: Window, rows: IntArray) -> FloatArray:
+    """Return the ECEF positions, m, of the estimates of some detections, propagated at constant velocity."""
     estimate = window.detections.estimate[rows]
     state = window.estimates.state[estimate]
     since_tick_s = window.detections.time_s[rows] - window.estimates.tick_s[estimate]
-    carried: FloatArray = state[:, :3] + since_tick_s[:, np.newaxis] * state[:, 3:]
-    return carried
+    propagated: FloatArray = state[:, :3] + since_tick_s[:, np.newaxis] * state[:, 3:]
+    return propagated

@@ -1,8 +1,8 @@
-"""The `udl` encoder: a detection and what its track knows as a MissileTrack of the Unified Data Library, one a line.
+"""The `udl` encoder: a detection and its track's estimate as a MissileTrack of the Unified Data Library, one per line.
 
 Field names, units and meanings are those of the UDL's public interface description (unifieddatalibrary.com,
-MissileTrack and its vectors): lengths in km, angles in degrees, times in ISO 8601. What is not known is left out. Every
-record says that it is simulated.
+MissileTrack and its vectors): lengths in km, angles in degrees, times in ISO 8601. Unknown fields are absent. Every
+record is marked as simulated.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,8 @@ from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import UDL_VERSION
-from opir_core.output.events.forge_c2 import estimated_places_ecef_m, places_ecef_m
+from opir_core.output.events.encoder_input import require_valid
+from opir_core.output.events.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
 from opir_core.output.events.text import (
     RATIO_DECIMALS,
     Piece,
@@ -35,7 +36,6 @@ from opir_core.output.events.text import (
     vector_texts,
     writable_unix_microseconds,
 )
-from opir_core.output.events.validation import refuse_unlawful
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
 
 _OPENING = (
@@ -44,16 +44,16 @@ _OPENING = (
 )
 _CONTAINMENT = b',"containment":%b' % msgspec.json.encode(100.0 * CONTAINMENT)
 _KM_PER_M = 1e-3
-#: Digits behind the point of lengths in km: to the millimetre.
+#: Decimals of lengths in km: to the millimetre.
 _KM_DECIMALS = 6
-#: Above it is space (the UDL's `env`: "AIR: between sea level and the Karman line, ... 100 kilometers").
+#: Lower limit of space (the UDL's `env`: "AIR: between sea level and the Karman line, ... 100 kilometers").
 _SPACE_FROM_M = 100_000.0
 
 _json = msgspec.json.Encoder().encode
 
 
 class UdlEncoder:
-    """Detections to lines of JSON, a MissileTrack each."""
+    """Detections as lines of JSON, a MissileTrack each."""
 
     content_type = "application/json"
     schema_version = UDL_VERSION
@@ -67,11 +67,11 @@ class UdlEncoder:
         )
 
     def encode(self, window: Window) -> bytes:
-        """Return the window's detections as lines; what no event can carry raises `ModelError`."""
+        """Return the window's detections as lines; invalid values raise `ModelError`."""
         detections = window.detections
         if not len(detections):
             return b""
-        refuse_unlawful(window, self._sensors)
+        require_valid(window, self._sensors)
         angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
         sensor = detections.sensor.astype(np.int64)
         opened = openings(detections, self._epoch_us, *_OPENING)
@@ -90,11 +90,11 @@ class UdlEncoder:
         )
 
     def _vectors(self, window: Window, sensor: IntArray, opened: Sequence[bytes]) -> list[Piece]:
-        """Return the environment, and one vector: the track's state, or where the line of sight meets the Earth."""
-        where_m = places_ecef_m(window)
+        """Return the environment and one vector: the track's state, or the line of sight's ground intersection."""
+        where_m = positions_ecef_m(window)
         known = np.isfinite(where_m[:, 0])
         place = ecef_to_geodetic(where_m)
-        is_state = np.isfinite(estimated_places_ecef_m(window)[:, 0])
+        is_state = np.isfinite(estimated_positions_ecef_m(window)[:, 0])
         state_pieces = _states(window, np.flatnonzero(is_state), where_m)
         times = [piece[-29:-2] for piece in opened]
         heads = taken(self._vector_pieces, sensor)
@@ -133,7 +133,7 @@ _VECTOR = {
 
 
 def _types(sensor: Sensor) -> list[bytes]:
-    """Return a piece for each reported type; the unknown one is left out."""
+    """Return one piece per reported type; the unknown type is absent."""
     source = b',"infoSource":%b,"angElev":' % _json(sensor.type)
     kinds = [
         b"" if code == UNKNOWN_TYPE else b',"acftSubType":"%b"' % name.encode()
@@ -143,7 +143,7 @@ def _types(sensor: Sensor) -> list[bytes]:
 
 
 def _states(window: Window, rows: IntArray, where_m: FloatArray) -> list[bytes]:
-    """Return the cartesian part of the vectors of some detections: carried to the detection, so marked propagated."""
+    """Return the cartesian part of the vectors of some detections, propagated to the time of the detection."""
     velocity = window.estimates.state[window.detections.estimate[rows], 3:]
     positions = vector_texts(rounded(where_m[rows] * _KM_PER_M, _KM_DECIMALS))
     velocities = vector_texts(rounded(velocity * _KM_PER_M, _KM_DECIMALS))
@@ -154,7 +154,7 @@ def _states(window: Window, rows: IntArray, where_m: FloatArray) -> list[bytes]:
 
 
 def _track_pieces(window: Window, epoch_us: int) -> list[Piece]:
-    """Return the track's number, its launch and its impact, each made once for all detections that share it."""
+    """Return track number, launch and impact, each encoded once for all detections that share it."""
     track, estimate = window.detections.track, window.detections.estimate
     pieces: list[Piece] = []
     numbers, of_row = np.unique(track, return_inverse=True)
@@ -163,25 +163,25 @@ def _track_pieces(window: Window, epoch_us: int) -> list[Piece]:
     rows, of_row = np.unique(estimate, return_inverse=True)
     used = rows[rows >= 0]
     if len(used):
-        found = window.estimates.take(used)
-        launch = _points(b"launch", found.launch, found.launch_covariance, epoch_us, None)
-        impact = _points(b"impact", found.impact, found.impact_covariance, epoch_us, found.impact_sigmas)
+        estimates = window.estimates.take(used)
+        launch = _points(b"launch", estimates.launch, estimates.launch_covariance, epoch_us, None)
+        impact = _points(b"impact", estimates.impact, estimates.impact_covariance, epoch_us, estimates.impact_sigmas)
         joined = [b"".join(both) for both in zip(launch, impact, strict=True)]
-        known = [points + (_CONTAINMENT if b"AouType" in points else b"") for points in joined]
-        pieces.append(taken(piece_table([*[b""] * (len(rows) - len(used)), *known]), of_row))
+        points = [both + (_CONTAINMENT if b"AouType" in both else b"") for both in joined]
+        pieces.append(taken(piece_table([*[b""] * (len(rows) - len(used)), *points]), of_row))
     return pieces
 
 
 def _points(
-    kind: bytes, place: FloatArray, covariance_m2: FloatArray, epoch_us: int, told_sigmas: FloatArray | None
+    kind: bytes, place: FloatArray, covariance_m2: FloatArray, epoch_us: int, reported_sigmas: FloatArray | None
 ) -> list[bytes]:
-    """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as fields; nothing where one is not known."""
+    """Return points (n, 3), latitude_rad, longitude_rad and scene time_s, as fields; empty if unknown."""
     on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
-    there = np.where(on_earth[:, np.newaxis], place, 0.0)
-    latitude = number_texts(rounded_degrees(there[:, 0]))
-    longitude = number_texts(rounded_longitude_deg(np.mod(there[:, 1], 2.0 * np.pi)))
-    areas = _areas(covariance_m2, told_sigmas)
-    texts = zip(on_earth.tolist(), latitude, longitude, _times(there[:, 2], epoch_us), areas, strict=True)
+    filled = np.where(on_earth[:, np.newaxis], place, 0.0)
+    latitude = number_texts(rounded_degrees(filled[:, 0]))
+    longitude = number_texts(rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)))
+    areas = _areas(covariance_m2, reported_sigmas)
+    texts = zip(on_earth.tolist(), latitude, longitude, _times(filled[:, 2], epoch_us), areas, strict=True)
     return [
         b',"%bLat":%b,"%bLon":%b%b%b'
         % (kind, lat, kind, lon, time and b',"%bTime":"%b"' % (kind, time), area and area % (kind, kind))
@@ -197,9 +197,9 @@ def _times(time_s: FloatArray, epoch_us: int) -> list[bytes]:
     return [text.encode() if known else b"" for text, known in zip(texts, writable.tolist(), strict=True)]
 
 
-def _areas(covariance_m2: FloatArray, told_sigmas: FloatArray | None) -> list[bytes]:
+def _areas(covariance_m2: FloatArray, reported_sigmas: FloatArray | None) -> list[bytes]:
     """Return areas of uncertainty: the 95 % ellipse as bearing, degrees, and semi-axes, km."""
-    ellipse = containment_ellipse(covariance_m2, reported_sigmas=told_sigmas)
+    ellipse = containment_ellipse(covariance_m2, reported_sigmas=reported_sigmas)
     known = np.isfinite(ellipse.semi_major_m)
     axes = np.column_stack(
         [

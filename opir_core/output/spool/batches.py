@@ -1,7 +1,4 @@
-"""Backlogs: where parcels wait until they are acknowledged.
-
-Parcels: encoded events on their way out, each with the key that its order is kept by.
-"""
+"""Batches of events, and the backlogs in which they wait until they are acknowledged."""
 
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
@@ -12,29 +9,29 @@ from numpy.typing import NDArray
 
 from opir_core.interfaces.protocols import Encoder, Sensor
 from opir_core.interfaces.records import Batch, Window
-from opir_core.output.events.blocks import only_encodable, window_blocks
+from opir_core.output.events.encoder_input import only_encodable, window_blocks
 
-#: Events in a parcel: some 600 kB of the default encoder's, so that a few parcels make a broker's batch for each of
-#: many partitions, and one is quickly read back from disk.
-PARCEL_EVENTS = 1024
-
-
-class Packing(Protocol):
-    """Makes parcels of windows."""
-
-    def parcels(self, window: Window) -> Iterator[Batch]:
-        """Yield a window's events as parcels, in order."""
+#: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's own batches for many
+#: partitions, and one is quickly read back from disk.
+BATCH_EVENTS = 1024
 
 
-class Packer:
-    """Makes parcels of an encoder's messages."""
+class Batcher(Protocol):
+    """Cuts windows into batches."""
+
+    def batches(self, window: Window) -> Iterator[Batch]:
+        """Yield a window's events as batches, in order."""
+
+
+class EncodedBatcher:
+    """Cuts windows into batches of an encoder's messages."""
 
     def __init__(self, encoder: Encoder, sensors: Sequence[Sensor]) -> None:
         self._encoder = encoder
         self._ids = np.array([sensor.id for sensor in sensors], dtype=object)
 
-    def parcels(self, window: Window) -> Iterator[Batch]:
-        """Yield a window's events as parcels; those that the encoder has no message for are left out."""
+    def batches(self, window: Window) -> Iterator[Batch]:
+        """Yield a window's events as batches, without those that have no message."""
         for block in window_blocks(window):
             kept = only_encodable(block, self._encoder)
             lines = self._encoder.encode(kept)
@@ -42,21 +39,21 @@ class Packer:
                 yield from self._cut(lines, kept.detections.sensor)
 
     def _cut(self, lines: bytes, sensor: NDArray[np.int32]) -> Iterator[Batch]:
-        """Yield parcels of at most `PARCEL_EVENTS` events of a block's lines."""
-        whole = self._parcel(lines, sensor)
-        if len(whole) <= PARCEL_EVENTS:
+        """Yield the lines of a block as batches of at most `BATCH_EVENTS` events."""
+        whole = self._batch(lines, sensor)
+        if len(whole) <= BATCH_EVENTS:
             yield whole
             return
         messages = whole.messages()
-        for first in range(0, len(sensor), PARCEL_EVENTS):
-            part = slice(first, first + PARCEL_EVENTS)
-            yield self._parcel(b"\n".join([*messages[part], b""]), sensor[part])
+        for first in range(0, len(sensor), BATCH_EVENTS):
+            part = slice(first, first + BATCH_EVENTS)
+            yield self._batch(b"\n".join([*messages[part], b""]), sensor[part])
 
-    def _parcel(self, body: bytes, sensor: NDArray[np.int32]) -> Batch:
-        found, key_of = np.unique(sensor, return_inverse=True)
+    def _batch(self, body: bytes, sensor: NDArray[np.int32]) -> Batch:
+        sensors, key_of = np.unique(sensor, return_inverse=True)
         return Batch(
             body=body,
-            keys=tuple(self._ids[found].tolist()),
+            keys=tuple(self._ids[sensors].tolist()),
             key_of=key_of.astype(np.uint16),
             content_type=self._encoder.content_type,
             schema_version=self._encoder.schema_version,
@@ -64,78 +61,78 @@ class Packer:
 
 
 class FullError(Exception):
-    """There is no room for a parcel."""
+    """There is no room for a batch."""
 
 
 class Backlog(Protocol):
-    """Parcels in order, numbered as they come; called from one thread at a time."""
+    """Batches in order, numbered as they come; called from one thread at a time."""
 
     @property
     def waiting(self) -> int:
-        """How many events are in it."""
+        """Number of events that wait."""
 
     @property
     def outlives_the_process(self) -> bool:
-        """Whether what is left in it at closing is still there for the next run."""
+        """Whether what is left at closing is there for the next run."""
 
-    def put(self, parcel: Batch) -> None:
-        """Take in a parcel; raise `FullError` where there is no room for it."""
+    def put(self, batch: Batch) -> None:
+        """Add a batch; raise `FullError` if there is no room for it."""
 
     def after(self, number: int) -> tuple[int, Batch] | None:
-        """Return the first parcel with a number above that, or None."""
+        """Return the first batch with a higher number, with its number, or None."""
 
     def acknowledge(self, numbers: Iterable[int]) -> None:
-        """Forget the parcels of those numbers."""
+        """Remove the batches with these numbers."""
 
     def drop_oldest(self, after: int) -> int:
-        """Forget the first parcel with a number above that and return how many events it had; 0 where there is none."""
+        """Remove the first batch with a higher number and return its number of events; 0 if there is none."""
 
     def close(self) -> None:
-        """Let go of the file, where there is one."""
+        """Release the file, if there is one."""
 
 
 class MemoryBacklog:
-    """Parcels in memory, at most so many bytes of messages; the first parcel always has room."""
+    """A `Backlog` in memory, with at most `max_bytes` of messages; the first batch always has room."""
 
     outlives_the_process = False
 
     def __init__(self, max_bytes: int) -> None:
-        self._parcels: OrderedDict[int, Batch] = OrderedDict()
+        self._batches: OrderedDict[int, Batch] = OrderedDict()
         self._last = 0
         self._bytes = 0
         self._max_bytes = max_bytes
         self.waiting = 0
 
-    def put(self, parcel: Batch) -> None:
-        """Take in a parcel; raise `FullError` where there is no room for it."""
-        if self._parcels and self._bytes + len(parcel.body) > self._max_bytes:
+    def put(self, batch: Batch) -> None:
+        """Add a batch; raise `FullError` if there is no room for it."""
+        if self._batches and self._bytes + len(batch.body) > self._max_bytes:
             raise FullError
         self._last += 1
-        self._parcels[self._last] = parcel
-        self._bytes += len(parcel.body)
-        self.waiting += len(parcel)
+        self._batches[self._last] = batch
+        self._bytes += len(batch.body)
+        self.waiting += len(batch)
 
     def after(self, number: int) -> tuple[int, Batch] | None:
-        """Return the first parcel with a number above that, or None."""
-        if number + 1 in self._parcels:
-            return number + 1, self._parcels[number + 1]
-        return next(((each, parcel) for each, parcel in self._parcels.items() if each > number), None)
+        """Return the first batch with a higher number, with its number, or None."""
+        if number + 1 in self._batches:
+            return number + 1, self._batches[number + 1]
+        return next(((each, batch) for each, batch in self._batches.items() if each > number), None)
 
     def acknowledge(self, numbers: Iterable[int]) -> None:
-        """Forget the parcels of those numbers."""
+        """Remove the batches with these numbers."""
         for number in numbers:
-            parcel = self._parcels.pop(number)
-            self._bytes -= len(parcel.body)
-            self.waiting -= len(parcel)
+            batch = self._batches.pop(number)
+            self._bytes -= len(batch.body)
+            self.waiting -= len(batch)
 
     def drop_oldest(self, after: int) -> int:
-        """Forget the first parcel with a number above that and return how many events it had; 0 where there is none."""
-        found = self.after(after)
-        if found is None:
+        """Remove the first batch with a higher number and return its number of events; 0 if there is none."""
+        oldest = self.after(after)
+        if oldest is None:
             return 0
-        self.acknowledge([found[0]])
-        return len(found[1])
+        self.acknowledge([oldest[0]])
+        return len(oldest[1])
 
     def close(self) -> None:
-        """Forget everything."""
-        self._parcels.clear()
+        """Remove all batches."""
+        self._batches.clear()

@@ -1,7 +1,7 @@
-"""The spool's file: parcels in SQLite, in write-ahead-log mode, bounded, and held by one process at a time.
+"""The spool's file: batches in SQLite, in write-ahead-log mode, of limited size, open in one process at a time.
 
-What `put` has returned from survives the end of the process, SIGKILL included: a transaction in the log is complete or
-not there (https://www.sqlite.org/wal.html). A row's checksum finds damage that SQLite does not look for.
+A batch survives the end of the process, SIGKILL included, once `put` has returned: a transaction in the log is complete
+or absent (https://www.sqlite.org/wal.html). The checksum of a row detects damage that SQLite does not look for.
 """
 
 import json
@@ -19,13 +19,13 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.records import Batch
 from opir_core.output.spool.batches import FullError
 
-#: "OPIR", so that a SQLite file of something else is told from a spool.
+#: "OPIR": distinguishes a spool from other SQLite files.
 _APPLICATION = 0x4F504952
 _VERSION = 1
 _PAGE_BYTES = 4096
-#: What a row costs besides its contents: its numbers, texts and cell, and the pages it shares or does not fill.
+#: Bytes of a row beside its contents: numbers, texts, cell, and its share of pages that are not full.
 _ROW_BYTES = 128
-#: Pages for the schema, the table's interior and the free list.
+#: Pages of the schema, the table's interior and the free list.
 _SPARE_PAGES = 32
 _LOG_BYTES = 1 << 22
 
@@ -46,11 +46,11 @@ _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
 
-def _told(method: Callable[_P, _T]) -> Callable[_P, _T]:
-    """Let what SQLite raises in a method be said in our words; a disk without room is a `FullError`."""
+def _raises_ours(method: Callable[_P, _T]) -> Callable[_P, _T]:
+    """Return a method that raises `SinkError` for SQLite's errors, and `FullError` if the disk has no room."""
 
     @wraps(method)
-    def telling(*args: _P.args, **kwargs: _P.kwargs) -> _T:
+    def wrapped(*args: _P.args, **kwargs: _P.kwargs) -> _T:
         try:
             return method(*args, **kwargs)
         except sqlite3.Error as error:
@@ -59,11 +59,11 @@ def _told(method: Callable[_P, _T]) -> Callable[_P, _T]:
             journal: Any = args[0]
             raise complaint(journal.path, error) from error
 
-    return telling
+    return wrapped
 
 
 class Journal:
-    """Parcels in a file; `Journal(path, ...)` opens it, with what an earlier run left in it."""
+    """A `Backlog` in a file, which may hold batches of an earlier run."""
 
     outlives_the_process = True
 
@@ -86,29 +86,29 @@ class Journal:
             self.close()
             raise
 
-    @_told
-    def put(self, parcel: Batch) -> None:
-        """Write a parcel down; raise `FullError` where there is no room for it in the file or on its disk."""
-        key_of = parcel.key_of.astype("<u2").tobytes()
-        cost = _cost(parcel)
+    @_raises_ours
+    def put(self, batch: Batch) -> None:
+        """Add a batch; raise `FullError` if there is no room for it in the file or on the disk."""
+        key_of = batch.key_of.astype("<u2").tobytes()
+        cost = _cost(batch)
         if self.waiting and self._bytes + cost > self._max_bytes:
             raise FullError
-        kind = (parcel.content_type, parcel.schema_version, json.dumps(parcel.keys))
-        row = (len(parcel), cost, _checksum(*kind, key_of, parcel.body), *kind, key_of, parcel.body)
+        kind = (batch.content_type, batch.schema_version, json.dumps(batch.keys))
+        row = (len(batch), cost, _checksum(*kind, key_of, batch.body), *kind, key_of, batch.body)
         self._database.execute(_INSERT, row)
         self._bytes += cost
-        self.waiting += len(parcel)
+        self.waiting += len(batch)
 
-    @_told
+    @_raises_ours
     def after(self, number: int) -> tuple[int, Batch] | None:
-        """Return the first parcel with a number above that, or None; raise `SinkError` where it is damaged."""
+        """Return the first batch with a higher number, with its number, or None; raise `SinkError` if it is damaged."""
         row = self._database.execute(_NEXT, (number,)).fetchone()
         if row is None:
             return None
-        found, crc, content_type, schema_version, keys, key_of, body = row
+        at, crc, content_type, schema_version, keys, key_of, body = row
         if _checksum(content_type, schema_version, keys, key_of, body) != crc:
-            raise SinkError(f"the spool {self.path} is damaged: parcel {found} is not what was written; {_MOVE}")
-        return found, Batch(
+            raise SinkError(f"the spool {self.path} is damaged: batch {at} is not what was written; {_MOVE}")
+        return at, Batch(
             body=body,
             keys=tuple(json.loads(keys)),
             key_of=np.frombuffer(key_of, dtype="<u2").astype(np.uint16),
@@ -116,17 +116,16 @@ class Journal:
             schema_version=schema_version,
         )
 
-    @_told
+    @_raises_ours
     def acknowledge(self, numbers: Iterable[int]) -> None:
-        """Forget the parcels of those numbers, all or none."""
-        gone = [(number,) for number in numbers]
+        """Remove the batches with these numbers, all or none."""
         events, cost = 0, 0
         self._database.execute("BEGIN")
         try:
-            for each in gone:
-                row = self._database.execute("DELETE FROM parcel WHERE number = ? RETURNING events, bytes", each)
-                (found,) = row.fetchall()
-                events, cost = events + found[0], cost + found[1]
+            for number in numbers:
+                row = self._database.execute("DELETE FROM parcel WHERE number = ? RETURNING events, bytes", (number,))
+                ((row_events, row_bytes),) = row.fetchall()
+                events, cost = events + row_events, cost + row_bytes
             self._database.execute("COMMIT")
         except sqlite3.Error:
             if self._database.in_transaction:
@@ -135,9 +134,9 @@ class Journal:
         self.waiting -= events
         self._bytes -= cost
 
-    @_told
+    @_raises_ours
     def drop_oldest(self, after: int) -> int:
-        """Forget the first parcel with a number above that and return how many events it had; 0 where there is none."""
+        """Remove the first batch with a higher number and return its number of events; 0 if there is none."""
         row = self._database.execute("SELECT min(number) FROM parcel WHERE number > ?", (after,)).fetchone()
         if row[0] is None:
             return 0
@@ -146,11 +145,11 @@ class Journal:
         return before - self.waiting
 
     def close(self) -> None:
-        """Close the file; its log is taken into it where there is room, and is read at the next opening where not."""
+        """Close the file; SQLite merges its log if there is room, else at the next opening."""
         with suppress(sqlite3.Error):
             self._database.close()
 
-    @_told
+    @_raises_ours
     def _open(self, survives_power_cut: bool) -> None:
         execute = self._database.execute
         pages = self._max_bytes // _PAGE_BYTES + _SPARE_PAGES
@@ -161,8 +160,8 @@ class Journal:
             f"journal_size_limit = {_LOG_BYTES}",
             f"synchronous = {'FULL' if survives_power_cut else 'NORMAL'}",
         ):
-            told = execute(f"PRAGMA {pragma}").fetchall()
-            if pragma == "journal_mode = WAL" and told != [("wal",)]:
+            answer = execute(f"PRAGMA {pragma}").fetchall()
+            if pragma == "journal_mode = WAL" and answer != [("wal",)]:
                 raise SinkError(f"the spool {self.path} is on a disk that cannot hold one; give a path on another disk")
         execute("BEGIN EXCLUSIVE")
         self._require_spool()
@@ -173,7 +172,7 @@ class Journal:
         self.waiting, self._bytes = int(self.waiting), int(self._bytes)
 
     def _require_spool(self) -> None:
-        """Refuse a database of something else; make a new one ours."""
+        """Mark a new database as a spool; raise `SinkError` for any other database."""
         execute = self._database.execute
         (application,), (version,) = (
             execute(f"PRAGMA {each}").fetchone() for each in ("application_id", "user_version")
@@ -203,7 +202,7 @@ _WORDS = {
 
 
 def complaint(path: str, error: sqlite3.Error) -> SinkError:
-    """Return what to say of an error of SQLite."""
+    """Return the `SinkError` for an error of SQLite."""
     folder = Path(path).parent
     if _code(error) == "SQLITE_CANTOPEN" and not folder.is_dir():
         return SinkError(f"the spool {path} cannot be made: there is no folder {str(folder)!r}; make it")
@@ -217,9 +216,9 @@ def _code(error: sqlite3.Error) -> str:
     return "_".join(name.split("_")[:2])
 
 
-def _cost(parcel: Batch) -> int:
-    """Return at least what a row takes in the file: a small one may leave as much of its page empty as it fills."""
-    content = len(parcel.body) + 2 * len(parcel) + sum(6 * len(key) + 4 for key in parcel.keys) + _ROW_BYTES
+def _cost(batch: Batch) -> int:
+    """Return an upper bound of the bytes of a row: a small row may leave as much of its page empty as it fills."""
+    content = len(batch.body) + 2 * len(batch) + sum(6 * len(key) + 4 for key in batch.keys) + _ROW_BYTES
     return content + min(content, 2 * _PAGE_BYTES)
 
 

@@ -1,4 +1,4 @@
-"""Sinks that take windows, fed from a spool: the spool then keeps columns, as numpy's own archive, and no messages.
+"""Spools of sinks that take windows: batches are columns, as numpy archives, and hold no messages.
 
 Truth is no part of an event and is not kept: windows from a spool have none.
 """
@@ -15,7 +15,7 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Batch, Detections, DetectionTruth, Tracks, Window
-from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.encoder_input import window_blocks
 
 _CONTENT_TYPE = "application/vnd.opir.window+npz"
 _VERSION = "1"
@@ -26,11 +26,11 @@ _COLUMNS = {"detections": _DETECTION_COLUMNS, "tracks": _TRACK_COLUMNS, "estimat
 _Record = TypeVar("_Record", bound=Columns)
 
 
-class WindowPacker:
-    """Makes parcels of windows, block by block, each with the estimates that its detections point to."""
+class WindowBatcher:
+    """Cuts windows into batches of columns, each with the estimates that its detections refer to."""
 
-    def parcels(self, window: Window) -> Iterator[Batch]:
-        """Yield a window as parcels of columns."""
+    def batches(self, window: Window) -> Iterator[Batch]:
+        """Yield a window as batches of columns."""
         for block in window_blocks(window):
             yield Batch(
                 body=_packed(_with_own_estimates(block)),
@@ -41,8 +41,8 @@ class WindowPacker:
             )
 
 
-class WindowCarrier:
-    """Carries parcels of columns into a sink; what it has written is acknowledged."""
+class WindowTransport:
+    """A transport that writes batches of columns into a sink; what is written is acknowledged."""
 
     trouble: str | None = None
 
@@ -50,7 +50,7 @@ class WindowCarrier:
         self._sink = sink
 
     def send(self, batch: Batch) -> "Future[None]":
-        """Write the batch's window; the future is done."""
+        """Write the batch's window and return a future that is done."""
         future: Future[None] = Future()
         try:
             self._sink.write(_unpacked(batch))
@@ -66,11 +66,11 @@ class WindowCarrier:
 
 
 def _with_own_estimates(block: Window) -> Window:
-    rows, place = np.unique(block.detections.estimate, return_inverse=True)
-    known = rows >= 0
-    estimate = place.astype(np.int64) - np.count_nonzero(~known)
+    rows, index = np.unique(block.detections.estimate, return_inverse=True)
+    is_row = rows >= 0
+    estimate = index.astype(np.int64) - np.count_nonzero(~is_row)
     detections = evolve(block.detections, estimate=estimate)
-    return evolve(block, detections=detections, estimates=block.estimates.take(rows[known]))
+    return evolve(block, detections=detections, estimates=block.estimates.take(rows[is_row]))
 
 
 def _packed(window: Window) -> bytes:
@@ -84,12 +84,12 @@ def _packed(window: Window) -> bytes:
     return archive.getvalue()
 
 
-def _unpacked(parcel: Batch) -> Window:
-    if (parcel.content_type, parcel.schema_version) != (_CONTENT_TYPE, _VERSION):
+def _unpacked(batch: Batch) -> Window:
+    if (batch.content_type, batch.schema_version) != (_CONTENT_TYPE, _VERSION):
         raise SinkError(
-            f"its spool holds {parcel.content_type} of an output of another kind; give each output a spool of its own"
+            f"its spool holds {batch.content_type} of an output of another kind; give each output a spool of its own"
         )
-    with np.load(BytesIO(parcel.body), allow_pickle=False) as archive:
+    with np.load(BytesIO(batch.body), allow_pickle=False) as archive:
         start_s, end_s = archive["times"].tolist()
         return Window(
             start_s=start_s,

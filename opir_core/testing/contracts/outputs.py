@@ -16,7 +16,7 @@ from opir_core.interfaces.protocols import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Tracks, Window
 from opir_core.output.delivery import opened_sink
 from opir_core.output.events import SCHEMA_VERSION, detection_schema
-from opir_core.output.events.blocks import only_encodable
+from opir_core.output.events.encoder_input import only_encodable
 from opir_core.planning.plan import Plan
 from opir_core.plugin.components import Component, EventEncoder, SinkModel
 from opir_core.scene.scene import Choice

@@ -10,9 +10,8 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.records import Tracks
-from opir_core.output.events.points import point_texts
+from opir_core.output.events.estimates import burnout_texts, point_texts, state_texts
 from opir_core.output.events.text import timestamp_text, writable_unix_microseconds
-from opir_core.output.events.track_texts import burnout_texts, state_texts
 from opir_core.scene.scene import REPORTED_TYPES
 
 #: Tracks that are kept; those not updated for longest give way.

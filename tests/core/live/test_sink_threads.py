@@ -13,7 +13,7 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Window
 from opir_core.live.running import LiveRun, LiveSettings, LiveWindow
-from opir_core.live.sink_thread import QUEUED_WINDOWS, SinkThread
+from opir_core.output.sink_thread import QUEUED_WINDOWS, SinkThread
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_from_mapping
@@ -112,7 +112,7 @@ def test_nobody_hears_of_an_event_before_the_outputs_with_a_spool_have_it(scene:
     other = Slow(threading.Event())
     other.gate.set()
     kept = Kept(lambda: max(run.status().detections, told(shown), other.taken))
-    run._outlets = (SinkThread("outputs[0]", "other", other), SinkThread("outputs[1]", "kept", kept, is_kept=True))
+    run._outlets = (SinkThread("outputs[0]", "other", other), SinkThread("outputs[1]", "kept", kept, is_spooled=True))
     run._state = "running"
     run._thread.start()
     until(lambda: run.state == "ended")
@@ -128,7 +128,7 @@ def told(shown: list[LiveWindow]) -> int:
 def test_a_kept_output_that_fails_is_told_and_the_run_goes_on(scene: Scene, host: Host) -> None:
     window, gate = some_window(scene, host), threading.Event()
     gate.set()
-    broken = SinkThread("outputs[0]", "broken", Slow(gate, "no room"), is_kept=True)
+    broken = SinkThread("outputs[0]", "broken", Slow(gate, "no room"), is_spooled=True)
     for _ in range(3):
         broken.write(window, threading.Event())
     broken.close(time.monotonic() + 5.0)

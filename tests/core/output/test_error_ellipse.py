@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.records import TOLD_CONTAINMENTS
-from opir_core.output.events.points import OTHER_CONTAINMENTS
+from opir_core.output.events.estimates import OTHER_CONTAINMENTS
 
 CHI_SQUARE_95_TWO_DEGREES = 5.991464547107979  # Abramowitz and Stegun, table 26.8, more digits from -2 ln 0.05
 SIGMA = st.floats(0.1, 1e6)

@@ -9,9 +9,13 @@ import pytest
 from opir_core.estimation.containment_ellipse import CONTAINMENT
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events import SCHEMA_VERSION, detection_schema, schema_text
+from opir_core.output.events.estimates import (
+    OTHER_CONTAINMENTS,
+    EstimatedPoint,
+    TrackState,
+    UncertaintyEllipse,
+)
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.events.points import OTHER_CONTAINMENTS, EstimatedPoint, UncertaintyEllipse
-from opir_core.output.events.track_texts import TrackState
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing import stub_sensor
 from opir_core.testing.doubles import stub_estimates, stub_window

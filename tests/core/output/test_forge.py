@@ -19,7 +19,7 @@ from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.output.events import SCHEMA_VERSION, detection_schema
-from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import timestamp_text, unix_microseconds
 from opir_core.random_streams.detection_ids import uuid8_words, uuid_text

@@ -20,7 +20,7 @@ from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.records import Tracks, Window
 from opir_core.output.events import SCHEMAS, schema
-from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.forge_c2 import ForgeC2Encoder
 from opir_core.output.events.udl import UdlEncoder
 from opir_core.random_streams.detection_ids import uuid_text

@@ -15,7 +15,7 @@ from opir_core.arrays import FloatArray
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import Window
 from opir_core.output.events import detection_schema
-from opir_core.output.events.blocks import window_blocks
+from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.run import plan_windows

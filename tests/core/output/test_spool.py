@@ -29,10 +29,10 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery, Transport
 from opir_core.interfaces.records import Batch, Tracks
 from opir_core.output.pump import pump
-from opir_core.output.spool.batches import PARCEL_EVENTS, Packer
-from opir_core.output.spool.dispatch import AHEAD_BYTES, Dispatch, Policy
+from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.windows import WindowCarrier, WindowPacker
+from opir_core.output.spool.transport_sink import AHEAD_BYTES, Policy, TransportSink
+from opir_core.output.spool.windows import WindowBatcher, WindowTransport
 from opir_core.testing.doubles import stub_estimates, stub_window
 
 
@@ -53,8 +53,8 @@ def test_what_a_carrier_acknowledges_is_delivered(tmp_path: Path) -> None:
 
 def test_a_parcel_says_whose_each_event_is_and_what_it_is() -> None:
     whole = window(3000)
-    packed = list(Packer(ENCODER, SENSORS).parcels(whole))
-    assert [len(parcel) for parcel in packed] == [PARCEL_EVENTS, PARCEL_EVENTS, 3000 - 2 * PARCEL_EVENTS]
+    packed = list(EncodedBatcher(ENCODER, SENSORS).batches(whole))
+    assert [len(parcel) for parcel in packed] == [BATCH_EVENTS, BATCH_EVENTS, 3000 - 2 * BATCH_EVENTS]
     assert b"".join(parcel.body for parcel in packed) == ENCODER.encode(whole)
     for parcel in packed:
         keys = [parcel.keys[key] for key in parcel.key_of]
@@ -171,12 +171,12 @@ def test_the_wall_clock_has_no_say(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
     known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
     windows = [stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1), window(2, 4)]
-    first = Dispatch("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
+    first = TransportSink("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK)
     for each in windows:
         first.write(each)
     assert first.close() == Delivery(delivered=0, spooled=6)
     kept = MemorySink(lambda: ENCODER)
-    second = Dispatch("stub", WindowCarrier(kept), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
+    second = TransportSink("stub", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK)
     assert second.close() == Delivery(delivered=6, recovered=6)
     assert kept.lines() == b"".join(map(ENCODER.encode, windows))
     assert isinstance(kept.windows[0].tracks, Tracks)
@@ -192,7 +192,9 @@ def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path:
             return block.detections.sensor != 2
 
     carrier = Holding()
-    sink = Dispatch("stub", carrier, Journal(str(tmp_path / "spool"), MIB), Packer(Choosy(), SENSORS), QUICK)
+    sink = TransportSink(
+        "stub", carrier, Journal(str(tmp_path / "spool"), MIB), EncodedBatcher(Choosy(), SENSORS), QUICK
+    )
     sink.write(window(10))
     assert sink.close() == Delivery(delivered=8, withheld=2)
     assert {event["sensor_id"] for event in carrier.events} == {"S-0", "S-1", "S-3", "S-4"}
@@ -224,8 +226,8 @@ def is_whole(line: bytes) -> bool:
 
 def test_a_carrier_that_takes_its_time_is_struck_off_as_it_goes_and_left_in_time(tmp_path: Path) -> None:
     journal = Journal(str(tmp_path / "spool"), 8 * MIB)
-    sink = Dispatch(
-        "stub", Appending(tmp_path / "lines", 0.02), journal, Packer(ENCODER, SENSORS), Policy(stall_s=60.0)
+    sink = TransportSink(
+        "stub", Appending(tmp_path / "lines", 0.02), journal, EncodedBatcher(ENCODER, SENSORS), Policy(stall_s=60.0)
     )
     for first in range(300):
         sink.write(window(1, first))

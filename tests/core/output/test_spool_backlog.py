@@ -19,9 +19,9 @@ from spool_transports import (
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery
 from opir_core.interfaces.records import Batch
-from opir_core.output.spool.batches import FullError, Packer
-from opir_core.output.spool.dispatch import Dispatch
+from opir_core.output.spool.batches import EncodedBatcher, FullError
 from opir_core.output.spool.journal import Journal
+from opir_core.output.spool.transport_sink import TransportSink
 
 
 @pytest.mark.parametrize("is_spooled", [True, False])
@@ -80,8 +80,8 @@ def test_waiting_for_room_has_an_end(tmp_path: Path) -> None:
 def test_the_file_stays_within_its_bound(tmp_path: Path) -> None:
     path = tmp_path / "spool"
     journal = Journal(str(path), 2 * MIB)
-    parcel = next(Packer(ENCODER, SENSORS).parcels(window(300)))
-    tiny = next(Packer(ENCODER, SENSORS).parcels(window(1)))
+    parcel = next(EncodedBatcher(ENCODER, SENSORS).batches(window(300)))
+    tiny = next(EncodedBatcher(ENCODER, SENSORS).batches(window(1)))
     for each in (parcel, tiny):
         with pytest.raises(FullError):
             put_for_ever(journal, each)
@@ -100,7 +100,7 @@ def test_a_disk_without_room_is_a_full_spool(tmp_path: Path) -> None:
     pages = journal._database.execute("PRAGMA page_count").fetchone()[0]
     journal._database.execute(f"PRAGMA max_page_count = {pages + 400}")
     carrier = Holding("hold")
-    sink = Dispatch("stub", carrier, journal, Packer(ENCODER, SENSORS), QUICK)
+    sink = TransportSink("stub", carrier, journal, EncodedBatcher(ENCODER, SENSORS), QUICK)
     with pytest.raises(SinkError, match="is full"):
         overfill(sink)
     carrier.release()

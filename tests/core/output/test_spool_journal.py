@@ -18,10 +18,10 @@ from spool_transports import (
 
 from opir_core.builtin.memory_sinks import MemorySink
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import Packer
-from opir_core.output.spool.dispatch import Dispatch
+from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.windows import WindowCarrier, WindowPacker
+from opir_core.output.spool.transport_sink import TransportSink
+from opir_core.output.spool.windows import WindowBatcher, WindowTransport
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")
@@ -78,7 +78,7 @@ def test_damage_anywhere_in_the_file_is_told_or_harmless_and_never_sent(tmp_path
     path = tmp_path / "spool"
     journal = Journal(str(path), 64 * MIB)
     for number in range(4):
-        journal.put(next(Packer(ENCODER, SENSORS).parcels(window(200, 200 * number))))
+        journal.put(next(EncodedBatcher(ENCODER, SENSORS).batches(window(200, 200 * number))))
     journal.close()
     damaged = bytearray(path.read_bytes())
     dice = random.Random(seed)
@@ -102,7 +102,9 @@ def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
     first.write(window(5))
     first.close()
     kept = MemorySink(lambda: ENCODER)
-    second = Dispatch("memory", WindowCarrier(kept), Journal(str(tmp_path / "spool"), MIB), WindowPacker(), QUICK)
+    second = TransportSink(
+        "memory", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK
+    )
     told = second.close()
     assert told.spooled == 5
     assert told.complaint is not None

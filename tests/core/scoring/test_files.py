@@ -42,8 +42,8 @@ def lines_of(path):
     [
         (".jsonl", "is not in the truth"),
         (".truth.jsonl", "is not in the truth"),
-        (".tracks.jsonl", "not the tracks that the manifest's run wrote"),
-        (".manifest.json", "not the tracks that the manifest's run wrote"),
+        (".tracks.jsonl", "not the tracks of the manifest's run"),
+        (".manifest.json", "not the tracks of the manifest's run"),
     ],
 )
 def test_a_file_of_another_run_is_refused(runs, copied, part, message):
@@ -65,7 +65,7 @@ def test_a_file_that_ends_early_is_refused(copied, part):
 
 def test_events_that_are_told_twice_are_refused(copied):
     copied.write_text("".join(lines_of(copied) + lines_of(copied)[:3]))
-    with pytest.raises(SceneError, match="3 detections are told twice"):
+    with pytest.raises(SceneError, match="3 detections appear twice"):
         evidence_of_files(copied)
 
 
@@ -73,7 +73,7 @@ def test_a_truth_of_another_launch_is_refused(runs, copied):
     told = lines_of(copied.with_suffix(".truth.jsonl"))
     told[0] = lines_of(runs / "away.truth.jsonl")[0]
     copied.with_suffix(".truth.jsonl").write_text("".join(told))
-    with pytest.raises(SceneError, match="T1 flies otherwise in the manifest's scene"):
+    with pytest.raises(SceneError, match="T1 has another trajectory in the manifest's scene"):
         evidence_of_files(copied)
     told[0] = told[0].replace('"target_id":"T1"', '"target_id":"T9"')
     copied.with_suffix(".truth.jsonl").write_text("".join(told))
@@ -92,7 +92,7 @@ def test_a_track_told_twice_at_a_tick_is_refused(runs, copied, tmp_path):
     rows = lines_of(runs / "one.tracks.jsonl")
     (tmp_path / "mine.jsonl").write_text("".join([*rows, rows[3]]))
     tick_s = json.loads(rows[3])["tick_s"]
-    with pytest.raises(SceneError, match=rf"line {len(rows) + 1}: track 0 is told twice at {tick_s:g} s; give one row"):
+    with pytest.raises(SceneError, match=rf"line {len(rows) + 1}: track 0 has two rows at {tick_s:g} s; give one row"):
         evidence_of_files(copied, tracks=tmp_path / "mine.jsonl")
 
 
@@ -123,7 +123,9 @@ def test_a_truth_that_burns_otherwise_is_refused(copied):
     changed = ({"burnout_s": told["burnout_s"] + 1.0}, {"burnout": {**told["burnout"], "lat_deg": 35.0}})
     for change in changed:
         path.write_text("".join([json.dumps({**told, **change}) + "\n", *rest]))
-        with pytest.raises(SceneError, match="T1 flies otherwise in the manifest's scene, by the plugins installed"):
+        with pytest.raises(
+            SceneError, match="T1 has another trajectory in the manifest's scene, with the plugins"
+        ):
             evidence_of_files(copied)
 
 
@@ -132,7 +134,7 @@ def test_a_truth_that_burns_otherwise_is_refused(copied):
     [
         ("manifest_version", "1", "manifest_version: of manifest version 1, where 2 is read: run the scene anew"),
         ("manifest_version", None, "manifest_version: of manifest version None, where 2 is read"),
-        ("counts", 3, "counts: not what opir writes: a block of counts is due"),
+        ("counts", 3, "counts: not what opir writes: counts must be a block"),
     ],
 )
 def test_a_manifest_of_another_shape_is_told(copied, key, value, message):
@@ -148,7 +150,7 @@ def test_a_manifest_of_another_shape_is_told(copied, key, value, message):
         ("track", 1.5, "line 3: track: 1.5 is not a whole number of 64 bits"),
         ("track", None, "line 3: track: None is not a whole number of 64 bits"),
         ("tick_s", None, "line 3: tick_s: None is not a time, s"),
-        ("state", [1.0, 2.0], "line 3: state: not what opir writes: 6 numbers, or nulls, are due"),
+        ("state", [1.0, 2.0], "line 3: state: not what opir writes: 6 numbers or nulls expected"),
         ("state", ["far"] * 6, "line 3: state: not what opir writes: 6 numbers"),
         ("launch_covariance", None, "line 3: launch_covariance: not what opir writes: 3 by 3 numbers"),
     ],

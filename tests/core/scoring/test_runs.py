@@ -11,7 +11,7 @@ from scored_scene import SCENE
 
 from opir_core.cli.main import main
 from opir_core.errors import OpirError, Problem, SceneError
-from opir_core.output.tracks_file import TracksFile, read_tracks
+from opir_core.output.run_files import TracksFile, read_tracks
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard

@@ -16,7 +16,7 @@ from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Band, Measured, RandomDraws
 from opir_core.interfaces.records import Detections, Exposures, Window
 from opir_core.output.events.forge import ForgeEncoder
-from opir_core.output.truth_file import TruthFile
+from opir_core.output.run_files import TruthFile
 from opir_core.planning.pointing_bias import PointingBias
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import plan_windows

@@ -23,7 +23,7 @@ from spool_transports import ENCODER, SENSORS, window
 
 from opir_core.cli.main import main
 from opir_core.errors import SceneError, SinkError
-from opir_core.output.spool.batches import Packer
+from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.scene.reading import load_scene
 
 SCENE = str(EXAMPLES / "first_light.yaml")
@@ -158,7 +158,7 @@ def test_a_known_certificate_and_a_login_come_through(certificate: Path, secret:
     )
     with door(29, certificate) as address:
         made = carrier(address.replace("127.0.0.1", "localhost"), "topic", security=security)
-        future = made.send(next(Packer(ENCODER, SENSORS).parcels(window(5))))
+        future = made.send(next(EncodedBatcher(ENCODER, SENSORS).batches(window(5))))
         with pytest.raises(SinkError, match="code 29"):
             future.result(10.0)
         made.close(5.0)

@@ -22,8 +22,8 @@ from opir_core.cli.main import main
 from opir_core.errors import SceneError
 from opir_core.interfaces.protocols import Transport
 from opir_core.output.delivery import deliver
-from opir_core.output.spool.batches import Packer
-from opir_core.output.spool.dispatch import Policy
+from opir_core.output.spool.batches import EncodedBatcher
+from opir_core.output.spool.transport_sink import Policy
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import load_scene
 
@@ -180,7 +180,7 @@ def test_a_shipment_is_done_when_every_row_is() -> None:
     from concurrent.futures import Future
 
     future: Future[None] = Future()
-    shipment = Shipment(next(Packer(ENCODER, SENSORS).parcels(window(10))), future)
+    shipment = Shipment(next(EncodedBatcher(ENCODER, SENSORS).batches(window(10))), future)
     rows = shipment.rows_by_partition({b"S-0": 0, b"S-1": 0, b"S-2": 1, b"S-3": 1, b"S-4": 2}.__getitem__)
     assert rows == {0: [0, 1, 5, 6], 1: [2, 3, 7, 8], 2: [4, 9]}
     assert not shipment.acknowledge(rows[0])
@@ -196,7 +196,7 @@ def test_closing_is_quick_whatever_the_state() -> None:
     began = time.monotonic()
     for address in (dead_address(), "192.0.2.1:9092"):  # TEST-NET-1 (RFC 5737): nobody answers, nobody refuses
         made = carrier(address, "topic", connect_timeout_s=60.0)
-        made.send(next(Packer(ENCODER, SENSORS).parcels(window(5))))
+        made.send(next(EncodedBatcher(ENCODER, SENSORS).batches(window(5))))
         made.close(5.0)
         made.close(5.0)
     assert time.monotonic() - began < 8.0

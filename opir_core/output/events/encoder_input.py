@@ -1,0 +1,92 @@
+"""Windows for an encoder: in blocks, without detections that have no message, with valid values."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from attrs import evolve
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.errors import ModelError
+from opir_core.interfaces.optional import PartialEncoder
+from opir_core.interfaces.protocols import Encoder, Sensor
+from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.scene.scene import REPORTED_TYPES
+
+#: Detections in a block: enough that numpy's cost per call is small, few enough for the processor's cache.
+BLOCK_ROWS = 8_192
+
+# Largest error of the length of a unit vector.
+_UNIT_ROUNDING = 1e-6
+
+# Largest component of a position, m, with a square that a double holds: beyond it there is no horizontal.
+_FARTHEST_M = 1e100
+
+
+def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:
+    """Yield a window as windows of at most `rows` detections; nothing for a window without detections.
+
+    Each has the window's times and estimates; only the first has its `looks` and `tracks`.
+    """
+    for start in range(0, len(window.detections), rows):
+        block = slice(start, start + rows)
+        part = evolve(window, detections=window.detections.take(block), truth=window.truth.take(block))
+        yield part if start == 0 else evolve(part, looks=0, tracks=Tracks.empty())
+
+
+def only_encodable(window: Window, encoder: Encoder) -> Window:
+    """Return the window without the detections that have no message in an encoder."""
+    if not isinstance(encoder, PartialEncoder) or not len(window.detections):
+        return window
+    mask = encoder.encodable(window)
+    return (
+        window if mask.all() else evolve(window, detections=window.detections.take(mask), truth=DetectionTruth.empty())
+    )
+
+
+def require_valid(window: Window, sensors: Sequence[Sensor]) -> None:
+    """Raise `ModelError` if detections have values that no event may have: a nan confidence, an unknown sensor, …"""
+    detections = window.detections
+    for rule, valid in _rules(window, sensors):
+        if not valid.all():
+            row = int(np.argmin(valid))
+            invalid = len(valid) - int(np.count_nonzero(valid))
+            raise ModelError(
+                f"{invalid} of {len(valid)} detections cannot be encoded: {rule}"
+                f" (the first is of sensor {_sensor_name(detections, row, sensors)} at {detections.time_s[row]} s)"
+            )
+
+
+def _rules(window: Window, sensors: Sequence[Sensor]) -> Iterator[tuple[str, BoolArray]]:
+    """Yield each rule and the rows (n,) that satisfy it; later rules assume the earlier ones."""
+    d = window.detections
+    yield f"the sensor must be in 0 to {len(sensors) - 1}", (d.sensor >= 0) & (d.sensor < len(sensors))
+    band_ends = np.array([1 << len(sensor.bands) for sensor in sensors])
+    yield "the bands must be the sensor's", d.bands < band_ends[d.sensor]
+    yield "the reported type must be a code into REPORTED_TYPES", d.reported_type < len(REPORTED_TYPES)
+    yield "the confidence must be in [0, 1]", (d.confidence >= 0.0) & (d.confidence <= 1.0)
+    yield "the line of sight must be a unit vector", _is_unit(d.line_of_sight_ecef)
+    yield "the standard deviation of the line of sight must be finite and not negative", _is_sigma(d)
+    x, y, z = (np.abs(d.sensor_ecef_m) <= _FARTHEST_M).T
+    yield f"the sensor's position must be finite, each component at most {_FARTHEST_M:g} m", x & y & z
+    yield (
+        "the estimate must be a row of the window's estimates",
+        (d.estimate >= -1) & (d.estimate < len(window.estimates)),
+    )
+
+
+@np.errstate(over="ignore")
+def _is_unit(vectors: FloatArray) -> BoolArray:
+    x, y, z = vectors.T
+    result: BoolArray = np.abs(np.sqrt(x * x + y * y + z * z) - 1.0) <= _UNIT_ROUNDING
+    return result
+
+
+def _is_sigma(detections: Detections) -> BoolArray:
+    sigma_rad = detections.line_of_sight_sigma_rad
+    result: BoolArray = (sigma_rad >= 0.0) & (sigma_rad < np.inf)
+    return result
+
+
+def _sensor_name(detections: Detections, row: int, sensors: Sequence[Sensor]) -> str:
+    sensor = int(detections.sensor[row])
+    return sensors[sensor].id if 0 <= sensor < len(sensors) else f"number {sensor}"

@@ -1,0 +1,171 @@
+"""Track estimates as JSON: launch and impact points with error ellipses, states with covariances, type probabilities.
+
+Unknown values are null.
+"""
+
+import msgspec
+import numpy as np
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
+from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks, Window
+from opir_core.output.events.text import (
+    METRE_DECIMALS,
+    RATIO_DECIMALS,
+    Piece,
+    piece_table,
+    rounded,
+    rounded_bearing_deg,
+    rounded_degrees,
+    rounded_longitude_deg,
+    taken,
+    timestamp_text,
+    writable_unix_microseconds,
+)
+from opir_core.scene.scene import REPORTED_TYPES
+
+#: Containment probabilities of the other two ellipses of an event; that of the first is `CONTAINMENT`.
+OTHER_CONTAINMENTS = (0.5, 0.9)
+
+
+class UncertaintyEllipse(msgspec.Struct):
+    """Ellipse that contains the point with probability `containment`; `bearing_deg` of the major axis, from north."""
+
+    semi_major_m: float
+    semi_minor_m: float
+    bearing_deg: float
+    containment: float
+
+
+class EstimatedPoint(msgspec.Struct):
+    """A launch or impact point: geodetic WGS 84 position, UTC, and their uncertainties; unknown values are None."""
+
+    lat_deg: float
+    lon_deg: float
+    time: str | None
+    ellipse: UncertaintyEllipse | None
+    ellipse_50: UncertaintyEllipse | None
+    ellipse_90: UncertaintyEllipse | None
+    time_sigma_s: float | None
+
+
+class TrackState(msgspec.Struct):
+    """ECEF position, m, and velocity relative to the Earth, m/s, at a time, with covariance; unknown values are None.
+
+    The covariance is of x, y, z and their rates, at burnout also of its time, s: the lower triangle, row by row.
+    `ellipsoid_sigmas` are the radii, in standard deviations, of the ellipsoids that contain the state with the
+    probabilities `TOLD_CONTAINMENTS`; None for a normal distribution.
+    """
+
+    timestamp: str | None
+    position_ecef_m: list[float]
+    velocity_ecef_m_s: list[float]
+    covariance_ecef: list[float] | None
+    ellipsoid_sigmas: list[float] | None
+
+
+_TRACK_FIELDS = b'"track_state":%b,"burnout":%b,"track_type_probability":%b,'
+_encode = msgspec.json.Encoder().encode
+
+
+def point_texts(
+    place: FloatArray, covariance: FloatArray, epoch_us: int, reported_sigmas: FloatArray | None = None
+) -> list[bytes]:
+    """Return points as JSON, `null` if the position is unknown or not on the Earth.
+
+    `place` (n, 3) is latitude_rad, longitude_rad and scene time_s; `covariance` (n, 3, 3) is of east and north, m, and
+    time, s; `reported_sigmas` (n, 3) as in `containment_ellipse`.
+    """
+    on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
+    filled = np.where(on_earth[:, np.newaxis], place, 0.0)
+    columns = (
+        rounded_degrees(filled[:, 0]).tolist(),
+        rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)).tolist(),
+        _times(filled[:, 2], epoch_us),
+        *(_ellipses(covariance[:, :2, :2], share, reported_sigmas) for share in (CONTAINMENT, *OTHER_CONTAINMENTS)),
+        _sigmas(covariance[:, 2, 2]),
+    )
+    points = (EstimatedPoint(*values) for values in zip(*columns, strict=True))
+    return [_encode(point if here else None) for here, point in zip(on_earth.tolist(), points, strict=True)]
+
+
+def _times(time_s: FloatArray, epoch_us: int) -> list[str | None]:
+    unix_us, writable = writable_unix_microseconds(time_s, epoch_us)
+    texts = timestamp_text(np.where(writable, unix_us, 0))
+    return [text if valid else None for text, valid in zip(texts, writable.tolist(), strict=True)]
+
+
+def _sigmas(variance: FloatArray) -> list[float | None]:
+    valid = (variance >= 0.0) & (variance < np.inf)
+    sigma = rounded(np.sqrt(np.where(valid, variance, 0.0)), RATIO_DECIMALS).tolist()
+    return [value if here else None for value, here in zip(sigma, valid.tolist(), strict=True)]
+
+
+def _ellipses(
+    covariance_m2: FloatArray, containment: float, reported_sigmas: FloatArray | None
+) -> list[UncertaintyEllipse | None]:
+    ellipse = containment_ellipse(covariance_m2, containment, reported_sigmas)
+    valid = np.isfinite(ellipse.semi_major_m).tolist()
+    major_m = rounded(ellipse.semi_major_m, METRE_DECIMALS).tolist()
+    minor_m = rounded(ellipse.semi_minor_m, METRE_DECIMALS).tolist()
+    bearing_deg = rounded_bearing_deg(ellipse.bearing_rad, 180.0).tolist()
+    return [
+        UncertaintyEllipse(major, minor, bearing, containment) if here else None
+        for here, major, minor, bearing in zip(valid, major_m, minor_m, bearing_deg, strict=True)
+    ]
+
+
+def track_fields(window: Window, epoch_us: int) -> Piece:
+    """Return state, burnout and type probability of the track of each detection, as of its estimate's tick."""
+    rows, of_detection = np.unique(window.detections.estimate, return_inverse=True)
+    used = window.estimates.take(rows[rows >= 0])
+    unknown = [_TRACK_FIELDS % (b"null", b"null", b"null")] * (len(rows) - len(used))
+    texts = zip(state_texts(used, epoch_us), burnout_texts(used, epoch_us), type_texts(used), strict=True)
+    return taken(piece_table([*unknown, *(_TRACK_FIELDS % values for values in texts)]), of_detection)
+
+
+def state_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
+    """Return the states of estimates at their ticks as JSON, `null` if unknown."""
+    return _state_texts(tracks.state, tracks.tick_s, tracks.state_covariance, tracks.state_sigmas, epoch_us)
+
+
+def burnout_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
+    """Return the states at burnout as JSON, `null` if unknown."""
+    radii = np.full((len(tracks), len(TOLD_CONTAINMENTS)), np.nan)
+    return _state_texts(tracks.burnout[:, :6], tracks.burnout[:, 6], tracks.burnout_covariance, radii, epoch_us)
+
+
+def type_texts(tracks: Tracks) -> list[bytes]:
+    """Return the type probabilities of estimates as JSON, `null` if unknown."""
+    finite = _is_finite(tracks.type_probability)
+    shares = rounded(tracks.type_probability, RATIO_DECIMALS).tolist()
+    return [
+        _encode(dict(zip(REPORTED_TYPES, share, strict=True)) if here else None)
+        for here, share in zip(finite.tolist(), shares, strict=True)
+    ]
+
+
+def _state_texts(
+    state: FloatArray, time_s: FloatArray, covariance: FloatArray, radii: FloatArray, epoch_us: int
+) -> list[bytes]:
+    """Return states (n, 6) at scene times (n,) with covariances (n, d, d) and radii of ellipsoids (n, 3).
+
+    Covariances keep all digits: a nearly singular one, rounded, may not be positive semidefinite.
+    """
+    finite = _is_finite(state)
+    places = rounded(np.where(finite[:, np.newaxis], state, 0.0), METRE_DECIMALS).tolist()
+    rows, columns = np.tril_indices(covariance.shape[1])
+    lower, times = covariance[:, rows, columns], _times(time_s, epoch_us)
+    sigmas_or_none = [each if valid else None for valid, each in zip(_is_finite(radii), radii.tolist(), strict=True)]
+    terms = [each if valid else None for valid, each in zip(_is_finite(lower), lower.tolist(), strict=True)]
+    values = zip(finite.tolist(), times, places, terms, sigmas_or_none, strict=True)
+    return [
+        _encode(TrackState(time, place[:3], place[3:], *spread) if here else None)
+        for here, time, place, *spread in values
+    ]
+
+
+def _is_finite(rows: FloatArray) -> BoolArray:
+    """Return which rows (n, d) are finite throughout."""
+    finite: BoolArray = np.logical_and.reduce(np.isfinite(rows), axis=1)
+    return finite

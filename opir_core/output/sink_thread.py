@@ -1,0 +1,268 @@
+"""Open sinks with their event counts: `OpenSink` writes at once, `SinkThread` from a queue, in a thread of its own.
+
+In both, given + recovered = delivered + spooled + dropped + withheld + events in queued windows.
+"""
+
+import math
+import queue
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from attrs import evolve, frozen
+
+from opir_core.errors import SinkError
+from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink
+from opir_core.interfaces.protocols import Delivery, Sink
+from opir_core.interfaces.records import Window
+
+#: Maximum number of windows in the queue of a sink without a spool.
+QUEUED_WINDOWS = 200
+
+_POLL_S = 0.05
+#: Time, s, in which a sink with a spool must close when it is replaced; the new sink sends the rest of the spool.
+_REPLACEMENT_S = 2.5
+
+
+@frozen
+class SinkStatus:
+    """Event counts of a sink (see `Delivery`) and its queue; `given` are the events of all windows written to it."""
+
+    path: str
+    name: str
+    state: str
+    given: int
+    delivered: int
+    spooled: int
+    dropped: int
+    withheld: int
+    recovered: int
+    queued_windows: int
+    waits: int
+    error: str | None
+
+
+class OpenSink:
+    """A sink, its event counts and its first error; it is closed once.
+
+    `write_now` and `close_now` call the sink in the caller's thread and pass on exceptions other than `SinkError`.
+    """
+
+    def __init__(self, path: str, sink: Sink) -> None:
+        self.path = path
+        self.error: str | None = None
+        self._sink = sink
+        self._given = self._written = 0
+        self._replaced = Delivery(delivered=0)
+        self._final: Delivery | None = None
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the sink is closed."""
+        return self._final is not None
+
+    def write_now(self, window: Window) -> None:
+        """Write a window; a closed sink only counts it, and a sink that fails is closed."""
+        self._given += len(window.detections)
+        if self.is_closed:
+            return
+        try:
+            self._pass(window)
+        except SinkError as error:
+            self._fail(str(error))
+            self.close_now()
+
+    def close_now(self) -> None:
+        """Close the sink if it is open."""
+        try:
+            self._end()
+        except BaseException:
+            self._fail("closing it was interrupted")
+            raise
+
+    def delivery(self) -> Delivery:
+        """Return the counts so far; events that a failed sink has not accounted for are dropped."""
+        counts = _sum(self._replaced, self._current())
+        if self.error is None:
+            return counts
+        lost = self._given + counts.recovered - counts.delivered - counts.spooled - counts.withheld
+        return evolve(counts, dropped=max(counts.dropped, lost))
+
+    def _current(self) -> Delivery:
+        """Return the counts of the present sink: its own, or all that was written as delivered."""
+        if self._final is not None:
+            return self._final
+        sink = self._sink
+        return sink.delivery_so_far() if isinstance(sink, MonitoredSink) else Delivery(delivered=self._written)
+
+    def _pass(self, window: Window) -> None:
+        self._sink.write(window)
+        self._written += len(window.detections)
+
+    def _end(self) -> None:
+        """Close the sink, unless it is closed, and keep its final counts; a defect of it is raised."""
+        if self.is_closed:
+            return
+        final = Delivery(delivered=0)
+        try:
+            final = self._sink.close()
+        except SinkError as error:
+            self._fail(str(error))
+        finally:
+            self._final = final
+        if final.complaint is not None:
+            self._fail(final.complaint)
+
+    def _fail(self, reason: str) -> None:
+        self.error = self.error or reason
+
+
+class SinkThread(OpenSink):
+    """A sink of a live run, with its thread: a slow sink does not delay the others, and none loses events.
+
+    A sink with a spool (`is_spooled`) is written before `write` returns; its spool sends the events later. Any other
+    has a queue of at most `QUEUED_WINDOWS` windows, lost with the process; when it is full, `write` waits, which
+    `SinkStatus.waits` counts. States: open, failed, closed. Exceptions of the sink are its `error`, never raised.
+    """
+
+    def __init__(self, path: str, name: str, sink: Sink, *, is_spooled: bool = False) -> None:
+        super().__init__(path, sink)
+        self.name, self.is_spooled = name, is_spooled
+        self._replacement_done = threading.Condition()
+        self._replacements = 0
+        self._queue: queue.Queue[Window | Callable[[], Sink] | None] = queue.Queue(QUEUED_WINDOWS)
+        self._waits = 0
+        self._deadline_s = math.inf
+        self._thread = threading.Thread(target=self._work, name=f"opir-{path}", daemon=True)
+        self._thread.start()
+
+    def write(self, window: Window, stopping: threading.Event) -> None:
+        """Spool or queue a window; waits for room until there is some, the sink has failed or the run is stopped."""
+        if self.is_spooled:
+            self._spool(window)
+            self._given += len(window.detections)
+        else:
+            self._given += len(window.detections)
+            self._queue_up(window, stopping)
+
+    def replace(self, make: Callable[[], Sink], *, is_spooled: bool = False) -> None:
+        """Close the sink after its queued windows, and continue with the one that `make` returns."""
+        with self._replacement_done:
+            self._replacements += 1
+        self.is_spooled = is_spooled
+        self._queue.put(make)
+
+    def close_by(self, deadline_s: float) -> None:
+        """Set the time of the monotonic clock by which the sink must be closed."""
+        self._deadline_s = deadline_s
+        self._pass_deadline(deadline_s)
+
+    def close(self, deadline_s: float) -> None:
+        """Close the sink after its queued windows; stop waiting at `deadline_s` of the monotonic clock."""
+        self.close_by(deadline_s)
+        try:
+            self._queue.put(None, timeout=max(0.0, deadline_s - time.monotonic()))
+        except queue.Full:
+            self._fail("it did not take its events before the deadline")
+        self._thread.join(max(0.0, deadline_s - time.monotonic()))
+        if self._thread.is_alive():
+            self._fail("it did not close before the deadline")
+
+    def status(self) -> SinkStatus:
+        """Return the event counts and the state."""
+        counts = self.delivery()
+        return SinkStatus(
+            path=self.path,
+            name=self.name,
+            state="failed" if self.error else "closed" if self.is_closed else "open",
+            given=self._given,
+            delivered=counts.delivered,
+            spooled=counts.spooled,
+            dropped=counts.dropped,
+            withheld=counts.withheld,
+            recovered=counts.recovered,
+            queued_windows=self._queue.qsize(),
+            waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
+            error=self.error,
+        )
+
+    def _spool(self, window: Window) -> None:
+        """Write a window in the caller's thread; if this fails, the sink's own thread closes it."""
+        with self._replacement_done:
+            self._replacement_done.wait_for(lambda: not self._replacements or self.error is not None)
+        if self.error is None and not self._try(lambda: self._pass(window)):
+            self._queue.put(None)
+
+    def _queue_up(self, window: Window, stopping: threading.Event) -> None:
+        waited = False
+        while self.error is None:
+            with suppress(queue.Full):
+                self._queue.put(window, timeout=_POLL_S)
+                return
+            self._waits += not waited
+            waited = True
+            if stopping.is_set():
+                return
+
+    def _work(self) -> None:
+        self._try(self._empty_queue)
+        self._try(self._end)
+        self._count_replacements(self._replacements)
+
+    def _empty_queue(self) -> None:
+        while (item := self._queue.get()) is not None:
+            if isinstance(item, Window):
+                self._pass(item)
+            else:
+                self._change(item)
+
+    def _try(self, work: Callable[[], None]) -> bool:
+        """Return whether a call raised nothing; a defect of one sink must not end the run."""
+        try:
+            work()
+        except SinkError as error:
+            self._fail(str(error))
+        except Exception as error:
+            self._fail(f"{self.name}: {type(error).__name__}: {error}")
+        else:
+            return True
+        return False
+
+    def _change(self, make: Callable[[], Sink]) -> None:
+        if isinstance(self._sink, BufferingSink) and self._sink.outlives_the_process:
+            self._pass_deadline(min(self._deadline_s, time.monotonic() + _REPLACEMENT_S))
+        closed = Delivery(delivered=0)
+        try:
+            closed = self._sink.close()
+            made = make()
+        except BaseException:
+            self._final = closed
+            raise
+        before = _sum(self._replaced, closed)
+        self._written, self._sink = 0, made
+        # Events left in a spool that both sinks share are counted once: with the new sink.
+        again = min(before.spooled, self._current().recovered)
+        self._replaced = evolve(before, spooled=before.spooled - again, recovered=before.recovered - again)
+        if self._deadline_s < math.inf:
+            self._pass_deadline(self._deadline_s)
+        self._count_replacements(1)
+
+    def _count_replacements(self, done: int) -> None:
+        with self._replacement_done:
+            self._replacements -= done
+            self._replacement_done.notify_all()
+
+    def _pass_deadline(self, deadline_s: float) -> None:
+        if isinstance(self._sink, DeadlineSink):
+            self._sink.close_by(deadline_s)
+
+
+def _sum(one: Delivery, other: Delivery) -> Delivery:
+    return Delivery(
+        delivered=one.delivered + other.delivered,
+        spooled=one.spooled + other.spooled,
+        dropped=one.dropped + other.dropped,
+        withheld=one.withheld + other.withheld,
+        recovered=one.recovered + other.recovered,
+    )
