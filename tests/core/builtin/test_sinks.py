@@ -12,7 +12,7 @@ from opir_core.builtin.encoders import ENCODERS
 from opir_core.builtin.line_file import LineFile
 from opir_core.builtin.sinks import SINKS
 from opir_core.interfaces.protocols import Delivery, Encoder
-from opir_core.output.events import blocks
+from opir_core.output.events import encoder_input
 from opir_core.scene.fields import field_infos
 from opir_core.testing.doubles import stub_window
 
@@ -73,10 +73,10 @@ def test_a_large_window_is_written_block_by_block(tmp_path: Path) -> None:
             return inner.encode(window)
 
     out = LineFile(str(path), Watched())
-    out.write(stub_window(2 * blocks.BLOCK_ROWS + 1))
-    assert out.close() == Delivery(delivered=2 * blocks.BLOCK_ROWS + 1)
-    assert most == blocks.BLOCK_ROWS
-    assert path.read_bytes().count(b"\n") == 2 * blocks.BLOCK_ROWS + 1
+    out.write(stub_window(2 * encoder_input.BLOCK_ROWS + 1))
+    assert out.close() == Delivery(delivered=2 * encoder_input.BLOCK_ROWS + 1)
+    assert most == encoder_input.BLOCK_ROWS
+    assert path.read_bytes().count(b"\n") == 2 * encoder_input.BLOCK_ROWS + 1
 
 
 def test_a_killed_run_leaves_whole_lines(tmp_path: Path) -> None:

@@ -123,9 +123,7 @@ def test_a_truth_that_burns_otherwise_is_refused(copied):
     changed = ({"burnout_s": told["burnout_s"] + 1.0}, {"burnout": {**told["burnout"], "lat_deg": 35.0}})
     for change in changed:
         path.write_text("".join([json.dumps({**told, **change}) + "\n", *rest]))
-        with pytest.raises(
-            SceneError, match="T1 has another trajectory in the manifest's scene, with the plugins"
-        ):
+        with pytest.raises(SceneError, match="T1 has another trajectory in the manifest's scene, with the plugins"):
             evidence_of_files(copied)
 
 
