@@ -19,11 +19,10 @@ import numpy as np
 from results_csv import read_csv, write_csv
 from timing import median_s, multiply_ns
 
-from opir_core.flight.aiming import Aim, aim
+from opir_core.flight.aiming import Aim, aim, boost_ephemeris, flight_ephemeris
 from opir_core.flight.boost import boost_profiles
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.flight.trajectory import boost_ephemeris, flight_ephemeris
 from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 
 TOLERANCES_M = (10.0, 1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5)

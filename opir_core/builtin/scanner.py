@@ -5,7 +5,8 @@ from functools import partial
 
 from opir_core.plugin.components import SensorModel, with_defaults
 from opir_core.plugin.hookspecs import hookimpl
-from opir_core.sensors.scanning_sensor import ScanningSensorConfig, scanning_sensor
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+from opir_core.sensors.sensor_components import scanning_sensor
 
 #: Notional: some right, some wrong, some not told.
 CONFUSION = {

@@ -121,7 +121,7 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
 
 
 def _coast(flight: Aim, forces: "ForceModel") -> Ephemeris:
-    from opir_core.flight.trajectory import coast_ephemeris
+    from opir_core.flight.aiming import coast_ephemeris
 
     return coast_ephemeris(flight, EPHEMERIS_TOLERANCE_M, forces)
 

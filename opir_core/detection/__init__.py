@@ -18,18 +18,14 @@ if TYPE_CHECKING:
         threshold_sigma,
     )
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "RatioGates": "ratio_gates",
-    "cumulative_probability": "latency",
-    "false_alarm_probability": "threshold",
-    "latency_cdf": "latency",
-    "latency_mean": "latency",
-    "latency_quantile": "latency",
-    "log_probability_of_detection": "threshold",
-    "m_of_n_probability": "threshold",
-    "probability_of_detection": "threshold",
-    "required_snr": "threshold",
-    "threshold_sigma": "threshold",
+    "latency": "cumulative_probability latency_cdf latency_mean latency_quantile",
+    "ratio_gates": "RatioGates",
+    "threshold": (
+        "false_alarm_probability log_probability_of_detection m_of_n_probability probability_of_detection "
+        "required_snr threshold_sigma"
+    ),
 }
 
 __all__ = [
@@ -48,12 +44,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core.detection' has no attribute {name!r}")
-    value = getattr(import_module(f"opir_core.detection.{home}"), name)
-    globals()[name] = value
-    return value
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.detection.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core.detection' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

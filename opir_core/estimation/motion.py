@@ -20,7 +20,7 @@ from attrs import Factory, field, frozen
 from opir_core.arrays import FloatArray
 from opir_core.estimation.lines_of_sight import FEW, dot
 from opir_core.flight.forces import Forces
-from opir_core.flight.gravity import Gravity
+from opir_core.flight.gravity_and_drag import Gravity
 
 #: The acceleration of gravity at x, y and z, and a fourth number that is not asked for.
 Pull = Callable[[float, float, float], tuple[float, float, float, float]]

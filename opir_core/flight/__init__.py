@@ -7,36 +7,25 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from opir_core.flight.aiming import Aim, aim
+    from opir_core.flight.aiming import Aim, aim, boost_ephemeris, coast_ephemeris, flight_ephemeris
     from opir_core.flight.boost import BoostProfile, boost_profile, boost_profiles
     from opir_core.flight.conic_impact import kepler_impact
     from opir_core.flight.ephemeris import Ephemeris
     from opir_core.flight.forces import Drag, Forces
-    from opir_core.flight.impact_event import impact
     from opir_core.flight.kepler import KeplerStatus, kepler_status, propagate_kepler
     from opir_core.flight.lambert_solver import lambert
-    from opir_core.flight.propagation import propagate
-    from opir_core.flight.trajectory import boost_ephemeris, coast_ephemeris, flight_ephemeris
+    from opir_core.flight.propagation import impact, propagate
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "Aim": "aiming",
-    "BoostProfile": "boost",
-    "Drag": "forces",
-    "Ephemeris": "ephemeris",
-    "Forces": "forces",
-    "KeplerStatus": "kepler",
-    "aim": "aiming",
-    "boost_ephemeris": "trajectory",
-    "boost_profile": "boost",
-    "boost_profiles": "boost",
-    "coast_ephemeris": "trajectory",
-    "flight_ephemeris": "trajectory",
-    "impact": "impact_event",
-    "kepler_impact": "conic_impact",
-    "kepler_status": "kepler",
-    "lambert": "lambert_solver",
-    "propagate": "propagation",
-    "propagate_kepler": "kepler",
+    "aiming": "Aim aim boost_ephemeris coast_ephemeris flight_ephemeris",
+    "boost": "BoostProfile boost_profile boost_profiles",
+    "conic_impact": "kepler_impact",
+    "ephemeris": "Ephemeris",
+    "forces": "Drag Forces",
+    "kepler": "KeplerStatus kepler_status propagate_kepler",
+    "lambert_solver": "lambert",
+    "propagation": "impact propagate",
 }
 
 __all__ = [
@@ -62,12 +51,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core.flight' has no attribute {name!r}")
-    value = getattr(import_module(f"opir_core.flight.{home}"), name)
-    globals()[name] = value
-    return value
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.flight.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core.flight' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -21,10 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2, EARTH_POLAR_RADIUS_M
-from opir_core.flight.column_vectors import cross, dot, length
 from opir_core.flight.kepler import flat_states
-from opir_core.flight.universal_anomaly import universal_functions
-from opir_core.geometry.subsatellite_point import height_along_normal, normal_at_foot
+from opir_core.flight.universal_anomaly import cross, dot, length, universal_functions
+from opir_core.geometry.ellipsoid import height_along_normal, normal_at_foot
 
 #: Below this alpha T², two terms of the series of the arctangent are exact enough to bracket with.
 _SERIES = 1e-6

@@ -23,7 +23,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.flight.gravity import Alone
+from opir_core.flight.gravity_and_drag import Alone
 
 Row = tuple[tuple[int, float], ...]
 
@@ -240,8 +240,8 @@ ERROR_5 = _row(_ERROR_5)
 ERROR_3 = _row({j: w - _THIRD_ORDER.get(j, 0.0) for j, w in _VELOCITY[STAGES].items()})
 
 #: Weights of the accelerations in the four highest terms of the extension: h·w for velocity, h²·w for position.
-EXTENSION_VELOCITY = tuple(_row(weights) for weights in _EXTENSION)
-EXTENSION_POSITION = tuple(_after_velocity(weights) for weights in _EXTENSION)
+DENSE_VELOCITY = tuple(_row(weights) for weights in _EXTENSION)
+DENSE_POSITION = tuple(_after_velocity(weights) for weights in _EXTENSION)
 
 
 Vector = tuple[float, float, float]
@@ -431,7 +431,7 @@ def _square(rows: FloatArray) -> FloatArray:
     return square
 
 
-class Extension(NamedTuple):
+class DenseOutput(NamedTuple):
     """Positions and velocities in steps as polynomials: first values, and seven terms of shape (7, 3, n) each.
 
     With u the fraction of the step and w = 1 - u, a value is first + u (t0 + w (t1 + u (t2 + w (t3 + u (t4 + w (t5 +
@@ -462,8 +462,8 @@ def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
     return value
 
 
-def extended(right_side: Acceleration, start: StepStart, step: Step, h: FloatArray) -> Extension:
-    """Return the extension of steps: three more accelerations each."""
+def dense_output(right_side: Acceleration, start: StepStart, step: Step, h: FloatArray) -> DenseOutput:
+    """Return the dense output of steps, at the cost of three more accelerations each."""
     stages = Stages(right_side, start, h, list(step.stages))
     for stage in range(STAGES + 1, len(NODES)):
         stages.append(stage)
@@ -471,11 +471,11 @@ def extended(right_side: Acceleration, start: StepStart, step: Step, h: FloatArr
     position, velocity = np.empty((7, *moved.shape)), np.empty((7, *moved.shape))
     position[:3] = _low_terms(moved, h * start.velocity, h * step.velocity)
     velocity[:3] = _low_terms(gained, h * start.acceleration, h * step.acceleration)
-    for order, weights in enumerate(EXTENSION_POSITION):
+    for order, weights in enumerate(DENSE_POSITION):
         position[3 + order] = stages.h2_sum(weights)
-    for order, weights in enumerate(EXTENSION_VELOCITY):
+    for order, weights in enumerate(DENSE_VELOCITY):
         velocity[3 + order] = stages.h_sum(weights)
-    return Extension(start.position, start.velocity, position, velocity)
+    return DenseOutput(start.position, start.velocity, position, velocity)
 
 
 def _low_terms(

@@ -24,8 +24,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.column_vectors import cross, dot
-from opir_core.flight.universal_anomaly import UniversalArcs, solve_bracketed, solve_fast, universal_functions
+from opir_core.flight.universal_anomaly import (
+    UniversalArcs,
+    cross,
+    dot,
+    solve_bracketed,
+    solve_fast,
+    universal_functions,
+)
 
 #: More turns than this leave no digit of the phase.
 _MOST_TURNS = 2.0**50

@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.flight.column_vectors import cross, dot, length
 from opir_core.flight.kepler import flat_states
-from opir_core.flight.universal_anomaly import universal_functions
+from opir_core.flight.universal_anomaly import cross, dot, length, universal_functions
 
 _MOST_STEPS = 120
 

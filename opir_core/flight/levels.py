@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.flight.dop853 import Step, StepStart
-from opir_core.flight.ellipsoidal_height import height_and_climb
+from opir_core.flight.gravity_and_drag import height_and_climb
 
 _HALVINGS = 4
 _NEWTON_STEPS = 4

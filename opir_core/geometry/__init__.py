@@ -1,6 +1,6 @@
-"""The geometry between sensors, targets, the Earth and the Sun: arrays in, arrays out, the last axis x, y, z.
+"""Geometry of sensors, targets, the Earth and the Sun: arrays in, arrays out, the last axis x, y, z.
 
-What has to do with the Sun and with sidereal time is imported when it is first used: few scenes ask for it.
+Functions of the Sun and of sidereal time are imported when they are first used.
 """
 
 from importlib import import_module
@@ -17,13 +17,26 @@ from opir_core.geometry.angles import (
     nadir_angle_rad,
 )
 from opir_core.geometry.ellipsoid import Ellipsoid
-from opir_core.geometry.frames import ecef_to_eci, ecef_to_eci_state, eci_to_ecef, eci_to_ecef_state
-from opir_core.geometry.geodesics import DistanceBearing, LatitudeLongitude, geodesic_direct, geodesic_inverse
-from opir_core.geometry.geodetic import Geodetic, ecef_to_geodetic, geodetic_to_ecef
+from opir_core.geometry.frames import (
+    ecef_to_eci,
+    ecef_to_eci_state,
+    eci_to_ecef,
+    eci_to_ecef_state,
+    gmst_rad,
+    julian_date,
+)
+from opir_core.geometry.geodetic import (
+    DistanceBearing,
+    Geodetic,
+    LatitudeLongitude,
+    ecef_to_geodetic,
+    geodesic_direct,
+    geodesic_inverse,
+    geodetic_to_ecef,
+)
 from opir_core.geometry.occlusion import grazing_height_m, intersection_with_ellipsoid, is_occluded
 
 if TYPE_CHECKING:
-    from opir_core.geometry.frames import gmst_rad, julian_date
     from opir_core.geometry.sun import (
         is_sunlit,
         sun_position_ecef_m,
@@ -32,14 +45,9 @@ if TYPE_CHECKING:
         sunlit_fraction,
     )
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "gmst_rad": "frames",
-    "is_sunlit": "sun",
-    "julian_date": "frames",
-    "sun_position_ecef_m": "sun",
-    "sun_position_eci_m": "sun",
-    "sun_position_of_date_m": "sun",
-    "sunlit_fraction": "sun",
+    "sun": "is_sunlit sun_position_ecef_m sun_position_eci_m sun_position_of_date_m sunlit_fraction",
 }
 
 __all__ = [
@@ -77,12 +85,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core.geometry' has no attribute {name!r}")
-    value = getattr(import_module(f"opir_core.geometry.{home}"), name)
-    globals()[name] = value
-    return value
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.geometry.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core.geometry' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

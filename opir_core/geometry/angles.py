@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry.ellipsoid import WGS84
-from opir_core.geometry.subsatellite_point import normal_at_foot
+from opir_core.geometry.ellipsoid import WGS84, normal_at_foot
 from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
 #: Half the spacing of doubles at 2 pi: an azimuth less than this short of north would round to a full turn, so it is 0.

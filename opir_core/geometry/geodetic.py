@@ -1,13 +1,13 @@
 """Geodetic latitude, longitude and height, and back."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
-from opir_core.geometry.ellipsoid import WGS84, Ellipsoid
-from opir_core.geometry.subsatellite_point import normal_at_foot, support_m
+from opir_core.geometry.ellipsoid import WGS84, Ellipsoid, normal_at_foot, support_m
 from opir_core.geometry.vectors import NEVER_ZERO, components, exact_sum, floats, lengths_and_remainders, select, vector
 
 #: pi / 2 as the sum of two doubles.
@@ -108,3 +108,70 @@ def _latitude(
     latitude, rounding = exact_sum(select(steep, _HALF_PI, 0.0), angle)
     latitude = latitude + (rounding + (rest + select(steep, _HALF_PI_REST, 0.0)))
     return select(sine < 0.0, -latitude, latitude)
+
+
+class DistanceBearing(NamedTuple):
+    """Length of a geodesic, m, and its bearing at the first point, rad, in [0, 2 pi), clockwise from true north."""
+
+    distance_m: FloatArray
+    bearing_rad: FloatArray
+
+
+class LatitudeLongitude(NamedTuple):
+    """Geodetic latitude in [-pi/2, pi/2] and longitude in [-pi, pi], rad."""
+
+    latitude_rad: FloatArray
+    longitude_rad: FloatArray
+
+
+def geodesic_inverse(
+    latitude_1_rad: ArrayLike, longitude_1_rad: ArrayLike, latitude_2_rad: ArrayLike, longitude_2_rad: ArrayLike
+) -> DistanceBearing:
+    """Return length and initial bearing of the geodesics from first points to second ones; any shapes that broadcast.
+
+    Where the two coincide the distance is 0 and the bearing `nan`. A latitude beyond a pole, or anything not finite:
+    `nan`.
+    """
+    geodesic = _geographiclib()
+
+    def line(*point_pair_deg: float) -> tuple[float, float]:
+        solution = geodesic.WGS84.Inverse(*point_pair_deg, geodesic.DISTANCE | geodesic.AZIMUTH)
+        return solution["s12"], solution["azi1"]
+
+    angles = [np.degrees(floats(a)) for a in (latitude_1_rad, longitude_1_rad, latitude_2_rad, longitude_2_rad)]
+    distance, bearing_deg = _each(line, *angles)
+    bearing = np.radians(select(bearing_deg < 0.0, bearing_deg + 360.0, bearing_deg))
+    return DistanceBearing(distance, select(distance > 0.0, bearing, np.nan))
+
+
+def geodesic_direct(
+    latitude_rad: ArrayLike, longitude_rad: ArrayLike, bearing_rad: ArrayLike, distance_m: ArrayLike
+) -> LatitudeLongitude:
+    """Return the points reached along geodesics from points at bearings (rad) over distances (m, backward below 0).
+
+    Any shapes that broadcast. A latitude beyond a pole, or anything not finite: `nan`.
+    """
+    geodesic = _geographiclib()
+
+    def line(*start_deg_and_distance_m: float) -> tuple[float, float]:
+        solution = geodesic.WGS84.Direct(*start_deg_and_distance_m, geodesic.LATITUDE | geodesic.LONGITUDE)
+        return solution["lat2"], solution["lon2"]
+
+    angles = [np.degrees(floats(a)) for a in (latitude_rad, longitude_rad, bearing_rad)]
+    latitude_deg, longitude_deg = _each(line, *angles, floats(distance_m))
+    return LatitudeLongitude(np.radians(latitude_deg), np.radians(longitude_deg))
+
+
+def _geographiclib() -> Any:
+    """Return GeographicLib's class `Geodesic`, imported for those scenes that need it."""
+    from geographiclib.geodesic import Geodesic
+
+    return Geodesic
+
+
+def _each(line: Callable[..., tuple[float, float]], *columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the two results of a scalar function for every element of broadcast columns."""
+    table = np.broadcast_arrays(*columns)
+    rows = zip(*(column.ravel().tolist() for column in table), strict=True)
+    results = np.array([line(*row) for row in rows], dtype=np.float64).reshape(*table[0].shape, 2)
+    return results[..., 0], results[..., 1]

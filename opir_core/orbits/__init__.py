@@ -1,7 +1,7 @@
 """Where satellites are: geosynchronous slots, Kepler elements, Molniya, circular orbits, Walker patterns, TLE and OMM.
 
-Each name is imported when it is first used. None of them imports numpy, so that plugins may name orbits in their
-catalogues; `orbit_of` imports what an orbit needs when it makes one.
+Each name is imported when it is first used. Configurations and elements import no numpy, so that plugins may name
+orbits in their catalogues.
 """
 
 from importlib import import_module
@@ -18,36 +18,28 @@ if TYPE_CHECKING:
         TundraConfig,
         WalkerConfig,
     )
-    from opir_core.orbits.elements import Elements, orbit_block
-    from opir_core.orbits.families import (
+    from opir_core.orbits.elements import (
         CRITICAL_INCLINATION_RAD,
+        Elements,
         circular_elements,
         highly_elliptical_elements,
+        orbit_block,
         slot_elements,
         synchronous_semi_major_axis_m,
         walker_pattern,
     )
-    from opir_core.orbits.making import elements_of, orbit_of
+    from opir_core.orbits.orbit_models import elements_of, orbit_of
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "CRITICAL_INCLINATION_RAD": "families",
-    "CircularConfig": "configs",
-    "Elements": "elements",
-    "KeplerConfig": "configs",
-    "MolniyaConfig": "configs",
-    "OmmFileConfig": "configs",
-    "OrbitConfig": "configs",
-    "SlotConfig": "configs",
-    "TundraConfig": "configs",
-    "WalkerConfig": "configs",
-    "circular_elements": "families",
-    "elements_of": "making",
-    "highly_elliptical_elements": "families",
-    "orbit_block": "elements",
-    "orbit_of": "making",
-    "slot_elements": "families",
-    "synchronous_semi_major_axis_m": "families",
-    "walker_pattern": "families",
+    "configs": (
+        "CircularConfig KeplerConfig MolniyaConfig OmmFileConfig OrbitConfig SlotConfig TundraConfig WalkerConfig"
+    ),
+    "elements": (
+        "CRITICAL_INCLINATION_RAD Elements circular_elements highly_elliptical_elements orbit_block "
+        "slot_elements synchronous_semi_major_axis_m walker_pattern"
+    ),
+    "orbit_models": "elements_of orbit_of",
 }
 
 __all__ = [
@@ -73,12 +65,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core.orbits' has no attribute {name!r}")
-    value = getattr(import_module(f"opir_core.orbits.{home}"), name)
-    globals()[name] = value
-    return value
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.orbits.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core.orbits' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -11,7 +11,7 @@ from typing import Any
 from attrs import fields_dict, frozen
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
-from opir_core.orbits.families import CRITICAL_INCLINATION_RAD, synchronous_semi_major_axis_m, walker_complaint
+from opir_core.orbits.elements import CRITICAL_INCLINATION_RAD, synchronous_semi_major_axis_m, walker_complaint
 from opir_core.orbits.mean_elements import omm_complaint, tle_complaint
 from opir_core.scene.fields import nested, number, text
 

@@ -10,6 +10,7 @@ itself errs by about 1 km at the epoch of the elements and 1 to 3 km a day from 
 import math
 from collections.abc import Mapping
 from datetime import datetime, timedelta
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -64,10 +65,9 @@ class Sgp4Motion:
         fraction = (rest_us * 1e-6 + time_s) / 86400.0
         code, position_km, _ = self.satellite.sgp4_array(np.full(len(time_s), _UNIX_JULIAN_DATE + days), fraction)
         if code.any():
-            from sgp4.api import SGP4_ERRORS
-
             row = int(np.argmax(code != 0))
-            raise ModelError(f"SGP4 has no position for {self.name} at {time_s[row]} s: {SGP4_ERRORS[int(code[row])]}")
+            reason = _sgp4().SGP4_ERRORS[int(code[row])]
+            raise ModelError(f"SGP4 has no position for {self.name} at {time_s[row]} s: {reason}")
         return np.asarray(position_km * 1e3, dtype=np.float64)
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
@@ -86,8 +86,8 @@ class Sgp4Motion:
 
 def satellite_of_tle(lines: tuple[str, str]) -> "Satrec":
     """Return the `Satrec` of a TLE; raises `PluginError` where the package sgp4 is not installed."""
-    satrec_class, gravity = _sgp4()
-    return satrec_class.twoline2rv(lines[0], lines[1], gravity)
+    sgp4 = _sgp4()
+    return sgp4.Satrec.twoline2rv(lines[0], lines[1], sgp4.WGS72)
 
 
 def satellite_of_omm(omm: Mapping[str, Any]) -> "Satrec":
@@ -95,13 +95,13 @@ def satellite_of_omm(omm: Mapping[str, Any]) -> "Satrec":
 
     Units are those of the OMM (degrees, turns a day); SGP4 does not use the derivatives of the mean motion.
     """
-    satrec_class, gravity = _sgp4()
+    sgp4 = _sgp4()
     numbers = {name: omm_number(omm[name]) for name in OMM_NUMBERS}
     degrees = (numbers[name] for name in ("ARG_OF_PERICENTER", "INCLINATION", "MEAN_ANOMALY", "RA_OF_ASC_NODE"))
     perigee_rad, inclination_rad, anomaly_rad, node_rad = (angle / 180.0 * np.pi for angle in degrees)
-    satellite = satrec_class()
+    satellite = sgp4.Satrec()
     satellite.sgp4init(
-        gravity,
+        sgp4.WGS72,
         "i",
         0,  # the number of the satellite, which the theory does not use
         (omm_epoch(omm["EPOCH"]) - _DAY_ZERO) / timedelta(days=1),
@@ -118,10 +118,9 @@ def satellite_of_omm(omm: Mapping[str, Any]) -> "Satrec":
     return satellite
 
 
-def _sgp4() -> tuple[Any, Any]:
-    """Return the class of satellites and the gravity constants that published elements are made with."""
+def _sgp4() -> Any:
+    """Return the module `sgp4.api`; published elements belong to its gravity constants WGS72."""
     try:
-        from sgp4.api import WGS72, Satrec
+        return import_module("sgp4.api")
     except ImportError as error:
         raise PluginError("an orbit from a TLE or an OMM needs the package sgp4: install opir-core[sgp4]") from error
-    return Satrec, WGS72

@@ -29,8 +29,14 @@ from opir_core.plugin.components import (
 )
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.scene.fields import FieldInfo, flag, nested, number, text
-from opir_core.sensors.fleets import geostationary_fleet, one_track_fleet, scanning_model, walker_fleet
-from opir_core.sensors.scanning_sensor import ScanningSensorConfig, scanning_sensor
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+from opir_core.sensors.sensor_components import (
+    geostationary_fleet,
+    one_track_fleet,
+    scanning_model,
+    scanning_sensor,
+    walker_fleet,
+)
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import (

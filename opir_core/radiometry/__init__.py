@@ -30,23 +30,17 @@ if TYPE_CHECKING:
     )
     from opir_core.radiometry.protocols import Paths, Views
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "Paths": "protocols",
-    "Temperature": "planck",
-    "Views": "protocols",
-    "band_photon_radiance": "planck",
-    "band_radiance": "planck",
-    "band_radiance_slope": "planck",
-    "band_ratio": "planck",
-    "band_transmittance": "lowtran",
-    "grey_body_intensity": "planck",
-    "irradiance_at_aperture": "aperture",
-    "irradiance_of_projected_area": "aperture",
-    "irradiance_of_sphere": "aperture",
-    "minimum_detectable_intensity": "aperture",
-    "planck_photon_radiance": "planck",
-    "planck_radiance": "planck",
-    "two_colour_temperature": "planck",
+    "aperture": (
+        "irradiance_at_aperture irradiance_of_projected_area irradiance_of_sphere minimum_detectable_intensity"
+    ),
+    "lowtran": "band_transmittance",
+    "planck": (
+        "Temperature band_photon_radiance band_radiance band_radiance_slope band_ratio grey_body_intensity "
+        "planck_photon_radiance planck_radiance two_colour_temperature"
+    ),
+    "protocols": "Paths Views",
 }
 
 __all__ = [
@@ -70,12 +64,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core.radiometry' has no attribute {name!r}")
-    value = getattr(import_module(f"opir_core.radiometry.{home}"), name)
-    globals()[name] = value
-    return value
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.radiometry.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core.radiometry' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -1,17 +1,11 @@
-"""How a scanning sensor's configuration says how it measures light, and the radiometer that comes of it."""
+"""The radiometric part of a scanning sensor's configuration."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from attrs import Factory, fields, frozen
 
 from opir_core.scene.fields import nested, number
-
-if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Band, Radiometer
-#: W/cm² in W/m².
-_W_M2_PER_W_CM2 = 1e4
-
 
 #: Bounds come in twos.
 _PAIR = 2
@@ -105,26 +99,3 @@ def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> st
         if strange and not is_default:
             return f"{name}: {strange[0]} is not one of the sensor's bands, {', '.join(bands)}"
     return None
-
-
-def radiometer_of(config: RadiometerConfig, bands: "tuple[Band, ...]") -> "Radiometer":
-    """Return the radiometer that a configuration describes."""
-    from opir_core.interfaces.protocols import Radiometer
-
-    nei_w_m2 = config.nei_w_m2 if config.nei_w_cm2 is None else config.nei_w_cm2 * _W_M2_PER_W_CM2
-    return Radiometer(
-        nei_w_m2=tuple(config.band_nei_w_m2.get(band.name, nei_w_m2) for band in bands),
-        ifov_rad=config.ifov_urad * 1e-6,
-        collection_m2_s=config.collection_m2_s,
-        threshold=_threshold(config),
-        coincidence=config.coincidence_sigma,
-        ratios=tuple(config.plausible_ratios.get(band.name, (0.0, float("inf"))) for band in bands),
-    )
-
-
-def _threshold(config: RadiometerConfig) -> float:
-    if config.false_alarm_probability is None:
-        return config.threshold_sigma
-    from opir_core.detection.threshold import threshold_sigma
-
-    return float(threshold_sigma(config.false_alarm_probability))

@@ -1,23 +1,15 @@
-"""A scanning sensor: the configuration that constellation plugins inherit, and its builder.
+"""The configuration of a scanning sensor, which constellation plugins inherit. Nothing heavy is imported here."""
 
-Nothing heavy is imported before `scanning_sensor` is called.
-"""
-
-import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from attrs import Factory, asdict, fields_dict, frozen
+from attrs import Factory, frozen
 
 from opir_core.orbits.configs import OrbitConfig
 from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
-from opir_core.sensors.radiometer import RadiometerConfig, radiometer_of, strange_band_complaint
-
-if TYPE_CHECKING:
-    from opir_core.interfaces.contexts import SensorContext
-    from opir_core.interfaces.protocols import Band, Orbit, ScanPattern, Sensor
+from opir_core.sensors.radiometer import RadiometerConfig, strange_band_complaint
 
 SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
@@ -33,13 +25,6 @@ def _bands_complaint(bands: Any) -> str | None:
         if not _is_interval(edges):
             return f"{name}: {edges!r} is not [lower_um, upper_um] with 0 < lower_um < upper_um"
     return None
-
-
-def _bands(edges: Mapping[str, tuple[float, float]]) -> "tuple[Band, ...]":
-    """Return bands, the shortest wavelength first: the keys of a scene's mapping have no order to rely on."""
-    from opir_core.interfaces.protocols import Band
-
-    return tuple(Band(name, *edges[name]) for name in sorted(edges, key=lambda name: (*edges[name], name)))
 
 
 def _is_interval(edges: object) -> bool:
@@ -201,72 +186,3 @@ class ScanningSensorConfig(RadiometerConfig):
             f"spectral_discrimination: {self.spectral_discrimination} compares {needed} bands and the sensor has"
             f" {len(self.bands)} ({', '.join(self.bands)})"
         )
-
-
-def scanning_sensor(
-    config: ScanningSensorConfig,
-    context: "SensorContext",
-    *,
-    type: str,  # noqa: A002 - the word of the Sensor that is made
-) -> "Sensor":
-    """Return the sensor that a configuration describes; `type` is what its events call its class."""
-    from opir_core.interfaces.protocols import Sensor
-
-    bands = _bands(config.bands)
-    completed = {name: _completed(config, name) for name in ("detection_probability", "confusion")}
-    return Sensor(
-        id=context.id,
-        type=type,
-        orbital_slot_deg=_slot_deg(config),
-        bands=bands,
-        orbit=_orbit(config, context),
-        scan=_scan(config),
-        field_of_regard_half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
-        minimum_elevation_rad=math.radians(config.minimum_elevation_deg),
-        line_of_sight_sigma_rad=config.line_of_sight_sigma_urad * 1e-6,
-        radiometer=radiometer_of(config, bands),
-        line_of_sight_bias_sigma_rad=config.line_of_sight_bias_sigma_urad * 1e-6,
-        detection_probability=completed["detection_probability"],
-        confusion=completed["confusion"],
-        false_alarm_susceptibility=config.false_alarm_susceptibility,
-        spectral_discrimination=config.spectral_discrimination,
-        follows_bodies=config.follows_bodies,
-        settings={**asdict(config), **completed},
-    )
-
-
-def _slot_deg(config: ScanningSensorConfig) -> float | None:
-    """Return the longitude of the sensor's slot, or None where it has none."""
-    if config.orbit is None:
-        return config.orbital_slot_deg
-    return None if config.orbit.slot is None else config.orbit.slot.lon_deg
-
-
-def _orbit(config: ScanningSensorConfig, context: "SensorContext") -> "Orbit":
-    if config.orbit is None:
-        from opir_core.orbits.moving import GeostationaryOrbit
-
-        assert config.orbital_slot_deg is not None
-        return GeostationaryOrbit(config.orbital_slot_deg)
-    from opir_core.orbits import orbit_of
-
-    return orbit_of(config.orbit, context.epoch_us)
-
-
-def _scan(config: ScanningSensorConfig) -> "ScanPattern":
-    from opir_core.sensors.scan_patterns import scan_pattern
-
-    return scan_pattern(
-        config.scan_pattern,
-        config.scan_phase,
-        period_ns=config.scan_period_ns,
-        half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
-        rows=config.raster_rows,
-        columns=config.raster_columns,
-    )
-
-
-def _completed(config: ScanningSensorConfig, name: str) -> dict[str, Any]:
-    """Return a mapping by target type with the model's defaults for the types it does not name."""
-    default = fields_dict(type(config))[name].default
-    return {**(default if isinstance(default, Mapping) else {}), **getattr(config, name)}

@@ -14,7 +14,7 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks, Window
-from opir_core.orbits.moving import GeostationaryOrbit
+from opir_core.orbits.orbit_models import GeostationaryOrbit
 from opir_core.planning.plan import Plan, drawn_bias
 from opir_core.planning.targets import join_targets
 from opir_core.planning.visibility import compile_pairs

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.orbits import Elements
 from opir_core.orbits.elements import mean_anomaly_rad
-from opir_core.orbits.moving import TwoBodyMotion
+from opir_core.orbits.orbit_models import TwoBodyMotion
 
 angles = st.floats(-6.3, 6.3)
 

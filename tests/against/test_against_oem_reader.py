@@ -11,9 +11,8 @@ import pytest
 from astropy.time import Time
 from oem import OrbitEphemerisMessage
 
-from opir_core.flight.tables.frames import ecef_state
-from opir_core.flight.tables.oem_table import oem_table
-from opir_core.flight.tables.records import BadTableError
+from opir_core.flight.tables.oem_table import ecef_state, oem_table
+from opir_core.flight.tables.table import BadTableError
 
 EPOCH = np.datetime64("2026-04-01T12:00:00", "us")
 EPOCH_US = int(EPOCH.astype(np.int64))

@@ -20,7 +20,7 @@ from opir_core.orbits import (
     slot_elements,
 )
 from opir_core.orbits.elements import mean_anomaly_rad
-from opir_core.orbits.moving import MovingOrbit, TwoBodyMotion
+from opir_core.orbits.orbit_models import MovingOrbit, TwoBodyMotion
 
 #: One rotation of the Earth, s.
 DAY_S = 2.0 * math.pi / EARTH_ROTATION_RAD_S

@@ -14,8 +14,7 @@ from opir_core.flight import dop853
 from opir_core.flight.atmosphere_density import density_kg_m3
 from opir_core.flight.dense_output import dense_arcs
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
-from opir_core.flight.impact_event import impact_states
-from opir_core.flight.propagation import propagate
+from opir_core.flight.propagation import impact_states, propagate
 from opir_core.geometry import ecef_to_geodetic
 
 FIELD = ZonalField()

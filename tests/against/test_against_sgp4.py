@@ -12,7 +12,7 @@ from sgp4_cases import KINDS, TLE, US_PER_DAY, epoch_of, published_km
 from opir_core.errors import ModelError
 from opir_core.geometry import gmst_rad
 from opir_core.orbits import OmmFileConfig, OrbitConfig, orbit_of
-from opir_core.orbits.moving import SPAN_S, MovingOrbit
+from opir_core.orbits.orbit_models import SPAN_S, MovingOrbit
 from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
 
 PUBLISHED = published_km()

@@ -10,7 +10,7 @@ from skyfield.units import Distance, Velocity
 
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.orbits import Elements, OrbitConfig, highly_elliptical_elements, orbit_of, slot_elements
-from opir_core.orbits.moving import TwoBodyMotion
+from opir_core.orbits.orbit_models import TwoBodyMotion
 from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_tle
 
 MU_KM3_S2 = EARTH_MU_M3_S2 * 1e-9

@@ -89,7 +89,7 @@ class Flown(Columns):
         if forces == "kepler":
             duration_s, point_m = kepler_impact(position, velocity)
         else:
-            from opir_core.flight.impact_event import impact
+            from opir_core.flight.propagation import impact
 
             duration_s, point_m = impact(position, velocity, 0.0, forces)
         when = end_s + duration_s

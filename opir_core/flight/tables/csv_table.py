@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from opir_core.flight.tables.records import BadTableError, Table, require_order, require_places
+from opir_core.flight.tables.table import BadTableError, Table, require_order, require_places
 
 _PLACE = ("time_s", "x_ecef_m", "y_ecef_m", "z_ecef_m")
 _VELOCITY = ("vx_ecef_m_s", "vy_ecef_m_s", "vz_ecef_m_s")

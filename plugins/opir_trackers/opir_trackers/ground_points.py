@@ -15,8 +15,8 @@ from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
 from opir_core.estimation.lines_of_sight import turned
 from opir_core.estimation.motion import weights_at
-from opir_core.flight.ellipsoidal_height import height_and_up
 from opir_core.flight.forces import Forces
+from opir_core.flight.gravity_and_drag import height_and_up
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.geometry.ellipsoid import WGS84
@@ -125,7 +125,7 @@ def _above(state: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _fallen(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
     """Return times to impact (...) and points (..., 3) of states (..., 6) under forces."""
-    from opir_core.flight.impact_event import impact
+    from opir_core.flight.propagation import impact
 
     place_m, velocity_m_s = state[..., :3], state[..., 3:]
     if forces.is_kepler:

@@ -5,8 +5,7 @@ import pytest
 
 from opir_core.flight.dense_output import dense_arcs
 from opir_core.flight.forces import Drag, Forces
-from opir_core.flight.impact_event import impact_states
-from opir_core.flight.propagation import propagate
+from opir_core.flight.propagation import impact_states, propagate
 
 pytestmark = pytest.mark.filterwarnings("error")
 

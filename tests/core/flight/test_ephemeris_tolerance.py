@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from opir_core.flight.aiming import aim
+from opir_core.flight.aiming import aim, boost_ephemeris, coast_ephemeris, flight_ephemeris
 from opir_core.flight.boost import boost_profiles
 from opir_core.flight.forces import Drag, Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.flight.propagation import propagate
-from opir_core.flight.trajectory import boost_ephemeris, coast_ephemeris, flight_ephemeris
 from opir_core.geometry import Geodetic, eci_to_ecef, geodesic_direct
 
 POINTS = 1_000_000

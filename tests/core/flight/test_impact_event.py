@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
-from opir_core.flight.impact_event import ImpactReason, impact, impact_states
-from opir_core.flight.propagation import propagate
+from opir_core.flight.propagation import ImpactReason, impact, impact_states, propagate
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef
 
 pytestmark = pytest.mark.filterwarnings("error")

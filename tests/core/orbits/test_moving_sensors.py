@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from opir_core.interfaces.records import Detections
 from opir_core.orbits import circular_elements, highly_elliptical_elements, slot_elements
-from opir_core.orbits.moving import SPAN_S, MovingOrbit, TwoBodyMotion
+from opir_core.orbits.orbit_models import SPAN_S, MovingOrbit, TwoBodyMotion
 from opir_core.simulation.engine import Engine
 from opir_core.testing import AscendingTargets, CertainDetection, stub_plan, stub_scene, stub_sensor
 

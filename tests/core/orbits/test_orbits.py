@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import ecef_to_eci_state
 from opir_core.orbits import Elements, OrbitConfig, SlotConfig, circular_elements, elements_of, orbit_block, orbit_of
-from opir_core.orbits.moving import FARTHEST_S, KEPT_SPANS, SPAN_S, GeostationaryOrbit, MovingOrbit, TwoBodyMotion
+from opir_core.orbits.orbit_models import FARTHEST_S, KEPT_SPANS, SPAN_S, GeostationaryOrbit, MovingOrbit, TwoBodyMotion
 
 angles = st.floats(-6.3, 6.3)
 EPOCH_US = 1_775_044_800_000_000

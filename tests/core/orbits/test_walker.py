@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from opir_core.orbits import OrbitConfig, WalkerConfig, elements_of, walker_pattern
-from opir_core.orbits.moving import TwoBodyMotion
+from opir_core.orbits.orbit_models import TwoBodyMotion
 
 
 @st.composite

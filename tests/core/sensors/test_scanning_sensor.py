@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S, GEOSTATIONARY_RADIUS_M
 from opir_core.interfaces.contexts import SensorContext
-from opir_core.orbits.moving import GeostationaryOrbit
+from opir_core.orbits.orbit_models import GeostationaryOrbit
 from opir_core.plugin import ScanningSensorConfig, cited, scanning_sensor, with_defaults
 from opir_core.scene.fields import field_infos
 

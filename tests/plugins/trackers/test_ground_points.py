@@ -8,8 +8,8 @@ from opir_trackers.stereo.report import evidence_of, type_posterior
 
 from opir_core.estimation.lines_of_sight import turned
 from opir_core.flight.forces import J2, Forces
-from opir_core.flight.impact_event import impact
 from opir_core.flight.kepler import propagate_kepler
+from opir_core.flight.propagation import impact
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing.doubles import stub_sensor

@@ -7,7 +7,7 @@ from opir_trackers.ground_points import _add_noise, _covariances, _on_ground, _t
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation.motion import BOOST, weights_at
-from opir_core.flight.ellipsoidal_height import height_and_up
+from opir_core.flight.gravity_and_drag import height_and_up
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 
 TIMES_S = np.linspace(-80.0, 0.0, 9)

@@ -18,8 +18,8 @@ from opir_core.estimation.lines_of_sight import dot
 from opir_core.estimation.motion import COAST, Motion, noises
 from opir_core.estimation.square_root import spread
 from opir_core.flight.atmosphere_density import LOWEST_HEIGHT_M, density_kg_m3
-from opir_core.flight.ellipsoidal_height import height_m
 from opir_core.flight.forces import Drag
+from opir_core.flight.gravity_and_drag import height_m
 
 
 class Dynamics(Protocol):

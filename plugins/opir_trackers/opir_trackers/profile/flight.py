@@ -176,7 +176,7 @@ def landed(ends: FloatArray) -> FloatArray:
 
 def forced_impacts(ends: FloatArray, forces: "ForceModel") -> FloatArray:
     """Return where and when (n, 3) free flights from ends of burns (n, 7) come down under forces."""
-    from opir_core.flight.impact_event import impact
+    from opir_core.flight.propagation import impact
 
     inertial = ecef_to_eci_state(ends[:, :3], ends[:, 3:6], ends[:, 6])
     return _place(*impact(*inertial, 0.0, forces, tolerance_m=1.0), ends)

@@ -1,16 +1,33 @@
 """The components of a constellation package: sensor models that are data, and fleets of them.
 
-A package declares its configuration classes (`with_defaults`) and yields what these functions return.
+A package declares its configuration classes (`with_defaults`) and yields what these functions return. The sensor itself
+is imported when it is built.
 """
 
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from opir_core.plugin.components import Constellation, SensorModel
-from opir_core.sensors.scanning_sensor import ScanningSensorConfig, scanning_sensor
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.contexts import SensorContext
+    from opir_core.interfaces.protocols import Sensor
 
 Presets = Mapping[str, Mapping[str, Any]]
+
+
+def scanning_sensor(
+    config: ScanningSensorConfig,
+    context: "SensorContext",
+    *,
+    type: str,  # noqa: A002 - the field of the Sensor that is made
+) -> "Sensor":
+    """Return the sensor of a configuration; `type` is the class of the sensor in events."""
+    from opir_core.sensors.built_sensor import built_sensor
+
+    return built_sensor(config, context, type)
 
 
 def scanning_model(

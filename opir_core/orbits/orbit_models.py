@@ -1,0 +1,306 @@
+"""Orbits of sensors in ECEF, and the orbit of an `orbit:` block: geostationary, two-body, or SGP4.
+
+Orbits that move over the ground are evaluated from polynomials, fitted once for each span of scene time.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from attrs import define, field, frozen
+
+from opir_core.arrays import FloatArray, RowArray
+from opir_core.constants import GEOSTATIONARY_RADIUS_M
+from opir_core.errors import ModelError, Problem, SceneError
+from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.geometry import eci_to_ecef, eci_to_ecef_state, gmst_rad
+from opir_core.orbits.configs import (
+    CircularConfig,
+    KeplerConfig,
+    MolniyaConfig,
+    OmmFileConfig,
+    OrbitConfig,
+    SlotConfig,
+    WalkerConfig,
+)
+from opir_core.orbits.elements import (
+    Elements,
+    circular_elements,
+    highly_elliptical_elements,
+    mean_anomaly_rad,
+    slot_elements,
+    walker_pattern,
+)
+from opir_core.orbits.mean_elements import omm_complaint, omm_name
+from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_omm, satellite_of_tle
+
+if TYPE_CHECKING:
+    from opir_core.interfaces.protocols import Orbit
+
+
+@frozen
+class TwoBodyMotion:
+    """A Kepler orbit: gravity of a point mass alone, the Earth turning evenly below it (`EARTH_ROTATION_RAD_S`)."""
+
+    elements: Elements
+
+    def state_eci(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions, m, and velocities, m/s, (n, 3) in ECI at scene times (n,)."""
+        position, velocity = (np.array(vector) for vector in self.elements.perigee_state_eci())
+        return propagate_kepler(position, velocity, np.asarray(time_s) - self.elements.perigee_time_s)
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) in ECEF at scene times (n,)."""
+        return eci_to_ecef(self.state_eci(time_s)[0], time_s)
+
+    def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions, m, and velocities relative to the turning Earth, m/s, (n, 3) in ECEF."""
+        return eci_to_ecef_state(*self.state_eci(time_s), time_s)
+
+
+@frozen
+class GeostationaryOrbit:
+    """An ideal geostationary slot: no inclination, no eccentricity, no drift, hence one point in ECEF."""
+
+    #: East longitude of the slot.
+    slot_deg: float
+    is_stationary: bool = field(default=True, init=False)
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,): the same for all, as a read-only view of one row."""
+        slot_rad = math.radians(self.slot_deg)
+        position = (GEOSTATIONARY_RADIUS_M * math.cos(slot_rad), GEOSTATIONARY_RADIUS_M * math.sin(slot_rad), 0.0)
+        return np.broadcast_to(np.array(position), (len(time_s), 3))
+
+
+#: Length of a span, s. A power of two, so that dividing by it is exact and every time has one span.
+SPAN_S = 2048.0
+
+#: Spans kept at a time: the oldest goes first, and comes back bit by bit the same.
+KEPT_SPANS = 64
+
+#: Pieces that a span is cut into to begin with. They are enough for circular orbits above 300 km, and cost nothing
+#: where one would do: fitting 16 takes as long as fitting one, and a third as long as finding that one is too few.
+_PIECES = 16
+
+#: Times at which a motion is sampled for one span, at most. Smooth ones need 150 to 1 000.
+_MOST_SAMPLES = 8192
+
+#: Times this far from the scene epoch (777 days), or further, have no position: spans have numbers of 16 bits.
+FARTHEST_S = 2.0**15 * SPAN_S
+
+
+class EarthFixedMotion(Protocol):
+    """How a satellite moves over the ground, element by element."""
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,)."""
+
+    def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions, m, and velocities relative to the turning Earth, m/s, (n, 3) at scene times (n,)."""
+
+
+@define(eq=False)
+class MovingOrbit:
+    """The orbit of a satellite that moves in ECEF, to `tolerance_m`.
+
+    Spans begin at whole multiples of `SPAN_S` of scene time, whatever times are asked for: a position depends on its
+    own time alone. In a span that no polynomials follow to the tolerance (SGP4 jumps where its theory changes, and
+    ends where a satellite decays) the motion itself is asked, time by time.
+    """
+
+    motion: EarthFixedMotion
+    tolerance_m: float = 1e-3
+    is_stationary: bool = field(default=False, init=False)
+    _spans: dict[int, Ephemeris | None] = field(factory=dict, init=False, repr=False)
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        """Return positions (n, 3) at scene times (n,); nan at times that are not finite, or `FARTHEST_S` from 0."""
+        time = np.asarray(time_s, dtype=np.float64)
+        span = np.floor(time / SPAN_S)
+        if len(span) and abs(time[0]) < FARTHEST_S and (span == span[0]).all():
+            return self._position_m(int(span[0]), time)
+        position = np.full((len(time), 3), np.nan)
+        for number, rows in _rows_by_number(span, np.flatnonzero(np.abs(time) < FARTHEST_S)):
+            position[rows] = self._position_m(number, time[rows])
+        return position
+
+    def _position_m(self, number: int, time_s: FloatArray) -> FloatArray:
+        """Return positions at times that are all in one span."""
+        if number not in self._spans:
+            if len(self._spans) >= KEPT_SPANS:
+                del self._spans[next(iter(self._spans))]
+            self._spans[number] = self._fitted(number)
+        ephemeris = self._spans[number]
+        return self.motion.position_ecef_m(time_s) if ephemeris is None else ephemeris.position_m(0, time_s)
+
+    def _fitted(self, number: int) -> Ephemeris | None:
+        """Return the polynomials of a span, or None where there are none to the tolerance."""
+        start_s = number * SPAN_S
+        cuts_s = start_s + np.arange(1, _PIECES)[None, :] * (SPAN_S / _PIECES)
+        samples = 0
+
+        def state(_target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+            nonlocal samples
+            samples += len(time_s)
+            if samples > _MOST_SAMPLES:
+                raise ModelError("the motion is too rough")
+            return self.motion.state_ecef(time_s)
+
+        try:
+            return Ephemeris.build(state, start_s, start_s + SPAN_S, cuts_s, self.tolerance_m)
+        except ModelError:
+            return None
+
+
+def _rows_by_number(numbers: FloatArray, rows: RowArray) -> Iterator[tuple[int, RowArray]]:
+    """Yield each number that stands in some of the rows, with those of them in which it stands, in order."""
+    part = numbers[rows].astype(np.int16)
+    order = np.argsort(part, kind="stable")
+    edges = np.flatnonzero(np.diff(part[order])) + 1
+    for group in np.split(rows[order], edges) if len(rows) else ():
+        yield int(numbers[group[0]]), group
+
+
+#: How an OMM may be named in a file of several.
+_OMM_NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
+
+
+def orbit_of(config: OrbitConfig, epoch_us: int) -> "Orbit":
+    """Return the orbit of a configuration, for scenes that start at an epoch, in microseconds of UTC since 1970.
+
+    Raises `SceneError` for a file that cannot be read, `ModelError` for a satellite that SGP4 cannot follow to the
+    scene epoch, and `PluginError` where the package sgp4 is needed and not installed.
+    """
+    slot = config.slot
+    if slot is not None and slot.inclination_deg == 0.0 and slot.eccentricity == 0.0:
+        return GeostationaryOrbit(slot.lon_deg)
+    elements = elements_of(config, epoch_us)
+    if elements is None:
+        return _sgp4_orbit(config, epoch_us)
+
+    return MovingOrbit(TwoBodyMotion(elements))
+
+
+def elements_of(config: OrbitConfig, epoch_us: int) -> Elements | None:
+    """Return the Kepler elements of a configuration at an epoch; None for one that SGP4 follows."""
+    if config.slot is not None:
+        return _slot(config.slot)
+    if config.kepler is not None:
+        return _kepler(config.kepler, epoch_us)
+    if config.circular is not None:
+        return _circular(config.circular, epoch_us)
+    if config.walker is not None:
+        return _walker(config.walker, epoch_us)
+    elliptical = config.molniya or config.tundra
+    return None if elliptical is None else _highly_elliptical(elliptical)
+
+
+def _slot(config: SlotConfig) -> Elements:
+    return slot_elements(
+        math.radians(config.lon_deg),
+        inclination_rad=math.radians(config.inclination_deg),
+        eccentricity=config.eccentricity,
+        argument_of_perigee_rad=math.radians(config.arg_perigee_deg),
+        mean_argument_of_latitude_rad=math.radians(config.mean_arg_latitude_deg),
+    )
+
+
+def _kepler(config: KeplerConfig, epoch_us: int) -> Elements:
+    if config.mean_anomaly_deg is not None:
+        anomaly_rad = math.radians(config.mean_anomaly_deg)
+    else:
+        anomaly_rad = mean_anomaly_rad(math.radians(config.true_anomaly_deg or 0.0), config.eccentricity)
+    return Elements(
+        semi_major_axis_m=config.semi_major_axis_km * 1e3,
+        eccentricity=config.eccentricity,
+        inclination_rad=math.radians(config.inclination_deg),
+        node_longitude_rad=_node_longitude_rad(config, epoch_us),
+        argument_of_perigee_rad=math.radians(config.arg_perigee_deg),
+        mean_anomaly_rad=anomaly_rad,
+    )
+
+
+def _circular(config: CircularConfig, epoch_us: int) -> Elements:
+    return circular_elements(
+        config.altitude_km * 1e3,
+        math.radians(config.inclination_deg),
+        _node_longitude_rad(config, epoch_us),
+        math.radians(config.arg_latitude_deg),
+    )
+
+
+def _walker(config: WalkerConfig, epoch_us: int) -> Elements:
+    pattern = walker_pattern(
+        config.total,
+        config.planes,
+        config.phasing,
+        config.altitude_km * 1e3,
+        math.radians(config.inclination_deg),
+        star=config.kind == "star",
+        first_node_longitude_rad=_node_longitude_rad(config, epoch_us),
+        first_argument_of_latitude_rad=math.radians(config.arg_latitude_deg),
+    )
+    return pattern[config.satellite - 1]
+
+
+def _highly_elliptical(config: MolniyaConfig) -> Elements:
+    return highly_elliptical_elements(
+        config.turns_a_day,
+        config.eccentricity,
+        math.radians(config.apogee_lon_deg),
+        config.apogee_time_s,
+        inclination_rad=math.radians(config.inclination_deg),
+        argument_of_perigee_rad=math.radians(config.arg_perigee_deg),
+    )
+
+
+def _node_longitude_rad(config: KeplerConfig | CircularConfig | WalkerConfig, epoch_us: int) -> float:
+    """Return the east longitude of the ascending node at the scene epoch."""
+    if config.lon_asc_node_deg is not None:
+        return math.radians(config.lon_asc_node_deg)
+    return math.radians(config.raan_deg or 0.0) - float(gmst_rad(np.datetime64(epoch_us, "us")))
+
+
+def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> "Orbit":
+    if config.tle is not None:
+        satellite, name = satellite_of_tle(config.tle), f"object {config.tle[0][2:7].strip()}"
+    else:
+        omm = config.omm if config.omm_file is None else omm_of_file(config.omm_file)
+        assert omm is not None  # an OrbitConfig holds exactly one kind of orbit
+        satellite, name = satellite_of_omm(omm), omm_name(omm)
+    motion = Sgp4Motion(satellite, epoch_us, name)
+    motion.position_teme_m(np.zeros(1))
+    return MovingOrbit(motion)
+
+
+def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
+    """Return the OMM that a configuration names; raises `SceneError` where there is none, or not exactly one."""
+    try:
+        data = json.loads(Path(config.path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise _refused(config, f"cannot be read: {error.strerror or error}") from error
+    except ValueError as error:
+        raise _refused(config, f"is not JSON: {error}") from error
+    messages = [message for message in (data if isinstance(data, list) else [data]) if isinstance(message, dict)]
+    if config.satellite is not None:
+        messages = [m for m in messages if config.satellite in (str(m.get(name)) for name in _OMM_NAMES)]
+    if len(messages) != 1:
+        which = "" if config.satellite is None else f" of {config.satellite}"
+        raise _refused(config, f"holds {len(messages)} OMM{which}; exactly one is needed{_hint(config, messages)}")
+    complaint = omm_complaint(messages[0])
+    if complaint:
+        raise _refused(config, complaint)
+    return messages[0]
+
+
+def _hint(config: OmmFileConfig, messages: list[dict[str, Any]]) -> str:
+    return "; say which with satellite" if config.satellite is None and messages else ""
+
+
+def _refused(config: OmmFileConfig, message: str) -> SceneError:
+    return SceneError([Problem("", message)], source=config.path)

@@ -1,0 +1,97 @@
+"""From the configuration of a scanning sensor to the sensor: its bands, radiometer, orbit and scan pattern."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from attrs import asdict, fields_dict
+
+from opir_core.detection.threshold import threshold_sigma
+from opir_core.interfaces.contexts import SensorContext
+from opir_core.interfaces.protocols import Band, Orbit, Radiometer, ScanPattern, Sensor
+from opir_core.orbits.orbit_models import GeostationaryOrbit, orbit_of
+from opir_core.sensors.scan_patterns import scan_pattern
+from opir_core.sensors.scanning_sensor import ScanningSensorConfig
+
+#: W/cm² to W/m².
+W_M2_PER_W_CM2 = 1e4
+
+
+def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: str) -> Sensor:
+    """Return the sensor of a configuration."""
+    bands = _bands(config.bands)
+    completed = {name: _completed(config, name) for name in ("detection_probability", "confusion")}
+    return Sensor(
+        id=context.id,
+        type=type_,
+        orbital_slot_deg=_slot_deg(config),
+        bands=bands,
+        orbit=_orbit(config, context),
+        scan=_scan(config),
+        field_of_regard_half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
+        minimum_elevation_rad=math.radians(config.minimum_elevation_deg),
+        line_of_sight_sigma_rad=config.line_of_sight_sigma_urad * 1e-6,
+        radiometer=_radiometer(config, bands),
+        line_of_sight_bias_sigma_rad=config.line_of_sight_bias_sigma_urad * 1e-6,
+        detection_probability=completed["detection_probability"],
+        confusion=completed["confusion"],
+        false_alarm_susceptibility=config.false_alarm_susceptibility,
+        spectral_discrimination=config.spectral_discrimination,
+        follows_bodies=config.follows_bodies,
+        settings={**asdict(config), **completed},
+    )
+
+
+def _slot_deg(config: ScanningSensorConfig) -> float | None:
+    """Return the longitude of the sensor's slot, or None where it has none."""
+    if config.orbit is None:
+        return config.orbital_slot_deg
+    return None if config.orbit.slot is None else config.orbit.slot.lon_deg
+
+
+def _orbit(config: ScanningSensorConfig, context: SensorContext) -> Orbit:
+    if config.orbit is None:
+        assert config.orbital_slot_deg is not None
+        return GeostationaryOrbit(config.orbital_slot_deg)
+    return orbit_of(config.orbit, context.epoch_us)
+
+
+def _scan(config: ScanningSensorConfig) -> ScanPattern:
+    return scan_pattern(
+        config.scan_pattern,
+        config.scan_phase,
+        period_ns=config.scan_period_ns,
+        half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
+        rows=config.raster_rows,
+        columns=config.raster_columns,
+    )
+
+
+def _completed(config: ScanningSensorConfig, name: str) -> dict[str, Any]:
+    """Return a mapping by target type with the model's defaults for the types it does not name."""
+    default = fields_dict(type(config))[name].default
+    return {**(default if isinstance(default, Mapping) else {}), **getattr(config, name)}
+
+
+def _bands(edges: Mapping[str, tuple[float, float]]) -> tuple[Band, ...]:
+    """Return bands, the shortest wavelength first: the keys of a scene's mapping have no order to rely on."""
+    return tuple(Band(name, *edges[name]) for name in sorted(edges, key=lambda name: (*edges[name], name)))
+
+
+def _radiometer(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> Radiometer:
+    """Return the radiometer of a configuration."""
+    nei_w_m2 = config.nei_w_m2 if config.nei_w_cm2 is None else config.nei_w_cm2 * W_M2_PER_W_CM2
+    return Radiometer(
+        nei_w_m2=tuple(config.band_nei_w_m2.get(band.name, nei_w_m2) for band in bands),
+        ifov_rad=config.ifov_urad * 1e-6,
+        collection_m2_s=config.collection_m2_s,
+        threshold=_threshold(config),
+        coincidence=config.coincidence_sigma,
+        ratios=tuple(config.plausible_ratios.get(band.name, (0.0, float("inf"))) for band in bands),
+    )
+
+
+def _threshold(config: ScanningSensorConfig) -> float:
+    if config.false_alarm_probability is None:
+        return config.threshold_sigma
+    return float(threshold_sigma(config.false_alarm_probability))
