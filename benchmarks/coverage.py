@@ -19,7 +19,7 @@ from work_precision.results_csv import read_csv, write_csv
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.plan import compile_plan
-from opir_core.planning.visibility.margins import visible_now
+from opir_core.planning.visibility import visible_now
 from opir_core.scene.reading import scene_from_mapping
 
 FLEETS = {

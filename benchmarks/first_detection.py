@@ -22,9 +22,8 @@ from work_precision.results_csv import read_csv, write_csv
 
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.protocols import Band
-from opir_core.planning.looks import Looks, exposures
+from opir_core.planning.looks import Looks
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.planning.sensor_states import SensorStates
 from opir_core.plugin.host import Host
 from opir_core.radiometry.protocols import AtmosphereContext, Paths
 from opir_core.scene.reading import scene_from_mapping
@@ -194,7 +193,7 @@ class Law(NamedTuple):
 def laws(plan: Plan) -> dict[tuple[int, int], Law]:
     """Return the law of the first detection by sensor and target, from every look's probability."""
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = plan.look_geometry().exposures(looks.pair, looks.scan)
     chance = plan.detection.probability(exposed)
     found = {}
     for pair in np.unique(looks.pair).tolist():

@@ -27,9 +27,8 @@ import yaml
 from results_csv import read_csv, write_csv
 
 import opir_core as opir
-from opir_core.planning.looks import Looks, blocks, exposures
+from opir_core.planning.looks import Looks, blocks
 from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import SensorStates
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import plan_windows
 
@@ -142,12 +141,10 @@ def found(plan: Plan) -> np.ndarray:
 
 def exact_probability(plan: Plan, looks: Looks, rows: np.ndarray) -> np.ndarray:
     """Return P_d of some of the looks."""
-    sites, parts = SensorStates.of(plan.sensors), []
+    geometry, parts = plan.look_geometry(), []
     for block in blocks(len(rows)):
         row = rows[block]
-        parts.append(
-            plan.detection.probability(exposures(plan, sites, looks.pair[row], looks.scan[row], geometry=True))
-        )
+        parts.append(plan.detection.probability(geometry.exposures(looks.pair[row], looks.scan[row])))
     return np.concatenate(parts)
 
 
@@ -161,7 +158,7 @@ def measured(chain: str, options: argparse.Namespace) -> list[Row]:
     lines = []
     for tolerance in TOLERANCES:
         plan = planned(options.every, {"model": "snr", "probability_tolerance": tolerance, **settings}, sky)
-        knots = Engine(plan)._knots
+        knots = Engine(plan)._interpolant
         assert knots is not None
         off = np.abs(knots.over(looks).probability()[rows] - true)
         own = found(plan)

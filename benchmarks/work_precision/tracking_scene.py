@@ -11,6 +11,7 @@ filterpy. `tracking.py` runs it too.
 import argparse
 import os
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -93,7 +94,7 @@ class Line(NamedTuple):
 
 def tracker_of(plan: Plan, name: str) -> Tracker:
     """Return the tracker of a line."""
-    return plan.tracker if TRACKERS[name] else FilterPyTracker()
+    return plan.make_tracker() if TRACKERS[name] else FilterPyTracker()
 
 
 def line_of(name: str, runs: int) -> Line:
@@ -103,7 +104,7 @@ def line_of(name: str, runs: int) -> Line:
     for number in range(runs):
         plan = compile_plan(evolve(scene, seed=scene.seed + number))
         timed = TimedTracker(tracker_of(plan, name))
-        run = run_of_plan(evolve(plan, tracker=timed))
+        run = run_of_plan(evolve(plan, make_tracker=iter([timed]).__next__))
         evidence = evidence_of_run(run, plan, timed.seconds)
         errors.append(state_errors(evidence, ownership(evidence)))
         seconds, detections, updates = (
@@ -132,7 +133,7 @@ def lines(runs: int) -> Iterator[Line]:
     for name in TRACKERS:
         warm = scene_from_mapping({**SCENE, "duration_s": 8.0, "tracker": TRACKERS[name] or "stereo-filter"})
         plan = compile_plan(warm)
-        run_of_plan(evolve(plan, tracker=tracker_of(plan, name)))
+        run_of_plan(evolve(plan, make_tracker=partial(tracker_of, plan, name)))
         yield line_of(name, runs)
 
 

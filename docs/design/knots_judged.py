@@ -2,7 +2,7 @@
 
     python docs/design/knots_judged.py
 
-`opir_core.simulation.interpolation.refinement` judges a piece by how far its second and fourth knots are off the
+`opir_core.simulation.refinement` judges a piece by how far its second and fourth knots are off the
 parabola through the others, and the half of a piece by how far they are off the curve through the whole one's knots. A
 bend that no model told of may stand anywhere between the knots; it may be one of the slope, or of the curvature, or a
 jump. Printed is the largest true error, anywhere on the piece and over all places of the bend, as a share of the
@@ -14,8 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from opir_core.simulation.interpolation.polynomials import Curves
-from opir_core.simulation.interpolation.refinement import FOURTH_SHARE, MISSED_SHARE, THIRD_SHARE, judged_terms
+from opir_core.simulation.refinement import FOURTH_SHARE, MISSED_SHARE, THIRD_SHARE, Curves, judged_terms
 
 LENGTH = 4000
 BENDS: dict[str, Callable[[np.ndarray, int], np.ndarray]] = {

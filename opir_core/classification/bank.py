@@ -22,7 +22,7 @@ from opir_core.classification.imagined import (
 from opir_core.classification.mixture import Components, Mixture, gathered
 from opir_core.interfaces.columns import names_of
 from opir_core.interfaces.protocols import Band, Sensor
-from opir_core.planning.visibility.margins import visible_now
+from opir_core.planning.visibility import visible_now
 from opir_core.scene.scene import TARGET_TYPES
 
 #: Densities are kept for parts of the sky, by the sine of the elevation under which a sensor stands there.

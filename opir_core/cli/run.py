@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_jsonl(_DEFAULT_OUT)}]",))
     plan = plan_of(arguments, scene, host)
     truth = _beside(scene, arguments.truth, "truth.jsonl")
-    tracks = None if plan.tracker.cadence_s is None else _beside(scene, arguments.tracks, "tracks.jsonl")
+    tracks = None if plan.make_tracker().cadence_s is None else _beside(scene, arguments.tracks, "tracks.jsonl")
     manifest = _beside(scene, arguments.manifest, "manifest.json")
     files = {"truth": truth, "tracks": tracks, "manifest": manifest}
     _require_own_paths(arguments, scene, files)

@@ -85,7 +85,7 @@ class Sensor:
     sensor's block came to, for `opir explain` and the manifest.
 
     `line_of_sight_sigma_rad` is the spread of single lines of sight, per axis. `line_of_sight_bias_sigma_rad` is that
-    of the one bias, per axis, that a sensor has throughout a run (`opir_core.planning.pointing_bias`). A sensor that
+    of the one bias, per axis, that a sensor has throughout a run (`opir_core.planning.sensor_states`). A sensor that
     `follows_bodies` goes on looking at targets after burnout, to impact.
     """
 

@@ -79,7 +79,7 @@ def drafted_settings(plan: Plan, mapping: Mapping[str, Any], lap: int, first: Sc
         raise RestartError(problems)
     compiled = compile_plan(evolve(read, epoch_us=plan.scene.epoch_us, seed=plan.scene.seed), plan.host)
     generations = scan_generations(compiled, plan)
-    changed = evolve(compiled, tracker=plan.tracker, scan_generations=generations)
+    changed = evolve(compiled, scan_generations=generations)
     base = evolve(read, targets=first.targets)
     return Draft(Engine(changed), lap, reopened=_reopened(plan.scene, read), base=base)
 

@@ -5,8 +5,8 @@ from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.planning.plan import Plan, with_targets
+from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets
-from opir_core.planning.visibility import Pairs, Sightlines
 
 
 def joined(plan: Plan, newcomers: Plan) -> Plan:

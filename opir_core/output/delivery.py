@@ -55,7 +55,7 @@ def deliver(
     `on_window` is called with each window after the sinks. A failing sink does not stop the others. Raises `SinkError`
     if truth or tracks cannot be written; for the sinks, `RunOutcome.raise_for_failures` does.
     """
-    tally = Tally(plan)
+    tally = Tally(plan.sensors, plan.targets, plan.pairs)
     windows = tally.over(plan_windows(plan))
     if truth_path is not None or tracks_path is not None:
         windows = _recorded(plan, windows, truth_path, tracks_path)

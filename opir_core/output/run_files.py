@@ -76,7 +76,7 @@ class TruthFile(_LinesFile):
     def __init__(self, path: Path, plan: Plan) -> None:
         super().__init__(path)
         self._ids = plan.targets.ids
-        biases = () if plan.bias is None else plan.bias.told(plan.sensors)
+        biases = () if plan.bias is None else plan.bias.by_sensor(plan.sensors)
         self._write([{"record": "sensor", **bias} for bias in biases])
         targets = zip(self._ids, plan.targets.truth(), strict=True)
         self._write([{"record": "target", "target_id": id_, **launch} for id_, launch in targets])

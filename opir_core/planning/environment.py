@@ -1,4 +1,4 @@
-"""What a scene's hot things, air and backdrop come to: made only for models that reckon with light."""
+"""The radiometric environment of a scene: signatures, atmosphere and background, for models that compute signals."""
 
 from collections.abc import Sequence
 from functools import cache, partial
@@ -8,9 +8,11 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray
+from opir_core.flight.ellipsoidal_height import height_m
+from opir_core.geometry.vectors import length
+from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Band, Sensor
 from opir_core.interfaces.records import Exposures
-from opir_core.planning.ascents import ascents, heights_m
 from opir_core.planning.targets import Targets
 from opir_core.plugin.components import SignatureModel
 from opir_core.plugin.host import Host
@@ -33,21 +35,79 @@ from opir_core.radiometry.protocols import (
 from opir_core.radiometry.viewing import views
 from opir_core.scene.scene import DEFAULT_SIGNATURE, EMITTER_TYPES, Choice, Scene
 
-#: Half the time over which a direction of flight is taken, s.
+#: Half the time step of a direction of flight, s.
 _HALF_STEP_S = 0.05
 
-#: The reference target of `calibrate: paper`: the class profile of an ICBM, high enough to be in its brightest layer.
+#: The reference target of `calibrate: paper`: the class profile of an ICBM, in the altitude layer of highest intensity.
 REFERENCE_PROFILE = "ICBM_solid"
 REFERENCE_TIME_S = 30.0
 REFERENCE_ALTITUDE_M = 25_000.0
 REFERENCE_BURN_S = 170.0
 
 
+#: Samples of height during a burn, and refinement steps of an altitude crossing between two of them.
+_SAMPLES, _STEPS = 48, 3
+
+
+@frozen(eq=False)
+class Ascents(Columns):
+    """Heights (n, m), m, of targets (n,) at scene times (n, m), s, from ignition to burnout."""
+
+    target: IndexArray
+    time_s: FloatArray
+    height_m: FloatArray
+    targets: Targets
+
+    def take(self, rows: Any) -> "Ascents":
+        """Return the heights of some of the targets."""
+        return Ascents(self.target[rows], self.time_s[rows], self.height_m[rows], self.targets)
+
+    def times_s(self, levels_m: FloatArray) -> FloatArray:
+        """Return the scene times (n, k) at which targets first rise through levels (n, k), m; nan if they never do."""
+        below = self.height_m[:, :-1, None] < levels_m[:, None, :]
+        crossed = below & (self.height_m[:, 1:, None] >= levels_m[:, None, :])
+        row, level = np.nonzero(crossed.any(axis=1))
+        step = crossed.argmax(axis=1)[row, level]
+        low_s, high_s = self.time_s[row, step], self.time_s[row, step + 1]
+        low_m, high_m = self.height_m[row, step], self.height_m[row, step + 1]
+        wanted_m = levels_m[row, level]
+        for _ in range(_STEPS):
+            middle_s = low_s + (high_s - low_s) * (wanted_m - low_m) / (high_m - low_m)
+            middle_m = _heights_m(self.targets, self.target[row], middle_s)
+            is_low = middle_m < wanted_m
+            low_s, low_m = np.where(is_low, middle_s, low_s), np.where(is_low, middle_m, low_m)
+            high_s, high_m = np.where(is_low, high_s, middle_s), np.where(is_low, high_m, middle_m)
+        times_s = np.full(levels_m.shape, np.nan)
+        times_s[row, level] = low_s + (high_s - low_s) * (wanted_m - low_m) / np.maximum(high_m - low_m, 1e-300)
+        return times_s
+
+
+def ascents(targets: Targets) -> Ascents:
+    """Return the heights of all targets during their burns."""
+    everyone = np.arange(len(targets.ids), dtype=np.int32)
+    share = np.arange(_SAMPLES + 1) / _SAMPLES
+    time_s = targets.ignition_s[:, None] + (targets.burnout_s - targets.ignition_s)[:, None] * share
+    # Rounding must not lead out of the burn.
+    time_s = np.minimum(time_s, targets.burnout_s[:, None])
+    height_m = _heights_m(targets, np.repeat(everyone, _SAMPLES + 1), time_s.ravel())
+    return Ascents(everyone, time_s, height_m.reshape(time_s.shape), targets)
+
+
+def _heights_m(targets: Targets, target: IndexArray, time_s: FloatArray) -> FloatArray:
+    return heights_m(targets.position_ecef_m(target, time_s))
+
+
+def heights_m(position_ecef_m: FloatArray) -> FloatArray:
+    """Return heights (n,) above the WGS 84 ellipsoid of positions (n, 3), ECEF, m, to 2e-8 m."""
+    position = position_ecef_m.T
+    return height_m(position, 1.0 / length(*position))
+
+
 @frozen(eq=False)
 class RadiometricEnvironment:
     """Signatures of all targets, the atmosphere and the background, for the distinct `bands` of the scene's sensors.
 
-    `group` and `place` (n,) say which of `signatures` is a target's and in which row.
+    Target k has row `place[k]` of `signatures[group[k]]`.
     """
 
     bands: tuple[Band, ...]
@@ -62,7 +122,7 @@ class RadiometricEnvironment:
     reference_intensity_w_sr: FloatArray
 
     def paths(self, exposures: Exposures) -> Paths:
-        """Return the paths of light of looks."""
+        """Return the light paths of looks."""
         return Paths(
             height_m=heights_m(exposures.target_ecef_m),
             elevation_sine=exposures.elevation_sine,
@@ -72,12 +132,12 @@ class RadiometricEnvironment:
         )
 
     def views(self, exposures: Exposures) -> Views:
-        """Return what lies behind the targets of looks."""
+        """Return the background views behind the targets of looks."""
         direction = exposures.target_ecef_m - exposures.sensor_ecef_m
         return views(exposures.sensor_ecef_m, direction, exposures.time_s, self.epoch_us)
 
     def aspect_rad(self, exposures: Exposures) -> FloatArray:
-        """Return the angles (n,) at which targets are seen, as their signatures take them."""
+        """Return the aspect angles (n,) of targets, rad, as defined by their signatures."""
         to_sensor = (exposures.sensor_ecef_m - exposures.target_ecef_m) / exposures.range_m[:, None]
         if len(self.signatures) == 1:
             alone = self.signatures[0].aspect_rad(self.place[exposures.target], exposures.emission_time_s, to_sensor)
@@ -106,9 +166,9 @@ class RadiometricEnvironment:
         return intensity
 
     def breakpoints_s(self) -> FloatArray:
-        """Return when (targets, k), by scene time, intensities or the air above targets may jump or bend; nan for none.
+        """Return the scene times (targets, k) at which signals may jump or bend; nan for none.
 
-        That is where signatures, the atmosphere and, of the direction of flight, trajectories say so.
+        They come from signatures, the atmosphere and the trajectories (direction of flight).
         """
         everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
         heights = ascents(self.targets)
@@ -117,7 +177,7 @@ class RadiometricEnvironment:
             if isinstance(self.atmosphere, TransmittanceWithBreakpoints)
             else np.empty(0)
         )
-        found = [heights.times_s(np.broadcast_to(air, (len(self.group), len(air))))]
+        times_s = [heights.times_s(np.broadcast_to(air, (len(self.group), len(air))))]
         for signatures, rows in zip(self.signatures, everyone, strict=True):
             if isinstance(signatures, SignaturesWithBreakpoints):
                 place = self.place[rows]
@@ -125,36 +185,36 @@ class RadiometricEnvironment:
                 own = np.full((len(self.group), levels_m.shape[1] + since_s.shape[1]), np.nan)
                 crossed_s = heights.take(rows).times_s(levels_m)
                 own[rows] = np.concatenate([crossed_s, self.targets.ignition_s[rows, None] + since_s], axis=1)
-                found.append(own)
+                times_s.append(own)
         for number, trajectories in enumerate(self.targets.trajectories):
             if isinstance(trajectories, CourseWithBreakpoints):
                 turning, own_s = np.flatnonzero(self.targets.group == number), trajectories.course_breakpoints_s
                 own = np.full((len(self.group), own_s.shape[1]), np.nan)
                 own[turning] = own_s[self.targets.place[turning]]
-                found.append(own)
-        return np.concatenate(found, axis=1)
+                times_s.append(own)
+        return np.concatenate(times_s, axis=1)
 
     def _off_flight_rad(self, exposures: Exposures, to_sensor: FloatArray) -> FloatArray:
-        """Return the angles between the direction of flight and that to the sensor."""
+        """Return the angles (n,) between the direction of flight and the direction to the sensor, rad."""
         target, time_s = exposures.target, exposures.emission_time_s
         start_s, stop_s = self.targets.ignition_s[target], self.targets.end_s[target]
         later = self.targets.position_ecef_m(target, np.clip(time_s + _HALF_STEP_S, start_s, stop_s))
         way = later - self.targets.position_ecef_m(target, np.clip(time_s - _HALF_STEP_S, start_s, stop_s))
         along = way[:, 0] * to_sensor[:, 0] + way[:, 1] * to_sensor[:, 1] + way[:, 2] * to_sensor[:, 2]
-        length = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1] + way[:, 2] * way[:, 2])
-        # What stands still is seen from the side.
-        return np.arccos(np.clip(along / np.where(length > 0.0, length, 1.0), -1.0, 1.0))
+        distance = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1] + way[:, 2] * way[:, 2])
+        # A target at rest is seen from the side.
+        return np.arccos(np.clip(along / np.where(distance > 0.0, distance, 1.0), -1.0, 1.0))
 
 
 def distinct_bands(sensors: Sequence[Sensor]) -> tuple[Band, ...]:
-    """Return the bands of sensors, each once, in the order in which they come."""
+    """Return the distinct bands of sensors, in order of first use."""
     return tuple(dict.fromkeys(band for sensor in sensors for band in sensor.bands))
 
 
 def make_environment(
     scene: Scene, host: Host, sensors: Sequence[Sensor], targets: Targets, sources: Sequence[Sources]
 ) -> RadiometricEnvironment:
-    """Return the scenery of a scene; raises `ModelError` where a model cannot answer for one of the bands."""
+    """Return the radiometric environment of a scene; raises `ModelError` if a model does not cover a band."""
     bands = distinct_bands(sensors)
     atmosphere = _atmosphere(scene, host, bands)
     backdrop = BackgroundContext(
@@ -176,7 +236,7 @@ def make_environment(
 
 
 def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:
-    """Return what each of a scene's blocks of sources comes to."""
+    """Return what is built of each block of a scene's `sources`."""
     bands, made = distinct_bands(sensors), list[Sources]()
     make_atmosphere = cache(partial(_atmosphere, scene, host, bands))
     for source in scene.sources:
@@ -206,7 +266,7 @@ def _built(host: Host, choice: Choice, context: object) -> Any:
 def _signatures(
     scene: Scene, host: Host, bands: tuple[Band, ...], targets: Targets, sources: Sequence[Sources]
 ) -> tuple[tuple[Signatures, ...], IndexArray, IndexArray]:
-    """Return all signatures, and for each target which are its own and in which row."""
+    """Return all signatures, and of each target the number and the row of its own."""
     group, place = np.full(len(targets.ids), -1, dtype=np.int32), targets.place.copy()
     made: list[Signatures] = []
     for source in sources:
@@ -215,7 +275,7 @@ def _signatures(
         made.append(source.signatures)
     launches = np.flatnonzero(group < 0).tolist()
     choices = _signature_choices(scene, host, [targets.ids[row] for row in launches])
-    told = targets.truth() if launches else ()
+    truths = targets.truth() if launches else ()
     for name in dict.fromkeys(choice.name for choice in choices):
         rows = [row for row, choice in zip(launches, choices, strict=True) if choice.name == name]
         chosen = [choice for choice in choices if choice.name == name]
@@ -224,7 +284,7 @@ def _signatures(
             ids=tuple(targets.ids[row] for row in rows),
             paths=tuple(choice.path for choice in chosen),
             types=tuple(EMITTER_TYPES[targets.type_code[row]] for row in rows),
-            profiles=tuple(str(told[row].get("profile", "")) for row in rows),
+            profiles=tuple(str(truths[row].get("profile", "")) for row in rows),
             burn_time_s=(targets.burnout_s - targets.ignition_s)[rows],
         )
         group[rows], place[rows] = len(made), np.arange(len(rows))
@@ -234,7 +294,7 @@ def _signatures(
 
 
 def _signature_choices(scene: Scene, host: Host, ids: Sequence[str]) -> list[Choice]:
-    """Return the signature model of each launch: its own, or the default one."""
+    """Return the signature model of each launch: its own, or the default."""
     of_id = {target.id: target for target in scene.targets}
     default = None
     choices = []
@@ -247,7 +307,7 @@ def _signature_choices(scene: Scene, host: Host, ids: Sequence[str]) -> list[Cho
 
 
 def _reference_intensity_w_sr(host: Host, bands: tuple[Band, ...]) -> FloatArray:
-    """Return the in-band intensities (bands,) of the reference ICBM at its reference place, seen from the side."""
+    """Return the in-band intensities (bands,), W/sr, of the reference ICBM, seen from the side."""
     component = host.component(SignatureModel, DEFAULT_SIGNATURE)
     context = SignatureContext(
         bands=bands,

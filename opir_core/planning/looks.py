@@ -1,15 +1,16 @@
-"""From looks to exposures: which there are, when they are, and where sensor and target then stand."""
+"""Looks of a window and their geometry: which there are, when, and where sensor and target are."""
 
 import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.records import Exposures
-from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_states import SensorStates
-from opir_core.planning.visibility import GridPlace, Pairs, Visibility, distance_m, visible_now
+from opir_core.planning.sightlines import GridPlace, Pairs, Sightlines, Visibility, distance_m
+from opir_core.planning.targets import Targets
+from opir_core.planning.visibility import visible_now
 
-#: Rows handled at once.
+#: Rows processed at once.
 BLOCK_ROWS = 16384
 
 _NOTHING = np.empty(0)
@@ -18,7 +19,7 @@ _NO_VECTORS = np.empty((0, 3))
 
 @frozen(eq=False)
 class Looks:
-    """A window's looks: those of each active pair in turn, by scan; `pair` and `scan` have one row a look."""
+    """A window's looks: those of each active pair in turn, by scan; `pair` and `scan` have one row per look."""
 
     active: IntArray
     first_scan: IntArray
@@ -38,73 +39,62 @@ class Looks:
         return cls(active, first_scan, scans, np.repeat(active, scans), scan)
 
 
+@frozen(eq=False, kw_only=True)
+class LookGeometry:
+    """Geometry of looks, given by pairs (n,) and scans (n,)."""
+
+    states: SensorStates
+    targets: Targets
+    pairs: Pairs
+    sightlines: Sightlines
+    light_time: bool
+
+    def exposures(
+        self, pair: IntArray, scan: IntArray, *, with_geometry: bool = True, time_s: FloatArray | None = None
+    ) -> Exposures:
+        """Return the exposures of looks; `time_s` (n,) are their times, if known."""
+        time_s = look_times_s(self.pairs, pair, scan) if time_s is None else time_s
+        sensor, target = self.pairs.sensor[pair], self.pairs.target[pair]
+        place = self.sightlines.place(pair, time_s)
+        emission_s = self._emission_s(place, pair, time_s)
+        if not with_geometry:
+            return Exposures(time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS)
+        sensor_m, target_m = self.states.positions(sensor, time_s), self.targets.position_ecef_m(target, emission_s)
+        elevation_sine = place.interpolated(self.sightlines.elevation_sine)
+        return Exposures(
+            time_s, emission_s, scan, sensor, target, distance_m(sensor_m, target_m), elevation_sine, target_m, sensor_m
+        )
+
+    def visible(self, pair: IntArray, scan: IntArray) -> BoolArray:
+        """Return which looks see their target; only looks in uncertain cells are computed."""
+        place = self.sightlines.place(pair, look_times_s(self.pairs, pair, scan))
+        sight = self.sightlines.sight[place.point]
+        result: BoolArray = sight == Visibility.ALWAYS
+        uncertain = np.flatnonzero(sight == Visibility.UNCERTAIN)
+        exposed = self.exposures(pair[uncertain], scan[uncertain])
+        for number in np.unique(exposed.sensor):
+            rows = np.flatnonzero(exposed.sensor == number)
+            sensor_m, target_m = exposed.sensor_ecef_m[rows], exposed.target_ecef_m[rows]
+            result[uncertain[rows]] = visible_now(self.states.sensors[number], sensor_m, target_m)
+        return result
+
+    def _emission_s(self, place: GridPlace, pair: IntArray, time_s: FloatArray) -> FloatArray:
+        """Return the emission times of the observed light, limited to the observed time of the target."""
+        left_s = time_s - place.interpolated(self.sightlines.travel_s) if self.light_time else time_s
+        return np.clip(left_s, self.targets.ignition_s[self.pairs.target[pair]], self.pairs.until_s[pair])
+
+
 def blocks(rows: int) -> list[slice]:
     """Return slices that cut rows into blocks small enough for their columns to stay in the processor's cache."""
     return [slice(start, min(start + BLOCK_ROWS, rows)) for start in range(0, rows, BLOCK_ROWS)]
 
 
-def pair_names(plan: Plan) -> list[tuple[str, str]]:
-    """Return the sensor's and the target's id of each pair."""
-    both = zip(plan.pairs.sensor.tolist(), plan.pairs.target.tolist(), strict=True)
-    return [(plan.sensors[sensor].id, plan.targets.ids[target]) for sensor, target in both]
-
-
-def scan_names(plan: Plan) -> list[tuple[str, str]]:
-    """Return the names that each pair's scans go by: its ids, the sensor's with its generation where scans are anew."""
-    if not any(plan.scan_generations):
-        return pair_names(plan)
-    pieces = zip(plan.sensors, plan.scan_generations, strict=True)
-    names = [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in pieces]
-    both = zip(plan.pairs.sensor.tolist(), plan.pairs.target.tolist(), strict=True)
-    return [(names[sensor], plan.targets.ids[target]) for sensor, target in both]
-
-
 def look_times_ns(pairs: Pairs, pair: IntArray, scan: IntArray) -> IntArray:
-    """Return when pairs (n,) make their scans (n,), in ns of scene time."""
+    """Return the scene times of scans (n,) of pairs (n,), ns."""
     times: IntArray = pairs.phase_ns[pair] + scan * pairs.period_ns[pair]
     return times
 
 
 def look_times_s(pairs: Pairs, pair: IntArray, scan: IntArray) -> FloatArray:
-    """Return when pairs (n,) make their scans (n,), in s of scene time."""
+    """Return the scene times of scans (n,) of pairs (n,), s."""
     return look_times_ns(pairs, pair, scan).astype(np.float64) * 1e-9
-
-
-def exposures(
-    plan: Plan, sites: SensorStates, pair: IntArray, scan: IntArray, *, geometry: bool, time_s: FloatArray | None = None
-) -> Exposures:
-    """Return the exposures of looks given by pair and scan (n,); without `geometry` its columns stay empty.
-
-    `time_s` are the looks' times, where these are known.
-    """
-    time_s = look_times_s(plan.pairs, pair, scan) if time_s is None else time_s
-    sensor, target = plan.pairs.sensor[pair], plan.pairs.target[pair]
-    place = plan.sightlines.place(pair, time_s)
-    emission_s = _emission_s(plan, place, pair, time_s)
-    if not geometry:
-        return Exposures(time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS)
-    sensor_m, target_m = sites.positions(sensor, time_s), plan.targets.position_ecef_m(target, emission_s)
-    elevation_sine = place.interpolated(plan.sightlines.elevation_sine)
-    return Exposures(
-        time_s, emission_s, scan, sensor, target, distance_m(sensor_m, target_m), elevation_sine, target_m, sensor_m
-    )
-
-
-def seen(plan: Plan, sites: SensorStates, pair: IntArray, scan: IntArray) -> BoolArray:
-    """Return which looks of pairs that are not certain see their target; only those in doubt are computed."""
-    place = plan.sightlines.place(pair, look_times_s(plan.pairs, pair, scan))
-    sight = plan.sightlines.sight[place.point]
-    result: BoolArray = sight == Visibility.ALWAYS
-    doubtful = np.flatnonzero(sight == Visibility.PERHAPS)
-    exposed = exposures(plan, sites, pair[doubtful], scan[doubtful], geometry=True)
-    for number in np.unique(exposed.sensor):
-        rows = np.flatnonzero(exposed.sensor == number)
-        sensor_m, target_m = exposed.sensor_ecef_m[rows], exposed.target_ecef_m[rows]
-        result[doubtful[rows]] = visible_now(plan.sensors[number], sensor_m, target_m)
-    return result
-
-
-def _emission_s(plan: Plan, place: GridPlace, pair: IntArray, time_s: FloatArray) -> FloatArray:
-    """Return when the light of looks left their targets: within what is watched, whatever rounding says."""
-    left_s = time_s - place.interpolated(plan.sightlines.travel_s) if plan.scene.light_time else time_s
-    return np.clip(left_s, plan.targets.ignition_s[plan.pairs.target[pair]], plan.pairs.until_s[pair])

@@ -1,35 +1,44 @@
-"""The plan: what a scene needs, and nothing else.
+"""The plan: a scene compiled to built components, trajectories, and pairs of sensor and target with their looks.
 
-`compile_plan` builds the components that the scene names, computes all trajectories in one batch, and finds which
-sensor can see which target when. Whatever is not in the plan is not imported, computed or allocated later.
+What is not in the plan is not imported, computed or allocated later.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from attrs import evolve, field, frozen
+from attrs import evolve, frozen
 
-from opir_core.errors import OpirError
+from opir_core.errors import ModelError, OpirError
 from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
+from opir_core.planning.looks import LookGeometry
+from opir_core.planning.sensor_states import PointingBias, SensorStates
+from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets, join_targets
-from opir_core.planning.visibility import Pairs, Sightlines, compile_pairs
+from opir_core.planning.visibility import compile_pairs
 from opir_core.plugin.host import Host
+from opir_core.plugin.validation import described_error
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.scene import Choice, Scene
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
     from opir_core.planning.environment import RadiometricEnvironment
-    from opir_core.planning.pointing_bias import PointingBias
     from opir_core.radiometry.protocols import Sources
 
 _NS = 1_000_000_000
 
+#: The methods of `opir_core.interfaces.protocols.Tracker`.
+_TRACKER_METHODS = ("associate(detections)", "step(tick_s, detections)")
+
 
 @frozen(eq=False, kw_only=True)
 class Plan:
-    """A scene made ready to run: built components, trajectories, and pairs of sensor and target with their looks."""
+    """A compiled scene. A plan does not change while it runs: each run gets a tracker of its own from `make_tracker`.
+
+    To run a tracker object of your own: `attrs.evolve(plan, make_tracker=lambda: MyTracker())`.
+    """
 
     scene: Scene
     host: Host
@@ -40,23 +49,48 @@ class Plan:
     detection: DetectionProbability
     classifier: Classifier
     confidence: Confidence
-    #: What the first run steps; it remembers that run (`tracker_of_run`).
-    tracker: Tracker
-    bias: "PointingBias | None"
+    #: Returns a new tracker.
+    make_tracker: Callable[[], Tracker]
+    bias: PointingBias | None
     end_ns: int
-    #: How often each sensor's scans have been numbered anew; empty in a run whose scan rates never changed.
+    #: How often each sensor's scans were renumbered; empty if the scan rates never changed.
     scan_generations: tuple[int, ...] = ()
-    #: What the scene's blocks of sources came to; their emitters stand behind the launches among the targets.
+    #: What is built of the scene's `sources`; their emitters follow the launches in `targets`.
     sources: "tuple[Sources, ...]" = ()
-    #: The tracker that the plan was made with, and those that have runs behind them; plans made from one another share.
-    own_tracker: Tracker | None = None
-    used_trackers: list[Tracker] = field(factory=list)
+
+    def look_geometry(self) -> LookGeometry:
+        """Return the geometry of the plan's looks."""
+        return LookGeometry(
+            states=SensorStates.of(self.sensors, self.bias),
+            targets=self.targets,
+            pairs=self.pairs,
+            sightlines=self.sightlines,
+            light_time=self.scene.light_time,
+        )
+
+    def sensor_names(self) -> list[str]:
+        """Return the names of the sensors' scan streams: the ids, with the generation if scans were renumbered."""
+        generations = self.scan_generations or (0,) * len(self.sensors)
+        both = zip(self.sensors, generations, strict=True)
+        return [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both]
+
+    def pair_names(self) -> list[tuple[str, str]]:
+        """Return the sensor's and the target's id of each pair."""
+        return self._names_of_pairs([sensor.id for sensor in self.sensors])
+
+    def scan_names(self) -> list[tuple[str, str]]:
+        """Return the stream names of each pair's scans: as `pair_names`, with the names of `sensor_names`."""
+        return self._names_of_pairs(self.sensor_names())
+
+    def _names_of_pairs(self, sensors: Sequence[str]) -> list[tuple[str, str]]:
+        both = zip(self.pairs.sensor.tolist(), self.pairs.target.tolist(), strict=True)
+        return [(sensors[sensor], self.targets.ids[target]) for sensor, target in both]
 
 
 def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
-    """Return the plan of a scene, with components from `host` (by default, all that is installed).
+    """Return the plan of a scene, with components from `host` (by default, all that are installed).
 
-    Raises `PluginError` for components that cannot be had and `SceneError` for targets that cannot fly as asked.
+    Raises `PluginError` for components that are missing or broken and `SceneError` for targets without a trajectory.
     """
     host = host or Host.discover()
     sensors = tuple(_sensor(scene, host, number) for number in range(len(scene.sensors)))
@@ -65,7 +99,9 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     end_ns = round(scene.duration_s * _NS)
     starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
-    tracker = _tracker(scene, host, sensors)
+    make_tracker = partial(_tracker, scene, host, sensors)
+    # A tracker that cannot be built is an error of the plan, not of its first run.
+    make_tracker()
     return Plan(
         scene=scene,
         host=host,
@@ -73,9 +109,8 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         targets=targets,
         pairs=pairs,
         sightlines=sightlines,
-        **_models(scene, host, _model_context(scene, host, sensors, targets, sources)),
-        tracker=tracker,
-        own_tracker=tracker,
+        **_models(scene, host, sensors, targets, sources),
+        make_tracker=make_tracker,
         bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
         sources=sources,
@@ -84,42 +119,19 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
 
 def with_targets(plan: Plan, targets: Targets, pairs: Pairs, sightlines: Sightlines) -> Plan:
     """Return a plan with other targets: its models are built for them, its sensors and its tracker stay the same."""
-    context = _model_context(plan.scene, plan.host, plan.sensors, targets, plan.sources)
-    models = _models(plan.scene, plan.host, context)
+    models = _models(plan.scene, plan.host, plan.sensors, targets, plan.sources)
     return evolve(plan, targets=targets, pairs=pairs, sightlines=sightlines, **models)
 
 
-def tracker_of_run(plan: Plan) -> Tracker:
-    """Return the tracker that a run of a plan steps: the plan's, or a new one like it where that has a run behind it.
-
-    Raises `OpirError` where another was put in the place of the plan's own and has a run behind it: how to make it anew
-    is not known.
-    """
-    tracker = plan.tracker
-    if tracker.cadence_s is None:
-        return tracker
-    if not any(each is tracker for each in plan.used_trackers):
-        plan.used_trackers.append(tracker)
-        return tracker
-    if tracker is not plan.own_tracker:
-        words = "has a run behind it, which it remembers; give a new one: attrs.evolve(plan, tracker=…)"
-        raise OpirError(f"the tracker {type(tracker).__name__} that was put into this plan {words}")
-    return _tracker(plan.scene, plan.host, plan.sensors)
-
-
-def _model_context(
+def _models(
     scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
-) -> ModelContext:
-    def make_environment() -> "RadiometricEnvironment":
-        from opir_core.planning.environment import make_environment
-
-        return make_environment(scene, host, sensors, targets, sources)
-
-    return ModelContext(sensors=sensors, target_type_code=targets.type_code, make_environment=make_environment)
-
-
-def _models(scene: Scene, host: Host, context: ModelContext) -> dict[str, Any]:
-    """Return the models of detection, classification and confidence, as a plan names them."""
+) -> dict[str, Any]:
+    """Return the models of detection, classification and confidence, by their names in a plan."""
+    context = ModelContext(
+        sensors=sensors,
+        target_type_code=targets.type_code,
+        make_environment=partial(_environment, scene, host, sensors, targets, sources),
+    )
     detection = built(host, scene.detection, context)
     context = evolve(context, detection=detection)
     return {
@@ -129,7 +141,16 @@ def _models(scene: Scene, host: Host, context: ModelContext) -> dict[str, Any]:
     }
 
 
+def _environment(
+    scene: Scene, host: Host, sensors: tuple[Sensor, ...], targets: Targets, sources: "tuple[Sources, ...]"
+) -> "RadiometricEnvironment":
+    from opir_core.planning.environment import make_environment
+
+    return make_environment(scene, host, sensors, targets, sources)
+
+
 def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
+    """Return a new tracker of a scene; raises `ModelError` if what its component builds is no tracker."""
     context = TrackerContext(
         sensors=sensors,
         epoch_us=scene.epoch_us,
@@ -138,38 +159,62 @@ def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
         light_time=scene.light_time,
     )
     tracker: Tracker = built(host, scene.tracker, context)
-    if getattr(tracker, "cadence_s", 0.0) is not None:
-        from opir_core.planning.build_errors import require_tracker
-
-        require_tracker(host, scene.tracker, tracker)
+    fault = _tracker_fault(tracker)
+    if fault:
+        raise ModelError(f"{owner_text(host, scene.tracker)}: {fault}; {check_hint(scene.tracker.name)}")
     return tracker
 
 
-def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> "PointingBias | None":
-    """Return the line-of-sight bias of sensors, or None where none of them has any."""
-    if not any(sensor.line_of_sight_bias_sigma_rad for sensor in sensors):
-        return None
-    from opir_core.planning.pointing_bias import PointingBias
-
-    return PointingBias.drawn(seed, sensors)
+def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:
+    """Return the line-of-sight biases of sensors, or None if no sensor has one."""
+    has_bias = any(sensor.line_of_sight_bias_sigma_rad for sensor in sensors)
+    return PointingBias.drawn(seed, sensors) if has_bias else None
 
 
 def built(host: Host, choice: Choice, context: Any) -> Any:
-    """Return the working part of a component that a scene chose."""
-    return _part(host, choice, choice.config, context)
+    """Return what the component of a scene's choice builds."""
+    return _build(host, choice, choice.config, context)
 
 
-def _part(host: Host, choice: Choice, config: Any, context: Any) -> Any:
-    """Return what a component builds; raises `ModelError` that says whose it is where it cannot."""
+def _build(host: Host, choice: Choice, config: Any, context: Any) -> Any:
+    """Return what a component builds; raises `ModelError` that names the component and its owner if it fails."""
     component = host.component(choice.hook, choice.name, choice.path)
     try:
         return component.build(config, context)
     except OpirError:
         raise
     except Exception as error:
-        from opir_core.planning.build_errors import build_error
+        raise ModelError(f"{owner_text(host, choice)}: build raised {described_error(error)}") from error
 
-        raise build_error(host, choice, error) from error
+
+def owner_text(host: Host, choice: Choice) -> str:
+    """Return the beginning of a message: a component with its path in the scene and its owner."""
+    kind, owner = host.component(choice.hook, choice.name).kind, host.provenance(choice.hook, choice.name)
+    return f"{choice.path}: the {kind} {choice.name!r} of {owner}"
+
+
+def check_hint(name: str) -> str:
+    """Return the end of a message about a broken component: the command that tests it."""
+    return f"`opir check {name}` shows what is required"
+
+
+def _tracker_fault(part: Any) -> str:
+    """Return what a tracker lacks, or ""; one that never steps needs no methods."""
+    if getattr(part, "cadence_s", 0.0) is None:
+        return ""
+    name = type(part).__name__
+    what = "None" if part is None else f"{'an' if name[:1] in 'AEIOUaeiou' else 'a'} {name}"
+    missing = [method for method in _TRACKER_METHODS if not callable(getattr(part, method.partition("(")[0], None))]
+    if missing:
+        return f"build made {what} without {' and '.join(missing)}"
+    if not hasattr(part, "cadence_s"):
+        return f"build made {what} without cadence_s, the seconds between two ticks"
+    cadence_s = part.cadence_s
+    try:
+        is_time = cadence_s is None or 0.0 < cadence_s < float("inf")
+    except TypeError:
+        is_time = False
+    return "" if is_time else f"cadence_s is {cadence_s!r}, neither a positive number of seconds nor None"
 
 
 def _sensor(scene: Scene, host: Host, number: int) -> Sensor:
@@ -179,7 +224,7 @@ def _sensor(scene: Scene, host: Host, number: int) -> Sensor:
 
 
 def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sources, ...]":
-    """Return what each block of sources comes to."""
+    """Return what is built of each block of `sources`."""
     if not scene.sources:
         return ()
     from opir_core.planning.environment import make_sources
@@ -212,12 +257,12 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         free_flight=free_flight,
     )
     configs = [target.model.config for target in chosen]
-    trajectories: Trajectories = _part(host, chosen[0].model, configs, context)
+    trajectories: Trajectories = _build(host, chosen[0].model, configs, context)
     return trajectories
 
 
 def _forces(scene: Scene) -> "ForceModel":
-    """Return what acts in free flight; for two-body motion nothing is imported."""
+    """Return the forces in free flight; two-body motion imports nothing."""
     if scene.forces.is_kepler:
         return "kepler"
     from opir_core.flight.forces import chosen_forces

@@ -1,4 +1,4 @@
-"""All targets of a scene as one: their models side by side, addressed by the scene's order."""
+"""All targets of a scene, of all target models, in the order of the scene."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,9 +14,9 @@ from opir_core.interfaces.protocols import Sensor, Trajectories
 
 @frozen(eq=False)
 class Targets:
-    """The scene's targets: ids, type codes, burning times, ends of flight, and the trajectories of each model used.
+    """The scene's targets: ids, type codes, times of ignition, burnout and end of flight, and trajectories by model.
 
-    `group` and `place` say which of `trajectories` holds a target and in which row.
+    Target k is row `place[k]` of `trajectories[group[k]]`.
     """
 
     ids: tuple[str, ...]
@@ -28,8 +28,8 @@ class Targets:
     group: IndexArray
     place: IndexArray
 
-    def watched_until_s(self, sensor: Sensor) -> FloatArray:
-        """Return the scene times (n,) to which a sensor goes on looking, if it sees the targets."""
+    def observed_until_s(self, sensor: Sensor) -> FloatArray:
+        """Return the scene times (n,) up to which a sensor observes the targets."""
         return self.end_s if sensor.follows_bodies else self.burnout_s
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
@@ -44,13 +44,13 @@ class Targets:
         return positions
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping of plain values a target, in the scene's order."""
-        told = [trajectories.truth() for trajectories in self.trajectories]
-        return [told[group][place] for group, place in zip(self.group.tolist(), self.place.tolist(), strict=True)]
+        """Return one mapping of plain values per target, in the scene's order."""
+        truths = [trajectories.truth() for trajectories in self.trajectories]
+        return [truths[group][place] for group, place in zip(self.group.tolist(), self.place.tolist(), strict=True)]
 
 
 def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows: Sequence[Sequence[int]]) -> Targets:
-    """Return all targets as one; `rows[g]` are the places in the scene of the targets of `trajectories[g]`."""
+    """Return all targets; `rows[g]` are the scene's numbers of the targets of `trajectories[g]`."""
     count = len(ids)
     group, place = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
     type_code, end_s = np.zeros(count, dtype=np.uint8), np.zeros(count)

@@ -1,7 +1,7 @@
-"""Detection ids: UUIDs of version 8 (RFC 9562, section 5.8), made in bulk, the same whenever a run is repeated.
+"""Detection ids: UUIDs of version 8 (RFC 9562, section 5.8), identical when a run is repeated.
 
-Each stream (a sensor and a target of a run) has a key of 128 bits. An id is its stream's key mixed with the number of
-the scan, so two runs of one scene give equal ids, and the ids of one target have nothing in common to the eye.
+Each stream (a sensor and a target of a run) has a key of 128 bits. An id is the hash of its stream's key and the scan
+number, so the ids of one target have no visible pattern.
 """
 
 from collections.abc import Iterable
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import IntArray, WordArray
-from opir_core.scene.scene import Scene
 
 _PURPOSE = b"opir-detection"
 
@@ -26,7 +25,7 @@ _VARIANT_CLEARED, _VARIANT = np.uint64(0x3FFFFFFFFFFFFFFF), np.uint64(0x80000000
 
 _HEX_PAIRS = np.frombuffer(b"".join(b"%02x" % byte for byte in range(256)), dtype=np.uint16)
 _HYPHEN = ord("-")
-#: Where the groups of hexadecimal digits go: first digit, last digit, place in the text.
+#: Groups of hexadecimal digits: first digit, last digit, position in the text.
 _GROUPS = ((0, 8, 0), (8, 12, 9), (12, 16, 14), (16, 20, 19), (20, 32, 24))
 _TEXT_LENGTH = 36
 
@@ -34,7 +33,7 @@ _TEXT_LENGTH = 36
 def stream_key(*parts: str | int) -> tuple[int, int]:
     """Return the 128-bit key of a stream named by its parts, as two 64-bit halves.
 
-    Parts are told apart by type and length: no two different sequences of parts share what is hashed (BLAKE2b).
+    Parts are hashed (BLAKE2b) with type and length, so that different sequences of parts hash different bytes.
     """
     digest = blake2b(digest_size=16, person=_PURPOSE)
     for part in parts:
@@ -45,18 +44,20 @@ def stream_key(*parts: str | int) -> tuple[int, int]:
     return int.from_bytes(key[:8], "big"), int.from_bytes(key[8:], "big")
 
 
-def stream_key_words(scene: Scene, streams: Iterable[tuple[str, str]]) -> WordArray:
-    """Return the keys (n, 2) of a scene's streams, each named by its sensor's and its target's id."""
-    run = (scene.seed, scene.name, scene.epoch_us)
-    keys = [stream_key(*run, sensor, target) for sensor, target in streams]
+def stream_key_words(seed: int, scene: str, epoch_us: int, streams: Iterable[tuple[str, str]]) -> WordArray:
+    """Return the keys (n, 2) of a run's streams, each named by the ids of its sensor and target.
+
+    A run has the seed, the name and the epoch of its scene.
+    """
+    keys = [stream_key(seed, scene, epoch_us, sensor, target) for sensor, target in streams]
     return np.array(keys, dtype=np.uint64).reshape(-1, 2)
 
 
 def uuid8_words(key_words: WordArray, scan: IntArray) -> WordArray:
     """Return the ids (n, 2), most significant half first, of scans (n,) of streams with keys (n, 2).
 
-    Within a stream no two scans share a half before version and variant replace 6 of the 128 bits; between streams two
-    ids meet with the chance of 122 random bits.
+    Within a stream no two scans share a half before version and variant replace 6 of the 128 bits; ids of different
+    streams collide with the probability of 122 random bits.
     """
     high, low, count = key_words[:, 0], key_words[:, 1], scan.astype(np.uint64)
     words = np.empty((len(count), 2), dtype=np.uint64)

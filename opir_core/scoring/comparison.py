@@ -87,7 +87,7 @@ def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) ->
     """Return the scene with the tracker of a name, or its own; `SceneError` where that makes no tracks."""
     chosen = [] if name is None else [f"tracker={name}"]
     scene = evolve(load_scene(path, overrides=[*overrides, *chosen], host=host), outputs=())
-    if compile_plan(scene, host).tracker.cadence_s is None:
+    if compile_plan(scene, host).make_tracker().cadence_s is None:
         words = f"{scene.tracker.name} makes no tracks to judge; name those that do with --tracker"
         raise SceneError([Problem("tracker", words)], source=path)
     return scene
@@ -121,6 +121,6 @@ def _all_judged(tasks: Sequence[_Task], workers: int, host: Host) -> Iterator[Ju
 
 def _judged(task: _Task, host: Host | None = None) -> JudgedRun:
     plan = compile_plan(evolve(task.scene, seed=task.scene.seed + task.number), host)
-    timed = TimedTracker(plan.tracker)
-    run = run_of_plan(evolve(plan, tracker=timed))
+    timed = TimedTracker(plan.make_tracker())
+    run = run_of_plan(evolve(plan, make_tracker=lambda: timed))
     return judged_run(evidence_of_run(run, plan, timed.seconds), task.settings)

@@ -39,7 +39,7 @@ def ticks_s(evidence: RunEvidence) -> FloatArray:
     Where tracks were told at other times, as by a tracker from elsewhere, it is those times.
     """
     told = np.unique(evidence.tracks.tick_s)
-    cadence_s, end_ns = evidence.plan.tracker.cadence_s, evidence.plan.end_ns
+    cadence_s, end_ns = evidence.plan.make_tracker().cadence_s, evidence.plan.end_ns
     if cadence_s is None:
         return told
     step_ns = max(1, round(cadence_s * _NS))

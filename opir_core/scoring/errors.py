@@ -133,7 +133,7 @@ def _bounds(
 def bias_turns(sensors: Sequence[Sensor], sensor: IndexArray, sensor_ecef_m: FloatArray) -> FloatArray:
     """Return the turns (n, p, 3), rad, of looks' sensors (n,) by a standard deviation of each bias of those that saw.
 
-    As `opir_core.planning.pointing_bias` has them: about east and north of the place (n, 3) at which the sensor is.
+    As `opir_core.planning.sensor_states` has them: about east and north of the place (n, 3) at which the sensor is.
     """
     biased = [each for each in np.unique(sensor).tolist() if sensors[each].line_of_sight_bias_sigma_rad > 0.0]
     turns = np.zeros((len(sensor), 2 * len(biased), 3))

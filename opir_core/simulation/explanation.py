@@ -1,4 +1,4 @@
-"""What a plan will compute, what it skips, and why: the answer of `opir explain`, as plain values."""
+"""What a plan computes, what it skips, and why: the output of `opir explain`, as plain values."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from opir_core.interfaces.optional import FalseAlarmModel
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
-from opir_core.planning.visibility import Blocked
+from opir_core.planning.sightlines import Blocked
 from opir_core.simulation.manifest import components_used
 from opir_core.simulation.run import window_edges_ns
 
@@ -21,7 +21,7 @@ _REASONS = {
 
 
 def explained(plan: Plan) -> Mapping[str, Any]:
-    """Return the plan as plain values: components, pairs and looks, skipped pairs, noise, and what is not computed."""
+    """Return components, pairs and looks, skipped pairs, noise and omitted computations of a plan, as plain values."""
     looking = np.flatnonzero(plan.pairs.looks > 0)
     return {
         "scene": plan.scene.name,
@@ -56,7 +56,7 @@ def _skipped(plan: Plan, row: int) -> Mapping[str, Any]:
 
 
 def _noise(plan: Plan) -> list[Mapping[str, Any]]:
-    """Return how often noise alone detects, sensor by sensor; nothing for models without noise."""
+    """Return the false-alarm rates by sensor; nothing for models without noise."""
     if not isinstance(plan.detection, FalseAlarmModel):
         return []
     both = zip(plan.sensors, plan.detection.rate_per_scan.tolist(), strict=True)
@@ -72,17 +72,17 @@ def _names(plan: Plan, row: int) -> Mapping[str, str]:
 
 
 def _not_computed(plan: Plan) -> list[str]:
-    """Return what the scene lets the engine leave out."""
+    """Return what the engine does not compute for this scene."""
     everyone = np.zeros(0, dtype=np.int32)
     constant = plan.detection.pair_probability(everyone, everyone) is not None
-    told = (
+    omitted = (
         (constant, "geometry of looks that do not detect (the probability of detection is constant)"),
         (constant and not plan.pairs.is_checked.any(), "visibility of single looks (every pair is certain)"),
         (not plan.scene.light_time, "light time (switched off)"),
         (plan.scene.forces.is_kepler, "numerical propagation (forces: kepler, in closed form)"),
-        (plan.tracker.cadence_s is None, "tracks (no tracker)"),
+        (plan.make_tracker().cadence_s is None, "tracks (no tracker)"),
         (plan.scene.atmosphere.name == "clear", "atmosphere (a clear sky, transmittance 1)"),
         (plan.scene.background.name == "none", "background (none)"),
         (not plan.scene.outputs, "event encoding (no outputs)"),
     )
-    return [line for is_skipped, line in told if is_skipped]
+    return [line for is_skipped, line in omitted if is_skipped]

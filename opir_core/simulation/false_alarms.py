@@ -1,10 +1,11 @@
-"""What noise alone makes: looks at nothing that cross the threshold, at the rate that the threshold implies.
+"""False alarms: looks at empty cells in which noise alone crosses the threshold.
 
-Their number is Poisson, with the mean P_fa times resolution cells times looks; each is somewhere in the field of
-regard, uniformly over its solid angle. No cell is visited. A sensor's exceedances come from its own streams, block of
-scans by block of scans, so that neither windows nor other sensors or targets change them.
+Their number is Poisson distributed, with the mean P_fa times resolution cells times looks; their directions are uniform
+over the solid angle of the field of regard. No cell is visited. A sensor's false alarms come from streams of its own,
+by blocks of scans, so that neither windows nor other sensors or targets change them.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,26 +14,22 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.errors import ModelError
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.optional import FalseAlarmModel
-from opir_core.interfaces.protocols import Measured
+from opir_core.interfaces.protocols import Classifier, Confidence, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
-from opir_core.planning.plan import Plan
 from opir_core.planning.sensor_states import SensorStates
-from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
-from opir_core.random_streams.noise_streams import PLACE_WORDS, Drawn, SensorNoise
+from opir_core.random_streams.detection_ids import uuid8_words
+from opir_core.random_streams.false_alarm_streams import PLACE_WORDS, Drawn, FalseAlarmStream
 from opir_core.scene.scene import UNKNOWN_TYPE
-from opir_core.simulation.measurement import judged
-
-_BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
+from opir_core.simulation.measurement import BITS_SET, classified
 
 
 @frozen(eq=False)
 class _Placed(Columns):
-    """A window's exceedances: when, by which sensor, in which direction, and the numbers of each."""
+    """A window's false alarms: time, sensor, scan, id, direction, sensor position and random numbers."""
 
     time_ns: IntArray
     sensor: IndexArray
@@ -45,20 +42,20 @@ class _Placed(Columns):
 
 @frozen(eq=False)
 class FalseAlarms:
-    """A window's exceedances as detections with their truth, sensor by sensor; `order` (n,) sorts them by time."""
+    """A window's false alarms as detections with their truth, sensor by sensor; `order` (n,) sorts them by time."""
 
     detections: Detections
     truth: DetectionTruth
     order: IntArray
 
     def alone(self) -> tuple[Detections, DetectionTruth]:
-        """Return them sorted by time, then sensor: what a window is in which no target is detected."""
+        """Return them sorted by time, then sensor: the detections of a window without detected targets."""
         return self.detections.take(self.order), self.truth.take(self.order)
 
     def places(self, time_ns: IntArray, sensor: IndexArray, order: IntArray) -> IntArray:
-        """Return the exceedances' rows among all detections, where targets' times and sensors (n,) come in an order.
+        """Return the false alarms' rows among all detections, for the targets' times and sensors (n,) in an `order`.
 
-        At the same moment a sensor's own targets come first.
+        At equal times a sensor's targets come before its false alarms.
         """
         own = self.detections
         start_ns = min(int(time_ns.min()), int(own.time_ns.min()))
@@ -73,62 +70,69 @@ class FalseAlarms:
 
 
 class FalseAlarmGenerator:
-    """Makes a run's exceedances, window by window."""
+    """Draws a run's false alarms, window by window.
 
-    def __init__(self, plan: Plan, sites: SensorStates) -> None:
-        model = plan.detection
-        if not isinstance(model, FalseAlarmModel):
-            raise ModelError("a detection model with rate_per_scan also needs words and measure_noise")
-        self._plan, self._sites, self._model = plan, sites, model
-        self._rate = model.rate_per_scan
-        self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors])
-        names, seed = noise_names(plan), plan.scene.seed
-        self._sensors = {
-            number: SensorNoise(
-                plan.sensors[number], number, names[number], seed, float(self._rate[number]), model.words
-            )
-            for number in np.flatnonzero(self._rate > 0.0).tolist()
+    `names` (sensors,) are the names of the sensors' streams, `id_keys` (sensors, 2) the keys of the detection ids.
+    """
+
+    def __init__(
+        self,
+        model: FalseAlarmModel,
+        *,
+        classifier: Classifier,
+        confidence: Confidence,
+        states: SensorStates,
+        seed: int,
+        names: Sequence[str],
+        id_keys: WordArray,
+    ) -> None:
+        self._model, self._classifier, self._confidence, self._states = model, classifier, confidence, states
+        rate, sensors = model.rate_per_scan, states.sensors
+        self._streams = {
+            number: FalseAlarmStream(sensors[number], number, names[number], seed, float(rate[number]), model.words)
+            for number in np.flatnonzero(rate > 0.0).tolist()
         }
-        self._keys = stream_key_words(plan.scene, [(name, "\x1fnoise") for name in names])
-        self._period_ns = np.array([sensor.scan.period_ns for sensor in plan.sensors], dtype=np.int64)
-        half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in plan.sensors])
+        self._id_keys = id_keys
+        self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
+        self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
+        half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
         self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
 
     def between(self, start_ns: int, end_ns: int) -> "FalseAlarms | None":
-        """Return the exceedances in [start, end) of scene time; None where none is."""
-        parts = [sensor.near(start_ns, end_ns) for sensor in self._sensors.values()]
-        found = [part for part in parts if len(part)]
-        placed = self._placed(Drawn.concatenate(found), start_ns, end_ns) if found else None
-        return self._told(placed) if placed is not None and len(placed) else None
+        """Return the false alarms in [start, end) of scene time, or None if there are none."""
+        parts = [stream.near(start_ns, end_ns) for stream in self._streams.values()]
+        drawn = [part for part in parts if len(part)]
+        placed = self._placed(Drawn.concatenate(drawn), start_ns, end_ns) if drawn else None
+        return self._measured(placed) if placed is not None and len(placed) else None
 
     def _placed(self, drawn: Drawn, start_ns: int, end_ns: int) -> _Placed:
-        """Return those that come in the window, where and when they are."""
+        """Return the false alarms in the window, with directions and times."""
         sensor, scan, uniforms = drawn.sensor, drawn.scan, drawn.uniforms
         begin_ns = scan * self._period_ns.take(sensor)
-        at_m = self._sites.positions(sensor, begin_ns.astype(np.float64) * 1e-9)
-        height_m = np.sqrt(np.square(at_m).sum(axis=1))
-        direction = _directions(at_m, height_m, self._most_fall.take(sensor), uniforms)
-        time_ns = begin_ns + self._phase_ns(sensor, at_m, at_m + direction * height_m[:, None])
-        ids = uuid8_words(self._keys.take(sensor, axis=0), drawn.serial)
+        at_m = self._states.positions(sensor, begin_ns.astype(np.float64) * 1e-9)
+        radius_m = np.sqrt(np.square(at_m).sum(axis=1))
+        direction = _directions(at_m, radius_m, self._most_fall.take(sensor), uniforms)
+        time_ns = begin_ns + self._phase_ns(sensor, at_m, at_m + direction * radius_m[:, None])
+        ids = uuid8_words(self._id_keys.take(sensor, axis=0), drawn.serial)
         placed = _Placed(time_ns, sensor, scan, ids, direction, at_m, uniforms[:, PLACE_WORDS:])
         kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
         return placed if len(kept) == len(scan) else placed.take(kept)
 
     def _phase_ns(self, sensor: IndexArray, at_m: FloatArray, seen_m: FloatArray) -> IntArray:
-        """Return when in their scans sensors (n,), which come in order, look at places (n, 3)."""
+        """Return the scan phases at which sensors (n,), in order, look at positions (n, 3)."""
         phase_ns = np.empty(len(sensor), dtype=np.int64)
         edges = [0, *(np.flatnonzero(np.diff(sensor)) + 1).tolist(), len(sensor)]
         for rows in map(slice, edges[:-1], edges[1:]):
-            phase_ns[rows] = self._sensors[int(sensor[rows.start])].phase_ns(at_m[rows], seen_m[rows])
+            phase_ns[rows] = self._streams[int(sensor[rows.start])].phase_ns(at_m[rows], seen_m[rows])
         return phase_ns
 
-    def _told(self, noise: _Placed) -> "FalseAlarms":
+    def _measured(self, noise: _Placed) -> "FalseAlarms":
         measured = self._model.measure_noise(noise.sensor, noise.uniforms)
-        sightings = self._sightings(noise, measured)
+        sightings = self._classifier_inputs(noise, measured)
         rows = len(noise.time_ns)
         none, unknown = np.full(rows, -1, dtype=np.int64), np.full(rows, np.nan)
         sigma_rad = measured.line_of_sight_sigma_rad
-        reported_type, log_probability = self._judged(sightings)
+        reported_type, log_probability = self._types(sightings)
         detections = Detections(
             time_ns=noise.time_ns,
             sensor=noise.sensor,
@@ -137,22 +141,23 @@ class FalseAlarmGenerator:
             reported_type=reported_type,
             bands=measured.bands,
             detection_count=sightings.detection_count,
-            confidence=self._plan.confidence.confidence(sightings),
+            confidence=self._confidence.confidence(sightings),
             line_of_sight_ecef=noise.line_of_sight_ecef,
             sensor_ecef_m=noise.sensor_ecef_m,
             snr=measured.snr,
             track=none,
             estimate=none,
-            line_of_sight_sigma_rad=self._sites.sigma_rad[noise.sensor] if sigma_rad is None else sigma_rad,
+            line_of_sight_sigma_rad=self._states.sigma_rad[noise.sensor] if sigma_rad is None else sigma_rad,
             band_irradiance_w_m2=sightings.band_irradiance_w_m2,
             type_log_probability=log_probability,
         )
         truth = DetectionTruth(none.astype(np.int32), unknown, unknown, unknown, unknown)
-        # Sensors come in their order, which a stable sort keeps at each moment.
+        # Rows are in order of sensors; a stable sort keeps this order at equal times.
         return FalseAlarms(detections, truth, np.argsort(noise.time_ns, kind="stable"))
 
-    def _sightings(self, noise: _Placed, measured: Measured) -> ClassifierInputs:
-        """Return what classifiers and confidence models see: the line of sight is taken to end on the ground."""
+    def _classifier_inputs(self, noise: _Placed, measured: Measured) -> ClassifierInputs:
+        """Return the inputs of classifiers and confidence models, with the source at the end of the line of sight on
+        the ground."""
         rows = len(noise.time_ns)
         ground = intersection_with_ellipsoid(noise.sensor_ecef_m, noise.line_of_sight_ecef)
         hits = np.isfinite(ground[:, 0])
@@ -165,7 +170,7 @@ class FalseAlarmGenerator:
             range_m=np.where(hits, range_m, length(*components(noise.sensor_ecef_m))),
             elevation_sine=np.where(hits, np.maximum(sine, 0.0), 0.0),
             bands=measured.bands,
-            band_count=_BITS_SET[measured.bands],
+            band_count=BITS_SET[measured.bands],
             band_total=self._band_totals[noise.sensor],
             detection_count=np.ones(rows, dtype=np.int32),
             snr=measured.snr,
@@ -173,17 +178,17 @@ class FalseAlarmGenerator:
             band_noise_w_m2=np.empty((rows, 0)) if measured.band_noise_w_m2 is None else measured.band_noise_w_m2,
         )
 
-    def _judged(self, sightings: ClassifierInputs) -> tuple[NDArray[np.uint8], FloatArray]:
-        """Return what classifiers say that judge by measurements; those that go by pairs know no such pair."""
+    def _types(self, sightings: ClassifierInputs) -> tuple[NDArray[np.uint8], FloatArray]:
+        """Return reported types and log probabilities; UNKNOWN from classifiers that go by pairs."""
         nobody = np.empty(0, dtype=np.int32)
-        if self._plan.classifier.pair_type(nobody, nobody, _NoDice()) is not None:
+        if self._classifier.pair_type(nobody, nobody, _NoDice()) is not None:
             return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8), np.empty((len(sightings), 0))
-        return judged(self._plan.classifier, sightings, _NoDice(len(sightings)))
+        return classified(self._classifier, sightings, _NoDice(len(sightings)))
 
 
 @frozen
 class _NoDice:
-    """Dice for classifiers that ask for them where there is no pair: always one half."""
+    """Random draws for classifiers where there is no pair: always one half."""
 
     rows: int = 0
 
@@ -200,15 +205,16 @@ class _NoDice:
         return _NoDice(len(np.arange(self.rows)[rows]))
 
 
-def _directions(at_m: FloatArray, height_m: FloatArray, most_fall: FloatArray, uniforms: FloatArray) -> FloatArray:
-    """Return directions (n, 3) spread uniformly over the solid angles of cones about nadir; 1 - cosine (n,) at edges.
+def _directions(at_m: FloatArray, radius_m: FloatArray, most_fall: FloatArray, uniforms: FloatArray) -> FloatArray:
+    """Return directions (n, 3), uniform over the solid angle of cones about nadir; `most_fall` (n,) is 1 - cosine of
+    the edge.
 
-    1 - cosine is uniform over a cone; its sine follows without cancellation.
+    1 - cosine is uniform over a cone; the sine follows without cancellation.
     """
     fall = most_fall * uniforms[:, 1]
     off, turn = np.sqrt(fall * (2.0 - fall)), 2.0 * np.pi * uniforms[:, 2]
-    x, y, z = (at_m[:, axis] / -height_m for axis in range(3))
-    # East of the sensor; over a pole, where none is, along the first axis.
+    x, y, z = (at_m[:, axis] / -radius_m for axis in range(3))
+    # East of the sensor; over a pole, the first axis.
     level = np.sqrt(x * x + y * y)
     on_axis = level == 0.0
     per_level = 1.0 / (level + on_axis)
@@ -222,15 +228,8 @@ def _directions(at_m: FloatArray, height_m: FloatArray, most_fall: FloatArray, u
 
 
 def _seen_from(ground_ecef_m: FloatArray, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the ranges (n,) of sensors from places on the ellipsoid, and the sines of their elevation there."""
+    """Return the ranges (n,) of sensors from points on the ellipsoid, and the sines of their elevation there."""
     (x, y, z), away = components(ground_ecef_m), components(sensor_ecef_m - ground_ecef_m)
     z = z * (EARTH_EQUATORIAL_RADIUS_M / EARTH_POLAR_RADIUS_M) ** 2
     range_m = length(*away)
     return range_m, (x * away[0] + y * away[1] + z * away[2]) / (range_m * length(x, y, z))
-
-
-def noise_names(plan: Plan) -> list[str]:
-    """Return the names that the sensors' exceedances go by: their ids, with their generations where scans are anew."""
-    generations = plan.scan_generations or (0,) * len(plan.sensors)
-    both = zip(plan.sensors, generations, strict=True)
-    return [f"{sensor.id}@{generation}" if generation else sensor.id for sensor, generation in both]

@@ -1,4 +1,4 @@
-"""The run manifest: enough to repeat a run exactly, and nothing that differs between two runs of the same scene."""
+"""The run manifest: what is needed to repeat a run exactly, and nothing that differs between two runs of a scene."""
 
 import platform
 from collections.abc import Mapping
@@ -7,17 +7,18 @@ from typing import Any
 import numpy as np
 
 from opir_core._version import __version__
+from opir_core.interfaces.optional import FromFiles
 from opir_core.planning.plan import Plan
 from opir_core.plugin.components import Constellation, EventEncoder
 from opir_core.random_streams.philox import SCHEME
 from opir_core.scene.reading import scene_hash, scene_mapping
 
-#: Raised when the manifest's own shape changes.
+#: Version of the manifest format.
 MANIFEST_VERSION = "2"
 
 
 def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a manifest: the scene as read, its hash, versions, files and plugins used, random numbers, counts."""
+    """Return the manifest: the scene, its hash, versions, files and plugins used, random streams, counts."""
     return {
         "manifest_version": MANIFEST_VERSION,
         "scene_hash": scene_hash(plan.scene),
@@ -25,15 +26,15 @@ def run_manifest(plan: Plan, counts: Mapping[str, Any]) -> Mapping[str, Any]:
         "random_numbers": SCHEME,
         "versions": {"opir-core": __version__, "python": platform.python_version(), "numpy": np.__version__},
         "components": components_used(plan),
-        "files": [file for part in plan.targets.trajectories for file in getattr(part, "files", ())],
-        "sensors": [] if plan.bias is None else plan.bias.told(plan.sensors),
+        "files": [file for part in plan.targets.trajectories if isinstance(part, FromFiles) for file in part.files],
+        "sensors": [] if plan.bias is None else plan.bias.by_sensor(plan.sensors),
         "counts": dict(counts),
         "scene": scene_mapping(plan.scene),
     }
 
 
 def components_used(plan: Plan) -> list[Mapping[str, str]]:
-    """Return every component a plan uses, with the distribution and version it came from, by kind and name."""
+    """Return the components of a plan by kind and name, with distribution and version."""
     chosen = {(choice.hook, choice.name) for choice in plan.scene.choices}
     outputs = [choice.config for choice in plan.scene.outputs if hasattr(choice.config, "encoder")]
     chosen |= {(EventEncoder.hook, str(config.encoder)) for config in outputs}

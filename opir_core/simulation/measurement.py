@@ -1,35 +1,30 @@
-"""From looks that detect to detections: measured, classified, given a confidence and an id."""
-
-from collections.abc import Sequence
-from typing import Any
+"""Detections from looks that detect: measurement, classification, confidence and id."""
 
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.optional import PosteriorClassifier
-from opir_core.interfaces.protocols import Classifier, Measured, RandomDraws
+from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks
-from opir_core.planning.looks import exposures
-from opir_core.planning.plan import Plan
+from opir_core.planning.looks import LookGeometry
 from opir_core.planning.sensor_states import SensorStates
-from opir_core.random_streams.detection_ids import stream_key_words, uuid8_words
-from opir_core.random_streams.pair_streams import PairStreams, RowDraws, WindowNumbers
+from opir_core.random_streams.detection_ids import uuid8_words
+from opir_core.random_streams.pair_streams import RowDraws, WindowNumbers
 from opir_core.random_streams.philox import normal_pairs
 
 #: The number of bits set in each byte.
-_BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
+BITS_SET = np.array([value.bit_count() for value in range(256)], dtype=np.int64)
 
 
 @frozen(eq=False)
 class Hits(Columns):
-    """Looks of a window that detect: their rows among the looks, pairs, scans and times, and running detection counts.
+    """Looks of a window that detect: row among the looks, pair, scan, time, detection count so far, P_d.
 
-    `probability` is the look's; `direction_words` are the raw random words of the line-of-sight error, and seed what
-    else is drawn for the detection.
+    `direction_words` are the raw random words of the line-of-sight error; further normal numbers are derived from them.
     """
 
     row: IntArray
@@ -38,43 +33,49 @@ class Hits(Columns):
     time_ns: IntArray
     count: IndexArray
     probability: FloatArray
-    direction_words: NDArray[np.uint64]
+    direction_words: WordArray
 
 
+@frozen(eq=False, kw_only=True)
 class DetectionBuilder:
-    """Makes detections of hits, block by block."""
+    """Builds detections of hits, block by block.
 
-    def __init__(self, plan: Plan, sites: SensorStates, streams: PairStreams, names: Sequence[tuple[str, str]]) -> None:
-        self._plan = plan
-        self._sites = sites
-        self._id_keys = stream_key_words(plan.scene, names)
-        self._pair_type = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, streams.of_pairs())
-        self._band_totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)
+    `pair_type` (pairs,) are the reported types of a classifier that goes by pairs, None for one that uses measurements;
+    `id_keys` (pairs, 2) are the keys of the detection ids, `band_totals` (sensors,) the sensors' numbers of bands.
+    """
+
+    geometry: LookGeometry
+    detection: DetectionProbability
+    classifier: Classifier
+    confidence: Confidence
+    pair_type: NDArray[np.uint8] | None
+    id_keys: WordArray
+    band_totals: IntArray
 
     @property
-    def judges(self) -> bool:
-        """Whether the classifier goes by what is measured, and not by pairs."""
-        return self._pair_type is None
+    def classifies_measurements(self) -> bool:
+        """Whether the classifier uses measurements, not pairs."""
+        return self.pair_type is None
 
     def block(
         self, hits: Hits, numbers: WindowNumbers, measured: Measured | None = None
     ) -> tuple[Detections, DetectionTruth]:
-        """Return the detections of a block of hits, and their truth; the model is asked where nothing is measured."""
-        plan, dice = self._plan, numbers.of(hits.row, hits.pair, hits.direction_words)
+        """Return the detections of a block of hits, and their truth; the model measures what is not `measured` yet."""
+        dice, states = numbers.of(hits.row, hits.pair, hits.direction_words), self.geometry.states
         time_s = hits.time_ns.astype(np.float64) * 1e-9
-        exposed = exposures(plan, self._sites, hits.pair, hits.scan, geometry=True, time_s=time_s)
-        measured = plan.detection.measure(exposed, dice) if measured is None else measured
-        sightings = self._sightings(exposed, measured, hits)
+        exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
+        measured = self.detection.measure(exposed, dice) if measured is None else measured
+        sightings = self._classifier_inputs(exposed, measured, hits)
         sigma_rad = measured.line_of_sight_sigma_rad
         if sigma_rad is None:
-            sigma_rad = self._sites.sigma_rad.take(exposed.sensor)
+            sigma_rad = states.sigma_rad.take(exposed.sensor)
         detections = self._detections(exposed, sightings, sigma_rad, hits, dice)
         truth = DetectionTruth(
             exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
         )
         return detections, truth
 
-    def _sightings(self, exposed: Exposures, measured: Measured, hits: Hits) -> ClassifierInputs:
+    def _classifier_inputs(self, exposed: Exposures, measured: Measured, hits: Hits) -> ClassifierInputs:
         return ClassifierInputs(
             time_s=exposed.time_s,
             sensor=exposed.sensor,
@@ -82,8 +83,8 @@ class DetectionBuilder:
             range_m=exposed.range_m,
             elevation_sine=exposed.elevation_sine,
             bands=measured.bands,
-            band_count=_BITS_SET[measured.bands],
-            band_total=self._band_totals[exposed.sensor],
+            band_count=BITS_SET[measured.bands],
+            band_total=self.band_totals[exposed.sensor],
             detection_count=hits.count,
             snr=measured.snr,
             band_irradiance_w_m2=self._band_irradiance(measured, len(hits)),
@@ -91,30 +92,29 @@ class DetectionBuilder:
         )
 
     def _band_irradiance(self, measured: Measured, rows: int) -> FloatArray:
-        measured_w_m2 = measured.band_irradiance_w_m2
-        if measured_w_m2 is None:
+        irradiance = measured.band_irradiance_w_m2
+        if irradiance is None:
             return np.empty((rows, 0))
-        owed = (rows, int(self._band_totals.max()))
-        if measured_w_m2.shape != owed:
-            raise ModelError(f"the detection model measured irradiances of shape {measured_w_m2.shape}, not {owed}")
-        return measured_w_m2
+        required = (rows, int(self.band_totals.max()))
+        if irradiance.shape != required:
+            raise ModelError(f"the detection model measured irradiances of shape {irradiance.shape}, not {required}")
+        return irradiance
 
     def _detections(
         self, exposed: Exposures, sightings: ClassifierInputs, sigma_rad: FloatArray, hits: Hits, dice: RowDraws
     ) -> Detections:
-        plan = self._plan
         none = np.full(len(hits), -1, dtype=np.int64)
-        reported_type, log_probability = self._judged(sightings, hits, dice)
+        reported_type, log_probability = self._types(sightings, hits, dice)
         return Detections(
             time_ns=hits.time_ns,
             sensor=exposed.sensor,
             scan=exposed.scan,
-            detection_id=uuid8_words(self._id_keys[hits.pair], exposed.scan),
+            detection_id=uuid8_words(self.id_keys[hits.pair], exposed.scan),
             reported_type=reported_type,
             bands=sightings.bands,
             detection_count=hits.count,
-            confidence=plan.confidence.confidence(sightings),
-            line_of_sight_ecef=measured_lines_of_sight(self._sites, exposed, sigma_rad, hits.direction_words),
+            confidence=self.confidence.confidence(sightings),
+            line_of_sight_ecef=measured_lines_of_sight(self.geometry.states, exposed, sigma_rad, hits.direction_words),
             sensor_ecef_m=exposed.sensor_ecef_m,
             snr=sightings.snr,
             track=none,
@@ -124,60 +124,60 @@ class DetectionBuilder:
             type_log_probability=log_probability,
         )
 
-    def _judged(self, sightings: ClassifierInputs, hits: Hits, dice: RowDraws) -> tuple[NDArray[np.uint8], FloatArray]:
-        if self._pair_type is None:
-            return judged(self._plan.classifier, sightings, dice)
-        return self._pair_type.take(hits.pair), np.empty((len(hits), 0))
+    def _types(self, sightings: ClassifierInputs, hits: Hits, dice: RowDraws) -> tuple[NDArray[np.uint8], FloatArray]:
+        if self.pair_type is None:
+            return classified(self.classifier, sightings, dice)
+        return self.pair_type.take(hits.pair), np.empty((len(hits), 0))
 
 
-def judged(
+def classified(
     classifier: Classifier, sightings: ClassifierInputs, dice: RandomDraws
 ) -> tuple[NDArray[np.uint8], FloatArray]:
-    """Return reported types (n,), and ln of the probabilities (n, 4) of a classifier that gives them, or (n, 0)."""
+    """Return reported types (n,) and ln of the type probabilities (n, 4), or (n, 0) if the classifier has none."""
     if not isinstance(classifier, PosteriorClassifier):
         return classifier.reported_type(sightings, dice), np.empty((len(sightings), 0))
     log_probability = classifier.log_posterior(sightings)
     return classifier.reported(log_probability), log_probability
 
 
-def with_tracks(classifier: Any, detections: Detections, estimates: Tracks) -> Detections:
-    """Return detections with what their tracks' motion says of the type.
+def with_tracks(classifier: Classifier, detections: Detections, estimates: Tracks) -> Detections:
+    """Return detections with type probabilities revised by their tracks.
 
-    Tracks that tell a burnout have their types from motion; those of others may be made of the very reports.
+    Only tracks with a burnout estimate are used: their types come from motion, those of others may come from the very
+    reports.
     """
-    if not detections.type_log_probability.shape[1] or not len(estimates):
+    if not isinstance(classifier, PosteriorClassifier) or not len(estimates):
         return detections
     moved: BoolArray = np.all(np.isfinite(estimates.burnout), axis=1)
     rows = np.flatnonzero((detections.estimate >= 0) & moved[detections.estimate])
-    if not len(rows):
+    if not len(rows) or not detections.type_log_probability.shape[1]:
         return detections
-    posterior: PosteriorClassifier = classifier
     of_track = estimates.type_probability[detections.estimate[rows]]
     log_probability, reported = detections.type_log_probability.copy(), detections.reported_type.copy()
-    log_probability[rows] = posterior.revised(log_probability[rows], of_track)
-    reported[rows] = posterior.reported(log_probability[rows])
+    log_probability[rows] = classifier.revised(log_probability[rows], of_track)
+    reported[rows] = classifier.reported(log_probability[rows])
     return evolve(detections, type_log_probability=log_probability, reported_type=reported)
 
 
 def measured_lines_of_sight(
-    sites: SensorStates, seen_as: Exposures, sigma_rad: FloatArray, words: NDArray[np.uint64]
+    states: SensorStates, exposed: Exposures, sigma_rad: FloatArray, words: NDArray[np.uint64]
 ) -> FloatArray:
-    """Return unit vectors (n, 3) in ECEF with their errors: the sensor's bias, and two normal errors across each.
+    """Return measured unit vectors (n, 3) in ECEF: with the sensor's bias, and two normal errors across each.
 
-    `sigma_rad` (n,) is the spread of each along both axes; `words` (n,) are the dice, raw. The true direction is that
-    to where the target was when the light left it.
+    `sigma_rad` (n,) is the standard deviation along both axes; `words` (n,) are raw random words. The true direction
+    is to the target's position at emission.
     """
     first, second = normal_pairs(words)
-    direction = _directions(seen_as)
-    if sites.bias is not None:
-        direction = sites.bias.applied(*direction, seen_as.sensor, seen_as.sensor_ecef_m)
+    direction = _directions(exposed)
+    if states.bias is not None:
+        direction = states.bias.applied(*direction, exposed.sensor, exposed.sensor_ecef_m)
     return _rows(*_tilted(*direction, first * sigma_rad, second * sigma_rad))
 
 
-def _directions(seen_as: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the components of the true unit vectors from sensor to target."""
-    per_m = 1.0 / seen_as.range_m
-    target_m, sensor_m = seen_as.target_ecef_m, seen_as.sensor_ecef_m
+def _directions(exposed: Exposures) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the components (n,) of the true unit vectors from sensor to target."""
+    per_m = 1.0 / exposed.range_m
+    target_m, sensor_m = exposed.target_ecef_m, exposed.sensor_ecef_m
     x, y, z = ((target_m[:, axis] - sensor_m[:, axis]) * per_m for axis in range(3))
     return x, y, z
 
@@ -187,8 +187,8 @@ def _tilted(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return unit vectors moved by small angles along two directions across them.
 
-    The two directions are those of growing longitude and latitude of the vector about the Earth's axis: a scene that is
-    turned as a whole about that axis is measured alike. Along the axis, where there is no longitude, it counts as 0.
+    The directions are those of increasing longitude and latitude of the vector about the Earth's axis, so that a
+    rotation of a whole scene about this axis does not change its errors. On the axis the longitude is 0.
     """
     level = np.sqrt(x * x + y * y)
     on_axis = level == 0.0

@@ -1,6 +1,6 @@
-"""A whole run at once: simulate a scene, sum it up, and say what is needed to repeat it.
+"""A whole run in memory, with its summary and manifest; and the windows of a plan.
 
-Where windows end: sized by the looks they hold, so that memory does not grow with a scene's duration.
+Windows are sized by their number of looks, so that memory does not grow with a scene's duration.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ from opir_core.errors import Problem, SceneError
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.planning.visibility import Pairs
+from opir_core.planning.sightlines import Pairs
 from opir_core.plugin.host import Host
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
@@ -24,7 +24,7 @@ from opir_core.simulation.summary import Tally
 
 @frozen(eq=False)
 class Run:
-    """A finished run: its columns, its summary and what is needed to repeat it."""
+    """A finished run: its columns, its summary and its manifest."""
 
     detections: Detections
     truth: DetectionTruth
@@ -36,7 +36,7 @@ class Run:
     manifest: Mapping[str, Any]
 
 
-#: Looks that a window is meant to hold; a column of them takes 2 MiB.
+#: Target number of looks per window; a column of them takes 2 MiB.
 LOOKS_PER_WINDOW = 1 << 18
 
 _NS = 1_000_000_000
@@ -59,36 +59,33 @@ def _edges_by_looks(pairs: Pairs, end_ns: int) -> Sequence[int]:
         return [end_ns]
     starts = looking.phase_ns + looking.first_scan * looking.period_ns
     stops = looking.phase_ns + (looking.last_scan + 1) * looking.period_ns
-    knots = np.unique(np.concatenate([starts, stops]))
-    passed = _looks_before(knots, starts, stops, looking.period_ns)
+    times_ns = np.unique(np.concatenate([starts, stops]))
+    passed = _looks_before(times_ns, starts, stops, looking.period_ns)
     wanted = np.arange(LOOKS_PER_WINDOW, total, LOOKS_PER_WINDOW)
-    edges = np.unique(np.rint(np.interp(wanted, passed, knots)).astype(np.int64))
+    edges = np.unique(np.rint(np.interp(wanted, passed, times_ns)).astype(np.int64))
     return [*(edge for edge in edges.tolist() if 0 < edge < end_ns), end_ns]
 
 
-def _looks_before(knots: IntArray, starts: IntArray, stops: IntArray, periods: IntArray) -> FloatArray:
-    """Return about how many looks come before each knot: rates add up where pairs start and drop where they stop."""
-    rates = np.zeros(len(knots))
-    np.add.at(rates, np.searchsorted(knots, starts), 1.0 / periods)
-    np.add.at(rates, np.searchsorted(knots, stops), -1.0 / periods)
-    return np.concatenate([[0.0], np.cumsum(np.cumsum(rates)[:-1] * np.diff(knots))])
+def _looks_before(times_ns: IntArray, starts: IntArray, stops: IntArray, periods: IntArray) -> FloatArray:
+    """Return the approximate number of looks before each time: the sum of the pairs' rates between start and stop."""
+    rates = np.zeros(len(times_ns))
+    np.add.at(rates, np.searchsorted(times_ns, starts), 1.0 / periods)
+    np.add.at(rates, np.searchsorted(times_ns, stops), -1.0 / periods)
+    return np.concatenate([[0.0], np.cumsum(np.cumsum(rates)[:-1] * np.diff(times_ns))])
 
 
 def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None = None) -> Run:
     """Return the run of a scene: all detections and tracks as columns in memory.
 
-    `window_s` sets the length of the windows worked through, which changes no result. For scenes too large for memory,
-    use `opir_core.windows`.
+    `window_s` sets the length of the windows, which changes no result. For scenes too large for memory use
+    `opir_core.windows`.
     """
     return run_of_plan(compile_plan(scene, host), window_s)
 
 
 def run_of_plan(plan: Plan, window_s: float | None = None) -> Run:
-    """Return the run of a plan; run again, it gives the same run again.
-
-    A tracker that was put in the place of the plan's own runs once: raises `OpirError` the second time.
-    """
-    tally = Tally(plan)
+    """Return the run of a plan; each call returns the same run."""
+    tally = Tally(plan.sensors, plan.targets, plan.pairs)
     return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s))))
 
 
@@ -104,8 +101,7 @@ def plan_windows(plan: Plan, window_s: float | None = None) -> Iterator[Window]:
         yield engine.advance(edge_ns)
 
 
-def _collected(plan: Plan, tally: Tally, windows: Iterable[Window]) -> Run:
-    parts = list(windows)
+def _collected(plan: Plan, tally: Tally, parts: Sequence[Window]) -> Run:
     return Run(
         detections=_with_run_estimates(parts),
         truth=DetectionTruth.concatenate(part.truth for part in parts),
@@ -119,7 +115,7 @@ def _collected(plan: Plan, tally: Tally, windows: Iterable[Window]) -> Run:
 
 
 def _with_run_estimates(parts: Iterable[Window]) -> Detections:
-    """Return all detections, their `estimate` counted over the whole run."""
+    """Return all detections, with `estimate` as rows of the whole run's estimates."""
     shifted, rows = [], 0
     for part in parts:
         shifted.append(part.detections if rows == 0 else _shifted(part.detections, rows))

@@ -1,20 +1,26 @@
-"""Tracking on ticks of scene time: whatever the windows, a tracker sees the same detections at the same ticks."""
+"""Steps a tracker at ticks of scene time, independent of the windows, and checks its output."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import evolve, fields, frozen
 
 from opir_core.arrays import IntArray
+from opir_core.errors import ModelError, OpirError
+from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import Detections, Tracks
+from opir_core.plugin.validation import described_error
 
 _NS = 1_000_000_000
+
+_REQUIRED = "associate must return whole numbers, one track number per detection, -1 for none"
 
 
 @frozen(eq=False)
 class Tracked:
-    """A window's detections with their tracks, its ticks' estimates, and the estimates the detections point to."""
+    """A window's detections with their tracks, the estimates of its ticks, and those the detections refer to."""
 
     detections: Detections
     tracks: Tracks
@@ -22,7 +28,7 @@ class Tracked:
 
 
 class ScheduledTracker:
-    """Steps a tracker at whole multiples of its cadence and at the scene's end, and associates what lies between."""
+    """Steps a tracker at whole multiples of its cadence and at the scene's end; associates the detections between."""
 
     def __init__(self, tracker: Tracker, end_ns: int) -> None:
         self._tracker = tracker
@@ -32,60 +38,141 @@ class ScheduledTracker:
         self._in_force = Tracks.empty()
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
-        """Tell the tracker, where it cares, that the sensors are these from here on: as many, with other settings."""
-        told = getattr(self._tracker, "set_sensors", None)
-        if told is not None:
-            told(sensors)
+        """Pass the sensors' new settings to a tracker that uses them."""
+        if isinstance(self._tracker, ReconfigurableTracker):
+            self._tracker.set_sensors(sensors)
 
     def absorb(self, detections: Detections, start_ns: int, end_ns: int) -> Tracked:
-        """Take in the detections of [start, end), sorted by time."""
+        """Process the detections of [start, end), sorted by time."""
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
         edges = self._edges(start_ns, end_ns, self._cadence_ns)
         cuts = np.searchsorted(detections.time_ns, edges)
-        associated, told, in_force, rows = [], [], [], 0
+        associated, estimates, in_force, rows = [], [], [], 0
         for number, edge in enumerate(edges[1:]):
             part = self._associated(detections.take(slice(cuts[number], cuts[number + 1])), rows)
             associated.append(part)
             in_force.append(self._in_force)
             rows += len(self._in_force)
-            told += self._stepped(edge)
-        parts = (Detections.concatenate(associated), Tracks.concatenate(told), Tracks.concatenate(in_force))
-        return Tracked(*parts)
+            estimates += self._stepped(edge)
+        return Tracked(Detections.concatenate(associated), Tracks.concatenate(estimates), Tracks.concatenate(in_force))
 
     def _edges(self, start_ns: int, end_ns: int, cadence_ns: int) -> Sequence[int]:
         inner = range((start_ns // cadence_ns + 1) * cadence_ns, end_ns, cadence_ns)
         return [start_ns, *inner, end_ns]
 
     def _associated(self, detections: Detections, offset: int) -> Detections:
-        seen = as_trackers_see(detections)
-        track = self._tracker.associate(seen) if len(detections) else np.empty(0, dtype=np.int64)
-        self._pending.append(evolve(seen, track=track))
+        visible = without_truth(detections)
+        track = self._tracker.associate(visible) if len(detections) else np.empty(0, dtype=np.int64)
+        self._pending.append(evolve(visible, track=track))
         return evolve(detections, track=track, estimate=_rows_of(self._in_force.track, track, offset))
 
     def _stepped(self, edge_ns: int) -> list[Tracks]:
         assert self._cadence_ns is not None
         if edge_ns % self._cadence_ns and edge_ns < self._end_ns:
             return []
-        # What came in one piece is passed on as it came: trackers then know the arrays they were asked about before.
+        # A single piece is passed on as it is: trackers may recognise the arrays of `associate`.
         since = self._pending[0] if len(self._pending) == 1 else Detections.concatenate(self._pending)
         self._in_force, self._pending = self._tracker.step(edge_ns / _NS, since), []
         return [self._in_force]
 
 
-def as_trackers_see(detections: Detections) -> Detections:
-    """Return detections without what the simulator knows of them and no sensor does.
-
-    A count of one target's detections says which of them belong together, and the confidence holds that count and the
-    true elevation: to a tracker the counts are 0 and the confidences nan.
-    """
+def without_truth(detections: Detections) -> Detections:
+    """Return detections without the columns that depend on the true association: counts are 0, confidences nan."""
     count = len(detections)
     return evolve(detections, detection_count=np.zeros(count, dtype=np.int32), confidence=np.full(count, np.nan))
 
 
-def _rows_of(known: IntArray, track: IntArray, offset: int) -> IntArray:
-    """Return where tracks stand among the known ones (which are sorted), counted from `offset`, or -1."""
-    if not len(known):
+def _rows_of(numbers: IntArray, track: IntArray, offset: int) -> IntArray:
+    """Return the rows of tracks in sorted track `numbers`, plus `offset`; -1 for those not among them."""
+    if not len(numbers):
         return np.full(len(track), -1, dtype=np.int64)
-    place = np.minimum(np.searchsorted(known, track), len(known) - 1)
-    return np.where(known[place] == track, place + offset, -1)
+    place = np.minimum(np.searchsorted(numbers, track), len(numbers) - 1)
+    return np.where(numbers[place] == track, place + offset, -1)
+
+
+class CheckedTracker:
+    """A tracker with checked output: shapes, track numbers and times, not the quality of estimates.
+
+    Raises `ModelError` for wrong output, and if the tracker raises anything but opir's own errors. `owner()` returns
+    the beginning of the message, `hint` is its end.
+    """
+
+    def __init__(self, tracker: Tracker, owner: Callable[[], str], hint: str) -> None:
+        self._tracker, self._owner, self._hint = tracker, owner, hint
+
+    @property
+    def cadence_s(self) -> float | None:
+        """Time between ticks, s."""
+        return self._tracker.cadence_s
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return the track numbers (n,) of detections."""
+        track = self._called("associate", lambda: self._tracker.associate(detections))
+        if not _are_whole(track, len(detections)):
+            raise self._error(f"associate returned {_outline(track)} for {len(detections)} detections; {_REQUIRED}")
+        if len(track) and track.min() < -1:
+            raise self._error(f"associate returned the track {track.min()}; {_REQUIRED}")
+        numbers: IntArray = track
+        return numbers
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Return the estimates at a tick."""
+        estimates = self._called(f"step at {tick_s:g} s", lambda: self._tracker.step(tick_s, detections))
+        fault = _fault(estimates, tick_s)
+        if fault:
+            raise self._error(f"step at {tick_s:g} s {fault}")
+        tracks: Tracks = estimates
+        return tracks
+
+    def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
+        """Pass the sensors' new settings to a tracker that uses them."""
+        tracker = self._tracker
+        if isinstance(tracker, ReconfigurableTracker):
+            self._called("set_sensors", lambda: tracker.set_sensors(sensors))
+
+    def _called(self, method: str, call: Callable[[], Any]) -> Any:
+        try:
+            return call()
+        except OpirError:
+            raise
+        except Exception as error:
+            raise self._error(f"{method} raised {described_error(error)}") from error
+
+    def _error(self, words: str) -> ModelError:
+        return ModelError(f"{self._owner()}: {words}; {self._hint}")
+
+
+def _are_whole(numbers: Any, count: int) -> bool:
+    return isinstance(numbers, np.ndarray) and numbers.dtype.kind in "iu" and numbers.shape == (count,)
+
+
+def _outline(output: Any) -> str:
+    """Return a short description of an output: `float64 (3,)`, `None`, `a list`."""
+    if isinstance(output, np.ndarray):
+        return f"{output.dtype} {output.shape}"
+    return "None" if output is None else f"a {type(output).__name__}"
+
+
+def _fault(estimates: Any, tick_s: float) -> str:
+    """Return what is wrong with the estimates of a tick, or ""."""
+    if not isinstance(estimates, Tracks):
+        return f"returned {_outline(estimates)}, no opir_core.interfaces.records.Tracks"
+    times: Any = estimates.tick_s
+    rows = times.size if isinstance(times, np.ndarray) else 0
+    for name, shape in _SHAPES.items():
+        column = getattr(estimates, name)
+        if not isinstance(column, np.ndarray) or column.dtype.kind not in "fiu" or column.shape != (rows, *shape):
+            shapes = f"{rows} rows of shape {shape}" if shape else f"{rows} numbers"
+            return f"returned {name} as {_outline(column)}, not {shapes}"
+    if not rows:
+        return ""
+    track = estimates.track
+    if not _are_whole(track, rows) or track[0] < 0 or np.count_nonzero(track[1:] <= track[:-1]):
+        return f"returned tracks numbered {track[:6].tolist()}, not one row per track, whole numbers from 0 up in order"
+    wrong = estimates.tick_s[estimates.tick_s != tick_s]
+    return f"returned tick_s {wrong[0]:g}, not that of the step" if len(wrong) else ""
+
+
+#: The shape of a row of each column.
+_SHAPES = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}

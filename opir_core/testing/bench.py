@@ -15,9 +15,8 @@ from opir_core.arrays import IntArray
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Encoder, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures
-from opir_core.planning.looks import Looks, exposures, pair_names, seen
+from opir_core.planning.looks import Looks
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.planning.sensor_states import SensorStates
 from opir_core.plugin.host import Host
 from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
 from opir_core.scene.reading import scene_from_mapping
@@ -146,11 +145,11 @@ class LookTable:
     @classmethod
     def of(cls, plan: Plan) -> "LookTable":
         """Return the looks of a plan."""
-        streams, sites = PairStreams(plan.scene.seed, pair_names(plan)), SensorStates.of(plan.sensors, plan.bias)
+        streams, geometry = PairStreams(plan.scene.seed, plan.pair_names()), plan.look_geometry()
         looks = Looks.between(plan.pairs, 0, plan.end_ns)
-        row = np.flatnonzero(seen(plan, sites, looks.pair, looks.scan))
+        row = np.flatnonzero(geometry.visible(looks.pair, looks.scan))
         pair = looks.pair[row]
-        table = exposures(plan, sites, pair, looks.scan[row], geometry=True)
+        table = geometry.exposures(pair, looks.scan[row])
         numbers = WindowNumbers(streams, looks.active, looks.first_scan, looks.scans)
         return cls(table.freeze(), numbers, streams, row, pair)
 

@@ -284,7 +284,7 @@ def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], 
         "detection": CertainDetection(),
         "classifier": NoAnswer(),
         "confidence": FullConfidence(),
-        "tracker": SilentTracker(),
+        "make_tracker": SilentTracker,
     }
     return Plan(
         scene=scene,

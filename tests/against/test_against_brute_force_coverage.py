@@ -19,7 +19,7 @@ from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.contexts import SensorContext
 from opir_core.orbits import highly_elliptical_elements, walker_pattern
 from opir_core.orbits.orbit_models import TwoBodyMotion
-from opir_core.planning.visibility.margins import visible_now
+from opir_core.planning.visibility import visible_now
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_from_mapping
 

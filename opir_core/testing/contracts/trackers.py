@@ -16,7 +16,7 @@ from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import Component, TrackerModel
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.simulation.tracker_clock import as_trackers_see
+from opir_core.simulation.tracker_clock import without_truth
 from opir_core.testing.bench import bench_scene, planned
 from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows_stand_alone
 from opir_core.testing.contracts.contract import Broken, insist
@@ -136,7 +136,7 @@ class TrackerContract(SceneContract):
     @cache
     def seen(cls) -> Detections:
         """Return the scene's detections, as the engine shows them to trackers."""
-        return as_trackers_see(cls.fed()).freeze()
+        return without_truth(cls.fed()).freeze()
 
     @classmethod
     def ticks(cls, tracker: Tracker, detections: Detections | None = None) -> Iterator[Tick]:

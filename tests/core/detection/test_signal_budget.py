@@ -5,8 +5,7 @@ import pytest
 from scipy.constants import c, h
 
 import opir_core as opir
-from opir_core.planning.looks import Looks, exposures
-from opir_core.planning.sensor_states import SensorStates
+from opir_core.planning.looks import Looks
 from opir_core.scene.reading.canonical import scene_mapping
 
 SENSORS = [
@@ -32,7 +31,7 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
     mapping = {**scene_mapping(scene), "sensors": SENSORS, **SKIES[sky]}
     plan = opir.compile_plan(opir.scene_from_mapping(mapping))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair[::7], looks.scan[::7], geometry=True)
+    exposed = plan.look_geometry().exposures(looks.pair[::7], looks.scan[::7])
     found, chain = plan.detection.response(exposed), plan.detection.scenery
     compared, noisy = 0, 0
     for number, sensor in enumerate(plan.sensors):

@@ -10,11 +10,10 @@ from snr_scene import DSP, NEXTGEN, joined, scene, windows_of
 
 import opir_core as opir
 from opir_core.errors import ModelError
-from opir_core.planning.looks import Looks, exposures
-from opir_core.planning.sensor_states import SensorStates
+from opir_core.planning.looks import Looks
 from opir_core.simulation.engine import Engine
-from opir_core.simulation.interpolation.probability import ProbabilityInterpolant
-from opir_core.simulation.interpolation.refinement import SIGNAL_SHARE, SIGNAL_SIGMA
+from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.simulation.refinement import SIGNAL_SHARE, SIGNAL_SIGMA
 
 SKIES = {
     "empty space": {},
@@ -30,9 +29,9 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, calib
     chosen = {"model": "snr", "calibrate": calibrate, "probability_tolerance": tolerance}
     near = opir.compile_plan(scene(detection=chosen, duration_s=220, **SKIES[sky]))
     engine, looks = Engine(near), Looks.between(near.pairs, 0, near.end_ns)
-    assert engine._knots is not None
-    spans = engine._knots.over(looks)
-    exposed = exposures(near, SensorStates.of(near.sensors), looks.pair, looks.scan, geometry=True)
+    assert engine._interpolant is not None
+    spans = engine._interpolant.over(looks)
+    exposed = near.look_geometry().exposures(looks.pair, looks.scan)
     exact = near.detection.response(exposed)
     probability = spans.probability()
     assert np.abs(probability - ndtr(exact.probit)).max() <= tolerance
@@ -41,7 +40,7 @@ def test_between_knots_no_look_is_off_by_more_than_the_tolerance(sky: str, calib
     off = np.abs(shared.snr - exact.snr)[seen] / np.maximum(SIGNAL_SHARE * exact.snr, SIGNAL_SIGMA)[seen]
     assert np.mean(off <= 1.0) > 0.998
     assert off.max() < 3.0
-    assert len(engine._knots.at[0]) < {1e-2: 0.25, 1e-4: 0.4, 1e-6: 0.8}[tolerance] * len(looks.pair)
+    assert len(engine._interpolant.at[0]) < {1e-2: 0.25, 1e-4: 0.4, 1e-6: 0.8}[tolerance] * len(looks.pair)
 
 
 def test_without_word_of_its_kinks_a_model_is_held_to_the_tolerance_too() -> None:
@@ -49,9 +48,9 @@ def test_without_word_of_its_kinks_a_model_is_held_to_the_tolerance_too() -> Non
     near = opir.compile_plan(scene(detection=chosen, duration_s=220, atmosphere="lowtran", background="earth"))
     mute = evolve(near, detection=_Mute(near.detection))
     looks = Looks.between(near.pairs, 0, near.end_ns)
-    exposed = exposures(near, SensorStates.of(near.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = near.look_geometry().exposures(looks.pair, looks.scan)
     exact = ndtr(near.detection.response(exposed).probit)
-    knots = [ProbabilityInterpolant.of(plan, SensorStates.of(plan.sensors), 1e-4) for plan in (near, mute)]
+    knots = [ProbabilityInterpolant.of(plan.look_geometry(), plan.detection, 1e-4) for plan in (near, mute)]
     for each in knots:
         assert np.abs(each.over(looks).probability() - exact).max() <= 1e-4
     assert len(knots[0].at[0]) < len(knots[1].at[0])
@@ -68,7 +67,7 @@ class _Mute:
 def test_detections_follow_the_formula_in_bins_of_signal() -> None:
     plan = opir.compile_plan(scene([DSP], "IR", detection={"model": "snr", "exact": True}, duration_s=200))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = plan.look_geometry().exposures(looks.pair, looks.scan)
     chance = plan.detection.probability(exposed)
     margin = plan.detection.response(exposed).snr[:, 0] - 5.0
     assert np.allclose(chance, ndtr(margin), rtol=1e-12)

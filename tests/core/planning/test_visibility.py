@@ -11,7 +11,8 @@ from opir_core.geometry import elevation_rad, is_occluded
 from opir_core.interfaces.protocols import Sensor
 from opir_core.planning.looks import look_times_s
 from opir_core.planning.plan import Plan, compile_plan
-from opir_core.planning.visibility import Visibility, compile_pairs, visible_now
+from opir_core.planning.sightlines import Visibility
+from opir_core.planning.visibility import compile_pairs, visible_now
 from opir_core.simulation.engine import Engine
 
 
@@ -107,7 +108,7 @@ def test_what_is_certain_is_true(height_m: float | None) -> None:
             judged[kind] += int((sight == kind).sum())
     assert judged[Visibility.ALWAYS] > 1000
     assert judged[Visibility.NEVER] > 1000
-    assert judged[Visibility.PERHAPS] < judged[Visibility.ALWAYS] / 5
+    assert judged[Visibility.UNCERTAIN] < judged[Visibility.ALWAYS] / 5
 
 
 def seen_exactly(made: Plan, sensor: Sensor, time_s: FloatArray) -> tuple[np.ndarray, np.ndarray]:

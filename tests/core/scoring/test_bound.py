@@ -10,7 +10,7 @@ from repository import DATA
 
 from opir_core.flight import propagate_kepler
 from opir_core.geometry import eci_to_ecef, local_axes
-from opir_core.planning.pointing_bias import PointingBias
+from opir_core.planning.sensor_states import PointingBias
 from opir_core.scoring.bound import (
     FREE_PRIOR_SIGMA,
     JERK_NOISE_M_S3,

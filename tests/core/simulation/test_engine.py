@@ -13,7 +13,7 @@ from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range, is_occluded
 from opir_core.interfaces.records import Detections, Window
-from opir_core.planning.visibility import Blocked
+from opir_core.planning.sightlines import Blocked
 from opir_core.sensors.scan_patterns import AlignedScan
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import window_edges_ns
@@ -21,7 +21,6 @@ from opir_core.testing import (
     AscendingTargets,
     CertainDetection,
     CountingTracker,
-    SilentTracker,
     stub_plan,
     stub_scene,
     stub_sensor,
@@ -73,7 +72,7 @@ def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windo
     def run_in(edges: Sequence[int]) -> tuple[CountingTracker, Detections, np.ndarray]:
         tracker = CountingTracker(cadence_s)
         scene = stub_scene(duration_s=60)
-        plan = stub_plan([stub_sensor()], targets(), ids(3), scene, tracker=tracker)
+        plan = stub_plan([stub_sensor()], targets(), ids(3), scene, make_tracker=lambda: tracker)
         windows = run(plan, edges)
         counted = [
             window.estimates.state[window.detections.estimate, 0] * (window.detections.estimate >= 0)
@@ -91,7 +90,7 @@ def test_a_tracker_sees_the_same_detections_at_the_same_ticks_whatever_the_windo
 
 
 def test_an_estimate_is_of_the_last_tick_before_its_detection() -> None:
-    plan = stub_plan([stub_sensor()], targets(), ids(3), stub_scene(duration_s=60), tracker=CountingTracker(1.0))
+    plan = stub_plan([stub_sensor()], targets(), ids(3), stub_scene(duration_s=60), make_tracker=CountingTracker)
     window = run(plan, [60_000_000_000])[0]
     followed = window.detections.estimate >= 0
     tick_s = window.estimates.tick_s[window.detections.estimate[followed]]
@@ -235,7 +234,7 @@ def test_a_model_that_returns_no_probability_is_refused(chance: float) -> None:
 
 def test_a_scene_without_targets_has_empty_windows() -> None:
     nobody = AscendingTargets(*(np.zeros(0) for _ in range(4)))
-    plan = stub_plan([stub_sensor()], nobody, [], stub_scene(), tracker=SilentTracker())
+    plan = stub_plan([stub_sensor()], nobody, [], stub_scene())
     assert len(run(plan, [10**11])[0].detections) == 0
 
 

@@ -15,8 +15,7 @@ from scipy.stats import chi2, norm, poisson
 
 import opir_core as opir
 from opir_core.interfaces.records import Detections, DetectionTruth
-from opir_core.planning.looks import Looks, exposures
-from opir_core.planning.sensor_states import SensorStates
+from opir_core.planning.looks import Looks
 from opir_core.simulation.engine import Engine
 
 TARGETS = int(os.environ.get("OPIR_CHANCE_TARGETS", "40"))
@@ -79,7 +78,7 @@ def told(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> dict[tu
     """Return what becomes of each class before each sensor."""
     one = opir.compile_plan(scene(1, sensors, **changes))
     looks = Looks.between(one.pairs, 0, one.end_ns)
-    exposed = exposures(one, SensorStates.of(one.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = one.look_geometry().exposures(looks.pair, looks.scan)
     chance, snr = one.detection.probability(exposed), one.detection.response(exposed).snr[:, 0]
     detections, truth = drawn(opir.compile_plan(scene(repeats, sensors, **changes)))
     found = {}

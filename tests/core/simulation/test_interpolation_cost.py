@@ -5,19 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from attrs import evolve
 from scipy.special import ndtr
 
 import opir_core as opir
 from opir_core.geometry import ecef_to_geodetic
-from opir_core.planning.looks import Looks, exposures
-from opir_core.planning.sensor_states import SensorStates
+from opir_core.planning.looks import Looks
 from opir_core.radiometry.earth import EarthBackground
 from opir_core.radiometry.lowtran import LowtranAtmosphere
 from opir_core.radiometry.plume import PlumeSignatures
 from opir_core.radiometry.protocols import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
-from opir_core.simulation.interpolation.probability import ProbabilityInterpolant
-from opir_core.simulation.interpolation.refinement import KNOTS, GridRefiner, sure_beyond
+from opir_core.simulation.interpolation import ProbabilityInterpolant
+from opir_core.simulation.refinement import KNOTS, GridRefiner, sure_beyond
 
 AIR = {"atmosphere": "lowtran", "background": "earth"}
 
@@ -67,7 +65,7 @@ class Counting:
 def test_a_pair_is_asked_for_few_looks_in_few_calls(calibrate: str, sky: dict[str, Any], most: int) -> None:
     plan = planned(calibrate, sky)
     counting = Counting(plan.detection)
-    ProbabilityInterpolant.of(evolve(plan, detection=counting), SensorStates.of(plan.sensors), 1e-4)
+    ProbabilityInterpolant.of(plan.look_geometry(), counting, 1e-4)
     pairs = int((plan.pairs.looks > 0).sum())
     assert sum(rows for rows, _ in counting.asked) <= most * pairs
     # One call a halving, all pairs at once.
@@ -77,19 +75,19 @@ def test_a_pair_is_asked_for_few_looks_in_few_calls(calibrate: str, sky: dict[st
 
 def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:
     plan = planned("none", {})
-    woven = GridRefiner(plan, SensorStates.of(plan.sensors), plan.detection, 1e-4).woven()
-    assert len(woven.settled.scan) == 3
-    assert len(woven.curved.scan) == KNOTS
-    assert len(woven.settled.pair) > 0.5 * len(woven.curved.pair)
-    assert np.all(np.abs(woven.values[0].take(woven.settled.row)) > sure_beyond(1e-4))
+    grid = GridRefiner(plan.look_geometry(), plan.detection, 1e-4).refined()
+    assert len(grid.settled.scan) == 3
+    assert len(grid.curved.scan) == KNOTS
+    assert len(grid.settled.pair) > 0.5 * len(grid.curved.pair)
+    assert np.all(np.abs(grid.values[0].take(grid.settled.row)) > sure_beyond(1e-4))
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
 def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(tolerance: float) -> None:
     plan = planned("none", {}, tolerance)
-    knots = ProbabilityInterpolant.of(plan, SensorStates.of(plan.sensors), tolerance)
+    knots = ProbabilityInterpolant.of(plan.look_geometry(), plan.detection, tolerance)
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair, looks.scan, geometry=True)
+    exposed = plan.look_geometry().exposures(looks.pair, looks.scan)
     probability, exact = knots.over(looks).probability(), ndtr(plan.detection.response(exposed).probit)
     sure = (probability == 0.0) | (probability == 1.0)
     assert sure.mean() > 0.5
@@ -98,7 +96,7 @@ def test_what_is_taken_for_certain_costs_a_ten_thousandth_of_the_tolerance(toler
 
 def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = planned("paper", AIR)
-    weaver = GridRefiner(plan, SensorStates.of(plan.sensors), plan.detection, 1e-4)
+    refiner = GridRefiner(plan.look_geometry(), plan.detection, 1e-4)
     rooms, keep = [], GridRefiner._keep
 
     def keeping(self: GridRefiner, values: np.ndarray) -> None:
@@ -106,12 +104,12 @@ def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypa
         rooms.append(self._known.shape[1])
 
     monkeypatch.setattr(GridRefiner, "_keep", keeping)
-    woven = weaver.woven()
+    grid = refiner.refined()
     assert len(rooms) >= 5
     assert len(set(rooms)) <= 3
-    assert woven.values.shape[1] == weaver._count <= rooms[-1]
+    assert grid.values.shape[1] == refiner._count <= rooms[-1]
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair[::53], looks.scan[::53], geometry=True)
+    exposed = plan.look_geometry().exposures(looks.pair[::53], looks.scan[::53])
     true_m = ecef_to_geodetic(exposed.target_ecef_m).height_m
     assert np.abs(plan.detection.scenery.paths(exposed).height_m - true_m).max() < 3e-8
 
@@ -135,7 +133,7 @@ def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, An
     plan = planned("none", sky)
     looks, scenery = Looks.between(plan.pairs, 0, plan.end_ns), plan.detection.scenery
     every = slice(None, None, 97)
-    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair[every], looks.scan[every], geometry=True)
+    exposed = plan.look_geometry().exposures(looks.pair[every], looks.scan[every])
     view, path, aspect = scenery.views(exposed), scenery.paths(exposed), scenery.aspect_rad(exposed)
     bands = list(range(len(scenery.bands)))
     radiance, clutter = radiances_and_clutter_w_m2_sr(scenery.background, bands, view)
@@ -163,7 +161,7 @@ def test_a_kind_of_sensor_asks_each_model_once_however_many_bands_it_has(monkeyp
         inner = getattr(kind, name)
         monkeypatch.setattr(kind, name, lambda *given, inner=inner, name=name: asked.append(name) or inner(*given))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
-    exposed = exposures(plan, SensorStates.of(plan.sensors), looks.pair[::97], looks.scan[::97], geometry=True)
+    exposed = plan.look_geometry().exposures(looks.pair[::97], looks.scan[::97])
     plan.detection.response(exposed)
     assert {name: asked.count(name) for name in asked} == dict.fromkeys(asked, len(plan.sensors))
     assert len(set(asked)) == 3

@@ -17,7 +17,7 @@ from opir_core.interfaces.protocols import Band, Measured, RandomDraws
 from opir_core.interfaces.records import Detections, Exposures, Window
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.run_files import TruthFile
-from opir_core.planning.pointing_bias import PointingBias
+from opir_core.planning.sensor_states import PointingBias
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
@@ -160,7 +160,7 @@ def test_noise_is_counted_apart_and_is_nobody_in_the_truth(tmp_path: Path) -> No
     target = window.truth.target.copy()
     target[::3] = -1
     noisy = evolve(window, truth=evolve(window.truth, target=target))
-    tally = Tally(plan)
+    tally = Tally(plan.sensors, plan.targets, plan.pairs)
     tally.count(noisy)
     told = tally.summary()
     assert told["counts"]["detections"] == len(window.detections)

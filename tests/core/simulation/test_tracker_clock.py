@@ -46,7 +46,7 @@ class Spy:
 
 def test_a_tracker_is_shown_no_count_and_no_confidence():
     spy = Spy()
-    run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), tracker=spy))
+    run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), make_tracker=lambda: spy))
     for parts in (spy.asked, spy.shown):
         seen = Detections.concatenate(parts)
         assert len(seen) == len(run.detections) > 100
@@ -60,7 +60,7 @@ def test_a_tracker_is_shown_no_count_and_no_confidence():
 def test_what_a_tracker_is_shown_does_not_depend_on_which_target_it_was_of():
     """Every column but the directions, the reported types and the ids is the same for two targets seen in one scan."""
     spy = Spy()
-    run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), tracker=spy))
+    run = run_of_plan(evolve(compile_plan(scene_from_mapping(SCENE)), make_tracker=lambda: spy))
     shown = Detections.concatenate(spy.shown)
     both = np.flatnonzero(np.diff(shown.time_ns) == 0)
     assert len(both) > 20

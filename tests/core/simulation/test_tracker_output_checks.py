@@ -5,9 +5,10 @@ import re
 import numpy as np
 import pytest
 from attrs import evolve, frozen
+from attrs.exceptions import FrozenInstanceError
 
 import opir_core as opir
-from opir_core.errors import ModelError, OpirError
+from opir_core.errors import ModelError
 from opir_core.interfaces.records import Tracks
 from opir_core.plugin import TrackerModel, hookimpl, text
 from opir_core.simulation.run import run_of_plan
@@ -55,26 +56,29 @@ def told(tick_s, **changes):
 #: What a method answers instead, and the words that it is told in.
 FAULTS = {
     "associate": [
-        (fail, "associate raised KeyError: 'no such thing' (core/test_tracker_answers.py, line"),
+        (fail, "associate raised KeyError: 'no such thing' (simulation/test_tracker_output_checks.py, line"),
         (lambda _: None, "associate returned None for 2 detections"),
         (lambda found: np.zeros(len(found)), "associate returned float64 (2,) for 2 detections"),
         (lambda found: np.zeros(len(found) + 1, dtype=np.int64), "associate returned int64 (3,) for 2 detections"),
         (lambda found: np.full(len(found), -2), "associate returned the track -2"),
     ],
     "step": [
-        (fail, "step at 1 s raised KeyError: 'no such thing' (core/test_tracker_answers.py, line"),
+        (fail, "step at 1 s raised KeyError: 'no such thing' (simulation/test_tracker_output_checks.py, line"),
         (lambda *_: None, "step at 1 s returned None, no opir_core.interfaces.records.Tracks"),
         (lambda *_: [], "step at 1 s returned a list, no opir_core.interfaces.records.Tracks"),
-        (lambda tick_s, _: told(tick_s, track=np.array([1, 0])), "step at 1 s told tracks numbered [1, 0]"),
-        (lambda tick_s, _: told(tick_s, track=np.array([1, 1])), "step at 1 s told tracks numbered [1, 1]"),
-        (lambda tick_s, _: told(tick_s, track=np.array([-1, 1])), "step at 1 s told tracks numbered [-1, 1]"),
+        (lambda tick_s, _: told(tick_s, track=np.array([1, 0])), "step at 1 s returned tracks numbered [1, 0]"),
+        (lambda tick_s, _: told(tick_s, track=np.array([1, 1])), "step at 1 s returned tracks numbered [1, 1]"),
+        (lambda tick_s, _: told(tick_s, track=np.array([-1, 1])), "step at 1 s returned tracks numbered [-1, 1]"),
         (
             lambda tick_s, _: told(tick_s, state=np.zeros((2, 3))),
-            "step at 1 s told state as float64 (2, 3), not 2 rows",
+            "step at 1 s returned state as float64 (2, 3), not 2 rows",
         ),
-        (lambda tick_s, _: told(tick_s, impact=np.zeros((3, 3))), "step at 1 s told impact as float64 (3, 3), not 2"),
-        (lambda tick_s, _: told(tick_s, launch=None), "step at 1 s told launch as None, not 2 rows of shape (3,)"),
-        (lambda tick_s, _: told(tick_s + 5.0), "step at 1 s told tick_s 6, not that of the step"),
+        (
+            lambda tick_s, _: told(tick_s, impact=np.zeros((3, 3))),
+            "step at 1 s returned impact as float64 (3, 3), not 2",
+        ),
+        (lambda tick_s, _: told(tick_s, launch=None), "step at 1 s returned launch as None, not 2 rows of shape (3,)"),
+        (lambda tick_s, _: told(tick_s + 5.0), "step at 1 s returned tick_s 6, not that of the step"),
     ],
     "cadence_s": [
         (0.0, "cadence_s is 0.0, neither"),
@@ -128,14 +132,14 @@ def broken(method, answer):
 def test_a_broken_promise_is_told_with_whose_it_is_and_the_way_out(method, answer, words):
     complaint = complaint_of(lambda *_: broken(method, answer))
     assert complaint.startswith(f"tracker: the tracker 'frail' of plugin Plugin (registered by this program): {words}")
-    assert complaint.endswith("; `opir check frail` says what it owes")
+    assert complaint.endswith("; `opir check frail` shows what is required")
     assert "\n" not in complaint
 
 
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (fail, r"build raised KeyError: 'no such thing' \(core/test_tracker_answers.py, line \d+\)"),
+        (fail, r"build raised KeyError: 'no such thing' \(simulation/test_tracker_output_checks.py, line \d+\)"),
         (lambda *_: None, r"build made None without associate\(detections\) and step\(tick_s, detections\);"),
         (lambda *_: object(), r"build made an object without associate\(detections\) and step"),
     ],
@@ -149,7 +153,9 @@ def test_the_line_told_is_the_trackers_and_no_librarys():
         return np.linalg.solve(np.zeros((2, 2)), np.zeros(2))
 
     complaint = complaint_of(lambda *_: broken("step", unsolvable))
-    assert "step at 1 s raised LinAlgError: Singular matrix (core/test_tracker_answers.py, line " in complaint
+    assert (
+        "step at 1 s raised LinAlgError: Singular matrix (simulation/test_tracker_output_checks.py, line " in complaint
+    )
 
 
 def test_the_innermost_line_of_the_plugin_is_reported(monkeypatch):
@@ -182,9 +188,14 @@ def test_a_plan_run_twice_gives_the_same_run_twice(tracker):
         assert np.array_equal(first.detections.track, other.detections.track)
 
 
-def test_a_tracker_put_into_a_plan_runs_once():
-    plan = evolve(opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": "none"})), tracker=Sound())
-    assert len(run_of_plan(plan).tracks)
-    with pytest.raises(OpirError, match=r"the tracker Sound that was put into this plan has a run behind it.*evolve"):
-        run_of_plan(plan)
-    assert len(run_of_plan(evolve(plan, tracker=Sound())).tracks)
+def test_a_plan_makes_a_tracker_of_its_users_anew_for_each_run():
+    made = []
+    plan = evolve(
+        opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": "none"})),
+        make_tracker=lambda: made.append(Sound()) or made[-1],
+    )
+    for count in (1, 2):
+        assert len(run_of_plan(plan).tracks)
+        assert len(made) == count
+    with pytest.raises(FrozenInstanceError):
+        plan.make_tracker = Sound

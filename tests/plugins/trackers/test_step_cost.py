@@ -69,8 +69,8 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
     target = {"id": "T", "type": kind, "launch": LAUNCH, "aim": {"lat_deg": aim[0], "lon_deg": aim[1]}}
     scene = {**SCENE, "duration_s": duration_s, "targets": [target], "tracker": tracker}
     plan = opir.compile_plan(opir.scene_from_mapping(scene))
-    counting = Counting(plan.tracker)
-    run_of_plan(evolve(plan, tracker=counting))
+    counting = Counting(plan.make_tracker())
+    run_of_plan(evolve(plan, make_tracker=lambda: counting))
     return counting
 
 

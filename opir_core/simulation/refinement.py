@@ -4,13 +4,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.optional import SignalModel, WithBreakpoints
-from opir_core.planning.looks import blocks, exposures, look_times_s
-from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import SensorStates
-from opir_core.simulation.interpolation.polynomials import Curves
+from opir_core.planning.looks import LookGeometry, blocks, look_times_s
 
 #: Pieces that smooth stretches are cut into at first: no longer than this, s, but no more of them than that.
 FIRST_PIECE_S, MOST_FIRST_PIECES = 16.0, 64
@@ -37,6 +35,64 @@ SURE_SHARE = 1e-4
 
 #: Knots of a piece, and those of them that tell first whether it is settled.
 KNOTS, _SPARE = 5, slice(0, 5, 2)
+
+
+class Curves(NamedTuple):
+    """Polynomials over scan numbers: `coefficients` (5, k), lowest power first, of (scan - middle) · per_scan."""
+
+    middle: FloatArray
+    per_scan: FloatArray
+    coefficients: FloatArray
+
+    @classmethod
+    def through(cls, scan: IntArray, values: FloatArray) -> "Curves":
+        """Return the polynomials through values (5, k) at increasing scans (5, k)."""
+        middle, per_scan = _scaled(scan)
+        at = (scan - middle) * per_scan
+        # Newton's divided differences, and from them the powers.
+        newton = values.copy()
+        for order in range(1, len(at)):
+            newton[order:] = (newton[order:] - newton[order - 1 : -1]) / (at[order:] - at[:-order])
+        coefficients = np.zeros(values.shape)
+        for order in range(len(at) - 1, -1, -1):
+            coefficients[1:] = coefficients[:-1] - at[order] * coefficients[1:]
+            coefficients[0] = newton[order] - at[order] * coefficients[0]
+        return cls(middle, per_scan, coefficients)
+
+    @classmethod
+    def straight(cls, scan: IntArray, values: FloatArray, powers: int) -> "Curves":
+        """Return straight lines through values (2, k) at scans (2, k), which may coincide."""
+        coefficients = np.zeros((powers, values.shape[1]))
+        coefficients[0] = 0.5 * (values[0] + values[1])
+        coefficients[1] = 0.5 * (values[1] - values[0])
+        return cls(*_scaled(scan), coefficients)
+
+    def joined(self, other: "Curves", order: IntArray) -> "Curves":
+        """Return these curves and others, reordered."""
+        return Curves(*(np.concatenate(both, axis=-1)[..., order] for both in zip(self, other, strict=True)))
+
+    def each_at(self, scan: IntArray) -> FloatArray:
+        """Return the value (k,) of each curve at one scan (k,)."""
+        place = (scan - self.middle) * self.per_scan
+        value: FloatArray = self.coefficients[-1].copy()
+        for coefficient in self.coefficients[-2::-1]:
+            value *= place
+            value += coefficient
+        return value
+
+    def at(self, used: IntArray, times: IntArray, scan: IntArray) -> FloatArray:
+        """Return the values (n,) at scans (n,): `times` (m,) of them for each of the curves `used` (m,)."""
+        place = np.subtract(scan, np.repeat(self.middle[used], times), dtype=np.float64)
+        place *= np.repeat(self.per_scan[used], times)
+        value = np.repeat(self.coefficients[-1, used], times)
+        for coefficient in self.coefficients[-2::-1]:
+            value *= place
+            value += np.repeat(coefficient[used], times)
+        return value
+
+
+def _scaled(scan: IntArray) -> tuple[FloatArray, FloatArray]:
+    return 0.5 * (scan[0] + scan[-1]), 2.0 / np.maximum(scan[-1] - scan[0], 1)
 
 
 class Intervals(NamedTuple):
@@ -83,12 +139,12 @@ class RefinedGrid(NamedTuple):
 class GridRefiner:
     """Lays the knots of a plan."""
 
-    def __init__(self, plan: Plan, sites: SensorStates, model: SignalModel, tolerance: float) -> None:
-        self._plan, self._sites, self._model, self._tolerance = plan, sites, model, tolerance
+    def __init__(self, geometry: LookGeometry, model: SignalModel, tolerance: float) -> None:
+        self._geometry, self._model, self._tolerance = geometry, model, tolerance
         self._sure = sure_beyond(tolerance)
         self._known, self._count = np.empty((1, 0)), 0
 
-    def woven(self) -> RefinedGrid:
+    def refined(self) -> RefinedGrid:
         """Return the pieces, and what was asked."""
         pieces = self._first_pieces()
         settled, curved = [pieces.take(slice(0, 0)).knots(_SPARE)], [pieces.take(slice(0, 0))]
@@ -106,8 +162,8 @@ class GridRefiner:
 
     def _first_pieces(self) -> Intervals:
         """Return the first pieces, with their first, middle and last knots asked."""
-        pair, first, last = _smooth_stretches(self._plan, self._model)
-        period_s = self._plan.pairs.period_ns[pair] * 1e-9
+        pair, first, last = _smooth_stretches(self._geometry, self._model)
+        period_s = self._geometry.pairs.period_ns[pair] * 1e-9
         wanted = np.ceil((last - first) * period_s / FIRST_PIECE_S)
         count = np.clip(wanted, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last - first, 1))).astype(np.int64)
         number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
@@ -140,7 +196,7 @@ class GridRefiner:
         """Evaluate looks, sorted by pair."""
         slack = self._tolerance * _SLACK_SHARE
         for rows in blocks(len(pair)):
-            exposed = exposures(self._plan, self._sites, pair[rows], scan[rows], geometry=True)
+            exposed = self._geometry.exposures(pair[rows], scan[rows])
             response = self._model.response(exposed, slack=slack)
             assert response.probit is not None
             quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
@@ -211,8 +267,6 @@ class GridRefiner:
 
 def sure_beyond(tolerance: float) -> float:
     """Return beyond which quantiles a look is taken for certain, or for hopeless: either costs its share of P_d."""
-    from scipy.special import ndtri
-
     return -float(ndtri(SURE_SHARE * tolerance))
 
 
@@ -258,14 +312,14 @@ def _off_neighbours(at: FloatArray, values: FloatArray) -> FloatArray:
     return off
 
 
-def _smooth_stretches(plan: Plan, model: SignalModel) -> tuple[IntArray, IntArray, IntArray]:
+def _smooth_stretches(geometry: LookGeometry, model: SignalModel) -> tuple[IntArray, IntArray, IntArray]:
     """Return stretches of looks in which the model says that nothing jumps or bends: pairs, first and last scans."""
-    pairs = plan.pairs
+    pairs = geometry.pairs
     looking = np.flatnonzero(pairs.looks > 0)
     first, last = pairs.first_scan[looking], pairs.last_scan[looking]
     starts = first[:, None]
     if isinstance(model, WithBreakpoints):
-        cut = _scans_from(plan, looking, model.breakpoints_s()[pairs.target[looking]])
+        cut = _scans_from(geometry, looking, model.breakpoints_s()[pairs.target[looking]])
         cut = np.clip(cut, first[:, None], last[:, None] + 1)
         starts = np.sort(np.concatenate([starts, cut], axis=1), axis=1)
     stops = np.concatenate([starts[:, 1:], last[:, None] + 1], axis=1)
@@ -273,15 +327,15 @@ def _smooth_stretches(plan: Plan, model: SignalModel) -> tuple[IntArray, IntArra
     return looking[row], starts[row, place], stops[row, place] - 1
 
 
-def _scans_from(plan: Plan, pair: IntArray, emission_s: FloatArray) -> IntArray:
+def _scans_from(geometry: LookGeometry, pair: IntArray, emission_s: FloatArray) -> IntArray:
     """Return the first scans (n, k) of pairs (n,) that see light of these moments (n, k), or later; 0 for nan."""
-    pairs = plan.pairs
+    pairs = geometry.pairs
     pair = np.repeat(pair, emission_s.shape[1])
     left_s = np.nan_to_num(emission_s.ravel(), nan=-1e9)
     first_s = look_times_s(pairs, pair, pairs.first_scan[pair])
     # Light times change little in the time that light takes.
     near_s = np.clip(left_s, first_s, look_times_s(pairs, pair, pairs.last_scan[pair]))
-    travel_s = plan.sightlines.place(pair, near_s).interpolated(plan.sightlines.travel_s)
+    travel_s = geometry.sightlines.place(pair, near_s).interpolated(geometry.sightlines.travel_s)
     seen_ns = (left_s + travel_s) * 1e9 - pairs.phase_ns[pair]
     scans: IntArray = np.ceil(seen_ns / pairs.period_ns[pair]).astype(np.int64).reshape(emission_s.shape)
     return scans

@@ -2,7 +2,7 @@
 
 Signals vary slowly along a track, but for moments at which plumes or the air bend them, which models may know
 (`opir_core.interfaces.optional.WithBreakpoints`). Pieces between these have five knots each
-(`opir_core.simulation.interpolation.refinement`), or three where all that they have is certain or hopeless: through
+(`opir_core.simulation.refinement`), or three where all that they have is certain or hopeless: through
 them goes the quantile of the probability of detection, a polynomial over the number of the scan; each band's signal and
 noise are straight lines from knot to knot. A piece is halved until what the curve is judged to miss would cost the
 tolerance at most wherever in the piece the density is highest; where quantiles jump, halving ends at neighbouring
@@ -13,16 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
+from scipy.special import ndtr
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.optional import Response, SignalModel
 from opir_core.interfaces.protocols import Measured, RandomDraws
-from opir_core.planning.looks import Looks
-from opir_core.planning.plan import Plan
-from opir_core.planning.sensor_states import SensorStates
-from opir_core.simulation.interpolation.polynomials import Curves
-from opir_core.simulation.interpolation.refinement import (
+from opir_core.planning.looks import LookGeometry, Looks
+from opir_core.simulation.refinement import (
     KNOTS,
+    Curves,
     GridRefiner,
     Intervals,
     RefinedGrid,
@@ -42,10 +41,10 @@ class _Stretches(NamedTuple):
     behind: IntArray
 
     @classmethod
-    def of(cls, plan: Plan, pair: IntArray, first: IntArray) -> "_Stretches":
+    def of(cls, last_scan: IntArray, pair: IntArray, first: IntArray) -> "_Stretches":
         """Return stretches, sorted, each of which ends where the pair's next one begins."""
         is_last = np.diff(pair, append=-1) != 0
-        behind = np.where(is_last, plan.pairs.last_scan[pair] + 1, np.append(first[1:], 0))
+        behind = np.where(is_last, last_scan[pair] + 1, np.append(first[1:], 0))
         return cls(pair, first, behind)
 
     def rows(self, looks: Looks) -> tuple[IntArray, IntArray]:
@@ -77,18 +76,17 @@ class ProbabilityInterpolant:
     rise: FloatArray
 
     @classmethod
-    def of(cls, plan: Plan, sites: SensorStates, tolerance: float) -> "ProbabilityInterpolant":
+    def of(cls, geometry: LookGeometry, model: SignalModel, tolerance: float) -> "ProbabilityInterpolant":
         """Return the knots of all pairs that have looks."""
-        model = plan.detection
-        assert isinstance(model, SignalModel)
-        woven = GridRefiner(plan, sites, model, tolerance).woven()
-        pieces, curves, sure = _curved(plan, woven, sure_beyond(tolerance))
-        lines = Intervals.joined([_lines(woven.settled), _lines(woven.curved)])
+        grid = GridRefiner(geometry, model, tolerance).refined()
+        last_scan = geometry.pairs.last_scan
+        pieces, curves, sure = _curved(last_scan, grid, sure_beyond(tolerance))
+        lines = Intervals.joined([_lines(grid.settled), _lines(grid.curved)])
         lines = lines.take(_in_order(lines.pair, lines.scan[0]))
-        light = woven.values[1:]
+        light = grid.values[1:]
         at = light.take(lines.row[0], axis=1)
         rise = (light.take(lines.row[1], axis=1) - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
-        stretches = _Stretches.of(plan, lines.pair, lines.scan[0])
+        stretches = _Stretches.of(last_scan, lines.pair, lines.scan[0])
         return cls(model, pieces, curves, sure, stretches, at, rise)
 
     def over(self, looks: Looks) -> "WindowInterpolant":
@@ -110,8 +108,6 @@ class WindowInterpolant:
 
     def probability(self) -> FloatArray:
         """Return the probability of detection (n,) of each look."""
-        from scipy.special import ndtr
-
         sure = self._knots.sure[self._pieces]
         probability = np.repeat(sure, self._counts)
         open_ = np.flatnonzero(np.isnan(sure))
@@ -162,11 +158,11 @@ def _drawn_out(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatAr
     return columns
 
 
-def _curved(plan: Plan, woven: RefinedGrid, beyond: float) -> tuple[_Stretches, Curves, FloatArray]:
+def _curved(last_scan: IntArray, grid: RefinedGrid, beyond: float) -> tuple[_Stretches, Curves, FloatArray]:
     """Return pieces with their curves and what is sure of them; where all looks are knots, lines from look to look."""
-    settled, quantile = woven.settled, woven.values[0]
-    is_dense = np.all(np.diff(woven.curved.scan, axis=0) <= 1, axis=0)
-    dense, smooth = _lines(woven.curved.take(is_dense)), woven.curved.take(~is_dense)
+    settled, quantile = grid.settled, grid.values[0]
+    is_dense = np.all(np.diff(grid.curved.scan, axis=0) <= 1, axis=0)
+    dense, smooth = _lines(grid.curved.take(is_dense)), grid.curved.take(~is_dense)
     # What is settled has no curve but its sureness: a line stands in for one.
     straight = Intervals.joined([dense, settled.knots(slice(0, 3, 2))])
     inner, ends = quantile[smooth.row], quantile[straight.row]
@@ -179,7 +175,7 @@ def _curved(plan: Plan, woven: RefinedGrid, beyond: float) -> tuple[_Stretches, 
     least = np.concatenate([inner.min(axis=0) - judged, ends.min(axis=0)])[order]
     most = np.concatenate([inner.max(axis=0) + judged, ends.max(axis=0)])[order]
     sure = np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
-    return _Stretches.of(plan, pair[order], first[order]), curves, sure
+    return _Stretches.of(last_scan, pair[order], first[order]), curves, sure
 
 
 def _in_order(pair: IntArray, scan: IntArray) -> IntArray:

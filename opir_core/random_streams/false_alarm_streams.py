@@ -1,4 +1,4 @@
-"""The random numbers that a sensor's exceedances of noise are read from, block of scans by block of scans."""
+"""Random streams of a sensor's false alarms, by blocks of scans."""
 
 import math
 from functools import lru_cache
@@ -11,16 +11,16 @@ from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sensor
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 
-#: Scans of a block: so many that it has about this number of exceedances, but no more than that many scans.
+#: Mean number of false alarms in a block, and the largest number of its scans.
 _PER_BLOCK, _MOST_SCANS = 256.0, 1 << 20
 
-#: Numbers for when and where: the scan in its block, the distance from nadir, the turn about it.
+#: Random numbers for time and direction: scan in the block, distance from nadir, angle about nadir.
 PLACE_WORDS = 3
 
 
 @frozen(eq=False)
 class Drawn(Columns):
-    """Exceedances as streams have them, in the window or near it: when in its scan one comes hangs on where it is."""
+    """False alarms of scans in or near a window; their times in the scan depend on their directions."""
 
     sensor: IndexArray
     scan: IntArray
@@ -28,8 +28,8 @@ class Drawn(Columns):
     uniforms: FloatArray
 
 
-class SensorNoise:
-    """The exceedances of one sensor, block by block."""
+class FalseAlarmStream:
+    """The false alarms of one sensor, block by block."""
 
     def __init__(self, sensor: Sensor, number: int, name: str, seed: int, rate: float, words: int) -> None:
         self._sensor, self._number = sensor, number
@@ -41,10 +41,10 @@ class SensorNoise:
         self._phase = float(uniforms_of(Stream(stream_key(seed, self._sensor.id, "scan-phase")).words(0, 1))[0])
 
     def near(self, start_ns: int, end_ns: int) -> Drawn:
-        """Return the exceedances of scans that have looks in [start, end) of scene time."""
+        """Return the false alarms of scans with looks in [start, end) of scene time."""
         period_ns = self._sensor.scan.period_ns
         block_ns = self._scans * period_ns
-        # A scan's looks come up to a period after it begins.
+        # Looks of a scan are up to one period after its start.
         first = max((start_ns - period_ns) // block_ns, 0)
         counts = self._block_counts(first, max(-(-end_ns // block_ns), first + 1) - first)
         uniforms = self._uniforms(first, counts)
@@ -55,17 +55,17 @@ class SensorNoise:
         sensor = np.full(len(scan), self._number, dtype=np.int32)
         return Drawn(sensor, scan, serial, uniforms).take(near)
 
-    def phase_ns(self, at_m: FloatArray, seen_m: FloatArray) -> IntArray:
-        """Return when in its scan the sensor looks from places (n, 3) at others."""
-        return self._sensor.scan.phase_ns(at_m, seen_m, self._phase)
+    def phase_ns(self, sensor_m: FloatArray, target_m: FloatArray) -> IntArray:
+        """Return the scan phases, ns, at which the sensor at positions (n, 3) looks at positions (n, 3)."""
+        return self._sensor.scan.phase_ns(sensor_m, target_m, self._phase)
 
     def _block_counts(self, first: int, blocks: int) -> IntArray:
-        """Return how many exceedances blocks of scans have."""
+        """Return the numbers of false alarms in blocks of scans."""
         counts: IntArray = np.searchsorted(self._table, uniforms_of(self._counts.words(first, blocks)), side="right")
         return counts
 
     def _uniforms(self, first: int, counts: IntArray) -> FloatArray:
-        """Return the numbers (n, words) of the exceedances of blocks of scans."""
+        """Return the random numbers (n, words) of the false alarms in blocks of scans."""
         room = len(self._table) * self._words
         parts = [
             self._numbers.words((first + row) * room, count * self._words)
@@ -76,19 +76,19 @@ class SensorNoise:
 
 
 def _places(counts: IntArray) -> IntArray:
-    """Return the place of each exceedance in its block."""
+    """Return the number of each false alarm in its block."""
     places: IntArray = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     return places
 
 
 @lru_cache(maxsize=64)
 def poisson_table(mean: float) -> FloatArray:
-    """Return the probabilities of at most 0, 1, 2, … events of a Poisson law, to where hardly any are left."""
+    """Return the cumulative Poisson probabilities of 0, 1, 2, … events, up to a negligible tail."""
     most = int(mean + 12.0 * math.sqrt(mean) + 40.0)
     number = np.arange(most + 1)
     log_factorial = np.array([math.lgamma(n + 1.0) for n in range(most + 1)])
     cumulative = np.cumsum(np.exp(number * math.log(mean) - mean - log_factorial))
-    # The last is reached by no number below 1: rounding must not leave a gap.
+    # Every number in [0, 1) is below the last: rounding must not leave a gap.
     cumulative[-1] = 1.0
     table: FloatArray = np.minimum(cumulative, 1.0)
     table.flags.writeable = False

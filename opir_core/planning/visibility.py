@@ -1,0 +1,175 @@
+"""The pairs of a sensor and a target that have looks, and when the target is visible.
+
+Along each pair's burn or flight the geometry is sampled on a grid of scene time. Between two samples it deviates from
+the chord by at most acceleration · step² / 8, so most cells are certain: visible throughout, or not at all. In the
+other cells the looks are tested one by one.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
+from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.protocols import Sensor
+from opir_core.planning.sightlines import (
+    GRID_STEP_S,
+    Blocked,
+    Grid,
+    Pairs,
+    Sightlines,
+    Visibility,
+    distance_m,
+    look_time_s,
+    sampled_geometry,
+)
+from opir_core.planning.targets import Targets
+
+#: Upper bound of the relative acceleration of target and satellite, m/s² (about 10 g).
+_ACCELERATION_BOUND_M_S2 = 100.0
+
+#: Largest distance of a position from the chord between two samples, m.
+CHORD_ERROR_M = _ACCELERATION_BOUND_M_S2 * GRID_STEP_S**2 / 8.0
+
+#: Lines of sight at least this far above the target's horizon need no grazing height.
+_WELL_ABOVE_RAD = 0.05
+
+
+def visible_now(sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> BoolArray:
+    """Return whether targets (n, 3) are in the field of regard, above the minimum elevation, not behind the Earth."""
+    margins = Margins.of(sensor, sensor_ecef_m, target_ecef_m)
+    clear = (margins.horizon_rad > 0.0) | (margins.grazing_m > 0.0)
+    seen: BoolArray = clear & (margins.inside_rad > 0.0) & (margins.above_rad > 0.0)
+    return seen
+
+
+@frozen(eq=False)
+class Margins(Columns):
+    """Margins of lines of sight for each condition; all positive means visible.
+
+    A target is visible to a sensor above its horizon, and to one below if the line of sight passes above the ellipsoid.
+    """
+
+    horizon_rad: FloatArray
+    grazing_m: FloatArray
+    inside_rad: FloatArray
+    above_rad: FloatArray
+
+    @classmethod
+    def of(cls, sensor: Sensor, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray) -> "Margins":
+        """Return the margins of lines of sight from sensor positions to targets (n, 3)."""
+        horizon_rad = elevation_rad(target_ecef_m, sensor_ecef_m)
+        inside_rad = sensor.field_of_regard_half_angle_rad - nadir_angle_rad(sensor_ecef_m, target_ecef_m)
+        above_rad = horizon_rad - sensor.minimum_elevation_rad
+        grazing_m = np.full(len(horizon_rad), np.inf)
+        low = np.flatnonzero(~(horizon_rad > _WELL_ABOVE_RAD))
+        grazing_m[low] = grazing_height_m(sensor_ecef_m[low], target_ecef_m[low])
+        return cls(horizon_rad, grazing_m, inside_rad, above_rad)
+
+
+def cell_visibility(grid: Grid, margins: Margins, range_m: FloatArray) -> tuple[NDArray[np.uint8], IntArray]:
+    """Return the `Visibility` of each cell, by its first point, and why pairs are `Blocked`."""
+    guard_rad = 2.0 * CHORD_ERROR_M / range_m
+    cells = grid.cells()
+    horizon, hidden = _certain(margins.horizon_rad, guard_rad, cells)
+    grazing, behind = _certain(margins.grazing_m, np.full(len(guard_rad), 2.0 * CHORD_ERROR_M), cells)
+    inside, outside = _certain(margins.inside_rad, guard_rad, cells)
+    above, below = _certain(margins.above_rad, guard_rad, cells)
+    impossible = np.zeros(len(cells), dtype=np.bool_)
+    blocked = np.full(len(grid.points), Blocked.NOT, dtype=np.int64)
+    for reason, never in (
+        (Blocked.BEHIND_EARTH, hidden & behind),
+        (Blocked.OUTSIDE_FIELD_OF_REGARD, outside),
+        (Blocked.BELOW_MINIMUM_ELEVATION, below),
+    ):
+        impossible |= never
+        newly = ~grid.any_of_pair(cells[~impossible]) & (blocked == Blocked.NOT)
+        blocked = np.where(newly, reason, blocked)
+    sight = np.zeros(len(grid.pair), dtype=np.uint8)
+    certain = (horizon | grazing) & inside & above
+    sight[cells] = np.where(impossible, Visibility.NEVER, np.where(certain, Visibility.ALWAYS, Visibility.UNCERTAIN))
+    return sight, blocked
+
+
+def _certain(margin: FloatArray, guard: FloatArray, cells: IntArray) -> tuple[BoolArray, BoolArray]:
+    """Return in which cells a margin is positive throughout, and in which it is negative throughout."""
+    early, late = margin[cells], margin[cells + 1]
+    bound = np.maximum(guard[cells], guard[cells + 1])
+    always: BoolArray = np.minimum(early, late) > bound
+    never: BoolArray = np.maximum(early, late) < -bound
+    return always, never
+
+
+def needs_look_test(grid: Grid, sight: NDArray[np.uint8], first_s: FloatArray, last_s: FloatArray) -> BoolArray:
+    """Return which pairs have a cell without certain visibility between their first and last visible times."""
+    cells = grid.cells()
+    time_s, pair = grid.time_s[cells], grid.pair[cells]
+    between = (time_s + GRID_STEP_S > first_s[pair]) & (time_s < last_s[pair])
+    return grid.any_of_pair(cells[between & (sight[cells] != Visibility.ALWAYS)])
+
+
+_NS = 1_000_000_000
+
+
+def compile_pairs(
+    sensors: Sequence[Sensor], targets: Targets, uniforms: Sequence[float], *, light_time: bool, end_ns: int
+) -> tuple[Pairs, Sightlines]:
+    """Return all pairs, including those without looks before the scene's end, and their lines of sight.
+
+    `uniforms` are the sensors' random numbers in [0, 1) for scan patterns with a random start.
+    """
+    parts = [
+        _sensor_pairs(number, sensor, targets, uniform, light_time, end_ns)
+        for number, (sensor, uniform) in enumerate(zip(sensors, uniforms, strict=True))
+    ]
+    lines = [part[1] for part in parts]
+    starts = np.cumsum([0, *(len(line.travel_s) for line in lines[:-1])])
+    return Pairs.concatenate([part[0] for part in parts]), Sightlines(
+        first_point=np.concatenate([line.first_point + start for line, start in zip(lines, starts, strict=True)]),
+        travel_s=np.concatenate([line.travel_s for line in lines]),
+        elevation_sine=np.concatenate([line.elevation_sine for line in lines]),
+        sight=np.concatenate([line.sight for line in lines]),
+    )
+
+
+def _sensor_pairs(
+    number: int, sensor: Sensor, targets: Targets, uniform: float, light_time: bool, end_ns: int
+) -> tuple[Pairs, Sightlines]:
+    """Return one sensor's pairs with all targets, and their lines of sight."""
+    everyone = np.arange(len(targets.ids), dtype=np.int32)
+    start_s = look_time_s(sensor, targets, targets.ignition_s, light_time)
+    until_s = targets.observed_until_s(sensor)
+    stop_s = look_time_s(sensor, targets, until_s, light_time)
+    grid = Grid.over(start_s, stop_s)
+    travel_s, sensor_ecef_m, target_ecef_m = sampled_geometry(sensor, targets, grid, light_time)
+    margins = Margins.of(sensor, sensor_ecef_m, target_ecef_m)
+    sight, blocked = cell_visibility(grid, margins, distance_m(sensor_ecef_m, target_ecef_m))
+    first_s, last_s = grid.span(np.flatnonzero(sight != Visibility.NEVER), start_s, stop_s)
+    phase_ns = _phase_ns(sensor, targets, uniform)
+    first_scan, last_scan = _scans(first_s, last_s, phase_ns, sensor.scan.period_ns, end_ns)
+    last_scan = np.where(blocked == Blocked.NOT, last_scan, first_scan - 1)
+    blocked = np.where((blocked == Blocked.NOT) & (last_scan < first_scan), Blocked.NO_LOOK, blocked)
+    sensors, periods = np.full_like(everyone, number), np.full_like(phase_ns, sensor.scan.period_ns)
+    is_checked = needs_look_test(grid, sight, first_s, last_s)
+    pairs = Pairs(sensors, everyone, periods, phase_ns, first_scan, last_scan, is_checked, blocked, until_s)
+    return pairs, Sightlines(grid.first_point, travel_s, np.sin(margins.horizon_rad), sight)
+
+
+def _phase_ns(sensor: Sensor, targets: Targets, uniform: float) -> IntArray:
+    """Return each target's phase in the sensor's scan period, for its position at ignition, ns."""
+    everyone = np.arange(len(targets.ids), dtype=np.int32)
+    target_ecef_m = targets.position_ecef_m(everyone, targets.ignition_s)
+    return sensor.scan.phase_ns(sensor.orbit.position_ecef_m(targets.ignition_s), target_ecef_m, uniform)
+
+
+def _scans(
+    first_s: FloatArray, last_s: FloatArray, phase_ns: IntArray, period_ns: int, end_ns: int
+) -> tuple[IntArray, IntArray]:
+    """Return the first scan after `first_s` (at that instant the launch is not seen) and the last to `last_s`."""
+    first_ns = np.rint(np.where(np.isfinite(first_s), first_s, 0.0) * _NS).astype(np.int64)
+    last_ns = np.rint(np.where(np.isfinite(last_s), last_s, -1.0) * _NS).astype(np.int64)
+    first_scan = np.maximum((first_ns - phase_ns) // period_ns + 1, 0)
+    return first_scan, (np.minimum(last_ns, end_ns - 1) - phase_ns) // period_ns

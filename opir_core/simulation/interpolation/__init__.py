@@ -1,1 +1,0 @@
-"""Probabilities of detection interpolated along each pair's looks, to a stated tolerance."""
