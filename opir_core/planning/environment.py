@@ -8,7 +8,7 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.flight.ellipsoidal_height import height_m
+from opir_core.flight.gravity_and_drag import height_m
 from opir_core.geometry.vectors import length
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Band, Sensor

@@ -19,6 +19,7 @@ from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, Weighted
 from opir_core.builtin.detection import ConstantDetection, always_detection
 from opir_core.builtin.scanner import ScannerConfig
 from opir_core.builtin.targets import ballistic_targets
+from opir_core.interfaces.optional import Response
 from opir_core.interfaces.protocols import Band, Delivery, Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, Exposures, Tracks, Window
 from opir_core.output.events.forge import ForgeEncoder
@@ -328,13 +329,41 @@ class Tired(Changed):
         return np.full(len(exposures), 0.5 if Tired.rested else 0.25)
 
 
-@detection_mutant("promises-noise", "test_noise_crosses_as_often_as_stated")
+@detection_mutant("promises-noise", "test_optional_abilities_are_complete")
 class PromisesNoise(Changed):
-    """States a rate of noise that nobody sees."""
+    """States a rate of false alarms and has no measurements of them."""
 
     @property
     def rate_per_scan(self) -> FloatArray:
         return np.full(len(self.band_count), 0.1)
+
+
+@detection_mutant("noise-of-targets", "test_noise_crosses_as_often_as_stated")
+class NoiseOfTargets(Changed):
+    """Its rate of false alarms depends on the number of targets."""
+
+    words = 1
+
+    @property
+    def rate_per_scan(self) -> FloatArray:
+        return np.full(len(self.band_count), 0.1 * len(self.type_code))
+
+    def measure_noise(self, sensor: Any, uniforms: FloatArray) -> Measured:
+        return Measured(np.ones(len(sensor), dtype=np.uint8), np.full(len(sensor), 5.0))
+
+
+@detection_mutant("other-response", "test_expected_measurements_agree_with_probabilities")
+class OtherResponse(Changed):
+    """Its quantiles are not those of its probabilities."""
+
+    probability_tolerance = None
+
+    def response(self, exposures: Exposures, *, slack: float = 0.0) -> Response:
+        ones = np.ones((len(exposures), 1))
+        return Response(ones[:, 0], ones, ones)
+
+    def measure_response(self, response: Response, sensor: Any, dice: RandomDraws, probability: Any = None) -> Measured:
+        return Measured(np.ones(len(sensor), dtype=np.uint8), response.snr[:, 0])
 
 
 @detection_mutant("look-by-look", "test_looks_are_not_worked_through_one_by_one")
@@ -500,6 +529,36 @@ mutant(ClassifierModel, "unknown-codes", "test_codes_are_of_types_that_are_repor
 )
 mutant(ClassifierModel, "three-states", "test_pairs_and_detections_agree", ConfusionConfig)(
     classifier_build(ThreeStates)
+)
+
+
+class SureOfAll(ConfusionClassifier):
+    """Type probabilities that sum to 4."""
+
+    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
+        return np.zeros((len(sightings), 4))
+
+    def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
+        return log_posterior
+
+    def reported(self, log_posterior: FloatArray) -> Any:
+        return np.zeros(len(log_posterior), dtype=np.uint8)
+
+
+mutant(ClassifierModel, "sure-of-all-types", "test_type_probabilities_agree_with_types", ConfusionConfig)(
+    classifier_build(SureOfAll)
+)
+
+
+class HalfPosterior(ConfusionClassifier):
+    """Has posteriors, and nothing that reports them."""
+
+    def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
+        return np.full((len(sightings), 4), np.log(0.25))
+
+
+mutant(ClassifierModel, "half-posterior", "test_optional_abilities_are_complete", ConfusionConfig)(
+    classifier_build(HalfPosterior)
 )
 
 
@@ -677,6 +736,12 @@ class Meddles(OneTrack):
         return super().associate(detections)
 
 
+@tracker_mutant("starts-over", "test_unchanged_sensors_change_nothing")
+class StartsOver(OneTrack):
+    def set_sensors(self, _sensors: Any) -> None:
+        self.count = 0
+
+
 # Targets.
 
 
@@ -850,6 +915,17 @@ class Scribbles(Counts):
 class KnowsNoTracks(Counts):
     def write(self, window: Window) -> None:
         self.taken += int(np.sum(window.detections.track < 0))
+
+
+@sink_mutant("runs-ahead", "test_every_event_is_accounted_for")
+class RunsAhead(Counts):
+    def delivery_so_far(self) -> Delivery:
+        return Delivery(delivered=self.taken + 1)
+
+
+@sink_mutant("half-buffered", "test_optional_abilities_are_complete")
+class HalfBuffered(Counts):
+    waits = 0
 
 
 def offered(hook: str) -> Iterable[Any]:

@@ -55,6 +55,18 @@ def insist_same_lines(ours: Sequence[bytes], others: Sequence[bytes], where: str
     raise Broken(f"{where} there are {len(others)} events instead of {len(ours)}, or others: {told}", change)
 
 
+def insist_complete(part: Any, abilities: Sequence[type]) -> None:
+    """Insist that a built part has all members of an optional protocol, or none of them."""
+    for ability in abilities:
+        members = [name for name in vars(ability) if not name.startswith("_")]
+        missing = [name for name in members if not hasattr(part, name)]
+        if missing and len(missing) < len(members):
+            raise Broken(
+                f"it has some members of {ability.__name__} and lacks {', '.join(missing)}",
+                f"Implement all of opir_core.plugin.{ability.__name__}, or none of it.",
+            )
+
+
 def insist_pickles(part: Any) -> Any:
     """Insist that a built part can be pickled, and return its copy."""
     try:

@@ -5,11 +5,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from opir_core.interfaces.optional import PosteriorClassifier
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing.bench import LookTable, bench_scene, sightings_of
-from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows, insist_rows_stand_alone
+from opir_core.testing.contracts.comparisons import (
+    insist_complete,
+    insist_pickles,
+    insist_rows,
+    insist_rows_stand_alone,
+)
 from opir_core.testing.contracts.contract import insist
 from opir_core.testing.contracts.detection import RESERVED_PURPOSES, WatchedDice
 from opir_core.testing.contracts.scenes import SceneContract
@@ -112,6 +118,24 @@ class ClassifierContract(SceneContract):
         insist_rows("pair_type", of_pair, len(plan.pairs))
         same = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.sightings()))))
         insist(same, "pair_type and reported_type differ", "Draw both from dice.pair_uniforms, or return None.")
+
+    def test_optional_abilities_are_complete(self) -> None:
+        """An optional protocol is implemented with all its members, or not at all."""
+        insist_complete(self.plan().classifier, (PosteriorClassifier,))
+
+    def test_type_probabilities_agree_with_types(self) -> None:
+        """The posteriors of a `PosteriorClassifier` sum to 1 and lead to the types that it reports."""
+        model, seen = self.plan().classifier, self.sightings()
+        if not isinstance(model, PosteriorClassifier):
+            return
+        posterior = model.log_posterior(seen)
+        insist_rows("log_posterior", posterior, len(seen))
+        total = np.exp(posterior).sum(axis=1)
+        sums_to_one = posterior.shape[1] == len(REPORTED_TYPES) and bool(np.all(np.abs(total - 1.0) < 1e-6))
+        change = "Return natural logarithms of probabilities over REPORTED_TYPES, one row per detection."
+        insist(sums_to_one, "type probabilities do not sum to 1", change)
+        same = np.array_equal(model.reported(posterior), self._codes(np.arange(len(seen))))
+        insist(same, "reported and reported_type differ", "Return reported(log_posterior(...)) from reported_type.")
 
     def test_the_engines_own_numbers_are_left_alone(self) -> None:
         """Classifying draws no number that the engine uses itself."""

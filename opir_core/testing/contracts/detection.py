@@ -7,12 +7,17 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.optional import FalseAlarmModel
+from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.testing.bench import LookTable, bench_scene
 from opir_core.testing.chance import excess_of_count, excess_of_rate
-from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows, insist_rows_stand_alone
+from opir_core.testing.contracts.comparisons import (
+    insist_complete,
+    insist_pickles,
+    insist_rows,
+    insist_rows_stand_alone,
+)
 from opir_core.testing.contracts.contract import insist
 from opir_core.testing.contracts.scenes import SceneContract
 from opir_core.testing.steps import LOOP_STEPS, steps_per_row
@@ -159,15 +164,11 @@ class DetectionContract(SceneContract):
         )
 
     def test_noise_crosses_as_often_as_stated(self) -> None:
-        """Where the model says how often noise alone crosses a threshold (`rate_per_scan`), it does, within 99.9 %."""
-        per_scan = getattr(self.model(), "rate_per_scan", None)
-        if per_scan is None:
+        """False alarms of a `FalseAlarmModel` come at the rate that it states, within 99.9 %."""
+        model = self.model()
+        if not isinstance(model, FalseAlarmModel):
             return
-        insist(
-            isinstance(self.model(), FalseAlarmModel),
-            "rate_per_scan says how often noise crosses, and nothing says as what",
-            "Add words and measure_noise (opir_core.interfaces.optional), or leave rate_per_scan out.",
-        )
+        per_scan = model.rate_per_scan
         run = self.run_of(self.scene(targets=[]))
         scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]
         due, found = float(np.sum(per_scan * np.array(scans))), int(np.sum(run.truth.target < 0))
@@ -176,6 +177,22 @@ class DetectionContract(SceneContract):
             f"noise crosses {found} times, where the stated rates add up to {due:.1f}",
             "rate_per_scan is the mean number of exceedances in one scan of a sensor's whole field of regard.",
         )
+
+    def test_optional_abilities_are_complete(self) -> None:
+        """An optional protocol is implemented with all its members, or not at all."""
+        insist_complete(self.model(), (SignalModel, FalseAlarmModel))
+
+    def test_expected_measurements_agree_with_probabilities(self) -> None:
+        """The quantiles that a `SignalModel` returns are those of its probabilities."""
+        model, exposed = self.model(), self.looks().exposures
+        if not isinstance(model, SignalModel):
+            return
+        from scipy.special import ndtr
+
+        response = model.response(exposed)
+        insist_rows("response", response.snr, len(exposed))
+        same = response.probit is not None and np.allclose(ndtr(response.probit), model.probability(exposed), atol=1e-9)
+        insist(same, "response and probability differ", "Return the standard normal quantile of P_d as probit.")
 
     def test_looks_are_not_worked_through_one_by_one(self) -> None:
         """More looks take no more steps of Python: the work is done on arrays."""

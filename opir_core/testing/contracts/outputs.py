@@ -12,6 +12,7 @@ import numpy as np
 from attrs import evolve, fields_dict
 
 from opir_core.interfaces.contexts import EncoderContext
+from opir_core.interfaces.optional import BufferingSink, MonitoredSink
 from opir_core.interfaces.protocols import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Tracks, Window
 from opir_core.output.delivery import opened_sink
@@ -22,7 +23,7 @@ from opir_core.plugin.components import Component, EventEncoder, SinkModel
 from opir_core.scene.scene import Choice
 from opir_core.simulation.run import plan_windows
 from opir_core.testing.bench import bench_scene, encoder_of, planned
-from opir_core.testing.contracts.comparisons import insist_pickles
+from opir_core.testing.contracts.comparisons import insist_complete, insist_pickles
 from opir_core.testing.contracts.contract import Broken, Contract, insist
 from opir_core.testing.doubles import stub_estimates, stub_window
 from opir_core.testing.json_schema import faults_in
@@ -166,7 +167,16 @@ class SinkContract(Contract):
         with self.opened() as sink:
             for window in self.windows():
                 sink.write(window)
-            _insist_accounts(sink.close(), sum(len(window.detections) for window in self.windows()))
+            events = sum(len(window.detections) for window in self.windows())
+            if isinstance(sink, MonitoredSink):
+                _insist_accounts(sink.delivery_so_far(), events)
+            _insist_accounts(sink.close(), events)
+
+    def test_optional_abilities_are_complete(self) -> None:
+        """An optional protocol is implemented with all its members, or not at all."""
+        with self.opened() as sink:
+            insist_complete(sink, (BufferingSink,))
+            sink.close()
 
     def test_nothing_written_is_nothing_delivered(self) -> None:
         """A sink that is closed at once has delivered nothing."""

@@ -12,6 +12,7 @@ from attrs import evolve, fields, frozen
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import Component, TrackerModel
@@ -220,6 +221,16 @@ class TrackerContract(SceneContract):
                 f"at {tick_ns / _NS} s the answer is another after associate was asked",
                 "Change state in step alone; the engine may ask associate in pieces, or more than once.",
             )
+
+    def test_unchanged_sensors_change_nothing(self) -> None:
+        """A `ReconfigurableTracker` that gets the sensors it has continues as before."""
+        tracker, other = self.tracker(), self.tracker()
+        if not isinstance(tracker, ReconfigurableTracker):
+            return
+        for tick_ns, batch in _batches(tracker, self.seen(), self.plan().end_ns):
+            tracker.set_sensors(self.context().sensors)
+            same = _equal(tracker.step(tick_ns / _NS, batch), other.step(tick_ns / _NS, batch))
+            insist(same, f"at {tick_ns / _NS} s set_sensors changes the tracks", "Change the sensors' settings alone.")
 
     def test_each_detection_is_associated_on_its_own(self) -> None:
         """The track of a detection does not depend on which detections are asked about with it."""
