@@ -79,7 +79,7 @@ def section(package: str) -> str:
 def entry(name: str, value: Any) -> str:
     """Return the entry of one name: its signature and its docstring."""
     if not (inspect.isclass(value) or inspect.isroutine(value)):
-        return f"## {name}\n\nConstant, `{value!r}`.\n"
+        return f"## {name}\n\nConstant, `{re.sub(' at 0x[0-9a-f]+', '', repr(value))}`.\n"
     text = inspect.cleandoc(value.__doc__ or "")
     return f"## {name}\n\n```text\n{signature(name, value)}\n```\n\n{text}\n{members(value)}"
 
@@ -93,7 +93,7 @@ def signature(name: str, value: Any) -> str:
     found = _ARRAY_LIKE.sub("ArrayLike", found)
     found = re.sub(r"(?:[A-Za-z_]\w*\.)+([A-Za-z_]\w*)", r"\1", found)
     found = re.sub(r"ndarray\[tuple\[[^\]]*\], dtype\[(\w+)\]\]", r"array of \1", found)
-    found = re.sub(r"<factory>|NOTHING|<[^>]*>", "...", found).replace("'", "")
+    found = re.sub(r"NOTHING|<(?:[^<>]|<[^<>]*>)*>", "...", found).replace("'", "")
     found = f"{name}{found.removesuffix(' -> None') if inspect.isclass(value) else found}"
     return found if len(found) <= _WIDTH else _one_a_line(found)
 
