@@ -1,7 +1,7 @@
-# The everyday commands; each is one line that can be typed as well.
+# Everyday commands, one line each.
 PLUGINS = $(wildcard ./plugins/*/)
 
-.PHONY: install test quick lint types format ci benchmarks
+.PHONY: install test all lint types format ci mutants benchmarks
 
 install:
 	python -m pip install -e ".[test,lint]" $(addprefix -e ,$(PLUGINS))
@@ -9,8 +9,8 @@ install:
 test:
 	python -m pytest
 
-quick:
-	python -m pytest -m "not slow" -x -q
+all:
+	python -m pytest -m "" --hypothesis-profile=full
 
 lint:
 	python -m ruff check . && python -m ruff format --check .
@@ -23,6 +23,9 @@ types:
 
 ci:
 	bash .ci/run
+
+mutants:
+	python tests/mutation/sample.py
 
 benchmarks:
 	python benchmarks/throughput.py && python benchmarks/startup.py

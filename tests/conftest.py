@@ -1,6 +1,63 @@
-"""What all tests share: properties are no stopwatch, so that a busy machine fails none of them."""
+"""Settings of all tests: profiles of hypothesis, time limits, worker processes, and a line on what was left out."""
 
+import os
+from collections.abc import Sequence
+
+import pytest
 from hypothesis import HealthCheck, settings
 
-settings.register_profile("unhurried", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
-settings.load_profile("unhurried")
+SHARED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True}
+settings.register_profile("quick", max_examples=30, **SHARED)
+settings.register_profile("full", max_examples=100, **SHARED)
+settings.load_profile("quick")
+
+SLOW_TIME_LIMIT_S = 600
+MOST_WORKERS = 4
+
+#: Key of the number of slow tests left out, in the configuration and in a worker's answer.
+LEFT_OUT = pytest.StashKey[int]()
+LEFT_OUT_NAME = "slow_tests_left_out"
+
+
+def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
+    """Give slow tests a longer time limit than the default in pyproject.toml."""
+    for item in items:
+        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(SLOW_TIME_LIMIT_S))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
+    """Return the worker processes of `-n auto`: one more than cores for all tests, none if the command names tests."""
+    if config.option.collectonly or any(arguments_of(config)):
+        return 0
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(cores + 1, MOST_WORKERS)
+
+
+def arguments_of(config: pytest.Config) -> list[str]:
+    """Return the files, folders and tests that the command names."""
+    return [] if config.args_source is not pytest.Config.ArgsSource.ARGS else list(config.args)
+
+
+def pytest_deselected(items: Sequence[pytest.Item]) -> None:
+    """Count the slow tests that the expression of `-m` leaves out."""
+    config, slow = items[0].config, sum(item.get_closest_marker("slow") is not None for item in items)
+    config.stash[LEFT_OUT] = config.stash.get(LEFT_OUT, 0) + slow
+    if hasattr(config, "workeroutput"):
+        config.workeroutput[LEFT_OUT_NAME] = config.stash[LEFT_OUT]
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: object) -> None:
+    """Take over the count of a worker: each worker collects all tests."""
+    config, output = getattr(node, "config", None), getattr(node, "workeroutput", {})
+    if config is not None:
+        config.stash[LEFT_OUT] = max(config.stash.get(LEFT_OUT, 0), output.get(LEFT_OUT_NAME, 0))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Print how many slow tests were left out, and how to run them."""
+    if count := config.stash.get(LEFT_OUT, 0):
+        tests = "slow test was" if count == 1 else "slow tests were"
+        terminalreporter.line(f'{count} {tests} left out. Run them: pytest -m slow. Run all: pytest -m "" or make ci.')

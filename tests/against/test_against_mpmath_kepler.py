@@ -8,9 +8,10 @@ end position for a relative change of that input, taken by differences in 50 dig
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.kepler import kepler_status, propagate_kepler
 from opir_core.flight.lambert_solver import lambert
@@ -160,13 +161,13 @@ def straight_states(draw, sideways_share):
     return radius * ahead, velocity * (ahead + draw(sideways_share) * sideways)
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(states(), durations)
 def test_every_conic(state, duration):
     assert_within_the_bar(*state, duration)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(states(), durations)
 def test_the_way_back(state, duration):
     """From where an arc ends, back to where it began: states that no generator would think of."""
@@ -174,20 +175,20 @@ def test_the_way_back(state, duration):
     assert_within_the_bar(position, velocity, -duration)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(straight_states(st.just(0.0)), durations)
 def test_straight_up_and_down(state, duration):
     assert_within_the_bar(*state, duration)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(straight_states(powers_of_ten(-12.0, -3.0)), durations)
 def test_nearly_straight(state, duration):
     assert_within_the_bar(*state, duration)
 
 
 @pytest.mark.slow
-@settings(max_examples=2000, deadline=None)
+@examples(2000)
 @given(st.one_of(states(), straight_states(powers_of_ten(-12.0, -3.0)), straight_states(st.just(0.0))), durations)
 def test_a_long_sweep(state, duration):
     assert_within_the_bar(*state, duration)
@@ -203,7 +204,7 @@ def test_around_the_parabola(excess):
             assert_within_the_bar(position, velocity, duration)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.floats(-400.0, 60.0), powers_of_ten(-8.0, 3.0))
 def test_universal_functions(z, scale):
     alpha, s = np.array([np.sign(z) * scale]), np.array([np.sqrt(abs(z) / scale)])
@@ -218,7 +219,7 @@ def test_universal_functions(z, scale):
         assert abs(value[0] - float(reference)) <= 8.0 * growth * EPSILON * size + 1e-300
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(straight_states(powers_of_ten(-3.0, 1.0)), st.floats(1.0, 3600.0))
 def test_lambert_arrives(state, duration):
     """The velocities found carry the start to the end, in 50 digits, as nearly as rounding them allows."""

@@ -4,9 +4,10 @@ import math
 
 import mpmath
 import numpy as np
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.orbits import Elements
 from opir_core.orbits.elements import mean_anomaly_rad
@@ -52,7 +53,7 @@ def position_ecef(elements: Elements, time_s: float):
     return [mpmath.cos(turn) * x - mpmath.sin(turn) * y, mpmath.sin(turn) * x + mpmath.cos(turn) * y, z]
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(orbits(), st.one_of(st.floats(-1e6, 1e6), st.just(0.0)))
 @example(
     Elements(
@@ -77,7 +78,7 @@ def test_positions(elements, time_s):
     assert miss <= 10.0 * 2.2e-16 * scale_m
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.floats(-7.0, 7.0), st.floats(0.0, 0.95))
 def test_mean_anomaly(true_rad, eccentricity):
     ours = mean_anomaly_rad(true_rad, eccentricity)

@@ -8,11 +8,14 @@ import sys
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 from repository import ROOT
 
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")])
+#: Pages with blocks that run for several seconds.
+LONG = {"docs/reference/event-extensions.md"}
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
 
@@ -31,14 +34,20 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=named)
+def pages_with(language: str) -> list[Any]:
+    """Return the pages that have blocks in a language, marked if these run for long."""
+    pages = [page for page in PAGES if blocks(page, language)]
+    return [pytest.param(page, id=named(page), marks=[pytest.mark.slow] * (named(page) in LONG)) for page in pages]
+
+
+@pytest.mark.parametrize("page", pages_with("python"))
 def test_python_blocks_run(page: Path, folder: Path) -> None:
     code = "\n".join(blocks(page, "python"))
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "console")], ids=named)
+@pytest.mark.parametrize("page", pages_with("console"))
 def test_console_blocks_print_what_they_show(page: Path, folder: Path) -> None:
     for block in blocks(page, "console"):
         parts = COMMAND.split(block)

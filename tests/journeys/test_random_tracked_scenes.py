@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import opir_core as opir
+from examples import examples
 from opir_core.interfaces.records import Tracks
 
 SEEN = {"launch": "launch_covariance", "impact": "impact_covariance", "burnout": "burnout_covariance"}
@@ -93,7 +94,7 @@ def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
 
 
 @pytest.mark.filterwarnings("error")
-@settings(max_examples=24, derandomize=True)
+@settings(examples(24), derandomize=True)
 @given(sensors=sensors(), targets=targets(), tracker=st.sampled_from(TRACKERS), seed=st.integers(0, 1000))
 def test_what_is_told_is_sound(
     sensors: list[dict[str, Any]], targets: list[dict[str, Any]], tracker: Any, seed: int

@@ -5,9 +5,10 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.aiming import aim, surface_range_m
 from opir_core.flight.boost import boost_profile, boost_profiles
@@ -238,7 +239,7 @@ def test_free_flight_under_other_forces_is_aimed_for_them():
     assert short.min() > 100.0
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(
     latitude=st.floats(-POLE, POLE),
     longitude=st.floats(-math.pi, math.pi),
@@ -253,7 +254,7 @@ def test_any_launch_and_any_aim_within_range(latitude, longitude, bearing, share
     assert_hits(*flights(np.array([latitude]), longitude, bearing, range_m, [profile], heights=heights))
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(places=st.tuples(*[st.floats(-POLE, POLE), st.floats(-math.pi, math.pi)] * 2), profile=st.sampled_from(PROFILES))
 def test_any_two_places_are_hit_or_told(places, profile):
     launch, there = Geodetic(*places[:2], 0.0), Geodetic(*places[2:], 0.0)

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.flight.boost import ascent, boost_path, boost_profile, boost_profiles, launch_site, vertical_climb_s
 from opir_core.geometry import east_north_up_axes, ecef_to_geodetic, geodetic_to_ecef
@@ -136,7 +137,7 @@ def test_vertical_climb_loses_nothing_for_any_shape(shape):
         assert found[0] == pytest.approx(float(expected), rel=2e-14)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     latitude=st.floats(-math.pi / 2, math.pi / 2),
     longitude=st.floats(-math.pi, math.pi),

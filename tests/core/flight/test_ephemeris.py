@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.errors import ModelError
 from opir_core.flight.ephemeris import Ephemeris
 
@@ -193,7 +194,7 @@ def test_times_a_nanosecond_apart_are_told_apart():
     assert step.mean() == pytest.approx(7e3 * np.cos(1.0) * 1e-9, rel=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     starts=st.lists(st.floats(-1e5, 1e5), min_size=1, max_size=4),
     lengths=st.lists(st.floats(1e-3, 1e4), min_size=4, max_size=4),

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
 from opir_core.flight.propagation import ImpactReason, impact, impact_states, propagate
@@ -161,7 +162,7 @@ def test_a_perigee_just_below_the_height_is_an_impact_and_just_above_is_none(nam
     assert (states.reason == ImpactReason.IMPACT) == (depth_m > 0.0)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     st.floats(0.0, 90.0), st.floats(0.0, 5.0), st.floats(1.0, 11e3), st.floats(-90.0, 90.0), st.sampled_from(NUMERICAL)
 )

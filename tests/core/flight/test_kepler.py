@@ -4,9 +4,10 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_core.flight.kepler import KeplerStatus, kepler_status, propagate_kepler
 from opir_core.flight.universal_anomaly import solve_bracketed
@@ -153,7 +154,7 @@ def test_a_bad_element_does_not_touch_its_neighbours():
         assert np.array_equal(np.delete(a, bad, axis=0), np.delete(b, bad, axis=0))
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(*[st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=3, max_size=3)] * 2, st.floats())
 def test_any_doubles_give_a_number_or_a_reason(position, velocity, duration):
     with warnings.catch_warnings():

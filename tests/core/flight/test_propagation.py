@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from free_flights import ALL_ZONALS, EXPONENTIAL, MODELS, flights
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.flight.forces import Drag, Forces, ZonalField
 from opir_core.flight.kepler import propagate_kepler
@@ -74,7 +75,7 @@ def test_two_halves_are_the_whole(forces):
     assert np.abs(whole[0] - halves[0]).max() <= 1e-5
 
 
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(st.data())
 @pytest.mark.parametrize("name", list(MODELS))
 def test_results_do_not_depend_on_the_company(name, data):
@@ -120,7 +121,7 @@ def test_results_do_not_depend_on_blocks_and_memory_layout(name):
     np.testing.assert_array_equal(single[0], whole[0][2050])
 
 
-@settings(max_examples=4, deadline=None)
+@examples(4)
 @given(st.floats(-np.pi, np.pi))
 @pytest.mark.parametrize("name", list(MODELS))
 def test_turning_everything_about_the_axis_changes_nothing(name, angle):

@@ -6,9 +6,10 @@ import sys
 import numpy as np
 import pytest
 from free_flights import MODELS, flights
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
 from opir_core.flight.propagation import propagate
 
@@ -55,7 +56,7 @@ def test_below_the_air_model_there_is_nothing():
     assert np.isnan(propagate(falling, np.array([-300.0, 0.0, 0.0]), 100.0, MODELS["us76"])[0]).all()
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     st.floats(-90.0, 90.0),
     st.floats(-180.0, 180.0),

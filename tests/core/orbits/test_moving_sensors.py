@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 from attrs import fields
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.interfaces.records import Detections
 from opir_core.orbits import circular_elements, highly_elliptical_elements, slot_elements
 from opir_core.orbits.orbit_models import SPAN_S, MovingOrbit, TwoBodyMotion
@@ -46,7 +47,7 @@ def detections(plan, edges_ns) -> Detections:
     return Detections.concatenate([engine.advance(edge).detections for edge in edges_ns])
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(st.lists(st.integers(round(IGNITION_S * 1e9), END_NS - 1), max_size=8, unique=True))
 def test_windows_cut_anywhere_give_the_same_bytes(cuts):
     whole = detections(plan_of(ORBITS), [END_NS])

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.geometry import ecef_to_eci_state
 from opir_core.orbits import Elements, OrbitConfig, SlotConfig, circular_elements, elements_of, orbit_block, orbit_of
@@ -37,7 +38,7 @@ def times(count: int, seed: int, span_s: float = 2e5) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-span_s, span_s, count)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(orbits())
 def test_energy_and_momentum_stay(elements):
     time_s = times(50, 1)
@@ -54,7 +55,7 @@ def test_energy_and_momentum_stay(elements):
     assert momentum == pytest.approx(np.tile(normal, (50, 1)) * length, rel=0.0, abs=1e-10 * length)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(orbits())
 def test_distance_and_latitude_stay_within_their_bounds(elements):
     position = moving(elements).position_ecef_m(times(300, 2, 4e3))
@@ -65,7 +66,7 @@ def test_distance_and_latitude_stay_within_their_bounds(elements):
     assert (np.abs(position[:, 2]) <= highest + 1e-3).all()
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(orbits(), st.integers(0, 1000))
 def test_polynomials_keep_the_tolerance(elements, seed):
     motion = TwoBodyMotion(elements)
@@ -74,7 +75,7 @@ def test_polynomials_keep_the_tolerance(elements, seed):
     assert miss.max() <= 1e-3
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(orbits(), angles)
 def test_turning_the_node_turns_the_orbit_about_the_earths_axis(elements, turn_rad):
     time_s = times(40, 3)
@@ -108,7 +109,7 @@ def test_shifting_the_epoch_by_a_sidereal_day_moves_nothing():
     assert later == pytest.approx(first, rel=0.0, abs=2e-3)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(orbits(), st.data())
 def test_a_position_has_the_same_bits_in_any_batch(elements, data):
     time_s = np.array(data.draw(st.lists(st.floats(-1e5, 1e5), min_size=1, max_size=8)))
@@ -173,7 +174,7 @@ def test_a_slot_is_stationary_only_where_it_is():
         assert not orbit_of(OrbitConfig(slot=SlotConfig(lon_deg=12.0, **changes)), 0).is_stationary
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(orbits())
 def test_the_block_of_elements_makes_the_same_orbit(elements):
     made = elements_of(OrbitConfig(**orbit_config_block(orbit_block(elements))), EPOCH_US)

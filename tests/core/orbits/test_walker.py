@@ -5,9 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.orbits import OrbitConfig, WalkerConfig, elements_of, walker_pattern
 from opir_core.orbits.orbit_models import TwoBodyMotion
 
@@ -35,7 +36,7 @@ def same_set(one, other):
     return bool((distance.min(axis=0) < 1e-3).all() and (distance.min(axis=1) < 1e-3).all())
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(patterns())
 def test_a_delta_pattern_turned_by_a_plane_and_moved_by_its_phasing_is_itself(numbers):
     total, planes, phasing = numbers
@@ -48,7 +49,7 @@ def test_a_delta_pattern_turned_by_a_plane_and_moved_by_its_phasing_is_itself(nu
     assert same_set(moved[total - a_plane :], here[:a_plane])
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(patterns(), st.booleans())
 def test_every_plane_is_evenly_filled(numbers, star):
     total, planes, phasing = numbers

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from attrs import evolve
 from forge_events import ENCODER, EPOCH_US, SENSORS, events_of
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from examples import examples
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
 from opir_core.interfaces.contexts import EncoderContext
@@ -174,7 +175,7 @@ def raid(count: int) -> Window:
 
 
 @given(windows())
-@settings(max_examples=25)
+@examples(25)
 def test_truth_does_not_reach_an_event(window: Window) -> None:
     names = {name for name in DetectionTruth.__slots__ if not name.startswith("_")}
     assert not names & set(detection_schema()["properties"])

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from attrs import evolve
 from forge_events import refuse_constant
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from examples import examples
 from opir_core.cli.main import main
 from opir_core.errors import ModelError
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, grazing_height_m
@@ -121,7 +122,7 @@ def test_every_missile_track_fits_its_schema_and_says_what_its_row_says(window: 
 
 @pytest.mark.parametrize("encoder", [C2, UDL])
 @given(data=st.data())
-@settings(max_examples=40)
+@examples(40)
 def test_bytes_do_not_depend_on_how_detections_are_cut_into_windows(encoder: Any, data: st.DataObject) -> None:
     window = data.draw(windows())
     parts = [encoder.encode(part) for part in window_blocks(window, data.draw(st.integers(1, 4)))]

@@ -98,7 +98,9 @@ def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int
     assert b"".join(parts) == WITH_TRACKS.encode(window)
 
 
-@pytest.mark.parametrize("tracker", ["stereo-filter", "boost-profile", "kepler-arc", "none"])
+@pytest.mark.parametrize(
+    "tracker", ["stereo-filter", pytest.param("boost-profile", marks=pytest.mark.slow), "kepler-arc", "none"]
+)
 def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> None:
     changes = ["duration_s=90", "outputs=[]", f"tracker={tracker}"]
     plan = opir.compile_plan(opir.load_scene("examples/first_light.yaml", overrides=changes))

@@ -11,9 +11,10 @@ import pytest
 import yaml
 from attrs import evolve
 from fake_components import fake_host, good_mapping
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.scene.reading import load_scene, scene_from_mapping, scene_hash, scene_mapping
 from opir_core.scene.scene import Scene
 
@@ -104,7 +105,7 @@ def shuffled(data: Any, dice: random.Random) -> Any:
     return [shuffled(item, dice) for item in data] if isinstance(data, list) else data
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(mapping=mappings())
 def test_the_canonical_form_is_the_scene(mapping: dict[str, Any]) -> None:
     scene = scene_from_mapping(mapping, host=HOST)
@@ -113,7 +114,7 @@ def test_the_canonical_form_is_the_scene(mapping: dict[str, Any]) -> None:
     assert scene_mapping(scene_from_mapping(written, host=HOST)) == written
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(mapping=mappings(), dice=st.randoms(use_true_random=False))
 def test_the_hash_says_the_same_of_the_same_scene(mapping: dict[str, Any], dice: random.Random) -> None:
     """JSON is YAML, so one text is JSON with its keys shuffled and the other the canonical form through JSON."""

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 from fake_components import fake_host, good_mapping
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mutated_scenes import (
     PYTHON_VALUES,
@@ -25,6 +25,7 @@ from mutated_scenes import (
     yaml_of,
 )
 
+from examples import examples
 from opir_core.errors import OpirError
 from opir_core.scene.reading import load_scene, scene_from_mapping, scene_mapping, strict_yaml
 from opir_core.scene.scene import Scene
@@ -88,7 +89,7 @@ def test_the_good_scene_is_good() -> None:
     assert_same(tree, scene_mapping(scene))
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(tree=spoilt(RAW_VALUES))
 def test_a_spoilt_file_is_refused_or_keeps_its_meaning(tree: Any) -> None:
     scene = scene_of_text(yaml_of(tree))
@@ -129,7 +130,7 @@ def plain(tree: Any) -> Any:
     return [plain(item) for item in tree] if isinstance(tree, list) else tree
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(tree=spoilt(PYTHON_VALUES, doubles=False))
 def test_a_spoilt_mapping_is_refused_or_keeps_its_meaning(tree: Any) -> None:
     scene = scene_or_refusal(lambda: scene_from_mapping(plain(tree), host=HOST))
@@ -137,7 +138,7 @@ def test_a_spoilt_mapping_is_refused_or_keeps_its_meaning(tree: Any) -> None:
         assert_same(pairs(plain(tree)), scene_mapping(scene))
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(data=st.data())
 def test_a_spoilt_text_is_refused_or_a_scene(data: st.DataObject) -> None:
     text = yaml.safe_dump(good_mapping(), sort_keys=False)
@@ -152,7 +153,7 @@ def test_a_spoilt_text_is_refused_or_a_scene(data: st.DataObject) -> None:
     scene_of_text(text)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(data=st.data())
 def test_both_parsers_read_the_same(data: st.DataObject) -> None:
     """Files that libyaml and PyYAML's own parser both read mean the same."""
@@ -165,7 +166,7 @@ def test_both_parsers_read_the_same(data: st.DataObject) -> None:
     assert fast is None or slow is None or fast == slow
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     path=st.sampled_from(
         ["seed", "duration_s", "targets[0].launch.lat_deg", "sensors[1].notes", "x y", "[0]", "sensors[9]"]

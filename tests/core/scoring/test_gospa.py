@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.scoring.gospa import gospa
 
 counts = st.integers(0, 5)
@@ -14,7 +15,7 @@ def points(seed: int, count: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-10.0, 10.0, (count, 2))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.integers(0, 2**31), counts, counts, counts, st.sampled_from([0.5, 1.0, 2.0]))
 def test_gospa_is_a_metric(seed: int, first: int, second: int, third: int, alpha: float) -> None:
     a, b, c = points(seed, first), points(seed + 1, second), points(seed + 2, third)

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve, fields
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from examples import examples
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.errors import ModelError
 from opir_core.geometry import azimuth_elevation_range, is_occluded
@@ -53,7 +54,7 @@ def assert_same(one: Detections, other: Detections, leave_out: Sequence[str] = (
             assert left.tobytes() == right.tobytes(), attribute.name
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(st.lists(st.integers(1, 59_999_999_999), max_size=12, unique=True), st.booleans())
 def test_windows_cut_anywhere_give_the_same_bytes(cuts: list[int], is_constant: bool) -> None:
     def plan() -> Any:

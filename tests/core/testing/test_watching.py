@@ -26,4 +26,4 @@ def test_the_clock_is_seen_however_it_was_imported():
     from time import monotonic
 
     (told,) = asked_of_the_world(lambda: monotonic())
-    assert told.startswith("the clock: time.monotonic (core/test_watching.py, line ")
+    assert told.startswith("the clock: time.monotonic (testing/test_watching.py, line ")

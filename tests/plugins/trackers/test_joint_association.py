@@ -4,9 +4,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from opir_trackers.assignment import components, exact_marginals, marginals, nearest, propagated, ranks
+
+from examples import examples
 
 sizes = st.integers(1, 6)
 
@@ -33,7 +35,7 @@ def tried(weight: np.ndarray) -> np.ndarray:
     return beta / total
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(seed=st.integers(0, 2**31), height=sizes, width=st.integers(1, 5), density=st.floats(0.2, 1.0))
 def test_marginals_are_those_of_trying_everything(seed: int, height: int, width: int, density: float) -> None:
     weight = graph(seed, height, width, density)
@@ -45,7 +47,7 @@ def test_marginals_are_those_of_trying_everything(seed: int, height: int, width:
     assert np.allclose(turned, expected, rtol=1e-10, atol=1e-13)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(seed=st.integers(0, 2**31), height=st.integers(1, 9), width=st.integers(1, 9), density=st.floats(0.1, 1.0))
 def test_nearest_is_the_cheapest_assignment(seed: int, height: int, width: int, density: float) -> None:
     from scipy.optimize import linear_sum_assignment

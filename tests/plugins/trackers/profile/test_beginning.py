@@ -43,7 +43,12 @@ def test_a_track_that_catches_up_stands_where_it_would_have_stood() -> None:
     np.testing.assert_allclose(told.evidence, wanted.evidence, rtol=0.0, atol=1e-5)
 
 
-SELDOM = [(5000, "SRBM", 0), (5000, "SRBM", 3), (5000, "SRBM", 9), (10_000, "ICBM", 2)]
+SELDOM = [
+    (5000, "SRBM", 0),
+    pytest.param(5000, "SRBM", 3, marks=pytest.mark.slow),
+    pytest.param(5000, "SRBM", 9, marks=pytest.mark.slow),
+    (10_000, "ICBM", 2),
+]
 
 
 @pytest.mark.parametrize(("period_ms", "type_", "seed"), SELDOM)

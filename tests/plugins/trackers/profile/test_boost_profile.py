@@ -70,6 +70,7 @@ def true_values(truth, tick_s):
     return state.mean, profile_flight.impacts(ends, slope, none, "kepler").mean, family.burnout_s > tick_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("biases_rad", [0.0, 6e-5])
 def test_errors_of_states_are_what_their_covariances_say(biases_rad):
     truth, found = told("SRBM", 30, 7, (35, 50), biases_rad)
@@ -80,6 +81,7 @@ def test_errors_of_states_are_what_their_covariances_say(biases_rad):
         assert abs(values.mean() - 6.0) < 3.3 * np.sqrt(12.0 / len(values))
 
 
+@pytest.mark.slow
 def test_one_sensor_alone_is_as_sure_as_it_may_be():
     truth, found = told("SRBM", 30, 3, (30, 45), sensors=1, priors=PRIORS.take([TARGET_TYPES.index("SRBM")]))
     for each in found:
@@ -122,12 +124,14 @@ def test_one_sensor_finds_the_side_of_a_flight_that_pitches_over_after_it_was_sp
     assert values.max() < LARGEST_OF_SIX
 
 
+@pytest.mark.slow
 def test_a_fit_settles_where_the_pitch_starts_after_the_reference_time_of_the_lean():
     truth = late_flights("SRBM", 6, lift=2.0, burn=1.3, speed=0.6)
     after_s = int(fit.family_of(truth, PRIORS).burnout_s[0]) + 5
     assert nees_of(truth, after_s, sensors=2, chance=0.85).max() < LARGEST_OF_SIX
 
 
+@pytest.mark.slow
 def test_impact_ellipses_hold_the_truth():
     truth, (found,) = told("SRBM", 30, 11, None)
     _, impact, _ = true_values(truth, float(found.tick_s[0]))
@@ -138,6 +142,7 @@ def test_impact_ellipses_hold_the_truth():
     assert np.count_nonzero(values < 5.99) >= 24
 
 
+@pytest.mark.slow
 def test_impact_ellipses_hold_what_they_say_while_the_end_of_the_burn_is_open():
     # Told of the class: of flights of one class alone no posterior over three is right.
     truth, (found,) = told("IRBM", 60, 5, (65,), priors=PRIORS.take([TARGET_TYPES.index("IRBM")]))
@@ -209,6 +214,7 @@ def test_one_sensor_is_enough_and_says_how_little_it_knows():
     assert spreads[0] < spreads[1]
 
 
+@pytest.mark.slow
 def test_what_older_looks_say_fades_when_new_ones_drift_and_not_before():
     truth = flights("IRBM", 12, 5)
     track, rays = lines_of_sight(truth, 2e-5, 5)

@@ -4,12 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from opir_trackers.profile.containing import ContainingArcs, containing_sigmas, factors
 from opir_trackers.profile.end import DEVIATES, normal_quantiles, normal_rule
 from opir_trackers.profile.flight import Moments, off_ground
 
+from examples import examples
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import TOLD_CONTAINMENTS
 from opir_core.output.events.forge import ForgeEncoder
@@ -218,7 +219,7 @@ METRES = st.floats(-4e5, 4e5)
 SIGMAS = st.tuples(st.floats(300.0, 1e5), st.floats(300.0, 1e5))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.lists(st.tuples(METRES, METRES, SIGMAS, st.floats(0.05, 1.0)), min_size=2, max_size=6))
 def test_ellipses_of_a_mixture_hold_what_they_say(parts):
     away, sigmas = np.array([part[:2] for part in parts]), np.array([part[2] for part in parts])

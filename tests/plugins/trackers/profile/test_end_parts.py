@@ -51,6 +51,7 @@ def held(told, row, impacts, weight):
     return *(weight @ (square < np.square(radius)) for radius in told.impact_sigmas[row, 1:]), weight @ square / 2.0
 
 
+@pytest.mark.slow
 def test_ellipses_late_in_the_burn_hold_what_they_say_of_exact_posteriors(late):
     fitting, bank = late
     both = [told_of(fitting, bank, memory) for memory in (None, fitting.memory(bank))]

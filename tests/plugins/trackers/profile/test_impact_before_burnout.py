@@ -42,6 +42,7 @@ def fared(truth, asked):
     return np.stack(found), np.stack(after_s)
 
 
+@pytest.mark.slow
 def test_impacts_wait_for_the_end_of_burns_unless_they_are_asked_for():
     truth = Flown.concatenate([flown("SRBM", 12, SEED, name).take(slice(cut, cut + 6)) for cut, name in COURSES])
     values, after_s = fared(truth, False)

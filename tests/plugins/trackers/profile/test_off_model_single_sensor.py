@@ -1,6 +1,7 @@
 """What one sensor alone sees of targets that fly as no family does: the filter takes the place of the fit."""
 
 import numpy as np
+import pytest
 from off_model_flights import flown
 from tracked_flights import followed, rows_of, sensors_of, usual
 
@@ -9,6 +10,7 @@ from opir_core.scoring.consistency import nees, on_normal_scale
 KIND, COUNT, SEED, SHARE = "IRBM", 8, 1, 0.85
 
 
+@pytest.mark.slow
 def test_states_of_strange_targets_are_as_sure_as_they_say_before_the_burn_ends():
     truth = flown(KIND, COUNT, SEED, "staged")
     marks = truth.start_s + SHARE * truth.burn_s

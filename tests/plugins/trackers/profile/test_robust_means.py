@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from opir_trackers.profile.rows import GATE, detrended, medians, weights_of
+
+from examples import examples
 
 SIGMA_RAD = 2e-5
 
@@ -54,7 +56,7 @@ def test_three_strays_in_ten_leave_a_mean_that_knows_how_good_it_is(reach):
     assert np.mean(np.square(mean[:, 0] - centre[:, 0])) < 0.95 * np.mean(np.square(plain - centre[:, 0]))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(seed=st.integers(0, 10**6), size=st.integers(1, 12), scale=st.floats(1e-3, 1e3))
 def test_neither_order_nor_unit_matters(seed, size, scale):
     group, seen, _ = rays_of(5, size, 0.3, 20.0, seed)
@@ -69,7 +71,7 @@ def test_neither_order_nor_unit_matters(seed, size, scale):
     assert less == pytest.approx(told / scale**2, rel=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(seed=st.integers(0, 10**6), far=st.floats(30.0, 1e4), expected=st.booleans())
 def test_less_than_half_of_the_rays_cannot_take_the_mean_anywhere(seed, far, expected):
     rng = np.random.default_rng(seed)
@@ -80,7 +82,7 @@ def test_less_than_half_of_the_rays_cannot_take_the_mean_anywhere(seed, far, exp
     assert 0.0 < told[0] < 7.0 / SIGMA_RAD**2
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(seed=st.integers(0, 10**6), far=st.floats(0.0, 1e6))
 def test_what_a_group_tells_is_finite_and_no_more_than_all_its_rays_do(seed, far):
     group, seen, _ = rays_of(6, int(np.random.default_rng(seed).integers(1, 9)), 0.5, far, seed)

@@ -233,6 +233,7 @@ def test_only_what_two_sensors_see_is_certainly_strange():
     assert known.strangers().tolist() == [1]
 
 
+@pytest.mark.slow
 def test_certain_strangers_cost_no_fit_and_are_told_as_the_filter_tells_them(monkeypatch):
     fitted, plain = [], Fitting._fitted
 
@@ -250,6 +251,7 @@ def test_certain_strangers_cost_no_fit_and_are_told_as_the_filter_tells_them(mon
     assert (last.told.type_probability[rows, TARGET_TYPES.index("ICBM")] > 0.9).all()
 
 
+@pytest.mark.slow
 def test_impact_ellipses_hold_targets_of_other_families():
     staged, tabulated = (flown("SRBM", 24, 21, course) for course in ("staged", "tabulated"))
     truth = Flown.concatenate([staged.take(slice(0, 12)), tabulated.take(slice(12, 24))])
@@ -259,6 +261,7 @@ def test_impact_ellipses_hold_targets_of_other_families():
     assert np.count_nonzero(values < 5.99) >= 16
 
 
+@pytest.mark.slow
 def test_impact_ellipses_hold_where_three_lines_of_sight_in_ten_stray_within_the_gate():
     truth = flown("SRBM", 12, 22, "family")
     told = last_told(truth, usual("SRBM")._replace(outliers=0.3, astray_rad=9e-5), 22, 6.0)

@@ -115,6 +115,7 @@ def both(fitting, bank, tick_s):
     return whole, report(likely, probability(likely), *rest, (finer, probability(finer)))
 
 
+@pytest.mark.slow
 def test_states_are_told_as_surely_as_exact_posteriors_have_them():
     kind, tick_s = TARGET_TYPES.index("IRBM"), 28.0
     fitting, bank = followed("IRBM", 12, 14, int(tick_s))

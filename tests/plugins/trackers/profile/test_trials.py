@@ -1,6 +1,7 @@
 """Trials of the boost-profile fit: parts of a posterior to which steps from what was found do not lead."""
 
 import numpy as np
+import pytest
 from attrs import evolve
 from class_flights import PRIORS, bank_after, flights, lines_of_sight, watch_of
 from opir_trackers.profile import fit
@@ -28,6 +29,7 @@ def seen_late(count):
     return truth, track, rays
 
 
+@pytest.mark.slow
 def test_a_boost_that_pitched_before_its_first_light_is_not_given_up_for_one_that_pitched_after_it():
     # It has leaned for a while when it is seen, and in one of fifty draws of errors looks fit one that starts to lean.
     truth, track, rays = seen_late(200)

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from attrs import evolve
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from off_model_flights import flown
 from opir_trackers.gating import GatedPairs
 from opir_trackers.stereo.measurement_weights import SHARES, Outliers, doubtful, shares_told, unsuspected
 from tracked_flights import followed, rows_of, usual
 
+from examples import examples
 from opir_core.scoring.consistency import nees
 
 GATE = 4.5
@@ -63,7 +64,7 @@ def test_rays_beyond_the_gate_say_nothing_of_the_share_within():
     assert told_by(far) == pytest.approx(told_by(near), rel=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(seed=st.integers(0, 10**6), strays=st.floats(0.0, 1.0), cut=st.integers(0, 300))
 def test_a_share_is_a_share_and_the_same_in_one_go_or_two_and_in_any_order(seed, strays, cut):
     square = squares_of(strays, 3, 300, seed)

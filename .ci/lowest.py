@@ -1,0 +1,37 @@
+"""Print pip constraints: the lowest version that each pyproject.toml of this repository allows of each dependency.
+
+python .ci/lowest.py > lowest.txt
+"""
+
+import re
+import sys
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+REQUIREMENT = re.compile(r"(?P<name>[\w.-]+)(\[[\w,-]+\])?\s*(?P<bounds>[^;]*)")
+LOWER = re.compile(r">=\s*(?P<version>[\w.]+)")
+
+
+def lowest() -> dict[str, str]:
+    """Return the lower bound of each requirement by name; if several files bound it, the highest of these."""
+    bounds: dict[str, str] = {}
+    for path in (ROOT / "pyproject.toml", *sorted((ROOT / "plugins").glob("*/pyproject.toml"))):
+        project = tomllib.loads(path.read_text(encoding="utf-8"))["project"]
+        extras = project.get("optional-dependencies", {})
+        for requirement in (*project.get("dependencies", ()), *extras.get("test", ()), *extras.get("sgp4", ())):
+            found = REQUIREMENT.match(requirement)
+            lower = LOWER.search(found["bounds"]) if found else None
+            if found and lower and not found["name"].startswith("opir"):
+                name = found["name"].lower()
+                bounds[name] = max(bounds.get(name, "0"), lower["version"], key=numbers)
+    return bounds
+
+
+def numbers(version: str) -> tuple[int, ...]:
+    """Return the numbers of a version, to compare it by."""
+    return tuple(int(part) for part in re.findall(r"\d+", version))
+
+
+if __name__ == "__main__":
+    sys.stdout.writelines(f"{name}=={version}\n" for name, version in sorted(lowest().items()))
