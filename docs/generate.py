@@ -13,8 +13,8 @@ from attrs import fields
 from modelled import modelled_pages
 
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
-from opir_core.plugin.description import field_rows, shown
 from opir_core.plugin.host import Host
+from opir_core.scene.field_rows import field_rows, shown
 from opir_core.scene.reading.scene_schema import SceneFile
 from opir_core.scene.scene import SceneDrag
 

@@ -10,11 +10,10 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from opir_core.plugin.components import CATALOGUE, Component
-from opir_core.plugin.description import FieldRow, field_rows
 from opir_core.plugin.host import Host
+from opir_core.scene.field_rows import FieldRow, field_rows
 from opir_core.scene.reading.scene_schema import SceneFile
-from opir_core.scene.scene import SceneDrag
-from opir_core.scene.spool_settings import SpoolConfig
+from opir_core.scene.scene import SceneDrag, SpoolConfig
 
 
 class Part(NamedTuple):

@@ -82,3 +82,17 @@ def way_to_write(error: OSError, path: Path) -> str:
     if isinstance(error, IsADirectoryError):
         return "give the path of a file in it"
     return "make room, or give a path on another disk" if error.errno == ENOSPC else "give a path that may be written"
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return `; the nearest is 'X'`, or "" where no known name is similar. Letter case is ignored."""
+    matches = nearest_names(name, known)
+    return f"; the nearest is {matches[0]!r}" if matches else ""
+
+
+def nearest_names(name: str, known: Iterable[str], *, most: int = 3, cutoff: float = 0.5) -> list[str]:
+    """Return the known names that are most similar to a name, the best first. Letter case is ignored."""
+    from difflib import get_close_matches
+
+    spelt = {candidate.casefold(): candidate for candidate in sorted(known, reverse=True)}
+    return [spelt[match] for match in get_close_matches(name.casefold(), spelt, n=most, cutoff=cutoff)]

@@ -138,3 +138,21 @@ class TableConfig:
     burnout_s: float | None = number(
         default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; by default what the file says"
     )
+
+
+@frozen
+class JsonlConfig:
+    """The settings of the sink `jsonl`."""
+
+    path: str = text(
+        help="file in an existing folder, overwritten (or appended to, with a spool); - is standard output",
+        default="events.jsonl",
+    )
+    encoder: str = text(help="event encoder of the lines", default="forge")
+
+
+@frozen
+class MemoryConfig:
+    """The settings of the sink `memory`."""
+
+    encoder: str = text(help="event encoder of the events that are requested", default="forge")

@@ -1,4 +1,4 @@
-"""Core's own plugin: an honest model of every kind that needs no plugin, the null models, encoders and sinks.
+"""The core's own plugin: the default model of most kinds, null models, encoders and sinks.
 
 Nothing heavy is imported before a component is built.
 """
@@ -7,7 +7,15 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from typing import Any
 
-from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, TableConfig, WeightedConfig
+from opir_core.builtin.configs import (
+    BallisticConfig,
+    ConfusionConfig,
+    ConstantConfig,
+    JsonlConfig,
+    MemoryConfig,
+    TableConfig,
+    WeightedConfig,
+)
 from opir_core.plugin.components import (
     AtmosphereModel,
     BackgroundModel,
@@ -31,12 +39,63 @@ def _built_by(module: str, function: str) -> Callable[..., Any]:
     return build
 
 
+def _encoder(name: str, summary: str, module: str, encoder: str, **options: bool) -> EventEncoder:
+    """Return an encoder of a module of `opir_core.output.events`, which is imported when the encoder is built."""
+
+    def build(_config: Any, context: Any) -> Any:
+        return getattr(import_module(f"opir_core.output.events.{module}"), encoder)(context, **options)
+
+    return EventEncoder(name=name, summary=summary, build=build)
+
+
+ENCODERS = (
+    _encoder("forge", "one flat JSON object per event, for the FORGE fusion pipeline", "forge", "ForgeEncoder"),
+    _encoder(
+        "forge-bands",
+        "the event of forge, with the measured irradiance of each band",
+        "forge",
+        "ForgeEncoder",
+        has_irradiances=True,
+    ),
+    _encoder(
+        "forge-c2",
+        "a flat record with or without a position, for command-and-control consumers",
+        "forge_c2",
+        "ForgeC2Encoder",
+    ),
+    _encoder(
+        "forge-tracks",
+        "the event of forge, with the state, burnout, covariances and type of its track",
+        "forge",
+        "ForgeEncoder",
+        has_tracks=True,
+    ),
+    _encoder("udl", "a MissileTrack of the Unified Data Library, simulated", "udl", "UdlEncoder"),
+)
+
+SINKS = (
+    SinkModel(
+        name="jsonl",
+        summary="one event per line, to a file or standard output",
+        config=JsonlConfig,
+        build=_built_by("sinks", "line_file"),
+    ),
+    SinkModel(
+        name="memory",
+        summary="windows kept in memory, as columns and as events",
+        config=MemoryConfig,
+        build=_built_by("sinks", "memory_sink"),
+    ),
+    SinkModel(name="null", summary="discards events without encoding them", build=_built_by("sinks", "null_sink")),
+)
+
+
 @hookimpl
 def opir_detection_models() -> Iterable[DetectionModel]:
     """Yield `constant`, `always` and `never`."""
     yield DetectionModel(
         name="constant",
-        summary="one probability of detection for each sensor and target type (the paper's)",
+        summary="a probability of detection per sensor and target type (the paper's)",
         config=ConstantConfig,
         build=_built_by("detection", "constant_detection"),
     )
@@ -49,18 +108,16 @@ def opir_classifiers() -> Iterable[ClassifierModel]:
     """Yield `paper`, `none`, `always` and `never`."""
     yield ClassifierModel(
         name="paper",
-        summary="drawn from a confusion matrix, once for each sensor and launch",
+        summary="drawn from a confusion matrix, once per sensor and launch",
         config=ConfusionConfig,
         build=_built_by("classification", "confusion_classifier"),
     )
     yield ClassifierModel(
         name="none", summary="every target is UNKNOWN", build=_built_by("classification", "no_answer")
     )
+    yield ClassifierModel(name="always", summary="always the true type", build=_built_by("classification", "true_type"))
     yield ClassifierModel(
-        name="always", summary="the true type each time", build=_built_by("classification", "true_type")
-    )
-    yield ClassifierModel(
-        name="never", summary="every target is UNKNOWN (as none)", build=_built_by("classification", "no_answer")
+        name="never", summary="every target is UNKNOWN, like none", build=_built_by("classification", "no_answer")
     )
 
 
@@ -69,18 +126,18 @@ def opir_confidence_models() -> Iterable[ConfidenceModel]:
     """Yield `weighted`, `always` and `never`."""
     yield ConfidenceModel(
         name="weighted",
-        summary="weighted sum of confirming bands, detections so far and elevation (the paper's)",
+        summary="weighted sum of confirming bands, number of detections and elevation (the paper's)",
         config=WeightedConfig,
-        build=_built_by("confidence", "weighted_confidence"),
+        build=_built_by("classification", "weighted_confidence"),
     )
-    yield ConfidenceModel(name="always", summary="confidence 1", build=_built_by("confidence", "full_confidence"))
-    yield ConfidenceModel(name="never", summary="confidence 0", build=_built_by("confidence", "no_confidence"))
+    yield ConfidenceModel(name="always", summary="confidence 1", build=_built_by("classification", "full_confidence"))
+    yield ConfidenceModel(name="never", summary="confidence 0", build=_built_by("classification", "no_confidence"))
 
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `none`."""
-    yield TrackerModel(name="none", summary="no tracks", build=_built_by("tracking", "no_tracker"))
+    yield TrackerModel(name="none", summary="no tracks", build=_built_by("null_models", "no_tracker"))
 
 
 @hookimpl
@@ -94,7 +151,7 @@ def opir_target_models() -> Iterable[TargetModel]:
     )
     yield TargetModel(
         name="table",
-        summary="a trajectory that the scene brings itself: a table of states, CSV or CCSDS OEM",
+        summary="a trajectory from a file: a table of states, CSV or CCSDS OEM",
         config=TableConfig,
         build=_built_by("table_targets", "table_targets"),
     )
@@ -104,7 +161,7 @@ def opir_target_models() -> Iterable[TargetModel]:
 def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
     """Yield `clear`."""
     yield AtmosphereModel(
-        name="clear", summary="transmittance 1, no clouds", build=_built_by("clear_sky", "clear_atmosphere")
+        name="clear", summary="transmittance 1, no clouds", build=_built_by("null_models", "clear_atmosphere")
     )
 
 
@@ -112,21 +169,17 @@ def opir_atmosphere_models() -> Iterable[AtmosphereModel]:
 def opir_background_models() -> Iterable[BackgroundModel]:
     """Yield `none`."""
     yield BackgroundModel(
-        name="none", summary="nothing shines but targets", build=_built_by("clear_sky", "no_background")
+        name="none", summary="no background radiance", build=_built_by("null_models", "no_background")
     )
 
 
 @hookimpl
 def opir_event_encoders() -> Iterable[EventEncoder]:
     """Yield the built-in encoders."""
-    from opir_core.builtin.encoders import ENCODERS
-
-    yield from ENCODERS
+    return ENCODERS
 
 
 @hookimpl
 def opir_sinks() -> Iterable[SinkModel]:
     """Yield the built-in sinks."""
-    from opir_core.builtin.sinks import SINKS
-
-    yield from SINKS
+    return SINKS

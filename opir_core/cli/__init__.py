@@ -1,1 +1,1 @@
-"""The core's commands: each module has `add_arguments(parser)` and `run(arguments) -> exit code`."""
+"""The commands of the core, each a function of the parsed arguments that returns the exit code."""

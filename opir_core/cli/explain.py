@@ -1,4 +1,4 @@
-"""`opir explain`: what a scene will compute, what it skips, and why."""
+"""`opir validate` checks a scene, `opir explain` shows what it computes, what it skips, and why."""
 
 import argparse
 import json
@@ -7,41 +7,57 @@ from collections.abc import Mapping
 from typing import Any
 
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
-from opir_core.cli.summary_text import counted, table
+from opir_core.cli.terminal import grouped, table
+from opir_core.planning.plan import Plan
+from opir_core.plugin.host import Host
+from opir_core.simulation.explanation import explained
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the scene, its settings and the form of the answer."""
+def validate_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene and its overrides."""
+    add_scene_arguments(parser)
+
+
+def validate(arguments: argparse.Namespace) -> int:
+    """Read and plan the scene; errors are raised."""
+    plan = _plan(arguments)
+    sys.stdout.write(f"{arguments.scene}: valid ({len(plan.sensors)} sensors, {len(plan.targets.ids)} targets)\n")
+    return 0
+
+
+def explain_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene, its overrides and the output format."""
     add_scene_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Compile the scene's plan and tell it."""
-    from opir_core.plugin.host import Host
-    from opir_core.simulation.explanation import explained
-
-    host = Host.discover()
-    told = explained(plan_of(arguments, scene_of(arguments, host), host))
-    sys.stdout.write((json.dumps(told, indent=2) if arguments.json else _as_text(told)) + "\n")
+def explain(arguments: argparse.Namespace) -> int:
+    """Compile the scene's plan and print it."""
+    explanation = explained(_plan(arguments))
+    sys.stdout.write((json.dumps(explanation, indent=2) if arguments.json else _as_text(explanation)) + "\n")
     return 0
 
 
-def _as_text(told: Mapping[str, Any]) -> str:
-    components = [(row["kind"], row["name"], f"{row['distribution']} {row['version']}") for row in told["components"]]
-    pairs = [_pair_cells(row) for row in told["pairs"]]
-    skipped = [(row["sensor_id"], row["target_id"], row["reason"]) for row in told["skipped"]]
+def _plan(arguments: argparse.Namespace) -> Plan:
+    host = Host.discover()
+    return plan_of(arguments, scene_of(arguments, host), host)
+
+
+def _as_text(plan: Mapping[str, Any]) -> str:
+    components = [(row["kind"], row["name"], f"{row['distribution']} {row['version']}") for row in plan["components"]]
+    pairs = [_pair_cells(row) for row in plan["pairs"]]
+    skipped = [(row["sensor_id"], row["target_id"], row["reason"]) for row in plan["skipped"]]
     parts = [
-        f"{told['scene']}: {counted(told['looks'])} looks of {len(pairs)} pairs; forces {', '.join(told['forces'])}",
+        f"{plan['scene']}: {grouped(plan['looks'])} looks of {len(pairs)} pairs; forces {', '.join(plan['forces'])}",
         table(("kind", "name", "from"), components),
         table(("sensor", "target", "looks", "from s", "to s", "visible", "P_d"), pairs, numbers=(2, 3, 4, 6)),
     ]
     if skipped:
         parts.append(table(("sensor", "target", "skipped because"), skipped))
-    if told["noise"]:
-        noise = [(row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_hour']:.3g}") for row in told["noise"]]
-        parts.append(table(("sensor", "detections of noise alone: a scan", "an hour"), noise, numbers=(1, 2)))
-    return "\n\n".join([*parts, "\n".join(f"not computed: {line}" for line in told["not_computed"])])
+    if plan["noise"]:
+        noise = [(row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_hour']:.3g}") for row in plan["noise"]]
+        parts.append(table(("sensor", "false alarms per scan", "per hour"), noise, numbers=(1, 2)))
+    return "\n\n".join([*parts, "\n".join(f"not computed: {line}" for line in plan["not_computed"])])
 
 
 def _pair_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
@@ -49,7 +65,7 @@ def _pair_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         row["sensor_id"],
         row["target_id"],
-        counted(row["looks"]),
+        grouped(row["looks"]),
         f"{row['first_look_s']:.3f}",
         f"{row['last_look_s']:.3f}",
         row["visible"],

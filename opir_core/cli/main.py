@@ -1,6 +1,6 @@
-"""The command `opir`: parse, run the command, turn opir's own errors into one message and an exit code.
+"""The command `opir`: parse the command line, run the command, report opir's own errors with an exit code.
 
-Each command imports what it needs when it runs, so `opir --version` costs little more than Python itself.
+A command's module is imported only when the command is given, so `opir --version` costs little more than Python itself.
 """
 
 import argparse
@@ -11,20 +11,34 @@ from typing import Any
 
 from opir_core._version import __version__
 
-#: The core's commands and what they do; each is a module of `opir_core.cli` with `add_arguments` and `run`.
+#: The core's commands: the module of `opir_core.cli`, and the summary. For a command `new-plugin` the module has
+#: `new_plugin_arguments(parser)` and `new_plugin(arguments) -> exit code`.
 COMMANDS = {
-    "run": "simulate a scene and write its events, truth, tracks and manifest",
-    "validate": "read a scene and say what is wrong with it",
-    "explain": "say what a scene will compute, and what it skips and why",
-    "score": "judge the tracks of a run against the truth",
-    "compare": "run a scene with several trackers, many times, and judge them",
-    "plugins": "list the installed plugins and what they offer",
-    "describe": "say what a component is and what a scene may set of it",
-    "physics": "work out a radiometric quantity from its formula",
-    "new-plugin": "write a package with a component of your own, that installs and passes at once",
-    "check": "say whether a component keeps the promises of its kind, and what to change",
-    "schema": "print the JSON Schema of an event",
+    "run": ("run", "simulate a scene; write events, truth, tracks and manifest"),
+    "validate": ("explain", "check a scene without simulating it"),
+    "explain": ("explain", "show what a scene computes, and what it skips and why"),
+    "score": ("score", "score the tracks of a run against the truth"),
+    "compare": ("score", "run a scene with several trackers, many times, and score them"),
+    "plugins": ("components", "list the installed plugins and their components"),
+    "describe": ("components", "show the settings of a component: units, ranges, defaults, sources"),
+    "physics": ("physics", "evaluate a radiometric formula"),
+    "new-plugin": ("new_plugin", "write the package of a new plugin, ready to install"),
+    "check": ("check", "run the conformance tests of a component"),
+    "schema": ("schema", "print the JSON Schema of an event"),
+    "completion": ("completion", "print a completion script for bash, zsh or fish"),
 }
+
+EXIT_CODES = """\
+exit codes:
+  0    success
+  1    internal error
+  2    invalid command line or scene
+  3    component missing, ambiguous or broken
+  4    a model returned invalid values, or a conformance test failed
+  5    an output failed
+  130  interrupted
+  141  the reader of standard output stopped reading
+"""
 
 _INTERRUPTED = 130
 _BROKEN_PIPE = 141
@@ -42,11 +56,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return _BROKEN_PIPE
     except Exception as error:
-        return _told(error)
+        return _reported(error)
 
 
-def _told(error: Exception) -> int:
-    """Print one of opir's own errors and return its exit code; let any other through."""
+def full_parser() -> argparse.ArgumentParser:
+    """Return the parser with the arguments of all commands, those of plugins included."""
+    parser, commands = _empty_parser()
+    for name in COMMANDS:
+        _add_arguments(commands.choices[name], name)
+    _add_plugin_commands(commands, None)
+    return parser
+
+
+def _reported(error: Exception) -> int:
+    """Print one of opir's own errors and return its exit code; raise any other."""
     from opir_core.errors import OpirError
 
     if not isinstance(error, OpirError):
@@ -56,28 +79,41 @@ def _told(error: Exception) -> int:
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="opir", description="Simulate overhead infrared missile-warning sensors.")
-    parser.add_argument("--version", action="version", version=f"opir {__version__}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    wanted = next((word for word in words if not word.startswith("-")), None)
-    for name, summary in COMMANDS.items():
-        command = commands.add_parser(name, help=summary, description=summary)
-        if name == wanted:
-            _fill(command, name)
-    if wanted not in COMMANDS and "--version" not in words:
-        _add_plugin_commands(commands, wanted)
+    """Return the parser with the arguments of the command that is given, and the names of all others."""
+    parser, commands = _empty_parser()
+    given = next((word for word in words if not word.startswith("-")), None)
+    if given in COMMANDS:
+        _add_arguments(commands.choices[given], given)
+    elif "--version" not in words:
+        _add_plugin_commands(commands, given)
     return parser
 
 
-def _fill(command: argparse.ArgumentParser, name: str) -> None:
-    module = import_module(f"opir_core.cli.{name.replace('-', '_')}")
-    module.add_arguments(command)
-    command.set_defaults(run=module.run)
+def _empty_parser() -> tuple[argparse.ArgumentParser, Any]:
+    parser = argparse.ArgumentParser(
+        prog="opir",
+        description="Simulate overhead infrared missile-warning sensors.",
+        epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"opir {__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    for name, (_, summary) in COMMANDS.items():
+        commands.add_parser(name, help=summary, description=f"{summary[0].upper()}{summary[1:]}.")
+    return parser, commands
 
 
-def _add_plugin_commands(commands: Any, wanted: str | None) -> None:
+def _add_arguments(command: argparse.ArgumentParser, name: str) -> None:
+    module, function = import_module(f"opir_core.cli.{COMMANDS[name][0]}"), name.replace("-", "_")
+    getattr(module, f"{function}_arguments")(command)
+    command.set_defaults(run=getattr(module, function))
+
+
+def _add_plugin_commands(commands: Any, name: str | None) -> None:
+    from opir_core.cli.plugin_commands import added_commands, require_installed
     from opir_core.plugin.host import Host
 
-    added = Host.discover().add_commands(commands, wanted)
-    if wanted is not None and not added:  # it is no command: argparse is to list all that there are
-        Host.discover().add_commands(commands)
+    added = added_commands(Host.discover(), commands, name)
+    if name is not None and not added:
+        require_installed(name)
+        added_commands(Host.discover(), commands)  # the name is unknown: argparse lists all commands

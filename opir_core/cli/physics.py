@@ -1,27 +1,27 @@
-"""`opir physics min-intensity`: the least radiant intensity that a sensor detects, by the unit of its noise."""
+"""`opir physics min-intensity`: the minimum detectable radiant intensity, for each unit that the NEI may have."""
 
 import argparse
 import sys
 from contextlib import suppress
 
+from opir_core.radiometry import minimum_detectable_intensity
+
 UNITS = {"W/m2": 1.0, "W/cm2": 1e4}
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the quantities that can be asked for."""
-    asked = parser.add_subparsers(metavar="QUANTITY", required=True)
-    least = asked.add_parser("min-intensity", help="NEI R² SNR / transmittance, in both units of the NEI")
+def physics_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the quantities."""
+    quantities = parser.add_subparsers(metavar="QUANTITY", required=True)
+    least = quantities.add_parser("min-intensity", help="minimum detectable intensity, NEI R² SNR / transmittance")
     least.add_argument("--nei", type=_positive, default=5e-14, help="noise-equivalent irradiance (default 5e-14)")
-    least.add_argument("--unit", choices=UNITS, help="the unit of --nei; without, the answer for each is given")
+    least.add_argument("--unit", choices=UNITS, help="unit of --nei (default: print the result for each unit)")
     least.add_argument("--range-km", type=_positive, default=36_000.0, help="range (default 36000)")
-    least.add_argument("--transmittance", type=_share, default=1.0, help="of the atmosphere, (0, 1] (default 1)")
-    least.add_argument("--snr", type=_positive, default=5.0, help="signal over noise at the threshold (default 5)")
+    least.add_argument("--transmittance", type=_fraction, default=1.0, help="of the atmosphere, (0, 1] (default 1)")
+    least.add_argument("--snr", type=_positive, default=5.0, help="signal-to-noise ratio at the threshold (default 5)")
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Print the least intensity for each unit that the NEI may be in."""
-    from opir_core.radiometry import minimum_detectable_intensity
-
+def physics(arguments: argparse.Namespace) -> int:
+    """Print the minimum intensity for each unit that the NEI may have."""
     for unit in [arguments.unit] if arguments.unit else UNITS:
         nei_w_m2 = arguments.nei * UNITS[unit]
         least = minimum_detectable_intensity(nei_w_m2, arguments.range_km * 1e3, arguments.transmittance, arguments.snr)
@@ -38,7 +38,7 @@ def _positive(text: str) -> float:
     raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
 
 
-def _share(text: str) -> float:
+def _fraction(text: str) -> float:
     value = _positive(text)
     if value > 1.0:
         raise argparse.ArgumentTypeError(f"{text} is not in (0, 1]")

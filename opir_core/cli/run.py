@@ -1,28 +1,39 @@
-"""`opir run`: simulate a scene; write events, truth, tracks and manifest; print what came of it."""
+"""`opir run`: simulate a scene; write events, truth, tracks and manifest; print the summary.
+
+The summary has the totals, a table of sensors, targets and tracks, and the files written.
+"""
 
 import argparse
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from attrs import asdict
 
 from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
-
-if TYPE_CHECKING:
-    from opir_core.output.delivery import RunOutcome
-    from opir_core.scene.scene import Scene
+from opir_core.cli.terminal import grouped, progress, table
+from opir_core.errors import Problem, SceneError, unwritable
+from opir_core.output.delivery import RunOutcome, deliver
+from opir_core.output.pump import SinkReport
+from opir_core.output.run_files import digest
+from opir_core.plugin.host import Host
+from opir_core.scene.scene import Scene
 
 _STANDARD_OUTPUT = "-"
 _DEFAULT_OUT = "events.jsonl"
 
+#: Rows of targets and tracks that are printed.
+_LISTED = 12
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the scene, its settings, and where results go."""
+
+def run_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene, its overrides, and the outputs."""
     add_scene_arguments(parser)
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--out", metavar="PATH", help="write events here as JSON lines (- for standard output)")
-    where.add_argument("--sink", metavar="NAME", help="send events to this sink alone, instead of the scene's outputs")
+    where.add_argument("--sink", metavar="NAME", help="send events only to this sink, instead of the scene's outputs")
     parser.add_argument("--truth", metavar="PATH", help="write the truth here (default: beside the events)")
     parser.add_argument("--tracks", metavar="PATH", help="write the tracks here (default: beside the events)")
     parser.add_argument("--manifest", metavar="PATH", help="write the run manifest here (default: beside the events)")
@@ -32,10 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the scene."""
-    from opir_core.cli.progress import progress
-    from opir_core.output.delivery import deliver
-    from opir_core.plugin.host import Host
-
     host = Host.discover()
     scene = scene_of(arguments, host, first=_outputs(arguments), otherwise=(f"outputs=[{_jsonl(_DEFAULT_OUT)}]",))
     plan = plan_of(arguments, scene, host)
@@ -44,17 +51,22 @@ def run(arguments: argparse.Namespace) -> int:
     manifest = _beside(scene, arguments.manifest, "manifest.json")
     files = {"truth": truth, "tracks": tracks, "manifest": manifest}
     _require_own_paths(arguments, scene, files)
-    with progress(scene, is_shown=not arguments.quiet and sys.stderr.isatty()) as on_window:
-        outcome = deliver(plan, truth_path=truth, tracks_path=tracks, on_window=on_window)
+    with progress(scene.duration_s, is_shown=not arguments.quiet and sys.stderr.isatty()) as update:
+        outcome = deliver(
+            plan,
+            truth_path=truth,
+            tracks_path=tracks,
+            on_window=lambda window: update(scene.name, window.end_s),
+        )
     if manifest is not None:
         _write_manifest(manifest, {**outcome.manifest, **_digests(tracks)})
-    _tell(arguments, scene, outcome, {what: path for what, path in files.items() if path is not None})
+    _print_summary(arguments, scene, outcome, {what: path for what, path in files.items() if path is not None})
     outcome.raise_for_failures()
     return 0
 
 
 def _outputs(arguments: argparse.Namespace) -> tuple[str, ...]:
-    """Return the setting that `--out` or `--sink` stands for."""
+    """Return the override of `--out` or `--sink`."""
     if arguments.out is not None:
         return (f"outputs=[{_jsonl(arguments.out)}]",)
     return (f"outputs=[{{{json.dumps(arguments.sink)}: {{}}}}]",) if arguments.sink is not None else ()
@@ -64,8 +76,8 @@ def _jsonl(path: str) -> str:
     return f"{{jsonl: {{path: {json.dumps(path)}}}}}"
 
 
-def _beside(scene: "Scene", path: str | None, suffix: str) -> Path | None:
-    """Return a path given, or one beside the first file of events, or None where there is no such file."""
+def _beside(scene: Scene, path: str | None, suffix: str) -> Path | None:
+    """Return the given path, else one beside the first file of events, else None."""
     if path is not None:
         return Path(path)
     files = [choice.config.path for choice in scene.outputs if choice.name == "jsonl"]
@@ -73,13 +85,12 @@ def _beside(scene: "Scene", path: str | None, suffix: str) -> Path | None:
     return named.with_suffix(f".{suffix}") if named and named.name else None
 
 
-def _require_own_paths(arguments: argparse.Namespace, scene: "Scene", files: Mapping[str, Path | None]) -> None:
-    """Refuse what would write over the scene or over another file of the run, or what is asked for and not written."""
-    from opir_core.errors import Problem, SceneError
+def _require_own_paths(arguments: argparse.Namespace, scene: Scene, files: Mapping[str, Path | None]) -> None:
+    """Reject paths that overwrite the scene or another file of the run, and tracks that are not computed."""
 
     problems = []
     if arguments.tracks is not None and files["tracks"] is None:
-        words = f"the tracker {scene.tracker.name} makes no tracks; leave this out, or choose another with --tracker"
+        words = f"the tracker {scene.tracker.name} makes no tracks; omit this option, or set another with --tracker"
         problems.append(Problem("--tracks", words))
     events = [Path(choice.config.path) for choice in scene.outputs if choice.name == "jsonl"]
     taken = {Path(arguments.scene).resolve(): "the scene"}
@@ -88,22 +99,20 @@ def _require_own_paths(arguments: argparse.Namespace, scene: "Scene", files: Map
             continue
         holder = taken.setdefault(path.resolve(), f"the {what}")
         if holder != f"the {what}":
-            problems.append(Problem("", f"the {what} would go to {path}, which is for {holder}; give another path"))
+            problems.append(Problem("", f"the {what} would overwrite {path}, the path of {holder}; give another path"))
     if problems:
         raise SceneError(problems, source="command line")
 
 
 def _digests(tracks: Path | None) -> Mapping[str, str]:
-    """Return what tells the tracks that were written from those of any other run, where they can be read again."""
+    """Return the SHA-256 of the tracks, if they are in a file."""
     if tracks is None or not tracks.is_file():
         return {}
-    from opir_core.output.run_files import digest
 
     return {"tracks_sha256": digest(tracks)}
 
 
 def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
-    from opir_core.errors import unwritable
 
     try:
         path.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
@@ -111,9 +120,8 @@ def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
         raise unwritable("the manifest", path, error) from error
 
 
-def _tell(arguments: argparse.Namespace, scene: "Scene", outcome: "RunOutcome", files: Mapping[str, Path]) -> None:
-    """Print the summary: on standard output, or on standard error where that carries the events."""
-    from opir_core.cli.summary_text import as_json, as_text
+def _print_summary(arguments: argparse.Namespace, scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> None:
+    """Print the summary on standard output, or on standard error if standard output carries the events."""
 
     if arguments.quiet:
         return
@@ -121,3 +129,89 @@ def _tell(arguments: argparse.Namespace, scene: "Scene", outcome: "RunOutcome", 
     stream = sys.stderr if takes_events else sys.stdout
     text = as_json(outcome, files) if arguments.json else as_text(scene, outcome, files)
     stream.write(text + "\n")
+
+
+def as_json(outcome: RunOutcome, files: Mapping[str, Path]) -> str:
+    """Return the summary, the counts of each sink and the files as one JSON document."""
+    outputs = {result.name: asdict(result) for result in outcome.report.sinks}
+    document = {**outcome.summary, "outputs": outputs, "files": {what: str(path) for what, path in files.items()}}
+    return json.dumps(document, indent=2)
+
+
+def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str:
+    """Return the summary as tables."""
+    counts, targets = outcome.summary["counts"], outcome.summary["targets"]
+    head = (
+        f"{scene.name}: {grouped(counts['detections'])} detections in {grouped(counts['looks'])} looks, "
+        f"{scene.duration_s:g} s, seed {scene.seed}"
+    )
+    parts = [
+        head,
+        table(_SENSOR_HEAD, [_sensor_cells(row) for row in outcome.summary["sensors"]], numbers=(2, 3, 4)),
+        _listed(_TARGET_HEAD, [_target_cells(row) for row in targets], numbers=(2, 3, 5, 6)),
+        _listed(_TRACK_HEAD, [_track_cells(row) for row in outcome.summary["tracks"]], numbers=(0, 2, 3)),
+        "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _listed(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: Sequence[int]) -> str:
+    """Return a table of the first rows, with the number of those omitted; "" without rows."""
+    omitted = f"\n... and {len(rows) - _LISTED} more" if len(rows) > _LISTED else ""
+    return table(head, rows[:_LISTED], numbers=numbers) + omitted if rows else ""
+
+
+_SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets")
+_TRACK_HEAD = ("track", "type", "from s", "to s", "launch point (95 % semi-major axis)", "predicted impact point")
+_TARGET_HEAD = ("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors", "reported")
+
+
+def _sensor_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    numbers = (row["looks"], row["detections"], row["targets_detected"])
+    return (row["sensor_id"], row["sensor_type"], *(grouped(number) for number in numbers))
+
+
+def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    is_detected = row["latency_s"] is not None
+    return (
+        row["target_id"],
+        row["target_type"],
+        f"{row['ignition_s']:.3f}",
+        f"{row['latency_s']:.3f}" if is_detected else "-",
+        row["first_sensor_id"] if is_detected else "not detected",
+        grouped(row["detections"]),
+        str(row["sensors"]),
+        row["reported_type"] if is_detected else "-",
+    )
+
+
+def _track_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    chance = row["type_probability"]
+    reported = "-" if chance is None else f"{row['reported_type']} {chance:.2f}"
+    times = f"{row['first_s']:.1f}", f"{row['last_s']:.1f}"
+    return (str(row["track_id"]), reported, *times, _point_text(row["launch"]), _point_text(row["impact"]))
+
+
+def _point_text(point: Mapping[str, Any] | None) -> str:
+    """Return `34.73 N 120.57 W at 10.0 s (0.1 km)`, or `-` for a point that is not estimated."""
+    if point is None:
+        return "-"
+    lat_deg, lon_deg, axis_km = point["lat_deg"], point["lon_deg"], point["semi_major_95_km"]
+    place = f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f} {'E' if lon_deg >= 0.0 else 'W'}"
+    return f"{place} at {point['time_s']:.1f} s" + ("" if axis_km is None else f" ({axis_km:.1f} km)")
+
+
+def _delivered(scene: Scene, outcome: RunOutcome) -> list[str]:
+    places = {choice.path: getattr(choice.config, "path", choice.name) for choice in scene.outputs}
+    return [
+        f"{places[sink.name]}: {grouped(sink.delivered)} events{_undelivered(sink)}" for sink in outcome.report.sinks
+    ]
+
+
+def _undelivered(sink: SinkReport) -> str:
+    """Return the counts of a sink's events that were not delivered."""
+    fates = ("spooled", sink.spooled), ("dropped", sink.dropped), ("withheld", sink.withheld)
+    parts = [f"{grouped(number)} {fate}" for fate, number in fates if number]
+    if sink.recovered:
+        parts.append(f"{grouped(sink.recovered)} of them from the spool of an earlier run")
+    return "".join(f", {part}" for part in parts)

@@ -4,41 +4,42 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from opir_core.errors import SceneError
+from opir_core.plugin.host import Host
+from opir_core.scene.reading import load_scene
+from opir_core.scene.scene import Scene
+
 if TYPE_CHECKING:
     from opir_core.planning.plan import Plan
-    from opir_core.plugin.host import Host
-    from opir_core.scene.scene import Scene
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the scene's path and the settings that override it."""
+    """Add the scene's path and the overrides."""
     parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
-    parser.add_argument("--seed", metavar="N", help="seed of all random numbers, instead of the scene's")
+    parser.add_argument("--seed", metavar="N", help="random seed, instead of the scene's")
     parser.add_argument("--tracker", metavar="NAME", help="tracker, instead of the scene's")
     add_overrides(parser)
 
 
 def add_overrides(parser: argparse.ArgumentParser) -> None:
-    """Add the settings that override a scene's."""
+    """Add the overrides of a scene's values."""
     parser.add_argument(
         "--set",
         metavar="PATH=VALUE",
         action="append",
         default=[],
         dest="overrides",
-        help="set one value, e.g. sensors[0].scan_period_ms=50; may be given again",
+        help="override one value, e.g. sensors[0].scan_period_ms=50; repeatable",
     )
 
 
 def scene_of(
-    arguments: argparse.Namespace, host: "Host", *, first: Sequence[str] = (), otherwise: Sequence[str] = ()
-) -> "Scene":
-    """Return the scene that the arguments name, with their settings.
+    arguments: argparse.Namespace, host: Host, *, first: Sequence[str] = (), otherwise: Sequence[str] = ()
+) -> Scene:
+    """Return the scene that the arguments name, with their overrides.
 
-    `first` are settings to make before those of the user; `otherwise` those for a scene that has no outputs.
+    The overrides in `first` precede those of the user; `otherwise` applies to a scene without outputs.
     """
-    from opir_core.scene.reading import load_scene
-
     shorthand = {"seed": arguments.seed, "tracker": arguments.tracker}
     given = [*first, *(f"{key}={value}" for key, value in shorthand.items() if value is not None)]
     scene = load_scene(arguments.scene, overrides=[*given, *arguments.overrides], host=host)
@@ -47,9 +48,8 @@ def scene_of(
     return load_scene(arguments.scene, overrides=[*otherwise, *given, *arguments.overrides], host=host)
 
 
-def plan_of(arguments: argparse.Namespace, scene: "Scene", host: "Host") -> "Plan":
-    """Return the scene's plan; what is wrong with its flights is told with the scene's file."""
-    from opir_core.errors import SceneError
+def plan_of(arguments: argparse.Namespace, scene: Scene, host: Host) -> "Plan":
+    """Return the scene's plan; errors in trajectories are reported with the scene's file."""
     from opir_core.planning.plan import compile_plan
 
     try:

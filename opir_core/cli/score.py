@@ -1,37 +1,41 @@
-"""`opir score`: judge the tracks of a run against the truth."""
+"""`opir score` scores the tracks of a run against the truth, `opir compare` several trackers on the same scenes."""
 
 import argparse
 import json
+import math
 import sys
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+from opir_core.cli.scene_arguments import add_overrides
+from opir_core.cli.terminal import progress, table
+from opir_core.errors import Problem, SceneError
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.scoring import scorecard
+from opir_core.scoring.comparison import compared
+from opir_core.scoring.files import evidence_of_files
+from opir_core.scoring.scorecard import GEOMETRIES, Scorecard, ScoreSettings
+
+Cards = Mapping[str, Scorecard]
+
+#: Powers of ten that leave room for sums in a double.
+_LARGEST_POWER = 280.0
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the run, its truth, and the form of the answer."""
-    parser.add_argument("events", metavar="RUN", help="a run's events; tracks and manifest lie beside them")
+def score_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the run, its truth, the score settings and the output format."""
+    parser.add_argument("events", metavar="RUN", help="the events of a run; tracks and manifest are beside them")
     parser.add_argument("--truth", metavar="PATH", help="the run's truth (default: beside the events)")
     parser.add_argument(
-        "--tracks", metavar="PATH", help="tracks of its events, the run's or another tracker's (as above)"
+        "--tracks", metavar="PATH", help="tracks of these events, by any tracker (default: beside the events)"
     )
-    parser.add_argument("--manifest", metavar="PATH", help="the run's manifest (as above)")
-    add_settings(parser)
+    parser.add_argument("--manifest", metavar="PATH", help="the run's manifest (default: beside the events)")
+    _add_settings(parser)
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
-    """Add what a score depends on, and the form of the answer."""
-    parser.add_argument("--bin-s", type=float, default=20.0, help="width of the bins of time since ignition, s")
-    parser.add_argument("--cutoff-m", type=float, default=5000.0, help="GOSPA's cut-off distance c, m")
-    parser.add_argument("--order", type=float, default=2.0, help="GOSPA's order p")
-    parser.add_argument("--alpha", type=float, default=2.0, help="GOSPA's alpha, in (0, 2]")
-    parser.add_argument("--json", action="store_true", help="print JSON")
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Read the run and tell its scores."""
-    from opir_core.cli.scorecard_text import as_text, settings_of
-    from opir_core.scoring import scorecard
-    from opir_core.scoring.files import evidence_of_files
-
+def score(arguments: argparse.Namespace) -> int:
+    """Read the run and print its scores."""
     settings = settings_of(arguments)
     elsewhere = {name: getattr(arguments, name) for name in ("truth", "tracks", "manifest")}
     given = {name: Path(path) for name, path in elsewhere.items() if path}
@@ -39,6 +43,244 @@ def run(arguments: argparse.Namespace) -> int:
     card = scorecard([evidence], settings)
     # Tracks from elsewhere are not those of the run's tracker.
     tracker = Path(arguments.tracks).name if arguments.tracks else evidence.plan.scene.tracker.name
-    told = json.dumps(card.as_plain(), indent=2) if arguments.json else as_text({tracker: card})
-    sys.stdout.write(told + "\n")
+    text = json.dumps(card.as_plain(), indent=2) if arguments.json else as_text({tracker: card})
+    sys.stdout.write(text + "\n")
     return 0
+
+
+def compare_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene, the trackers, the number of runs, the score settings and the output format."""
+    parser.add_argument("scene", metavar="SCENE", help="a scene file (YAML)")
+    parser.add_argument(
+        "--tracker",
+        metavar="NAME",
+        action="append",
+        dest="trackers",
+        help="a tracker to score, a name or a YAML block; repeatable (default: the scene's)",
+    )
+    parser.add_argument(
+        "--runs", metavar="N", type=int, default=20, help="runs of each tracker, with consecutive seeds (default 20)"
+    )
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=int,
+        default=1,
+        help="number of worker processes (default 1; timings inflate with more than one)",
+    )
+    add_overrides(parser)
+    _add_settings(parser)
+
+
+def compare(arguments: argparse.Namespace) -> int:
+    """Run the scene with every tracker and print the scores."""
+    if arguments.runs < 1:
+        raise SceneError([Problem("--runs", f"{arguments.runs} is not a number of runs; give 1 or more")], source=_HERE)
+    if arguments.workers < 1:
+        problem = f"{arguments.workers} is not a number of processes; give 1 or more"
+        raise SceneError([Problem("--workers", problem)], source=_HERE)
+    with progress(arguments.runs, is_shown=sys.stderr.isatty()) as on_run:
+        cards = compared(
+            arguments.scene,
+            trackers=arguments.trackers,
+            runs=arguments.runs,
+            overrides=arguments.overrides,
+            settings=settings_of(arguments),
+            workers=arguments.workers,
+            on_run=on_run,
+        )
+    plain = {name: card.as_plain() for name, card in cards.items()}
+    sys.stdout.write((json.dumps(plain, indent=2) if arguments.json else as_text(cards)) + "\n")
+    return 0
+
+
+_HERE = "command line"
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add the score settings and the output format."""
+    parser.add_argument(
+        "--bin-s", type=float, default=20.0, help="bin width of the time since ignition, s (default 20)"
+    )
+    parser.add_argument("--cutoff-m", type=float, default=5000.0, help="GOSPA cut-off distance c, m (default 5000)")
+    parser.add_argument("--order", type=float, default=2.0, help="GOSPA order p (default 2)")
+    parser.add_argument("--alpha", type=float, default=2.0, help="GOSPA alpha, in (0, 2] (default 2)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def settings_of(arguments: argparse.Namespace) -> ScoreSettings:
+    """Return the score settings of the arguments; raises `SceneError` for values out of range."""
+    problems = [
+        Problem(flag, message)
+        for flag, is_wrong, message in (
+            ("--bin-s", not 0.01 <= arguments.bin_s < math.inf, "must be at least 0.01 and finite"),
+            ("--cutoff-m", not 0.0 < arguments.cutoff_m < math.inf, "must be positive and finite"),
+            ("--order", not 1.0 <= arguments.order < math.inf, "must be at least 1 and finite"),
+            ("--alpha", not 0.0 < arguments.alpha <= 2.0, "must be in (0, 2]"),
+            (
+                "--order",
+                _is_beyond(arguments.cutoff_m, arguments.order),
+                "too large: the cut-off to this power overflows",
+            ),
+        )
+        if is_wrong
+    ]
+    if problems:
+        raise SceneError(problems, source="command line")
+    return ScoreSettings(
+        bin_s=arguments.bin_s, cutoff_m=arguments.cutoff_m, order=arguments.order, alpha=arguments.alpha
+    )
+
+
+def _is_beyond(cutoff_m: float, order: float) -> bool:
+    """Return whether p-th powers of distances up to the cut-off, or their sums, overflow or underflow."""
+    return 0.0 < cutoff_m < math.inf and 1.0 <= order < math.inf and abs(order * math.log10(cutoff_m)) > _LARGEST_POWER
+
+
+def as_text(cards: Cards) -> str:
+    """Return tables of scorecards: overall figures, then mono and stereo by time since ignition."""
+    parts = [_heading(next(iter(cards.values())).figures), _overall(cards), _confusions(cards)]
+    for geometry in GEOMETRIES:
+        parts += _geometry(cards, geometry)
+    return "\n\n".join(part for part in [*parts, LEGEND] if part)
+
+
+LEGEND = """\
+/known, /unknown: error divided by the Cramér-Rao bound for known and for unknown thrust, where lines of sight
+determine the position to 100 km.
+NEES/6, NIS/2: 1 is consistent, above 1 is overconfident; p: of a Kolmogorov-Smirnov test against chi-squared.
+Launch and impact points: the last estimates of each target; containment: share of true points in the ellipses."""
+
+
+def _heading(figures: Mapping[str, Any]) -> str:
+    runs, seeds, gospa = figures["runs"], figures["seeds"], figures["gospa"]
+    seeded = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
+    bias = "with pointing bias" if figures["sensors_biased"] else "without pointing bias"
+    return (
+        f"{runs} run{'s' if runs != 1 else ''} of each tracker ({seeded}), sensors {bias}; [95 % intervals];"
+        f" GOSPA: c = {gospa['cutoff_m']:g} m, p = {gospa['order']:g}, alpha = {gospa['alpha']:g}"
+    )
+
+
+def _overall(cards: Cards) -> str:
+    rows: Sequence[tuple[str, Callable[[Mapping[str, Any]], str]]] = (
+        ("launches tracked", lambda f: _interval(f["launches_tracked"], 3)),
+        ("tracks per launch", lambda f: _interval(f["tracks_a_launch"], 2)),
+        ("false tracks per run", lambda f: _interval(f["false_tracks_a_run"], 2)),
+        ("purity", lambda f: _interval(f["purity"], 4)),
+        ("completeness", lambda f: _interval(f["completeness"], 3)),
+        ("first track after, s", lambda f: _interval(f["first_track_after_s"], 2)),
+        ("GOSPA per target, m", lambda f: _interval(f["gospa"]["a_target_m"], 0)),
+        ("  localisation, missed, false", lambda f: _shares(f["gospa"])),
+        ("type correct", lambda f: _interval(f["type_right"], 3)),
+        ("time per detection, us", lambda f: _interval(f["tracking_us_a_detection"], 1)),
+        ("time per track update, us", lambda f: _interval(f["tracking_us_a_track_update"], 0)),
+    )
+    return table(("", *cards), [(label, *(text(card.figures) for card in cards.values())) for label, text in rows])
+
+
+def _confusions(cards: Cards) -> str:
+    rows = [
+        (true, name, *(str(row[reported]) for reported in REPORTED_TYPES))
+        for true in TARGET_TYPES
+        for name, card in cards.items()
+        if (row := card.figures["type_confusion"].get(true))
+    ]
+    return table(("type", "tracker", *(f"reported {reported}" for reported in REPORTED_TYPES)), rows) if rows else ""
+
+
+def _geometry(cards: Cards, geometry: str) -> list[str]:
+    """Return the tables of one geometry: errors and consistency by time, then of launch and impact."""
+    binned = [
+        (part["since_ignition_s"], name, part)
+        for name, card in cards.items()
+        for part in card.figures[geometry]["by_time"]
+    ]
+    if not binned:
+        return []
+    binned.sort(key=lambda row: row[0][0])
+    over = ("/known", "/unknown")
+    place = ("time s", "tracker", "n", "position m", *over, "impact km")
+    speed = ("time s", "tracker", "n", "velocity m/s", *over)
+    consistency = ("time s", "tracker", "n", "NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
+    label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
+    figures = [(name, card.figures[geometry]) for name, card in cards.items()]
+    title = geometry.replace("_biased", " with biased sensors")
+    points = ("tracker", "targets", "launch points", "impact points", "launch m", "launch s", "impact km", "impact s")
+    nominal = [f"{100.0 * part['nominal']:g} %" for part in figures[0][1]["launch_containment"]]
+    return [
+        f"{title}, by time since ignition",
+        table(place, [(since, name, *_place_cells(part)) for since, name, part in label]),
+        table(speed, [(since, name, *_speed_cells(part)) for since, name, part in label]),
+        table(consistency, [(since, name, *_consistency_cells(part)) for since, name, part in label]),
+        f"{title}, launch and impact points",
+        table(points, [(name, *_point_cells(part)) for name, part in figures]),
+        table(("containment, %", "tracker", *nominal), _curves(figures)),
+    ]
+
+
+def _place_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        str(part["samples"]),
+        _interval(part["position_m"], 0),
+        _interval(part["position_over_bound"], 2),
+        _interval(part["position_over_free_bound"], 2),
+        _interval(part["impact_m"], 1, 1e-3),
+    )
+
+
+def _speed_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        str(part["samples"]),
+        _interval(part["velocity_m_s"], 1),
+        _interval(part["velocity_over_bound"], 2),
+        _interval(part["velocity_over_free_bound"], 2),
+    )
+
+
+def _consistency_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(cell for name in ("nees", "nis") for cell in _consistent_cells(part[name]))
+
+
+def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
+    low, high = figure["band_99"]
+    band = f"{_number(low, 2)}-{_number(high, 2)}" if figure["samples"] else "-"
+    return str(figure["samples"]), _number(figure["mean"], 2), band, _number(figure["distribution_p"], 3)
+
+
+def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        *(str(figures[name]) for name in ("targets", "launches_told", "impacts_told")),
+        _interval(figures["launch_m"], 0),
+        _interval(figures["launch_time_s"], 2),
+        _interval(figures["impact_m"], 1, 1e-3),
+        _interval(figures["impact_time_s"], 2),
+    )
+
+
+def _curves(figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[tuple[str, ...]]:
+    return [
+        (point, name, *(_interval(part, 0, 100.0) for part in row[f"{point}_containment"]))
+        for point in ("launch", "impact")
+        for name, row in figures
+    ]
+
+
+def _shares(gospa: Mapping[str, Any]) -> str:
+    """Return the share of each part in GOSPA's p-th power."""
+    parts = [gospa[f"{name}_a_target"]["value"] for name in ("localisation", "missed", "false")]
+    total = sum(parts)
+    return ", ".join(f"{100.0 * part / total:.0f} %" for part in parts) if total > 0.0 else "-"
+
+
+def _interval(figure: Mapping[str, Any], digits: int, scale: float = 1.0) -> str:
+    if not math.isfinite(figure["value"]):
+        return "-"
+    value = f"{scale * figure['value']:.{digits}f}"
+    low, high = (scale * edge for edge in figure["interval_95"])
+    # A single run, or track, has no interval.
+    return f"{value} [{low:.{digits}f}, {high:.{digits}f}]" if math.isfinite(low) else value
+
+
+def _number(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "-"

@@ -1,13 +1,11 @@
-"""What plugin authors import: the hook marker, component types, configuration fields, the sensor kit, and the
-protocols, contexts and records that components work with.
+"""The API for plugin authors: hook marker, component classes, configuration fields, sensor kit, protocols and records.
 
-The last three are imported when they are first used, so that discovering a plugin imports no numpy.
+Protocols, contexts and records are imported on first use, so that discovering a plugin imports no numpy.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from opir_core.plugin.api import API_VERSION
 from opir_core.plugin.components import (
     AtmosphereModel,
     BackgroundModel,
@@ -24,11 +22,10 @@ from opir_core.plugin.components import (
     SourceModel,
     TargetModel,
     TrackerModel,
-    cited,
-    with_defaults,
 )
 from opir_core.plugin.hookspecs import hookimpl
-from opir_core.scene.fields import FieldInfo, flag, nested, number, text
+from opir_core.scene.fields import FieldInfo, cited, flag, nested, number, text, with_defaults
+from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES, TARGET_TYPES
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 from opir_core.sensors.sensor_components import (
     geostationary_fleet,
@@ -84,66 +81,43 @@ if TYPE_CHECKING:
         AtmosphereContext,
         Background,
         BackgroundContext,
+        Paths,
         SignatureContext,
         Signatures,
         SourceContext,
         Sources,
         Transmittance,
+        Views,
     )
 
+#: The module of each name that is imported on first use.
 _HOMES = {
-    "AtmosphereContext": "radiometry.protocols",
-    "Background": "radiometry.protocols",
-    "BackgroundContext": "radiometry.protocols",
-    "Band": "interfaces.protocols",
-    "Batch": "interfaces.records",
-    "BufferingSink": "interfaces.optional",
-    "Classifier": "interfaces.protocols",
-    "ClassifierInputs": "interfaces.records",
-    "Confidence": "interfaces.protocols",
-    "DeadlineSink": "interfaces.optional",
-    "Delivery": "interfaces.protocols",
-    "DetectionProbability": "interfaces.protocols",
-    "Detections": "interfaces.records",
-    "Encoder": "interfaces.protocols",
-    "EncoderContext": "interfaces.contexts",
-    "Exposures": "interfaces.records",
-    "FalseAlarmModel": "interfaces.optional",
-    "FreeFlight": "interfaces.optional",
-    "FromFiles": "interfaces.optional",
-    "Host": "plugin.host",
-    "Measured": "interfaces.protocols",
-    "ModelContext": "interfaces.contexts",
-    "MonitoredSink": "interfaces.optional",
-    "Orbit": "interfaces.protocols",
-    "PartialEncoder": "interfaces.optional",
-    "PosteriorClassifier": "interfaces.optional",
-    "RandomDraws": "interfaces.protocols",
-    "ReconfigurableTracker": "interfaces.optional",
-    "Response": "interfaces.optional",
-    "ScanPattern": "interfaces.protocols",
-    "Sensor": "interfaces.protocols",
-    "SensorContext": "interfaces.contexts",
-    "SignalModel": "interfaces.optional",
-    "SignatureContext": "radiometry.protocols",
-    "Signatures": "radiometry.protocols",
-    "Sink": "interfaces.protocols",
-    "SinkContext": "interfaces.contexts",
-    "SourceContext": "radiometry.protocols",
-    "Sources": "radiometry.protocols",
-    "TargetContext": "interfaces.contexts",
-    "Tracker": "interfaces.protocols",
-    "TrackerContext": "interfaces.contexts",
-    "Tracks": "interfaces.records",
-    "Trajectories": "interfaces.protocols",
-    "Transmittance": "radiometry.protocols",
-    "Transport": "interfaces.protocols",
-    "Window": "interfaces.records",
-    "WithBreakpoints": "interfaces.optional",
+    name: module
+    for module, names in {
+        "radiometry.protocols": (
+            "AtmosphereContext Background BackgroundContext SignatureContext Paths Signatures SourceContext Sources "
+            "Transmittance Views"
+        ),
+        "interfaces.protocols": (
+            "Band Classifier Confidence Delivery DetectionProbability Encoder Measured Orbit RandomDraws "
+            "ScanPattern Sensor Sink Tracker Trajectories Transport"
+        ),
+        "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
+        "interfaces.optional": (
+            "BufferingSink DeadlineSink FalseAlarmModel FreeFlight FromFiles MonitoredSink PartialEncoder "
+            "PosteriorClassifier ReconfigurableTracker Response SignalModel WithBreakpoints"
+        ),
+        "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
+        "plugin.host": "Host",
+    }.items()
+    for name in names.split()
 }
 
+# fmt: off
 __all__ = [
-    "API_VERSION",
+    "EMITTER_TYPES",
+    "REPORTED_TYPES",
+    "TARGET_TYPES",
     "AtmosphereContext",
     "AtmosphereModel",
     "Background",
@@ -179,6 +153,7 @@ __all__ = [
     "NoConfig",
     "Orbit",
     "PartialEncoder",
+    "Paths",
     "PosteriorClassifier",
     "RandomDraws",
     "ReconfigurableTracker",
@@ -207,6 +182,7 @@ __all__ = [
     "Trajectories",
     "Transmittance",
     "Transport",
+    "Views",
     "Window",
     "WithBreakpoints",
     "cited",
@@ -220,8 +196,9 @@ __all__ = [
     "scanning_sensor",
     "text",
     "walker_fleet",
-    "with_defaults",
+    "with_defaults"
 ]
+# fmt: on
 
 
 def __getattr__(name: str) -> Any:

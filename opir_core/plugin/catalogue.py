@@ -1,30 +1,62 @@
-"""What the plugins of a host offer, as rows for people and for JSON."""
+"""The catalogue of a host: one row for each plugin, for text and JSON."""
 
-from opir_core.plugin.components import CATALOGUE, ComponentRow, PluginFailure, PluginRow, Provenance
+from attrs import frozen
+
+from opir_core.plugin.components import CATALOGUE, PluginFailure, Provenance
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer, Source
 from opir_core.plugin.error_messages import unknown_plugin
 from opir_core.plugin.registry import Registry
 
 
-def claims(shelf: Registry) -> dict[Offer, list[Provenance]]:
-    """Return every name that is advertised or offered by a plugin that has not failed, with its owners."""
-    found: dict[Offer, list[Provenance]] = {}
-    for source in shelf.sources:
-        offers = shelf.claims_of(source)
-        if not shelf.has_failed(source):
+@frozen(kw_only=True)
+class ComponentRow:
+    """One component in a catalogue; `contested_by` are the other plugins that claim its name."""
+
+    hook: str
+    kind: str
+    name: str
+    summary: str
+    contested_by: tuple[Provenance, ...] = ()
+
+
+@frozen(kw_only=True)
+class PluginRow:
+    """One plugin in a catalogue.
+
+    `state` is "ready", "failed" (`failure` is the reason), "hidden" (excluded by the allow-list, not imported) or
+    "unknown" (on the allow-list, but not installed). `requires_core` is the specifier of the versions of opir-core that
+    the plugin requires, "" for none. `commands` are those advertised.
+    """
+
+    distribution: str
+    version: str
+    plugin: str
+    state: str
+    requires_core: str = ""
+    components: tuple[ComponentRow, ...] = ()
+    commands: tuple[str, ...] = ()
+    failure: str = ""
+
+
+def claims(registry: Registry) -> dict[Offer, list[Provenance]]:
+    """Return every name that a plugin that has not failed advertises or offers, with its owners."""
+    owners: dict[Offer, list[Provenance]] = {}
+    for source in registry.sources:
+        offers = registry.claims_of(source)
+        if not registry.has_failed(source):
             for offer in offers:
-                found.setdefault(offer, []).append(source.provenance)
-    return found
+                owners.setdefault(offer, []).append(source.provenance)
+    return owners
 
 
-def rows(shelf: Registry) -> list[PluginRow]:
-    """Load every plugin and return a row for each, sorted by name; then the hidden and the unknown."""
-    shelf.load_all()
-    owners = claims(shelf)
-    selection = shelf.selection
+def rows(registry: Registry) -> list[PluginRow]:
+    """Load every plugin and return a row for each, sorted by name, then the hidden and the unknown ones."""
+    registry.load_all()
+    owners = claims(registry)
+    selection = registry.selection
     return [
-        *(_row(shelf, source, owners) for source in shelf.sources),
-        *(_bare_row(source.provenance, "hidden", api=source.api) for source in selection.hidden),
+        *(_row(registry, source, owners) for source in registry.sources),
+        *(_bare_row(source.provenance, "hidden", requires_core=source.requires_core) for source in selection.hidden),
         *(
             _bare_row(Provenance(name, "", ""), "unknown", unknown_plugin(name, selection))
             for name in selection.unknown
@@ -32,11 +64,11 @@ def rows(shelf: Registry) -> list[PluginRow]:
     ]
 
 
-def _row(shelf: Registry, source: Source, owners: dict[Offer, list[Provenance]]) -> PluginRow:
+def _row(registry: Registry, source: Source, owners: dict[Offer, list[Provenance]]) -> PluginRow:
     owner = source.provenance
-    outcome = shelf.load(source)
+    outcome = registry.load(source)
     if isinstance(outcome, PluginFailure):
-        return _bare_row(owner, "failed", outcome.reason, api=source.api)
+        return _bare_row(owner, "failed", outcome.reason, requires_core=source.requires_core)
     components = tuple(
         ComponentRow(
             hook=hook,
@@ -52,18 +84,18 @@ def _row(shelf: Registry, source: Source, owners: dict[Offer, list[Provenance]])
         version=owner.version,
         plugin=owner.plugin,
         state="ready",
-        api=source.api,
+        requires_core=source.requires_core,
         components=components,
         commands=tuple(sorted(name for hook, name in source.advertised or () if hook == COMMAND_HOOK)),
     )
 
 
-def _bare_row(owner: Provenance, state: str, failure: str = "", *, api: str = "") -> PluginRow:
+def _bare_row(owner: Provenance, state: str, failure: str = "", *, requires_core: str = "") -> PluginRow:
     return PluginRow(
         distribution=owner.distribution,
         version=owner.version,
         plugin=owner.plugin,
         state=state,
-        api=api,
+        requires_core=requires_core,
         failure=failure,
     )

@@ -1,26 +1,19 @@
-"""What a plugin offers: named, typed, lazy descriptions.
+"""Components: named, typed descriptions of what a plugin offers, and their owners.
 
-A component says what a scene writes to choose it (`name`), what a person reads (`summary`), which configuration class
-the scene's block is read into (`config`) and how the working part is made (`build`). Nothing heavy is imported before
+A component has the name that a scene chooses it by (`name`), one line of description (`summary`), the configuration
+class of its block (`config`) and the function that makes the working part (`build`). Nothing heavy is imported before
 `build`.
-
-Whose a component is, and whose fault a failure is.
-
-Other defaults for the fields of a configuration class that a plugin inherits.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
-from attrs import Attribute, evolve, field, frozen
-
-from opir_core.scene.fields import METADATA_KEY, info_of
+from attrs import field, frozen
 
 
 @frozen(order=True)
 class Provenance:
-    """The owner of a component: a plugin's short name and the distribution that brought it.
+    """The owner of a component: a plugin's short name and its distribution.
 
     `distribution` and `version` are "" for a plugin object that was registered by the running program.
     """
@@ -30,7 +23,7 @@ class Provenance:
     version: str
 
     def __str__(self) -> str:
-        """Return the owner as messages call it, `opir-dsp 0.1.0 (plugin dsp)`."""
+        """Return the owner as text, `opir-dsp 0.1.0 (plugin dsp)`."""
         if not self.distribution:
             return f"plugin {self.plugin} (registered by this program)"
         owner = f"{self.distribution} {self.version or '(version unknown)'}"
@@ -39,7 +32,7 @@ class Provenance:
 
 @frozen(order=True)
 class PluginFailure:
-    """A plugin that cannot be used, and why; none of its components is offered."""
+    """A plugin that cannot be used, with the reason; none of its components is available."""
 
     plugin: str
     distribution: str
@@ -53,7 +46,7 @@ class PluginFailure:
 
     @property
     def provenance(self) -> Provenance:
-        """Return whose failure it is."""
+        """Return the owner."""
         return Provenance(self.plugin, self.distribution, self.version)
 
     def __str__(self) -> str:
@@ -61,53 +54,23 @@ class PluginFailure:
         return f"{self.provenance}: {self.reason}"
 
 
-@frozen(kw_only=True)
-class ComponentRow:
-    """One component in a catalogue; `contested_by` are the other plugins that claim its name."""
-
-    hook: str
-    kind: str
-    name: str
-    summary: str
-    contested_by: tuple[Provenance, ...] = ()
-
-
-@frozen(kw_only=True)
-class PluginRow:
-    """One plugin in a catalogue.
-
-    `state` is "ready", "failed" (`failure` says why), "hidden" (the allow-list leaves it out, so it was not imported)
-    or "unknown" (the allow-list names it and no installed distribution offers it). `api` is the range of plugin
-    interfaces that it declares, "" for none. `commands` are those advertised.
-    """
-
-    distribution: str
-    version: str
-    plugin: str
-    state: str
-    api: str = ""
-    components: tuple[ComponentRow, ...] = ()
-    commands: tuple[str, ...] = ()
-    failure: str = ""
-
-
 @frozen
 class NoConfig:
-    """The configuration of a component that has none."""
+    """The configuration class of a component without settings."""
 
 
 @frozen(kw_only=True)
 class Component:
-    """One thing that a plugin offers and a scene may choose.
+    """A component that a scene can choose.
 
-    `build(config, context)` returns the part that works; what `context` is and what the part must do stands with the
-    component's kind in `opir_core.interfaces.protocols`. `presets` are named sets of configuration values: a scene that
-    writes `preset: NAME` starts from them instead of from the defaults.
+    `build(config, context)` returns the working part; `opir_core.interfaces.protocols` defines the context and the part
+    of each kind. `presets` are named sets of configuration values: a block with `preset: NAME` starts from them instead
+    of the defaults.
     """
 
     #: The hook that yields components of this kind.
     hook: ClassVar[str] = ""
-    #: How messages call a component of this kind.
+    #: The kind in words.
     kind: ClassVar[str] = "component"
 
     name: str
@@ -119,7 +82,7 @@ class Component:
 
 @frozen(kw_only=True)
 class SensorModel(Component):
-    """`build(config, context) -> Sensor`: when it looks, what it sees, in which bands, how noisily."""
+    """`build(config, context) -> Sensor`: scan times, field of regard, bands and noise."""
 
     hook = "opir_sensor_models"
     kind = "sensor model"
@@ -159,7 +122,7 @@ class TrackerModel(Component):
 
 @frozen(kw_only=True)
 class TargetModel(Component):
-    """`build(configs, context) -> Trajectories`: all targets of the model at once, launch to trajectory and plume."""
+    """`build(configs, context) -> Trajectories`: the trajectories of all targets of the model."""
 
     hook = "opir_target_models"
     kind = "target model"
@@ -167,7 +130,7 @@ class TargetModel(Component):
 
 @frozen(kw_only=True)
 class SignatureModel(Component):
-    """`build(configs, context) -> Signatures`: the radiant intensity of all targets of the model at once."""
+    """`build(configs, context) -> Signatures`: the radiant intensity of all targets of the model."""
 
     hook = "opir_signature_models"
     kind = "signature model"
@@ -175,7 +138,7 @@ class SignatureModel(Component):
 
 @frozen(kw_only=True)
 class SourceModel(Component):
-    """`build(config, context) -> Sources`: emitters that are no targets, any number from one block."""
+    """`build(config, context) -> Sources`: emitters other than targets, any number from one block."""
 
     hook = "opir_source_models"
     kind = "source model"
@@ -183,7 +146,7 @@ class SourceModel(Component):
 
 @frozen(kw_only=True)
 class AtmosphereModel(Component):
-    """`build(config, context) -> Transmittance`: a path to in-band transmittance."""
+    """`build(config, context) -> Transmittance`: in-band transmittance along a path."""
 
     hook = "opir_atmosphere_models"
     kind = "atmosphere model"
@@ -207,7 +170,7 @@ class EventEncoder(Component):
 
 @frozen(kw_only=True)
 class SinkModel(Component):
-    """`build(config, context) -> Sink`: where events go."""
+    """`build(config, context) -> Sink`: writes events."""
 
     hook = "opir_sinks"
     kind = "sink"
@@ -215,7 +178,7 @@ class SinkModel(Component):
 
 @frozen(kw_only=True)
 class Constellation:
-    """A named fleet: the sensor model its satellites carry, and settings (with an `id`) for each satellite."""
+    """A named constellation: the sensor model of its satellites, and the settings (with an `id`) of each satellite."""
 
     hook: ClassVar[str] = "opir_constellations"
     kind: ClassVar[str] = "constellation"
@@ -226,7 +189,7 @@ class Constellation:
     satellites: Sequence[Mapping[str, Any]]
 
 
-#: Every catalogue hook and the type of what it yields.
+#: The catalogue hooks and the component class of each.
 CATALOGUE: Mapping[str, type[Component] | type[Constellation]] = {
     kind.hook: kind
     for kind in (
@@ -245,49 +208,3 @@ CATALOGUE: Mapping[str, type[Component] | type[Constellation]] = {
         SinkModel,
     )
 }
-
-
-C = TypeVar("C", bound=type)
-
-
-@frozen
-class Cited:
-    """A default value and where it comes from."""
-
-    value: Any
-    source: str
-
-
-def cited(value: Any, source: str) -> Cited:
-    """Return a default that names its source; a default given bare is notional."""
-    return Cited(value, source)
-
-
-def with_defaults(**defaults: Any) -> Callable[[C], C]:
-    """Return a class decorator that makes a frozen attrs class of a configuration class's heir, with other defaults.
-
-    Unit, help and range stay those of the inherited field, its source becomes that of `cited` or "notional". A field
-    that the class does not have is a `TypeError`.
-    """
-
-    def decorated(heir: C) -> C:
-        return frozen(heir, kw_only=True, field_transformer=partial(_redefaulted, defaults))
-
-    return decorated
-
-
-def _redefaulted(defaults: dict[str, Any], heir: type, attributes: "list[Attribute[Any]]") -> "list[Attribute[Any]]":
-    unknown = sorted(set(defaults) - {attribute.name for attribute in attributes})
-    if unknown:
-        raise TypeError(f"{heir.__name__} has no field {', '.join(unknown)}")
-    return [
-        _with_default(attribute, defaults[attribute.name]) if attribute.name in defaults else attribute
-        for attribute in attributes
-    ]
-
-
-def _with_default(attribute: "Attribute[Any]", default: Any) -> "Attribute[Any]":
-    chosen = default if isinstance(default, Cited) else Cited(default, "notional")
-    info = evolve(info_of(attribute), source=chosen.source)
-    # Attribute.evolve is attrs' own way to change an attribute in a field transformer.
-    return attribute.evolve(default=chosen.value, metadata={**attribute.metadata, METADATA_KEY: info})

@@ -1,41 +1,51 @@
-"""What a plugin object offers: its hooks checked against the specifications, each called once, on its own.
+"""The contributions of a plugin: its hooks are checked against the specifications, and each is called once.
 
-A fault in a plugin is an `InvalidPlugin` with the reason in words; it costs that plugin and no other, because every
-plugin is registered with a pluggy manager of its own and its hooks are never called together with another's.
+An error in a plugin is an `InvalidPlugin` with the reason. It affects only that plugin, because every plugin is
+registered with a pluggy manager of its own and its hooks are never called together with those of another.
 """
 
 import inspect
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import islice
 from typing import Any
 
 import pluggy
-from attrs import frozen
+from attrs import frozen, has
 
+from opir_core.errors import nearest
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer
+from opir_core.plugin.error_messages import described_error, one_line
 from opir_core.plugin.hookspecs import PROJECT, CatalogueHooks, ExtensionHooks
-from opir_core.plugin.validation import InvalidPlugin, described_error, fault_in, nearest
 
-#: How many components one hook of one plugin may yield.
-MOST_COMPONENTS = 10_000
+#: Maximum number of components that one hook of one plugin yields.
+MAXIMUM_COMPONENTS = 10_000
 
-#: Every hook there is.
+#: All hooks.
 HOOKS = (*CATALOGUE, COMMAND_HOOK)
 
 _ORDERING_OPTIONS = ("tryfirst", "trylast", "wrapper", "hookwrapper")
 
 
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
+_NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
+
+
+class InvalidPlugin(Exception):  # noqa: N818 - the host turns it into a `PluginFailure`
+    """A plugin that cannot be used; the message is the reason, without the plugin's name."""
+
+
 @frozen(eq=False)
 class Contributions:
-    """What a fit plugin has: components by hook and name, and functions that add commands."""
+    """The components of a valid plugin by hook and name, and the functions that add commands."""
 
     components: Mapping[Offer, Component | Constellation]
     add_commands: tuple[Callable[[Any], None], ...] = ()
 
 
 def contributions_of(plugin: object) -> Contributions:
-    """Return what a plugin (a module or an object with hook implementations) offers; raises `InvalidPlugin`."""
+    """Return the contributions of a plugin (a module or object with hook implementations); raises `InvalidPlugin`."""
     implementations = _implementations(plugin)
     components: dict[Offer, Component | Constellation] = {}
     for hook, kind in CATALOGUE.items():
@@ -76,15 +86,15 @@ def _faults_in_marks(manager: pluggy.PluginManager, plugin: object) -> Iterable[
 
 
 def _marked(manager: pluggy.PluginManager, plugin: object) -> dict[str, Mapping[str, Any] | None]:
-    """Return the options of everything that is a hook implementation, or (None) is named as one and is not marked."""
-    found: dict[str, Mapping[str, Any] | None] = {}
+    """Return the options of each hook implementation; None for a function that has a hook's name without the mark."""
+    options_by_name: dict[str, Mapping[str, Any] | None] = {}
     for name in dir(plugin):
         options = manager.parse_hookimpl_opts(plugin, name)
         if options is not None:
-            found[name] = {**options}
+            options_by_name[name] = {**options}
         elif name in HOOKS and callable(inspect.getattr_static(plugin, name, None)):
-            found[name] = None
-    return found
+            options_by_name[name] = None
+    return options_by_name
 
 
 def _faults_in_signatures(manager: pluggy.PluginManager, plugin: object) -> Iterable[str]:
@@ -105,17 +115,15 @@ def _required_arguments(function: Callable[..., Any]) -> list[str]:
 def _yielded(implementation: pluggy.HookImpl, hook: str) -> list[Any]:
     try:
         product = implementation.function()
-        items = list(islice(product, MOST_COMPONENTS + 1)) if isinstance(product, Iterable) else None
+        items = list(islice(product, MAXIMUM_COMPONENTS + 1)) if isinstance(product, Iterable) else None
     except (Exception, SystemExit) as error:
         raise InvalidPlugin(f"{hook} raised {described_error(error)}") from error
     if items is None:
         if inspect.iscoroutine(product):
             product.close()
-        raise InvalidPlugin(
-            f"{hook} returned {_article(product)}, where an iterable of {CATALOGUE[hook].__name__} was due"
-        )
-    if len(items) > MOST_COMPONENTS:
-        raise InvalidPlugin(f"{hook} yields more than {MOST_COMPONENTS} components")
+        raise InvalidPlugin(f"{hook} returned {_article(product)} instead of an iterable of {CATALOGUE[hook].__name__}")
+    if len(items) > MAXIMUM_COMPONENTS:
+        raise InvalidPlugin(f"{hook} yields more than {MAXIMUM_COMPONENTS} components")
     return items
 
 
@@ -126,7 +134,7 @@ def _add(
     kind: type[Component] | type[Constellation],
 ) -> None:
     if not isinstance(component, kind):
-        raise InvalidPlugin(f"{hook} yielded {_article(component)}, where {_article_of(kind.__name__)} was due")
+        raise InvalidPlugin(f"{hook} yielded {_article(component)} instead of {_article_of(kind.__name__)}")
     fault = fault_in(component)
     if fault:
         raise InvalidPlugin(f"{hook} yielded {_article_of(kind.kind)} {fault}")
@@ -148,3 +156,44 @@ def _article(value: object) -> str:
 
 def _article_of(noun: str) -> str:
     return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
+
+
+def fault_in(component: Component | Constellation) -> str:
+    """Return the error in a component (`named 'a b'; …`, `named 'A' without …`), or "" if it is valid."""
+    name: Any = component.name
+    summary: Any = component.summary
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        return f"named {one_line(repr(name))}; {_NAME_RULE}"
+    if not isinstance(summary, str) or not summary.strip() or len(summary.splitlines()) > 1:
+        return f"named {name!r} with a summary that is not one line of text"
+    fault = _fault_in_fleet(component) if isinstance(component, Constellation) else _fault_in_parts(component)
+    return f"named {name!r} {fault}" if fault else ""
+
+
+def _fault_in_parts(component: Component) -> str:
+    config: Any = component.config
+    if not isinstance(config, type) or not has(config):
+        return f"with the config {one_line(repr(config))}, not an attrs class"
+    if not callable(component.build):
+        return f"with the build {one_line(repr(component.build))}, not a function"
+    presets: Any = component.presets
+    if not isinstance(presets, Mapping) or not all(
+        isinstance(name, str) and isinstance(values, Mapping) for name, values in presets.items()
+    ):
+        return "with presets that are not a mapping of names to mappings"
+    return ""
+
+
+def _fault_in_fleet(constellation: Constellation) -> str:
+    model: Any = constellation.model
+    satellites: Any = constellation.satellites
+    if not isinstance(model, str) or not model:
+        return f"with the model {one_line(repr(model))}, not the name of a sensor model"
+    if not isinstance(satellites, Sequence) or not all(isinstance(satellite, Mapping) for satellite in satellites):
+        return "with satellites that are not a sequence of mappings"
+    ids = [satellite.get("id") for satellite in satellites]
+    if not ids:
+        return "without satellites"
+    if not all(isinstance(name, str) and name for name in ids):
+        return "with a satellite that has no id"
+    return "with two satellites of one id" if len(set(ids)) < len(ids) else ""

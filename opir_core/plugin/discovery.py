@@ -1,15 +1,13 @@
-"""Which plugins there are, and what they advertise; nothing of them is imported here.
+"""Discovery: which plugins are installed and which components they list. No plugin is imported here.
 
-A distribution names its plugins in the entry-point group `opir` (`dsp = "opir_dsp.plugin"`). In the group
-`opir.components` it may list what they offer, as hook and name with the same value
-(`"sensor_models.DSP" = "opir_dsp.plugin"`): such a plugin is imported only when a name it lists is asked for. In the
-group `opir.api` it says which versions of the plugin interface it is written for (`opir_core.plugin.api`).
+A distribution names its plugin modules in the entry-point group `opir` (`dsp = "opir_dsp.plugin"`). In the group
+`opir.components` it may list its components by hook and name (`"sensor_models.DSP" = "opir_dsp.plugin"`): then the
+plugin is imported only when one of them is requested. The versions of opir-core that it requires are those of its
+dependency (`opir_core.plugin.requirements`).
 
-Installed distributions and their entry points, read from metadata files; nothing of them is imported.
-
-`importlib.metadata` says the same, but importing and asking it costs several times what reading the files does (the
-measurement is `docs/design/discovery_cost.py`). Directories are therefore read here, and it is asked only about what is
-not a directory: archives, eggs, and finders other than Python's own.
+The metadata files are read directly: importing and querying `importlib.metadata` costs several times as much (measured
+in `docs/design/discovery_cost.py`). It is used only for what is not a directory: archives, eggs, and finders other than
+Python's own.
 """
 
 import re
@@ -24,8 +22,8 @@ from typing import Any
 from attrs import frozen
 
 from opir_core._version import __version__
-from opir_core.plugin.api import API_GROUP, API_VERSION, complaint_about, version_text
 from opir_core.plugin.components import CATALOGUE, Provenance
+from opir_core.plugin.requirements import core_specifier, error_of_requirement
 
 _METADATA_FOLDERS = (".dist-info", ".egg-info")
 _METADATA_FILES = ("METADATA", "PKG-INFO")
@@ -36,26 +34,31 @@ _Reader = Callable[[str], str]
 
 @frozen
 class Distribution:
-    """An installed distribution: entry points are (name, value) pairs by group, in the order of the file."""
+    """An installed distribution.
+
+    `requires_core` is the specifier of its dependency on opir-core, "" for none. Entry points are (name, value) pairs
+    by group, in the order of the file.
+    """
 
     name: str
     version: str
+    requires_core: str
     entry_points: Mapping[str, Sequence[tuple[str, str]]]
 
 
 def distributions_with(groups: Collection[str]) -> list[Distribution]:
     """Return the distributions that have entry points in any of the groups, sorted by name.
 
-    Of several with one name (an editable install and a checkout on `PYTHONPATH`, say) the first on `sys.path` counts,
-    as it does for imports.
+    Of several with one name (for example an editable install and a checkout on `PYTHONPATH`) the first on `sys.path`
+    counts, as for imports.
     """
     found: dict[str, Distribution] = {}
     for folder_name, read in _readers():
         sections = _sections(read("entry_points.txt"))
         entry_points = {group: sections[group] for group in groups if group in sections}
         if entry_points:
-            name, version = _name_and_version(read, folder_name)
-            found.setdefault(_canonical(name), Distribution(name, version, entry_points))
+            name, version, requires_core = _headers(read, folder_name)
+            found.setdefault(_canonical(name), Distribution(name, version, requires_core, entry_points))
     return [found[key] for key in sorted(found)]
 
 
@@ -116,15 +119,17 @@ def _lines(text: str) -> Iterable[str]:
     return (line for line in stripped if line and not line.startswith("#"))
 
 
-def _name_and_version(read: _Reader, folder_name: str) -> tuple[str, str]:
+def _headers(read: _Reader, folder_name: str) -> tuple[str, str, str]:
+    """Return name, version and required versions of opir-core; the folder's name stands in for missing headers."""
     text = next(filter(None, map(read, _METADATA_FILES)), "")
-    headers: dict[str, str] = {}
+    headers: dict[str, list[str]] = {}
     for line in text.partition("\n\n")[0].splitlines():
         key, colon, value = line.partition(":")
         if colon and not key[:1].isspace():
-            headers[key.lower()] = value.strip()
+            headers.setdefault(key.lower(), []).append(value.strip())
     stem_name, _, stem_version = folder_name.rpartition(".")[0].partition("-")
-    return headers.get("name") or stem_name, headers.get("version") or stem_version
+    name, version = (headers.get(key, [""])[-1] for key in ("name", "version"))
+    return name or stem_name, version or stem_version, core_specifier(headers.get("requires-dist", ()))
 
 
 def _canonical(name: str) -> str:
@@ -141,14 +146,13 @@ Offer = tuple[str, str]
 #: An entry point: its name and its value.
 Entry = tuple[str, str]
 
-#: The hooks by the names that advertisements use.
+#: The hooks by their names in the group `opir.components`.
 HOOK_OF_KIND: Mapping[str, str] = {
     **{hook.removeprefix("opir_"): hook for hook in CATALOGUE},
     "commands": COMMAND_HOOK,
 }
 
-#: Core's own plugins, which no allow-list leaves out: the module and, where it is to be imported only for what a scene
-#: asks of it, what it offers.
+#: The core's own plugins, which no allow-list excludes: the module and, where it is imported on demand, its components.
 CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "builtin": ("opir_core.builtin.plugin", None),
     "scanner": ("opir_core.builtin.scanner", frozenset({("opir_sensor_models", "generic-scanner")})),
@@ -172,26 +176,26 @@ _VALUE = re.compile(r"(?P<module>\w+(?:\.\w+)*)\s*(?::\s*(?P<attribute>\w+(?:\.\
 
 @frozen(eq=False, kw_only=True)
 class Source:
-    """A plugin as its metadata describe it.
+    """A plugin, from its metadata.
 
-    `advertised` is None where it lists nothing and only importing it can tell what it offers. `api` is the range of
-    plugin interfaces that it declares, "" where it declares none. `fault` is what is wrong with the metadata
-    themselves, "" where nothing is.
+    `advertised` are the components that it lists, None where it lists none and has to be imported to know them.
+    `requires_core` is the specifier of its dependency on opir-core, "" for none. `fault` is the error in the metadata,
+    "" for none.
     """
 
     provenance: Provenance
     load: Callable[[], object]
     advertised: frozenset[Offer] | None = None
-    api: str = ""
+    requires_core: str = ""
     fault: str = ""
 
 
 @frozen
 class Selection:
-    """The plugins there are, parted by an allow-list.
+    """The installed plugins, divided by an allow-list.
 
-    `unknown` are names on the list that no distribution offers; `rule` is how messages call the list, "" where there
-    is none.
+    `unknown` are names on the list that no distribution provides. `rule` is the list's name in messages, "" without
+    one.
     """
 
     allowed: Sequence[Source]
@@ -201,13 +205,12 @@ class Selection:
 
 
 def core_sources() -> list[Source]:
-    """Return core's own plugins, which no allow-list leaves out."""
+    """Return the core's own plugins."""
     return [
         Source(
             provenance=Provenance(name, "opir-core", __version__),
             load=partial(_imported, module),
             advertised=offers,
-            api=version_text(API_VERSION),
         )
         for name, (module, offers) in CORE_PLUGINS.items()
     ]
@@ -215,24 +218,23 @@ def core_sources() -> list[Source]:
 
 def installed_sources() -> list[Source]:
     """Return the plugins of all installed distributions, sorted by distribution and name."""
-    distributions = distributions_with((PLUGIN_GROUP, COMPONENT_GROUP, API_GROUP))
+    distributions = distributions_with((PLUGIN_GROUP, COMPONENT_GROUP))
     return [source for distribution in distributions for source in sources_of(distribution)]
 
 
 def sources_of(distribution: Distribution) -> list[Source]:
     """Return the plugins of one distribution, sorted by name.
 
-    An advertisement that fits none of them is a fault of the distribution, and so of each.
+    An entry of `opir.components` that belongs to none of them is an error of every plugin of the distribution.
     """
     plugins = sorted(set(distribution.entry_points.get(PLUGIN_GROUP, ())))
     adverts = sorted(set(distribution.entry_points.get(COMPONENT_GROUP, ())))
-    declared = sorted(set(distribution.entry_points.get(API_GROUP, ())))
-    faults = _faults(plugins, adverts) + _strays(plugins, declared)
-    return [_source(distribution, name, value, adverts, declared, faults) for name, value in plugins or [("", "")]]
+    faults = _faults(plugins, adverts)
+    return [_source(distribution, name, value, adverts, faults) for name, value in plugins or [("", "")]]
 
 
 def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str) -> Selection:
-    """Return the sources parted by the names that are allowed (None allows all); core's own plugins always are."""
+    """Return the sources divided by the allowed names (None allows all); the core's own plugins are always allowed."""
     known = list(sources)
     if allowed is None:
         return Selection(known)
@@ -247,46 +249,30 @@ def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str
 
 
 def _source(
-    distribution: Distribution,
-    name: str,
-    value: str,
-    adverts: Sequence[Entry],
-    declared: Sequence[Entry],
-    faults: Sequence[str],
+    distribution: Distribution, name: str, value: str, adverts: Sequence[Entry], faults: Sequence[str]
 ) -> Source:
     offers = frozenset(_offer(entry) for entry, target in adverts if target == value or not name)
-    ranges = [written for written, target in declared if target == value]
+    taken = f"the plugin name {name!r} belongs to opir-core" if name in CORE_PLUGINS else ""
+    unmet = error_of_requirement(distribution.requires_core, distribution.name, __version__)
     return Source(
         provenance=Provenance(name, distribution.name, distribution.version),
         load=partial(_imported, value),
         advertised=offers or None,
-        api=" and ".join(ranges),
-        fault="; ".join([*faults, *_own_faults(distribution, name, ranges)]),
+        requires_core=distribution.requires_core,
+        fault="; ".join(filter(None, [*faults, taken, unmet])),
     )
 
 
-def _own_faults(distribution: Distribution, name: str, ranges: Sequence[str]) -> list[str]:
-    taken = [f"the plugin name {name!r} belongs to opir-core"] if name in CORE_PLUGINS else []
-    if len(ranges) > 1:
-        return [*taken, f"declares several plugin APIs, {' and '.join(ranges)}; one range is due"]
-    wrong = (complaint_about(written, distribution.name, __version__) for written in ranges)
-    return [*taken, *filter(None, wrong)]
-
-
 def _faults(plugins: Sequence[Entry], adverts: Sequence[Entry]) -> list[str]:
+    values = {value for _, value in plugins}
     unreadable = [entry for entry, _ in adverts if _offer(entry)[0] not in HOOK_OF_KIND.values()]
     return [
-        *_strays(plugins, adverts),
+        *(
+            f"advertises {entry} for {value!r}, which is not one of its entry points in group opir"
+            for entry, value in adverts
+            if value not in values
+        ),
         *(f"advertises {entry}, which is not a kind of component and a name" for entry in unreadable),
-    ]
-
-
-def _strays(plugins: Sequence[Entry], entries: Sequence[Entry]) -> list[str]:
-    values = {value for _, value in plugins}
-    return [
-        f"advertises {entry} for {value!r}, which is no entry point of it in group opir"
-        for entry, value in entries
-        if value not in values
     ]
 
 

@@ -1,12 +1,37 @@
-"""The words for a component that is missing, claimed twice, or whose plugin failed: whose it is and the way out."""
+"""The messages about a component that is missing, has several owners or whose plugin failed, each with the remedy."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from pathlib import PurePath
 
 from attrs import frozen
 
+from opir_core.errors import nearest, nearest_names
 from opir_core.plugin.components import CATALOGUE, PluginFailure, Provenance
 from opir_core.plugin.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
-from opir_core.plugin.validation import nearest, nearest_names
+
+_LONGEST_WORDS = 300
+_CORE = PurePath(__file__).parent.parent
+_LIBRARIES = frozenset({"numpy", "scipy"})
+_MACHINERY = (PurePath(__file__).parent.parts[-2:], ("importlib",))
+
+#: The packages of this project and what they advertise, for messages about what is not installed. A test compares this
+#: table with the packages' metadata.
+PACKAGES: Mapping[str, Sequence[str]] = {
+    "opir-dsp": ("constellations.DSP", "sensor_models.DSP"),
+    "opir-heo": ("constellations.HEO-MOLNIYA", "constellations.HEO-TUNDRA", "sensor_models.HEO"),
+    "opir-http": ("commands.serve",),
+    "opir-kafka": ("sinks.kafka",),
+    "opir-leo": (
+        "constellations.LEO-MEDIUM",
+        "constellations.LEO-WIDE",
+        "sensor_models.LEO-MEDIUM",
+        "sensor_models.LEO-WIDE",
+    ),
+    "opir-nextgen": ("constellations.NEXTGEN-GEO", "sensor_models.NEXTGEN-GEO"),
+    "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
+    "opir-stonesoup": ("trackers.stonesoup",),
+    "opir-trackers": ("trackers.boost-profile", "trackers.kepler-arc", "trackers.stereo-filter"),
+}
 
 #: Every name that is claimed under a hook, with its owners.
 Claims = Mapping[Offer, Sequence[Provenance]]
@@ -14,7 +39,7 @@ Claims = Mapping[Offer, Sequence[Provenance]]
 
 @frozen
 class Search:
-    """What was asked for: the hook, the name and where in the scene it stands ("" outside a scene)."""
+    """A request for a component: the hook, the name and its path in the scene ("" outside a scene)."""
 
     hook: str
     name: str
@@ -22,7 +47,7 @@ class Search:
 
     @property
     def kind(self) -> str:
-        """Return how messages call what was asked for."""
+        """Return the kind of component in words."""
         return "command" if self.hook == COMMAND_HOOK else CATALOGUE[self.hook].kind
 
     @property
@@ -32,18 +57,19 @@ class Search:
 
     @property
     def prefix(self) -> str:
-        """Return the place, as messages begin with it."""
+        """Return the beginning of a message: the path in the scene."""
         return f"{self.path}: " if self.path else ""
 
 
 def missing(search: Search, claims: Claims, failures: Iterable[PluginFailure], selection: Selection) -> str:
-    """Return the complete answer to a name that no usable plugin offers."""
+    """Return the message about a name that no usable plugin offers: similar and installed names, failures, remedy."""
     kind, name = search.kind, search.name
     installed = {offered: owners for (hook, offered), owners in sorted(claims.items()) if hook == search.hook}
     close = nearest_names(name, installed)
     lines = [
         f"{search.prefix}no {kind} is named {name!r}",
         *([f"nearest: {_listed({offered: installed[offered] for offered in close})}"] if close else []),
+        *installable(search),
         f"{kind}s installed: {_listed(installed) or 'none'}",
         *_of_other_kinds(search, claims),
         *(f"failed: {failure}" for failure in sorted(failures)),
@@ -52,8 +78,23 @@ def missing(search: Search, claims: Claims, failures: Iterable[PluginFailure], s
     return "\n  ".join(lines)
 
 
+def installable(search: Search) -> Iterable[str]:
+    """Yield which package of this project provides what was requested, and how to install it."""
+    hook = "opir_commands" if search.hook == COMMAND_HOOK else search.hook
+    entry = f"{hook.removeprefix('opir_')}.{search.name}"
+    for package, entries in PACKAGES.items():
+        if entry in entries:
+            yield way_to_install(package)
+
+
+def way_to_install(package: str) -> str:
+    """Return how to install a package of this project."""
+    folder = f"./plugins/{package.replace('-', '_')}"
+    return f"{package} provides it: python -m pip install {package} (in a clone of opir: {folder})"
+
+
 def contested(search: Search, owners: Collection[Provenance]) -> str:
-    """Return the complaint about a name with several owners."""
+    """Return the message about a name with several owners."""
     ranked = sorted(owners)
     count = "two" if len(ranked) == 2 else str(len(ranked))
     return (
@@ -63,7 +104,7 @@ def contested(search: Search, owners: Collection[Provenance]) -> str:
 
 
 def unusable(search: Search, failure: PluginFailure) -> str:
-    """Return the complaint about a name whose only owner failed."""
+    """Return the message about a name whose only owner failed."""
     return (
         f"{search.prefix}the {search.kind} {search.name!r} cannot be used, because its plugin failed\n"
         f"  failed: {failure}"
@@ -71,7 +112,7 @@ def unusable(search: Search, failure: PluginFailure) -> str:
 
 
 def unknown_plugin(name: str, selection: Selection) -> str:
-    """Return the complaint about a name on the allow-list that no distribution offers."""
+    """Return the message about a name on the allow-list that no distribution provides."""
     known = {source.provenance.plugin for source in (*selection.allowed, *selection.hidden)}
     return f"{selection.rule} names {name!r}, but no installed distribution has such a plugin{nearest(name, known)}"
 
@@ -110,3 +151,48 @@ def _way_out(owners: Sequence[Provenance]) -> str:
         return "uninstall all of them but one"
     without = " or ".join(plugins)
     return f"uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without {without}"
+
+
+def described_error(error: BaseException) -> str:
+    """Return an exception as one line: its class, its message, and the line of the plugin that raised it."""
+    try:
+        words = one_line(str(error))
+    except Exception:
+        words = ""
+    place = _place(error)
+    return f"{type(error).__name__}{f': {words}' if words else ''}{f' ({place})' if place else ''}"
+
+
+def one_line(text: str) -> str:
+    """Return a text in one line, cut after 300 characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= _LONGEST_WORDS else f"{line[:_LONGEST_WORDS]}…"
+
+
+def _place(error: BaseException) -> str:
+    """Return the innermost line of the first package outside the core, else the innermost line of the core.
+
+    Lines of the host, of the import system and of numpy and scipy do not count.
+    """
+    trace, of_core, of_plugin, package = error.__traceback__, "", "", None
+    while trace is not None:
+        frame = trace.tb_frame
+        path = PurePath(frame.f_code.co_filename)
+        line = f"{'/'.join(path.parts[-2:])}, line {trace.tb_lineno}"
+        trace = trace.tb_next
+        if _is_machinery(path):
+            continue
+        if path.is_relative_to(_CORE):
+            of_core = line
+            continue
+        root = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        package = package or root
+        of_plugin = line if root == package else of_plugin
+    return of_plugin or of_core
+
+
+def _is_machinery(path: PurePath) -> bool:
+    folder = path.parent.parts
+    if not _LIBRARIES.isdisjoint(folder):
+        return True
+    return str(path).startswith("<frozen ") or any(folder[-len(own) :] == own for own in _MACHINERY)

@@ -1,8 +1,8 @@
-"""The host: which plugins there are, what they offer, and whose each component is.
+"""The host: the plugins, their components and the owner of each.
 
-A host forgives at discovery (a broken plugin is one warning and one row in the catalogue) and insists at resolution: a
-component that is asked for and cannot be had is a `PluginError` that says whose it is and what to do. Nothing depends
-on the order in which plugins were installed, and there is no host but the ones that are made.
+Discovery is tolerant: a broken plugin is one warning and one row in the catalogue. Resolution is strict: a requested
+component that cannot be used is a `PluginError` with the owner and the remedy. The order of installation has no effect,
+and there is no global host.
 """
 
 import os
@@ -13,7 +13,8 @@ from typing import Any, Self, TypeVar, overload
 
 from opir_core.errors import PluginError
 from opir_core.plugin import catalogue, error_messages
-from opir_core.plugin.components import CATALOGUE, Component, Constellation, PluginFailure, PluginRow, Provenance
+from opir_core.plugin.catalogue import PluginRow
+from opir_core.plugin.components import CATALOGUE, Component, Constellation, PluginFailure, Provenance
 from opir_core.plugin.contributions import Contributions
 from opir_core.plugin.discovery import Selection, Source, core_sources, installed_sources, selected
 from opir_core.plugin.error_messages import Search
@@ -28,19 +29,19 @@ Hook = str | type[Component] | type[Constellation]
 
 
 class Host:
-    """Plugins and what they offer; make one with `Host.discover()` or `Host.of(...)`."""
+    """The plugins and their components; made by `Host.discover()` or `Host.of(...)`."""
 
     def __init__(self, selection: Selection) -> None:
-        self._shelf = Registry(selection)
+        self.registry = Registry(selection)
         self._used: set[Provenance] = set()
 
     @classmethod
     def discover(cls, allowed: Iterable[str] | EllipsisType | None = ...) -> Self:
-        """Return a host of core's own plugins and the installed ones; none of them is imported yet.
+        """Return a host of the core's own plugins and the installed ones; none is imported yet.
 
-        `allowed` are short names of plugins (`["dsp", "kafka"]`; an empty list allows none, None allows all). Left out,
-        the environment's `OPIR_PLUGINS=dsp,kafka` says it: set to nothing it allows none, unset it allows all. A name
-        that no installed distribution has is logged as a warning and listed in the catalogue.
+        `allowed` are short names of plugins (`["dsp", "kafka"]`; an empty list allows none, None allows all). By
+        default the environment variable `OPIR_PLUGINS=dsp,kafka` gives them: empty allows none, unset allows all. A
+        name that is not installed is logged as a warning and listed in the catalogue.
         """
         rule = "the allow-list"
         if isinstance(allowed, EllipsisType):
@@ -53,18 +54,18 @@ class Host:
 
     @classmethod
     def of(cls, *plugins: object) -> Self:
-        """Return a host of core's own plugins and the given plugin objects (modules or instances), and no others."""
+        """Return a host of the core's own plugins and the given plugin objects (modules or instances) only."""
         host = cls(Selection(core_sources()))
         for plugin in plugins:
             host.register(plugin)
         return host
 
     def register(self, plugin: object, name: str | None = None) -> None:
-        """Take in a plugin object of this program; raise `PluginError` at once if it is not fit.
+        """Add a plugin object of this program; raises `PluginError` if it is invalid.
 
-        Its name, where none is given, is that of the module or class, with a number if that is taken.
+        The default name is that of the module or class, with a number if that is taken.
         """
-        taken = {source.provenance.plugin for source in self._shelf.sources}
+        taken = {source.provenance.plugin for source in self.registry.sources}
         if name in taken:
             raise PluginError(f"a plugin named {name!r} is registered already")
         owner = Provenance(name or _free_name(plugin, taken), "", "")
@@ -72,7 +73,7 @@ class Host:
         outcome = outcome_of(source)
         if isinstance(outcome, PluginFailure):
             raise PluginError(str(outcome))
-        self._shelf.add(source, outcome)
+        self.registry.add(source, outcome)
 
     @overload
     def component(self, hook: type[Kind], name: str, path: str = "") -> Kind: ...
@@ -81,63 +82,52 @@ class Host:
     def component(self, hook: str, name: str, path: str = "") -> Any: ...
 
     def component(self, hook: Any, name: str, path: str = "") -> Any:
-        """Return the one component of that name; `path` is the place in the scene that names it.
+        """Return the component of a name; `path` is the path in the scene that names it.
 
-        `hook` is a catalogue hook's name or the class of its components. Raises `PluginError` where no plugin offers
-        the name, where several do, and where the one that does failed.
+        `hook` is a catalogue hook's name or the class of its components. Raises `PluginError` if no plugin offers the
+        name, if several do, or if its plugin failed.
         """
         search = Search(_hook_name(hook), name, path)
-        source, offerings = self._resolved(search)
+        source, contributions = self._resolved(search)
         self._used.add(source.provenance)
-        return offerings.components[search.offer]
+        return contributions.components[search.offer]
 
     def provenance(self, hook: Hook, name: str, path: str = "") -> Provenance:
-        """Return whose a component is; raises as `component` does."""
+        """Return the owner of a component; raises as `component` does."""
         source, _ = self._resolved(Search(_hook_name(hook), name, path))
         return source.provenance
 
     def names(self, hook: Hook) -> list[str]:
-        """Return the names offered under a hook, sorted; plugins that advertise their names are not imported for it."""
+        """Return the names offered under a hook, sorted; plugins that advertise their names are not imported."""
         wanted = _hook_name(hook)
-        return sorted({name for offered, name in catalogue.claims(self._shelf) if offered == wanted})
+        return sorted({name for offered, name in catalogue.claims(self.registry) if offered == wanted})
 
     def catalogue(self) -> list[PluginRow]:
-        """Return every plugin with what it offers or why it failed, sorted by name; loads all that are allowed."""
-        return catalogue.rows(self._shelf)
+        """Return a row for every plugin, sorted by name; loads all that are allowed."""
+        return catalogue.rows(self.registry)
 
     @property
     def failures(self) -> tuple[PluginFailure, ...]:
-        """Return why plugins failed, of those loaded so far; sorted."""
-        return self._shelf.failures
+        """Return the failures of the plugins loaded so far, sorted."""
+        return self.registry.failures
 
     def loaded(self) -> tuple[Provenance, ...]:
-        """Return the plugins whose code was imported and is fit, sorted: what could have had an effect."""
-        return self._shelf.ready
+        """Return the plugins that were imported and did not fail, sorted."""
+        return self.registry.ready
 
     def used(self) -> tuple[Provenance, ...]:
-        """Return the plugins that `component` took something from, sorted: what was chosen."""
+        """Return the plugins whose components were requested, sorted."""
         return tuple(sorted(self._used))
 
-    def add_commands(self, commands: Any, name: str | None = None) -> tuple[str, ...]:
-        """Let plugins add commands to argparse's object of subparsers; return the names they added, sorted.
-
-        With a name, only plugins that advertise it are loaded, and those that advertise nothing; `PluginError` says
-        where two plugins have the command, or where the one that advertises it failed. Without (for help) all plugins
-        with commands are loaded, and what fails is a warning.
-        """
-        from opir_core.plugin.commands import added_commands
-
-        return added_commands(self._shelf, commands, name)
-
     def _resolved(self, search: Search) -> tuple[Source, Contributions]:
-        claimants = self._shelf.claimants(search.offer)
+        claimants = self.registry.claimants(search.offer)
         if len(claimants) > 1:
             raise PluginError(error_messages.contested(search, [source.provenance for source in claimants]))
         if not claimants:
-            self._shelf.load_all()
-            known = catalogue.claims(self._shelf)
-            raise PluginError(error_messages.missing(search, known, self.failures, self._shelf.selection))
-        outcome = self._shelf.load(claimants[0])
+            self.registry.load_all()
+            known = catalogue.claims(self.registry)
+            raise PluginError(error_messages.missing(search, known, self.failures, self.registry.selection))
+        outcome = self.registry.load(claimants[0])
         if isinstance(outcome, PluginFailure):
             raise PluginError(error_messages.unusable(search, outcome))
         return claimants[0], outcome

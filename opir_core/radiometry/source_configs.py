@@ -5,8 +5,7 @@ from typing import Any
 
 from attrs import fields_dict, frozen
 
-from opir_core.plugin.components import cited, with_defaults
-from opir_core.scene.fields import info_of, nested, number, text
+from opir_core.scene.fields import cited, info_of, nested, number, text, with_defaults
 
 #: What each emitter may have of its own, in `at` or in a CSV; what it does not have is the block's.
 OWN_FIELDS = ("height_m", "start_s", "end_s", "temperature_k", "emissivity", "area_m2")

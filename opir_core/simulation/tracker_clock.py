@@ -11,7 +11,7 @@ from opir_core.errors import ModelError, OpirError
 from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import Detections, Tracks
-from opir_core.plugin.validation import described_error
+from opir_core.plugin.error_messages import described_error
 
 _NS = 1_000_000_000
 

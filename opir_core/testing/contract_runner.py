@@ -5,8 +5,8 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.errors import Problem, SceneError
-from opir_core.plugin.validation import described_error, nearest
+from opir_core.errors import Problem, SceneError, nearest
+from opir_core.plugin.error_messages import described_error
 from opir_core.testing.contracts import contract_of
 from opir_core.testing.contracts.contract import Broken, Contract, promise, test_names
 

@@ -31,8 +31,7 @@ def test_text_has_every_field_with_unit_range_default_meaning_and_source() -> No
 
 
 def test_json_of_every_component_of_the_core_has_every_field() -> None:
-    from opir_core.cli.lookup import HOOK_BY_KIND, components_named
-    from opir_core.plugin.description import described
+    from opir_core.cli.components import HOOK_BY_KIND, components_named, described
 
     host = Host.of()
     for kind, hook in HOOK_BY_KIND.items():

@@ -9,7 +9,7 @@ import pytest
 from repository import EXAMPLES
 
 from opir_core.cli.main import main
-from opir_core.cli.scaffold import KINDS
+from opir_core.cli.new_plugin import KINDS
 
 NAMES = {kind: f"brand-new-{kind}" for kind in KINDS}
 

@@ -13,8 +13,7 @@ import numpy as np
 from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.builtin.classification import ConfusionClassifier, confusion_classifier
-from opir_core.builtin.confidence import weighted_confidence
+from opir_core.builtin.classification import ConfusionClassifier, confusion_classifier, weighted_confidence
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, WeightedConfig
 from opir_core.builtin.detection import ConstantDetection, always_detection
 from opir_core.builtin.scanner import ScannerConfig

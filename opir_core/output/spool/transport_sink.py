@@ -21,8 +21,7 @@ from opir_core.interfaces.records import Batch, Window
 from opir_core.output.spool.batches import Backlog, Batcher, EncodedBatcher, FullError, MemoryBacklog
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.windows import WindowBatcher, WindowTransport
-from opir_core.scene.scene import Choice
-from opir_core.scene.spool_settings import DROP_NEWEST, DROP_OLDEST, WAIT
+from opir_core.scene.scene import DROP_NEWEST, DROP_OLDEST, WAIT, Choice
 
 #: Maximum bytes of messages that are sent and not yet acknowledged.
 AHEAD_BYTES = 8 << 20

@@ -7,8 +7,7 @@ from typing import Any
 from attrs import fields, has
 
 from opir_core.scene.fields import two_ways
-from opir_core.scene.reading.scene_schema import CHOICES
-from opir_core.scene.reading.yaml_scalars import text_of_epoch_us
+from opir_core.scene.reading.scene_schema import CHOICES, text_of_epoch_us
 from opir_core.scene.scene import Choice, Scene, SceneForces, SceneSensor, SceneTarget
 
 

@@ -20,8 +20,16 @@ from opir_core.scene.reading.nodes import (
     under,
 )
 from opir_core.scene.reading.plain_data import node_of_data
-from opir_core.scene.reading.readers import block_of, read_text, refusal
-from opir_core.scene.reading.structuring import ClassReader, Home, UnreadableTypeError, class_reader, required
+from opir_core.scene.reading.structuring import (
+    ClassReader,
+    Home,
+    UnreadableTypeError,
+    block_of,
+    class_reader,
+    read_text,
+    refusal,
+    required,
+)
 from opir_core.scene.scene import Choice
 
 #: Keys that a scene keeps for itself, besides those that may stand in the block at hand.

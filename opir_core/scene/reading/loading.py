@@ -1,20 +1,31 @@
 """Files and mappings to scenes, or to one error with everything that is wrong."""
 
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from opir_core.errors import PluginError, Problem, SceneError
 from opir_core.plugin.host import Host
-from opir_core.scene.reading.limits import MAXIMUM_FILE_BYTES
-from opir_core.scene.reading.nodes import Complaint, InvalidNode, Node, complaints_inside, cut_short, ordered
-from opir_core.scene.reading.overrides import overridden
+from opir_core.scene.reading.nodes import (
+    MAXIMUM_FILE_BYTES,
+    UNREADABLE,
+    Complaint,
+    InvalidNode,
+    Node,
+    complaints_inside,
+    cut_short,
+    index_step,
+    key_step,
+    ordered,
+    shown_text,
+)
 from opir_core.scene.reading.plain_data import node_of_data
-from opir_core.scene.reading.readers import block_of
 from opir_core.scene.reading.scene_builder import Assembler
 from opir_core.scene.reading.scene_schema import CHOICES
-from opir_core.scene.reading.strict_yaml import node_of_yaml
+from opir_core.scene.reading.strict_yaml import node_of_scalar, node_of_yaml
+from opir_core.scene.reading.structuring import block_of
 from opir_core.scene.scene import Scene
 
 _BYTE_ORDER_MARKS = {b"\xef\xbb\xbf": "UTF-8", b"\xff\xfe": "UTF-16", b"\xfe\xff": "UTF-16"}
@@ -108,3 +119,111 @@ def _scene_error(complaints: Iterable[Complaint], source: str) -> SceneError:
 def _plugin_error(failures: list[PluginError]) -> PluginError:
     words = list(dict.fromkeys(map(str, failures)))
     return failures[0] if len(words) == 1 else PluginError("\n".join(words))
+
+
+_STEP = re.compile(r"\.([^\s.\[\]=]+)|\[([0-9]{1,9})\]")
+_SECRET = re.compile(r"password|passphrase|secret|token|credential", re.IGNORECASE)
+#: What the values that are read as YAML begin with, and what these end with.
+_YAML = {"'": "'", '"': '"', "[": "]", "{": "}", "&": "", "*": "", "!": ""}
+
+
+def overridden(root: Node, overrides: Sequence[str], defaults: Mapping[str, str | None]) -> list[Complaint]:
+    """Apply overrides to a scene's nodes, one after the other, and return what is wrong with them.
+
+    A key that its block lacks is created, and so are blocks on the way to it; an item that its list lacks is not.
+    `defaults` are the keys that choose a component, with the name chosen where the scene has none: a component named
+    without settings (`detection: constant`) becomes a block when a setting of it is overridden.
+    """
+    complaints: list[Complaint] = []
+    for override in overrides:
+        try:
+            _apply(root, override, defaults)
+        except InvalidNode as refused:
+            complaints += refused.complaints
+    return complaints
+
+
+def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> None:
+    path, equals, text = override.partition("=")
+    shown = f"override {shown_text(override if not _is_secret(path) else f'{path}=...')}"
+    if not equals:
+        raise InvalidNode([Complaint(f"{shown} has no '='; write path=value")])
+    steps = _steps(path.strip(), shown)
+    value = _value(text.strip(), shown)
+    if steps[0] in defaults:
+        _open_choice(root, steps, defaults, shown)
+    _set(root, steps, value, shown)
+
+
+def _is_secret(path: str) -> bool:
+    """Return whether what a path sets is, or may by mistake be, a secret, which no message repeats."""
+    return bool(_SECRET.search(path.rpartition(".")[2]))
+
+
+def _steps(path: str, shown: str) -> list[str | int]:
+    steps: list[str | int] = []
+    at, dotted = 0, f".{path}"
+    while found := _STEP.match(dotted, at):
+        steps.append(found[1] if found[1] is not None else int(found[2]))
+        at = found.end()
+    if at < len(dotted) or not steps:
+        raise InvalidNode([Complaint(f"{shown}: {shown_text(path)} is not a scene path; write it like sensors[0].id")])
+    return steps
+
+
+def _value(text: str, shown: str) -> Node:
+    """Return the node of an override's value: an unquoted scalar as it stands, or quotes, [...] and {...} of YAML."""
+    if not text:
+        raise InvalidNode([Complaint(f"{shown} has no value; write null for none, or '' for empty text")])
+    if text[0] not in _YAML:
+        return node_of_scalar(text, shown)
+    if not text.endswith(_YAML[text[0]]):
+        raise InvalidNode([Complaint(f"{shown}: text that begins with {text[0]} needs quotes")])
+    try:
+        return node_of_yaml(text, shown)
+    except InvalidNode as refused:
+        raise InvalidNode(Complaint(f"{shown}: {complaint.message}") for complaint in refused.complaints) from refused
+
+
+def _open_choice(root: Node, steps: list[str | int], defaults: Mapping[str, str | None], shown: str) -> None:
+    """Make a block of the component that the first step leads to, where more steps follow and a name stands alone."""
+    key = steps[0]
+    if len(steps) == 1 or not isinstance(key, str) or not isinstance(root.value, dict):
+        return
+    chosen = root.value.get(key, Node(defaults[key], shown))
+    if type(chosen.value) is str and chosen.value:
+        root.value[key] = Node({"model": chosen}, chosen.place, chosen.key_place)
+
+
+def _set(root: Node, steps: list[str | int], value: Node, shown: str) -> None:
+    node, path = root, ""
+    for step in steps:
+        if node.value is UNREADABLE:
+            raise InvalidNode
+        node = _item(node, step, path, shown) if isinstance(step, int) else _entry(node, step, path, shown)
+        path = f"{path}{index_step(step) if isinstance(step, int) else key_step(step)}".removeprefix(".")
+    node.value, node.place, node.written, node.complaints = value.value, value.place, value.written, value.complaints
+
+
+def _entry(node: Node, key: str, path: str, shown: str) -> Node:
+    """Return the value of a key, an empty block where there is none."""
+    if not isinstance(node.value, dict):
+        raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no key {key}")])
+    entry: Node = node.value.setdefault(key, Node({}, shown, shown))
+    return entry
+
+
+def _item(node: Node, index: int, path: str, shown: str) -> Node:
+    if not isinstance(node.value, list):
+        raise InvalidNode([Complaint(f"{shown}: {path or 'the scene'} is {_kind(node)}, which has no item {index}")])
+    count = len(node.value)
+    if index >= count:
+        raise InvalidNode([Complaint(f"{shown}: {path} has {count} item{'s' if count != 1 else ''}, numbered from 0")])
+    item: Node = node.value[index]
+    return item
+
+
+def _kind(node: Node) -> str:
+    if isinstance(node.value, list | dict):
+        return "a list" if isinstance(node.value, list) else "a block"
+    return "a single value"

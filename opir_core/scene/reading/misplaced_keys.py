@@ -7,8 +7,8 @@ from attrs import fields, frozen
 
 from opir_core.errors import PluginError
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
-from opir_core.plugin.description import field_rows
 from opir_core.plugin.host import Host
+from opir_core.scene.field_rows import field_rows
 from opir_core.scene.reading.scene_schema import CHOICES, SceneFile
 
 #: As many models as one message names.

@@ -5,9 +5,17 @@ from collections.abc import Mapping
 from itertools import count
 from typing import Any
 
-from opir_core.scene.reading.limits import MAXIMUM_DEPTH, MAXIMUM_DIGITS, MAXIMUM_VALUES
-from opir_core.scene.reading.nodes import UNREADABLE, Complaint, InvalidNode, Node, SwitchWord
-from opir_core.scene.reading.yaml_scalars import quoted_value
+from opir_core.scene.reading.nodes import (
+    MAXIMUM_DEPTH,
+    MAXIMUM_DIGITS,
+    MAXIMUM_VALUES,
+    UNREADABLE,
+    Complaint,
+    InvalidNode,
+    Node,
+    SwitchWord,
+)
+from opir_core.scene.reading.strict_yaml import quoted_value
 
 _TOO_LONG = 10**MAXIMUM_DIGITS
 

@@ -7,13 +7,11 @@ from attrs import evolve
 from opir_core.plugin.host import Host
 from opir_core.scene.reading.component_reader import Chooser, Settings
 from opir_core.scene.reading.nodes import ErrorCollector, Node, index_step, key_step, under
-from opir_core.scene.reading.readers import block_of, items_of, refusal
-from opir_core.scene.reading.scene_schema import CHOICES, SceneFile
+from opir_core.scene.reading.scene_schema import CHOICES, SceneFile, epoch_us_of_text
 from opir_core.scene.reading.sensors import SensorReader
-from opir_core.scene.reading.structuring import class_reader
-from opir_core.scene.reading.targets import SourceReader, TargetReader
-from opir_core.scene.reading.yaml_scalars import epoch_us_of_text
-from opir_core.scene.scene import Choice, Scene
+from opir_core.scene.reading.structuring import block_of, class_reader, items_of, refusal
+from opir_core.scene.reading.targets import SourceReader, TargetReader, read_forces
+from opir_core.scene.scene import Choice, Scene, SpoolConfig
 
 _SINKS = "opir_sinks"
 _ENCODERS = "opir_event_encoders"
@@ -50,8 +48,6 @@ class Assembler:
         """Return the parts of the scene that its blocks come to."""
         parts: dict[str, Any] = {"targets": (), "sources": (), "outputs": ()}
         if values.get("forces") is not None:
-            from opir_core.scene.reading.targets import read_forces
-
             with self.gathering.at(key_step("forces")):
                 parts["forces"] = read_forces(values["forces"])
         lists = {
@@ -115,8 +111,6 @@ class Assembler:
 
 
 def _spool_settings(node: Node) -> Any:
-    from opir_core.scene.spool_settings import SpoolConfig
-
     with under(key_step("spool")):
         return class_reader(SpoolConfig)(node)
 

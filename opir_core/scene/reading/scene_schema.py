@@ -1,11 +1,12 @@
 """The keys of a scene file, with what each means; the blocks among them are read later, by what they choose."""
 
+import re
+from datetime import UTC, datetime, timedelta
+
 from attrs import frozen
 
 from opir_core.scene.fields import flag, nested, number
-from opir_core.scene.reading.limits import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH
-from opir_core.scene.reading.nodes import Node
-from opir_core.scene.reading.yaml_scalars import epoch_us_of_text
+from opir_core.scene.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
 
 #: The keys that choose one component: the hook it comes through, and the name chosen where the scene has none.
 CHOICES = {
@@ -98,3 +99,39 @@ class SceneFile:
     outputs: Node | None = nested(
         help="sinks: a list of names, or of names with their settings", default=None, source=""
     )
+
+
+_FIRST_YEAR, _LAST_YEAR = 1970, 2099
+_START = datetime(1970, 1, 1, tzinfo=UTC)
+_MICROSECOND = timedelta(microseconds=1)
+_FORM = re.compile(r"(\d{4})-(\d{2})-(\d{2})T(\d{2}):(\d{2}):(\d{2})(?:\.(\d+))?(Z|[-+]\d{2}:\d{2})?", re.ASCII)
+_EXAMPLE = "2026-04-01T12:00:00Z"
+
+
+def epoch_us_of_text(text: str) -> int:
+    """Return microseconds since 1970-01-01 UTC (no leap seconds) of `YYYY-MM-DDThh:mm:ss[.ffffff]Z`.
+
+    Raises `ValueError`, with words for the user, for any other form, for a moment that does not exist (a leap second is
+    none here) and for years outside 1970 to 2099.
+    """
+    found = _FORM.fullmatch(text)
+    if found is None:
+        raise ValueError(f"{text!r} is not a time; write it like {_EXAMPLE}")
+    *whole, fraction, zone = found.groups()
+    if zone != "Z":
+        raise ValueError(f"{text!r} is not in UTC; write the time in UTC, ended by Z, like {_EXAMPLE}")
+    if fraction and len(fraction) > 6:
+        raise ValueError(f"{text!r} is finer than a microsecond")
+    try:
+        moment = datetime(*(int(part) for part in whole), tzinfo=UTC)  # type: ignore[misc,arg-type]
+    except ValueError as error:
+        raise ValueError(f"{text!r} is not a time that exists") from error
+    if not _FIRST_YEAR <= moment.year <= _LAST_YEAR:
+        raise ValueError(f"{text!r} is outside the years {_FIRST_YEAR} to {_LAST_YEAR}")
+    return (moment - _START) // _MICROSECOND + int((fraction or "").ljust(6, "0"))
+
+
+def text_of_epoch_us(epoch_us: int) -> str:
+    """Return `YYYY-MM-DDThh:mm:ss[.ffffff]Z` for microseconds since 1970-01-01 UTC."""
+    moment = _START + epoch_us * _MICROSECOND
+    return f"{moment:%Y-%m-%dT%H:%M:%S}{f'.{moment.microsecond:06d}' if moment.microsecond else ''}Z"

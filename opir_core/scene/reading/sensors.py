@@ -7,10 +7,8 @@ from attrs import evolve
 
 from opir_core.plugin.components import Constellation
 from opir_core.scene.reading.component_reader import Chooser, Settings, component_name
-from opir_core.scene.reading.limits import MAXIMUM_SENSORS
-from opir_core.scene.reading.nodes import ErrorCollector, Node, index_step, key_step, under
-from opir_core.scene.reading.readers import block_of, items_of, refusal
-from opir_core.scene.reading.structuring import nearest, unknown_key
+from opir_core.scene.reading.nodes import MAXIMUM_SENSORS, ErrorCollector, Node, index_step, key_step, under
+from opir_core.scene.reading.structuring import block_of, items_of, nearest, refusal, unknown_key
 from opir_core.scene.reading.targets import ID_RULE, Identifier, is_id
 from opir_core.scene.scene import SceneSensor
 

@@ -2,28 +2,122 @@
 
 PyYAML's parser supplies events; nothing of its constructors or resolvers is used. Aliases, anchors, tags, merge keys,
 directives, second documents, duplicate keys and keys that are not text are refused, and so is all that
-`opir_core.scene.reading.yaml_scalars` refuses. Nesting and the number of values are bounded while reading, so no text
+`opir_core.scene.reading.strict_yaml` refuses. Nesting and the number of values are bounded while reading, so no text
 is costly.
 """
 
+import math
 import re
 from typing import Any
 
 import yaml
 from attrs import evolve
 
-from opir_core.scene.reading.limits import MAXIMUM_DEPTH, MAXIMUM_VALUES
 from opir_core.scene.reading.nodes import (
+    MAXIMUM_DEPTH,
+    MAXIMUM_DIGITS,
+    MAXIMUM_VALUES,
     UNREADABLE,
     Complaint,
     InvalidNode,
     Node,
     Place,
+    SwitchWord,
     complaints_inside,
     key_step,
     place_text,
+    unprintable_complaint,
 )
-from opir_core.scene.reading.yaml_scalars import plain_value, quoted_value
+
+_CONSTANTS = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_SWITCHES = {case(word): on for word, on in (("yes", True), ("no", False), ("on", True), ("off", False))
+             for case in (str.lower, str.capitalize, str.upper)}  # fmt: skip
+_FIRST_OF_NUMBER = frozenset("0123456789+-.")
+
+_WHOLE = re.compile(r"[-+]?(0|[1-9][0-9]*)")
+_DECIMAL = re.compile(r"[-+]?((0|[1-9][0-9]*)(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
+_ODD = (
+    (re.compile(r"[-+]?\.(inf|Inf|INF|nan|NaN|NAN)"), "{0} is not a finite number"),
+    (
+        re.compile(r"[-+]?[0-9][0-9_]*(:[0-9]+)+(\.[0-9_]*)?"),
+        "{0} is a number in base 60 to some YAML readers; write a decimal number, or '{0}' in quotes for text",
+    ),
+    (
+        re.compile(r"[-+]?0[xXoObB][0-9a-fA-F_]+"),
+        "{0} is not a decimal number; write one, or '{0}' in quotes for text",
+    ),
+    (
+        re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?([eE][-+]?[0-9]+)?|[-+]?[0-9]+\.[0-9_]*_[0-9_]*"),
+        "{0} has '_' between digits; leave it out, or write '{0}' in quotes for text",
+    ),
+    (
+        re.compile(r"[-+]?0[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]+)?"),
+        "{0} begins with a zero, which is octal to some YAML readers; leave it out, or write '{0}' in quotes for text",
+    ),
+)
+
+
+def plain_value(text: str) -> Any:
+    """Return what an unquoted scalar means: None, a truth value, an int, a float, a `SwitchWord` or text.
+
+    Raises `ValueError`, with words for the user, where that depends on who reads it or would not keep the number.
+    """
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
+    if text[0] in _FIRST_OF_NUMBER:
+        return _number_or_text(text)
+    return SwitchWord(text) if text in _SWITCHES else quoted_value(text)
+
+
+def quoted_value(text: str) -> str:
+    """Return a text as it is; raises `ValueError` where it holds what is not text."""
+    complaint = unprintable_complaint(text)
+    if complaint:
+        raise ValueError(complaint)
+    return text
+
+
+def is_on(word: SwitchWord) -> bool:
+    """Return the truth value of a switch word."""
+    return _SWITCHES[word]
+
+
+def is_decimal_text(text: str) -> bool:
+    """Return whether a text would be a number without its quotes."""
+    return _DECIMAL.fullmatch(text) is not None
+
+
+def _number_or_text(text: str) -> int | float | str:
+    if _WHOLE.fullmatch(text):
+        return _whole(text)
+    if _DECIMAL.fullmatch(text):
+        return _decimal(text)
+    for pattern, complaint in _ODD:
+        if pattern.fullmatch(text):
+            raise ValueError(complaint.format(text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."))
+    return quoted_value(text)
+
+
+def _whole(text: str) -> int:
+    digits = len(text.lstrip("+-"))
+    if digits > MAXIMUM_DIGITS:
+        raise ValueError(f"a whole number of {digits} digits; at most {MAXIMUM_DIGITS} are read")
+    return int(text)
+
+
+def _decimal(text: str) -> float:
+    number = float(text)
+    short = text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."
+    if math.isinf(number):
+        raise ValueError(f"{short} is too large for a number; the largest is about 1.8e308")
+    if number == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):
+        raise ValueError(f"{short} is too small for a number and would be read as 0")
+    return number
+
 
 #: libyaml's parser where PyYAML has it, else PyYAML's own: the same events, more slowly.
 PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -11,11 +11,20 @@ from collections.abc import Sequence
 from attrs import evolve
 
 from opir_core.scene.reading.component_reader import Chooser, Settings, component_name
-from opir_core.scene.reading.limits import MAXIMUM_ID_LENGTH, MAXIMUM_SOURCES, MAXIMUM_TARGETS
-from opir_core.scene.reading.nodes import ErrorCollector, InvalidNode, Node, index_step, key_step, shown_text, under
-from opir_core.scene.reading.readers import block_of, items_of, read_text, refusal
+from opir_core.scene.reading.nodes import (
+    MAXIMUM_ID_LENGTH,
+    MAXIMUM_SOURCES,
+    MAXIMUM_TARGETS,
+    ErrorCollector,
+    InvalidNode,
+    Node,
+    index_step,
+    key_step,
+    shown_text,
+    under,
+)
 from opir_core.scene.reading.scene_schema import DEFAULT_TARGET_MODEL
-from opir_core.scene.reading.structuring import class_reader, nearest, required
+from opir_core.scene.reading.structuring import block_of, class_reader, items_of, nearest, read_text, refusal, required
 from opir_core.scene.scene import ZONAL_FORCES, Choice, SceneDrag, SceneForces, SceneSource, SceneTarget
 
 _ID = re.compile(rf"[A-Za-z0-9._:-]{{1,{MAXIMUM_ID_LENGTH}}}")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from opir_core.builtin.confidence import full_confidence, no_confidence, weighted_confidence
+from opir_core.builtin.classification import full_confidence, no_confidence, weighted_confidence
 from opir_core.builtin.configs import WeightedConfig
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.records import ClassifierInputs

@@ -225,7 +225,7 @@ def test_blocks_of_a_window_are_the_window() -> None:
 
 def test_naming_the_encoder_imports_no_msgspec() -> None:
     program = (
-        "import sys; from opir_core.builtin.encoders import ENCODERS; from opir_core.builtin.sinks import SINKS;"
+        "import sys; from opir_core.builtin.plugin import ENCODERS, SINKS;"
         "import opir_core.random_streams.detection_ids;"
         "assert 'msgspec' not in sys.modules, 'named';"
         "from opir_core.interfaces.contexts import EncoderContext;"

@@ -24,7 +24,7 @@ from spool_transports import (
 )
 from waiting import until
 
-from opir_core.builtin.memory_sinks import MemorySink
+from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery, Transport
 from opir_core.interfaces.records import Batch, Tracks

@@ -16,7 +16,7 @@ from spool_transports import (
     window,
 )
 
-from opir_core.builtin.memory_sinks import MemorySink
+from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
 from opir_core.output.spool.batches import EncodedBatcher
 from opir_core.output.spool.journal import Journal

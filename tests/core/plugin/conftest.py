@@ -15,7 +15,12 @@ from opir_core.plugin.components import DetectionModel, NoConfig, PluginFailure
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.plugin.host import Host
 
-HEADER = "from attrs import frozen\nfrom opir_core.plugin import *\n"
+#: What plugins here import: no `*`, which would import numpy.
+HEADER = (
+    "from attrs import frozen\n"
+    "from opir_core.plugin import AtmosphereModel, Constellation, DetectionModel, EventEncoder, NoConfig, SensorModel,"
+    " SinkModel, TrackerModel, hookimpl, number\n"
+)
 
 
 class Shop:
@@ -33,6 +38,7 @@ class Shop:
         distribution: str = "",
         advertise: Sequence[str] = (),
         entry_points: Mapping[str, Mapping[str, str]] | None = None,
+        requires: Sequence[str] = (),
         on_path: bool = True,
     ) -> Path:
         """Write a distribution with one module, `opir_PLUGIN.plugin`, and put its folder first on the path."""
@@ -44,16 +50,20 @@ class Shop:
         (folder / package / "__init__.py").touch()
         (folder / package / "plugin.py").write_text(HEADER + dedent(code))
         groups = {"opir": {plugin: module}, "opir.components": dict.fromkeys(advertise, module)}
-        write_metadata(folder, distribution, version, groups if entry_points is None else entry_points)
+        write_metadata(folder, distribution, version, groups if entry_points is None else entry_points, requires)
         if on_path:
             sys.path.insert(0, str(folder))
         return folder
 
 
-def write_metadata(folder: Path, name: str, version: str, groups: Mapping[str, Mapping[str, str]]) -> None:
+def write_metadata(
+    folder: Path, name: str, version: str, groups: Mapping[str, Mapping[str, str]], requires: Sequence[str] = ()
+) -> None:
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
-    (info / "METADATA").write_text(f"Metadata-Version: 2.3\nName: {name}\nVersion: {version}\n\nName: not-this\n")
+    headers = ["Metadata-Version: 2.3", f"Name: {name}", f"Version: {version}"]
+    headers += [f"Requires-Dist: {requirement}" for requirement in requires]
+    (info / "METADATA").write_text("\n".join([*headers, "", "Name: not-this", ""]))
     lines = [
         line
         for group, entries in groups.items()

@@ -5,10 +5,11 @@ import sys
 
 import pytest
 
+from opir_core.cli.plugin_commands import added_commands
 from opir_core.errors import PluginError
 from opir_core.plugin.host import Host
 
-MISMATCH = "its entry points in group opir.components are not what it offers: "
+MISMATCH = "its entry points in group opir.components differ from what it offers: "
 
 COMMAND = """
 @hookimpl
@@ -37,7 +38,7 @@ def commands(parser):
 
 def test_a_command_is_added_and_runs(shop, parser, commands):
     shop.install("http", command("http", "serve"), advertise=["commands.serve"])
-    assert Host.discover().add_commands(commands, "serve") == ("serve",)
+    assert added_commands(Host.discover(), commands, "serve") == ("serve",)
     arguments = parser.parse_args(["serve"])
     assert arguments.run(arguments) == "http"
     assert parser.parse_args(["run"]).run(None) == "core"
@@ -48,7 +49,7 @@ def test_only_the_owner_of_a_command_is_imported(shop, commands, trackers):
     shop.install("other", command("other", "watch"), advertise=["commands.watch"])
     shop.install("arc", trackers("arc"), advertise=["trackers.arc"])
     shop.install("silent", command("silent", "hum"))
-    assert Host.discover().add_commands(commands, "serve") == ("hum", "serve")
+    assert added_commands(Host.discover(), commands, "serve") == ("hum", "serve")
     assert {"opir_http", "opir_other", "opir_arc", "opir_silent"} & set(sys.modules) == {"opir_http", "opir_silent"}
 
 
@@ -56,13 +57,13 @@ def test_help_has_all_commands(shop, parser, commands, trackers):
     shop.install("http", command("http", "serve", "watch"), advertise=["commands.serve", "commands.watch"])
     shop.install("arc", trackers("arc"), advertise=["trackers.arc"])
     shop.install("silent", command("silent", "hum"))
-    assert Host.discover().add_commands(commands) == ("hum", "serve", "watch")
+    assert added_commands(Host.discover(), commands) == ("hum", "serve", "watch")
     assert "opir_arc" not in sys.modules
     assert "from silent" in parser.format_help()
 
 
 def test_a_command_that_nobody_has(shop, commands):
-    assert Host.discover().add_commands(commands, "serve") == ()
+    assert added_commands(Host.discover(), commands, "serve") == ()
     assert set(commands.choices) == {"run"}
 
 
@@ -81,20 +82,20 @@ def test_two_owners_of_one_command(shop, caplog, parser, commands, first, second
         "  uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without acme or http"
     )
     with pytest.raises(PluginError) as error:
-        Host.discover().add_commands(commands, "serve")
+        added_commands(Host.discover(), commands, "serve")
     assert str(error.value) == complaint
     if first and second:
         assert not {"opir_http", "opir_acme"} & set(sys.modules)
     caplog.clear()
     others = argparse.ArgumentParser().add_subparsers()
-    assert Host.discover().add_commands(others) == ("serve",)
+    assert added_commands(Host.discover(), others) == ("serve",)
     assert [record.getMessage() for record in caplog.records] == [complaint]
 
 
 def test_a_contest_about_another_command_is_let_be(shop, commands):
     shop.install("one", command("one", "serve", "hum"))
     shop.install("two", command("two", "serve"))
-    assert Host.discover().add_commands(commands, "hum") == ("hum", "serve")
+    assert added_commands(Host.discover(), commands, "hum") == ("hum", "serve")
 
 
 @pytest.mark.parametrize(
@@ -124,7 +125,7 @@ def test_a_contest_about_another_command_is_let_be(shop, commands):
         (
             command("http", "serve", "run"),
             "serve",
-            "opir_add_commands adds the command 'run', which opir has itself",
+            "opir_add_commands adds the command 'run', which is a command of opir itself",
         ),
         (
             command("http", "serve", "serve"),
@@ -136,14 +137,14 @@ def test_a_contest_about_another_command_is_let_be(shop, commands):
 def test_a_command_whose_plugin_fails(shop, caplog, commands, code, advertise, reason):
     shop.install("http", code, version="5", advertise=[f"commands.{advertise}"])
     with pytest.raises(PluginError) as error:
-        Host.discover().add_commands(commands, "serve")
+        added_commands(Host.discover(), commands, "serve")
     assert str(error.value) == (
         f"the command 'serve' cannot be used, because its plugin failed\n  failed: opir-http 5 (plugin http): {reason}"
     )
     caplog.clear()
     others = argparse.ArgumentParser().add_subparsers()
     others.add_parser("run")
-    Host.discover().add_commands(others)
+    added_commands(Host.discover(), others)
     assert [record.getMessage() for record in caplog.records] == [
         f"plugin left out: opir-http 5 (plugin http): {reason}"
     ]
@@ -163,5 +164,5 @@ def test_what_a_plugin_sees_of_argparse(shop, parser, commands):
         commands.add_parser("serve", aliases=["s"]).add_argument("--port", type=int)
     """
     shop.install("http", code, advertise=["commands.serve"])
-    assert Host.discover().add_commands(commands, "serve") == ("s", "serve")
+    assert added_commands(Host.discover(), commands, "serve") == ("s", "serve")
     assert parser.parse_args(["s", "--port", "8"]).port == 8

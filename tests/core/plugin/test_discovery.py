@@ -9,7 +9,8 @@ import pytest
 
 from opir_core._version import __version__
 from opir_core.errors import PluginError
-from opir_core.plugin.components import CATALOGUE, ComponentRow, PluginRow
+from opir_core.plugin.catalogue import ComponentRow, PluginRow
+from opir_core.plugin.components import CATALOGUE
 from opir_core.plugin.contributions import HOOKS
 from opir_core.plugin.discovery import distributions_with
 from opir_core.plugin.hookspecs import CatalogueHooks, ExtensionHooks
@@ -54,7 +55,6 @@ def test_core_alone(shop):
             version=__version__,
             plugin="builtin",
             state="ready",
-            api="1.0",
             components=(constant,),
         )
     ]

@@ -4,7 +4,7 @@ import warnings
 
 import pytest
 
-from opir_core.plugin.contributions import MOST_COMPONENTS
+from opir_core.plugin.contributions import MAXIMUM_COMPONENTS
 from opir_core.plugin.host import Host
 
 NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
@@ -34,7 +34,7 @@ FAULTS = {
         def opir_trackers():
             TrackerModel(name="lost", summary="a tracker", build=print)
         """,
-        "opir_trackers returned None, where an iterable of TrackerModel was due",
+        "opir_trackers returned None instead of an iterable of TrackerModel",
     ),
     "a hook that is a coroutine": (
         """
@@ -42,7 +42,7 @@ FAULTS = {
         async def opir_trackers():
             return ()
         """,
-        "opir_trackers returned a coroutine, where an iterable of TrackerModel was due",
+        "opir_trackers returned a coroutine instead of an iterable of TrackerModel",
     ),
     "a hook that returns the component itself": (
         """
@@ -50,7 +50,7 @@ FAULTS = {
         def opir_event_encoders():
             return EventEncoder(name="x", summary="an encoder", build=print)
         """,
-        "opir_event_encoders returned an EventEncoder, where an iterable of EventEncoder was due",
+        "opir_event_encoders returned an EventEncoder instead of an iterable of EventEncoder",
     ),
     "a hook without end": (
         """
@@ -59,7 +59,7 @@ FAULTS = {
         def opir_trackers():
             return (TrackerModel(name=f"t{n}", summary="a tracker", build=print) for n in count())
         """,
-        f"opir_trackers yields more than {MOST_COMPONENTS} components",
+        f"opir_trackers yields more than {MAXIMUM_COMPONENTS} components",
     ),
     "a product of another kind": (
         """
@@ -67,7 +67,7 @@ FAULTS = {
         def opir_trackers():
             yield EventEncoder(name="x", summary="an encoder", build=print)
         """,
-        "opir_trackers yielded an EventEncoder, where a TrackerModel was due",
+        "opir_trackers yielded an EventEncoder instead of a TrackerModel",
     ),
     "no component": (
         """
@@ -75,7 +75,7 @@ FAULTS = {
         def opir_trackers():
             yield {"name": "x"}
         """,
-        "opir_trackers yielded a dict, where a TrackerModel was due",
+        "opir_trackers yielded a dict instead of a TrackerModel",
     ),
     "a name with a blank": (
         """
@@ -99,7 +99,7 @@ FAULTS = {
         def opir_trackers():
             yield TrackerModel(name="t", summary=" ", build=print)
         """,
-        "opir_trackers yielded a tracker named 't' whose summary is not one line of text",
+        "opir_trackers yielded a tracker named 't' with a summary that is not one line of text",
     ),
     "a configuration class that is none": (
         """
@@ -107,7 +107,7 @@ FAULTS = {
         def opir_trackers():
             yield TrackerModel(name="t", summary="s", config=dict, build=print)
         """,
-        "opir_trackers yielded a tracker named 't' whose config is <class 'dict'>, not an attrs class",
+        "opir_trackers yielded a tracker named 't' with the config <class 'dict'>, not an attrs class",
     ),
     "a configuration instead of its class": (
         """
@@ -115,7 +115,7 @@ FAULTS = {
         def opir_trackers():
             yield TrackerModel(name="t", summary="s", config=NoConfig(), build=print)
         """,
-        "opir_trackers yielded a tracker named 't' whose config is NoConfig(), not an attrs class",
+        "opir_trackers yielded a tracker named 't' with the config NoConfig(), not an attrs class",
     ),
     "a build that is none": (
         """
@@ -123,7 +123,7 @@ FAULTS = {
         def opir_trackers():
             yield TrackerModel(name="t", summary="s", build="opir_bad.tracker:build")
         """,
-        "opir_trackers yielded a tracker named 't' whose build is 'opir_bad.tracker:build', not a function",
+        "opir_trackers yielded a tracker named 't' with the build 'opir_bad.tracker:build', not a function",
     ),
     "presets that are a list": (
         """
@@ -131,7 +131,7 @@ FAULTS = {
         def opir_trackers():
             yield TrackerModel(name="t", summary="s", build=print, presets={"old": ["x"]})
         """,
-        "opir_trackers yielded a tracker named 't' whose presets are not a mapping from names to mappings of values",
+        "opir_trackers yielded a tracker named 't' with presets that are not a mapping of names to mappings",
     ),
     "a name twice": (
         """
@@ -164,7 +164,7 @@ FAULTS = {
         def opir_constellations():
             yield Constellation(name="F", summary="s", model=None, satellites=[{"id": "F-1"}])
         """,
-        "opir_constellations yielded a constellation named 'F' whose model is None, not the name of a sensor model",
+        "opir_constellations yielded a constellation named 'F' with the model None, not the name of a sensor model",
     ),
     "satellites that are names": (
         """
@@ -172,7 +172,7 @@ FAULTS = {
         def opir_constellations():
             yield Constellation(name="F", summary="s", model="M", satellites="F1")
         """,
-        "opir_constellations yielded a constellation named 'F' whose satellites are not a sequence of mappings",
+        "opir_constellations yielded a constellation named 'F' with satellites that are not a sequence of mappings",
     ),
     "a satellite without an id": (
         """

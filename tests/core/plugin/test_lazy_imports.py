@@ -21,7 +21,7 @@ def opir_sensor_models():
     yield SensorModel(name="{name}", summary="a sensor", build=print)
 """
 
-MISMATCH = "its entry points in group opir.components are not what it offers: "
+MISMATCH = "its entry points in group opir.components differ from what it offers: "
 
 #: Core's own plugin is replaced, so that what is counted is the host's doing.
 ASK = """
@@ -136,7 +136,7 @@ def test_a_name_that_was_not_advertised_is_missing_with_the_reason(shop, tracker
         (
             "trackers.arc",
             "opir_one.plugn",
-            "advertises trackers.arc for 'opir_one.plugn', which is no entry point of it in group opir",
+            "advertises trackers.arc for 'opir_one.plugn', which is not one of its entry points in group opir",
         ),
     ],
 )
@@ -155,8 +155,8 @@ def test_an_advertisement_of_no_plugin_at_all(shop, trackers):
     with pytest.raises(PluginError) as error:
         Host.discover().component("opir_trackers", "arc")
     assert str(error.value).endswith(
-        "failed: opir-one 1.0: advertises trackers.arc for 'opir_one.plugin', which is no entry point of it in group "
-        "opir"
+        "failed: opir-one 1.0: advertises trackers.arc for 'opir_one.plugin', which is not one of its entry points in "
+        "group opir"
     )
 
 
@@ -176,7 +176,9 @@ def test_two_plugins_of_one_distribution_are_loaded_apart(shop, trackers):
             "opir.components": {"trackers.arc": "opir_two.plugin", "trackers.mht": "opir_two.more"},
         },
     )
-    (folder / "opir_two" / "more.py").write_text("from opir_core.plugin import *\n" + trackers("mht"))
+    (folder / "opir_two" / "more.py").write_text(
+        "from opir_core.plugin import TrackerModel, hookimpl\n" + trackers("mht")
+    )
     host = Host.discover()
     assert str(host.provenance("opir_trackers", "mht")) == "opir-two 1.0 (plugin more)"
     assert "opir_two.plugin" not in sys.modules

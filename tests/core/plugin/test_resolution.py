@@ -81,6 +81,8 @@ def test_a_missing_name_with_the_nearest(shop, trackers):
     assert complaint(Host.discover(), "opir_trackers", "kepler-arc", "tracker") == (
         "tracker: no tracker is named 'kepler-arc'\n"
         "  nearest: Kepler-Arc of opir-more 2.1 (plugin more), kepler-are of opir-arc 1.0 (plugin arc)\n"
+        "  opir-trackers provides it: python -m pip install opir-trackers (in a clone of opir: "
+        "./plugins/opir_trackers)\n"
         "  trackers installed: Kepler-Arc of opir-more 2.1 (plugin more), kalman of opir-more 2.1 (plugin more), "
         "kepler-are of opir-arc 1.0 (plugin arc), mht of opir-more 2.1 (plugin more)"
     )

@@ -7,7 +7,7 @@ import pytest
 from scene_reading import HOST, PAGE, problems
 
 from opir_core.errors import SceneError
-from opir_core.scene.reading import limits, load_scene, scene_from_mapping
+from opir_core.scene.reading import load_scene, nodes, scene_from_mapping
 
 
 @pytest.mark.parametrize(
@@ -22,7 +22,7 @@ def test_a_file_that_cannot_be_read(name: str, words: str, tmp_path: Path) -> No
 
 def test_a_file_that_is_too_large(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
-    path.write_bytes(PAGE.encode() + b"#" * limits.MAXIMUM_FILE_BYTES)
+    path.write_bytes(PAGE.encode() + b"#" * nodes.MAXIMUM_FILE_BYTES)
     with pytest.raises(SceneError, match="is larger than 16777216 bytes"):
         load_scene(path, host=HOST)
 
@@ -48,6 +48,6 @@ def test_too_many_targets_and_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_problems_beyond_a_number_are_counted() -> None:
-    told = problems(targets=[3] * (limits.MAXIMUM_PROBLEMS + 5))
-    assert len(told) == limits.MAXIMUM_PROBLEMS + 1
+    told = problems(targets=[3] * (nodes.MAXIMUM_PROBLEMS + 5))
+    assert len(told) == nodes.MAXIMUM_PROBLEMS + 1
     assert told[-1] == "and 5 more problems"

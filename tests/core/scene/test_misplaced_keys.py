@@ -10,8 +10,8 @@ from opir_trackers.configs import BoostProfileConfig
 
 from opir_core.errors import SceneError
 from opir_core.plugin import AtmosphereModel, NoConfig, SensorModel, hookimpl, nested, number
-from opir_core.plugin.description import field_rows
 from opir_core.plugin.host import Host
+from opir_core.scene.field_rows import field_rows
 from opir_core.scene.reading import scene_from_mapping
 
 

@@ -5,7 +5,7 @@ import pytest
 from attrs import evolve
 from scored_scene import SCENE
 
-from opir_core.cli.scorecard_text import as_text
+from opir_core.cli.score import as_text
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard

@@ -1,4 +1,4 @@
-"""Commands that plugins add to the command line, each with its owner."""
+"""The commands that plugins add to the command line, each with its owner."""
 
 from argparse import ArgumentParser
 from collections.abc import Collection
@@ -7,21 +7,21 @@ from typing import Any
 from opir_core.errors import PluginError
 from opir_core.plugin import error_messages
 from opir_core.plugin.components import Provenance
-from opir_core.plugin.contributions import Contributions
+from opir_core.plugin.contributions import Contributions, InvalidPlugin
 from opir_core.plugin.discovery import COMMAND_HOOK, Source
-from opir_core.plugin.error_messages import Search
+from opir_core.plugin.error_messages import Search, described_error
+from opir_core.plugin.host import Host
 from opir_core.plugin.registry import Registry, warn
-from opir_core.plugin.validation import InvalidPlugin, described_error
 
 #: The owners of every command that plugins have added.
 Owners = dict[str, list[Provenance]]
 
 
-class CommandDesk:
-    """argparse's object of subparsers as one plugin sees it: what is added is noted in `owners`.
+class OwnedSubparsers:
+    """argparse's subparsers object for one plugin; records the owner of each command that is added.
 
-    A command that another plugin has added is not added again: the plugin gets a parser that nothing leads to, and
-    whoever asks for the command hears of both.
+    A command that another plugin has added is not added again: the plugin gets an unused parser, and a request for the
+    command is an error that names both owners.
     """
 
     def __init__(self, commands: Any, core: Collection[str], owner: Provenance, owners: Owners) -> None:
@@ -36,7 +36,7 @@ class CommandDesk:
         names = [name, *keywords.get("aliases", ())]
         for known in names:
             if known in self._core:
-                raise InvalidPlugin(f"{COMMAND_HOOK} adds the command {known!r}, which opir has itself")
+                raise InvalidPlugin(f"{COMMAND_HOOK} adds the command {known!r}, which is a command of opir itself")
             if self._owner in self._owners.get(known, ()):
                 raise InvalidPlugin(f"{COMMAND_HOOK} adds the command {known!r} twice")
         contested = any(known in self._owners for known in names)
@@ -50,23 +50,32 @@ class CommandDesk:
         return getattr(self._commands, name)
 
 
-def added_commands(shelf: Registry, commands: Any, name: str | None = None) -> tuple[str, ...]:
-    """Let the plugins that may have the command `name` (None: any command) add to `commands`; return what they added.
+def added_commands(host: Host, commands: Any, name: str | None = None) -> tuple[str, ...]:
+    """Let plugins add commands to argparse's subparsers object; return the names of those added, sorted.
 
-    Raises `PluginError` where `name` has two owners or its owner failed; without a name these are warnings.
+    With a name, only the plugins that advertise it and those that advertise nothing are loaded; raises `PluginError` if
+    the command has two owners or its owner failed. Without (for help) all plugins with commands are loaded, and
+    failures are warnings.
     """
-    core = frozenset(commands.choices)
+    registry, core = host.registry, frozenset(commands.choices)
     owners: Owners = {}
     if name is not None:
-        _insist_on(shelf, name, owners)
-    for source in shelf.sources:
+        _require_one_owner(registry, name, owners)
+    for source in registry.sources:
         if _may_have(source, name):
-            _let_add(shelf, source, CommandDesk(commands, core, source.provenance, owners))
+            _let_add(registry, source, OwnedSubparsers(commands, core, source.provenance, owners))
     if name is not None:
-        _insist_on(shelf, name, owners)
+        _require_one_owner(registry, name, owners)
     else:
         _warn_of_contested(owners)
     return tuple(sorted(owners))
+
+
+def require_installed(name: str) -> None:
+    """Raise `PluginError` if a package of this project that is not installed provides the command."""
+    remedy = list(error_messages.installable(Search(COMMAND_HOOK, name)))
+    if remedy:
+        raise PluginError("\n  ".join([f"no command is named {name!r}", *remedy]))
 
 
 def _may_have(source: Source, name: str | None) -> bool:
@@ -75,21 +84,21 @@ def _may_have(source: Source, name: str | None) -> bool:
     return any(hook == COMMAND_HOOK and name in (None, command) for hook, command in source.advertised)
 
 
-def _let_add(shelf: Registry, source: Source, desk: CommandDesk) -> None:
-    offerings = shelf.load(source)
-    if not isinstance(offerings, Contributions):
+def _let_add(registry: Registry, source: Source, commands: OwnedSubparsers) -> None:
+    contributions = registry.load(source)
+    if not isinstance(contributions, Contributions):
         return
     try:
-        for add in offerings.add_commands:
-            add(desk)
-        _insist_on_advertised(source, desk.added)
-    except InvalidPlugin as verdict:
-        shelf.fail(source, str(verdict))
+        for add in contributions.add_commands:
+            add(commands)
+        _require_advertised(source, commands.added)
+    except InvalidPlugin as invalid:
+        registry.fail(source, str(invalid))
     except (Exception, SystemExit) as error:
-        shelf.fail(source, f"{COMMAND_HOOK} raised {described_error(error)}")
+        registry.fail(source, f"{COMMAND_HOOK} raised {described_error(error)}")
 
 
-def _insist_on_advertised(source: Source, added: Collection[str]) -> None:
+def _require_advertised(source: Source, added: Collection[str]) -> None:
     if source.advertised is None:
         return
     advertised = {command for hook, command in source.advertised if hook == COMMAND_HOOK}
@@ -100,13 +109,13 @@ def _insist_on_advertised(source: Source, added: Collection[str]) -> None:
         )
 
 
-def _insist_on(shelf: Registry, name: str, owners: Owners) -> None:
+def _require_one_owner(registry: Registry, name: str, owners: Owners) -> None:
     search = Search(COMMAND_HOOK, name)
-    advertisers = {source.provenance for source in shelf.sources if search.offer in (source.advertised or ())}
+    advertisers = {source.provenance for source in registry.sources if search.offer in (source.advertised or ())}
     claimants = advertisers.union(owners.get(name, ()))
     if len(claimants) > 1:
         raise PluginError(error_messages.contested(search, claimants))
-    for failure in shelf.failures:
+    for failure in registry.failures:
         if failure.provenance in claimants:
             raise PluginError(error_messages.unusable(search, failure))
 

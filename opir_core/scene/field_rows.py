@@ -1,11 +1,10 @@
-"""What a component lets a scene set, as rows of plain values: for `opir describe`, messages and the reference pages."""
+"""The fields of a configuration class as rows of plain values: for `opir describe`, messages and references."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_args, get_type_hints
 
 from attrs import NOTHING, Attribute, asdict, fields, frozen, has
 
-from opir_core.plugin.components import Component, Constellation, Provenance
 from opir_core.scene.fields import METADATA_KEY, info_of
 
 #: A default that is there, though not a value: the scene has to give one.
@@ -52,22 +51,6 @@ def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[Fie
         inner = nested_config(kind)
         if inner is not None:
             yield from field_rows(inner, f"{prefix}{attribute.name}.", default if isinstance(default, inner) else None)
-
-
-def described(component: Component | Constellation, owner: Provenance) -> Mapping[str, Any]:
-    """Return all there is to know of a component without building it, as plain values."""
-    told = {
-        "kind": component.kind,
-        "name": component.name,
-        "summary": component.summary,
-        "plugin": owner.plugin,
-        "distribution": owner.distribution,
-        "version": owner.version,
-    }
-    if isinstance(component, Constellation):
-        return {**told, "model": component.model, "satellites": [plain(row) for row in component.satellites]}
-    rows = [asdict(row) for row in field_rows(component.config)]
-    return {**told, "fields": rows, "presets": {name: plain(values) for name, values in component.presets.items()}}
 
 
 def plain(value: Any) -> Any:

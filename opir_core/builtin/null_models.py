@@ -1,16 +1,19 @@
-"""The null models of the sky: the atmosphere `clear` and the background `none`."""
+"""Null models: the atmosphere `clear`, the background `none` and the tracker `none`."""
 
 import numpy as np
-from attrs import frozen
+from attrs import define, frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.interfaces.contexts import TrackerContext
+from opir_core.interfaces.protocols import Tracker
+from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import NoConfig
 from opir_core.radiometry.protocols import AtmosphereContext, Background, BackgroundContext, Paths, Transmittance, Views
 
 
 @frozen
 class ClearSky:
-    """An atmosphere that lets everything through."""
+    """An atmosphere with a transmittance of 1."""
 
     def transmittance(self, band: int, path: Paths) -> FloatArray:
         """Return 1 for all paths."""
@@ -23,7 +26,7 @@ class ClearSky:
 
 @frozen
 class NoBackground:
-    """A world that is dark but for what is looked for."""
+    """A background without radiance."""
 
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return 0 for all views."""
@@ -42,3 +45,23 @@ def clear_atmosphere(_config: NoConfig, _context: AtmosphereContext) -> Transmit
 def no_background(_config: NoConfig, _context: BackgroundContext) -> Background:
     """Return the background `none`."""
     return NoBackground()
+
+
+@define
+class NoTracker:
+    """A tracker without tracks: it never steps, and the track number of every detection is -1."""
+
+    cadence_s: float | None = None
+
+    def associate(self, detections: Detections) -> IntArray:
+        """Return -1 for each detection."""
+        return np.full(len(detections), -1, dtype=np.int64)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        """Return no estimates."""
+        return Tracks.empty()
+
+
+def no_tracker(_config: NoConfig, _context: TrackerContext) -> Tracker:
+    """Return the tracker `none`."""
+    return NoTracker()
