@@ -1,5 +1,7 @@
 """Null models: the atmosphere `clear`, the background `none` and the tracker `none`."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from attrs import define, frozen
 
@@ -8,14 +10,23 @@ from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import NoConfig
-from opir_core.radiometry.protocols import AtmosphereContext, Background, BackgroundContext, Paths, Transmittance, Views
+
+if TYPE_CHECKING:
+    from opir_core.radiometry.protocols import (
+        AtmosphereContext,
+        Background,
+        BackgroundContext,
+        Paths,
+        Transmittance,
+        Views,
+    )
 
 
 @frozen
 class ClearSky:
     """An atmosphere with a transmittance of 1."""
 
-    def transmittance(self, band: int, path: Paths) -> FloatArray:
+    def transmittance(self, band: int, path: "Paths") -> FloatArray:
         """Return 1 for all paths."""
         return np.ones(len(path))
 
@@ -28,21 +39,21 @@ class ClearSky:
 class NoBackground:
     """A background without radiance."""
 
-    def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
+    def radiance_w_m2_sr(self, band: int, view: "Views") -> FloatArray:
         """Return 0 for all views."""
         return np.zeros(len(view))
 
-    def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
+    def clutter_w_m2_sr(self, band: int, view: "Views") -> FloatArray:
         """Return 0 for all views."""
         return np.zeros(len(view))
 
 
-def clear_atmosphere(_config: NoConfig, _context: AtmosphereContext) -> Transmittance:
+def clear_atmosphere(_config: NoConfig, _context: "AtmosphereContext") -> "Transmittance":
     """Return the atmosphere `clear`."""
     return ClearSky()
 
 
-def no_background(_config: NoConfig, _context: BackgroundContext) -> Background:
+def no_background(_config: NoConfig, _context: "BackgroundContext") -> "Background":
     """Return the background `none`."""
     return NoBackground()
 

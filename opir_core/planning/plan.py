@@ -17,8 +17,8 @@ from opir_core.planning.sensor_states import PointingBias, SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.visibility import compile_pairs
-from opir_core.plugin.host import Host
 from opir_core.plugin.error_messages import described_error
+from opir_core.plugin.host import Host
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.scene import Choice, Scene
 

@@ -1,7 +1,10 @@
 """`opir new-plugin`: what it writes installs beside a wheel, passes its contract and runs its scene, at once."""
 
+import ast
 import json
+import re
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,7 @@ from repository import EXAMPLES
 
 from opir_core.cli.main import main
 from opir_core.cli.new_plugin import KINDS
+from opir_core.plugin.components import CATALOGUE
 
 NAMES = {kind: f"brand-new-{kind}" for kind in KINDS}
 
@@ -39,6 +43,28 @@ def test_a_package_has_what_a_package_needs_and_no_placeholder_left(opir: Opir, 
         assert "$" not in text.replace("$ ", ""), name
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_a_package_imports_is_public_and_there(opir: Opir, tmp_path: Path, kind: str) -> None:
+    opir("new-plugin", kind, "my-part")
+    for name in ("my_part.py", "test_my_part.py"):
+        tree = ast.parse((tmp_path / "my-part" / name).read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module.startswith("opir_core"):
+                public = import_module(node.module).__all__
+                assert {alias.name for alias in node.names} <= set(public)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_name_stands_once_in_the_code(opir: Opir, tmp_path: Path, kind: str) -> None:
+    opir("new-plugin", kind, "my-part")
+    code = (tmp_path / "my-part" / "my_part.py").read_text(encoding="utf-8")
+    assert re.findall(r".*my.part.*", code, re.IGNORECASE) == ['NAME = "my-part"']
+
+
+def test_every_kind_of_component_has_a_template() -> None:
+    assert {f"opir_{kind.hook}" for kind in KINDS.values()} == set(CATALOGUE)
+
+
 def out_order(names: list[str]) -> list[str]:
     return sorted(names, key=["pyproject.toml", "README.md", "my_part.py", "scene.yaml", "test_my_part.py"].index)
 
@@ -51,10 +77,10 @@ def out_order(names: list[str]) -> list[str]:
         (("sensor", "../up"), "small letters"),
         (("sensor", "a" * 41), "at most 40"),
         (("sensor", "my--sensor"), "single hyphens"),
-        (("sink", "json"), "json is a word of Python's own"),
-        (("sink", "class"), "class is a word of Python's own"),
+        (("sink", "json"), "json is a keyword or standard module of Python"),
+        (("sink", "class"), "class is a keyword or standard module of Python"),
         (("sink", "numpy"), "a module numpy is installed"),
-        (("tracker", "none"), "opir-core 0.1.0 (plugin builtin) offers one of that name"),
+        (("tracker", "none"), "opir-core 0.1.0 (plugin builtin) offers a component of that name"),
         (("tracker", "dsp"), "a plugin of that name is installed"),
     ],
 )
@@ -71,7 +97,7 @@ def test_nothing_is_overwritten(opir: Opir, tmp_path: Path) -> None:
     (tmp_path / "my-part" / "mine").touch()
     code, _, told = opir("new-plugin", "sink", "my-part")
     assert code == 3
-    assert "my-part is there already, and nothing is overwritten" in told
+    assert "my-part exists, and nothing is overwritten" in told
     assert [path.name for path in (tmp_path / "my-part").iterdir()] == ["mine"]
 
 
@@ -120,7 +146,11 @@ def test_each_kind_runs_its_scene(outsider: Any, packages: Path, kind: str, tmp_
 def test_installed_plugins_are_listed_with_the_api_they_declare(outsider: Any, packages: Path) -> None:
     rows = {row["plugin"]: row for row in json.loads(outsider.opir("plugins", "--json", cwd=packages).stdout)}
     for name in NAMES.values():
-        assert (rows[name]["distribution"], rows[name]["api"], rows[name]["state"]) == (name, "1.0", "ready")
+        assert (rows[name]["distribution"], rows[name]["requires_core"], rows[name]["state"]) == (
+            name,
+            ">=0.1,<0.2",
+            "ready",
+        )
         assert [component["name"] for component in rows[name]["components"]] == [name]
 
 

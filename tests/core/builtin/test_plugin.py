@@ -11,7 +11,6 @@ from repository import ROOT
 from opir_core.builtin import plugin
 from opir_core.builtin.configs import BallisticConfig, ConfusionConfig, ConstantConfig, WeightedConfig
 from opir_core.interfaces.contexts import ModelContext, TrackerContext
-from opir_core.interfaces.protocols import Tracker
 from opir_core.interfaces.records import Detections
 from opir_core.plugin import NoConfig, ScanningSensorConfig
 from opir_core.plugin.components import CATALOGUE
@@ -71,7 +70,6 @@ def test_describing_the_built_in_components_imports_nothing_heavy():
 def test_the_null_tracker_follows_nothing():
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=1.0)
     tracker = offered("opir_trackers")["none"].build(NoConfig(), context)
-    assert isinstance(tracker, Tracker)
     assert tracker.cadence_s is None
     assert tracker.associate(Detections.empty()).shape == (0,)
     assert len(tracker.step(0.0, Detections.empty())) == 0

@@ -133,5 +133,5 @@ def test_targets_of_biased_sensors_are_scored_apart():
         assert figures[name]["impacts_told"] == 0
         assert figures[name]["by_time"][0]["nis"]["samples"] > 5
     text = as_text({"tracker": Scorecard(figures)})
-    assert "mono by sensors of which some have a bias, by time since ignition" in text
+    assert "mono with biased sensors, by time since ignition" in text
     assert "stereo" not in text

@@ -124,7 +124,9 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
     words = ["compare", str(scene), "--runs", "2", "--tracker", "kepler-arc", "--tracker", "stereo-filter"]
     assert main(words) == 0
     told = capsys.readouterr().out
-    assert told.startswith("2 runs of each tracker (seeds 7 to 8), sensors without bias; [95 % intervals]; GOSPA: c")
+    assert told.startswith(
+        "2 runs of each tracker (seeds 7 to 8), sensors without pointing bias; [95 % intervals]; GOSPA: c"
+    )
     bins = [line.split()[:2] for line in told.splitlines() if line.startswith("0-20")]
     assert bins == [["0-20", "kepler-arc"], ["0-20", "stereo-filter"]] * 3
     for figure in (
@@ -133,9 +135,9 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
         "NEES/6",
         "NIS/2",
         "impact km",
-        "told SRBM",
+        "reported SRBM",
         "located, missed, false",
-        "tracks a launch",
+        "tracks per launch",
     ):
         assert figure in told
 
