@@ -31,7 +31,8 @@ Which tracker is how accurate, how consistent and how fast?
 {table}
 
 Intervals are 95 %. All trackers get the same detections and data association, so only their estimates differ:
-each tracks {tracked} of the launches, with {tracks} tracks per launch, {false} false tracks per run and a purity of {purity}.
+each tracks {tracked} of the launches, with {tracks} tracks per launch, {false} false tracks per run and
+a purity of {purity}.
 Times depend on the machine; their ratios count. [comparing-trackers.csv](comparing-trackers.csv) has every figure in
 20 s bins, with intervals, and the confusion of types.
 
