@@ -17,7 +17,6 @@ from opir_core.cli.terminal import grouped, progress, table
 from opir_core.errors import Problem, SceneError, unwritable
 from opir_core.output.delivery import RunOutcome, deliver
 from opir_core.output.pump import SinkReport
-from opir_core.output.run_files import digest
 from opir_core.plugin.host import Host
 from opir_core.scene.scene import Scene
 
@@ -108,6 +107,8 @@ def _digests(tracks: Path | None) -> Mapping[str, str]:
     """Return the SHA-256 of the tracks, if they are in a file."""
     if tracks is None or not tracks.is_file():
         return {}
+
+    from opir_core.output.run_files import digest
 
     return {"tracks_sha256": digest(tracks)}
 
