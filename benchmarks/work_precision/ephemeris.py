@@ -100,7 +100,10 @@ def largest_error_m(ephemeris: Ephemeris, flight: Aim) -> float:
 def kilobytes(ephemeris: Ephemeris) -> float:
     """Return the memory of all the arrays of an ephemeris."""
     arrays = [
-        value for holder in (ephemeris, ephemeris.pieces) for value in vars_of(holder) if isinstance(value, np.ndarray)
+        value
+        for holder in (ephemeris, ephemeris.segments)
+        for value in vars_of(holder)
+        if isinstance(value, np.ndarray)
     ]
     return sum(array.nbytes for array in arrays) / 1024
 
@@ -126,7 +129,7 @@ def measured(span: str, build: Callable[[Aim, float], Ephemeris], flight: Aim, t
         span,
         tolerance_m,
         largest_error_m(ephemeris, flight),
-        len(ephemeris.pieces) / count,
+        len(ephemeris.segments) / count,
         kilobytes(ephemeris) / count,
         1e6 * median_s(lambda: build(flight, tolerance_m), min(repeat, 3)) / count,
         1e9 * median_s(lambda: ephemeris.position_m(target, times), repeat) / points,

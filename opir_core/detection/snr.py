@@ -28,7 +28,7 @@ from opir_core.interfaces.protocols import Measured, RandomDraws
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.environment import RadiometricEnvironment
 from opir_core.planning.looks import blocks
-from opir_core.radiometry.long_paths import in_a_row
+from opir_core.radiometry.long_paths import as_slice_if_consecutive
 from opir_core.radiometry.protocols import radiances_and_clutter_w_m2_sr, transmittances
 
 
@@ -188,7 +188,7 @@ class SnrDetection:
         for number, rows in rows_of_kind:
             looks, path, bands = exposures.take(rows), paths.take(rows), self.receivers[number].bands.tolist()
             intensity = self.scenery.intensities_w_sr(bands, looks, path.height_m, aspect[rows])
-            shining = in_a_row(np.flatnonzero(np.any(intensity > 0.0, axis=0)))
+            shining = as_slice_if_consecutive(np.flatnonzero(np.any(intensity > 0.0, axis=0)))
             own = intensity[:, shining] / np.square(looks.range_m[shining])
             own *= transmittances(self.scenery.atmosphere, bands, path.take(shining))
             lit = np.zeros(intensity.shape)

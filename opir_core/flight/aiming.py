@@ -1,15 +1,9 @@
-"""Aiming: the burnout state whose free flight comes down at the aim point, on the rotating WGS 84 Earth.
+"""Aiming: the launch azimuth and burnout speed of flights that reach their aim points on the rotating WGS 84 Earth.
 
-Two unknowns, launch azimuth and burnout speed, meet the two coordinates of the aim point. The burnout flight path angle
-is the profile's, shifted with range as that of minimum-energy arcs is, (pi - psi)/4 over a ground angle psi (Bate,
-Mueller and White, Fundamentals of Astrodynamics, 1971, section 6.2): longer ranges fly flatter.
-
-A shot: from launch azimuth and burnout speed to where the free flight comes down on the rotating Earth.
-
-Shooting: launch azimuth and burnout speed are corrected until the free flight comes down at the aim point.
-
-Newton's method, with the derivatives of two-body arcs whatever the forces (they only have to point the way), starts
-from a guess good to a few percent of the range.
+The burnout flight path angle is that of the profile, shifted with range as for minimum-energy arcs, (pi - psi)/4 over a
+ground angle psi (Bate, Mueller and White, Fundamentals of Astrodynamics, 1971, section 6.2): longer ranges fly flatter.
+Azimuth and speed then follow by Newton's method, with the derivatives of two-body arcs under all forces, from a guess
+within a few percent of the range. Flights become ephemerides in ECEF, from ignition to impact.
 """
 
 from collections.abc import Sequence
@@ -38,16 +32,16 @@ if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
 
 
-#: The error of a numerical impact, m: a small share of the tolerances that aiming is asked for.
+#: The tolerance of a numerical impact, m, small beside the tolerances of aiming.
 _IMPACT_TOLERANCE_M = 1e-3
 
 
 @frozen(eq=False)
 class AimedLanding:
-    """Where flights come down: columns (n,) and (n, 3).
+    """Impacts of trial flights: columns (n,) and (n, 3).
 
-    The miss is split along and across the great circle to the aim point, by polar angles about the launch point: there
-    each of the two unknowns moves mostly its own coordinate. `duration_s` is from burnout to impact.
+    The miss is split along and across the great circle to the aim point, by polar angles about the launch point: each
+    of the two unknowns then mostly changes its own coordinate. `duration_s` is from burnout to impact.
     """
 
     along_m: FloatArray
@@ -57,16 +51,13 @@ class AimedLanding:
     impact_ecef_m: FloatArray
 
     def distance_m(self) -> FloatArray:
-        """Return the length of the miss along and across: how far there is to go, (n,)."""
+        """Return the length of the miss along and across, (n,)."""
         return np.hypot(self.along_m, self.across_m)
 
 
 @frozen(eq=False)
 class LaunchSolution:
-    """Launches (n,) and where they aim: ECEF position (n, 3) and height (n,) of the aim points.
-
-    `forces` act in free flight; None is two-body motion.
-    """
+    """Launches (n,) with the ECEF position (n, 3) and height (n,) of their aim points; `forces` None is two-body."""
 
     site: LaunchSite
     course: Ascent
@@ -75,14 +66,14 @@ class LaunchSolution:
     forces: "Forces | None" = None
 
     def take(self, rows: RowArray) -> "LaunchSolution":
-        """Return some of the shots."""
+        """Return some of the launches."""
         forces = None if self.forces is None else self.forces.take(rows)
         return LaunchSolution(
             self.site.take(rows), self.course.take(rows), self.aim_ecef_m[rows], self.aim_height_m[rows], forces
         )
 
     def in_two_body_motion(self) -> "LaunchSolution":
-        """Return the same shots with no force but the point mass."""
+        """Return the same launches with two-body motion."""
         return self if self.forces is None else evolve(self, forces=None)
 
     def burnout(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -93,7 +84,7 @@ class LaunchSolution:
         return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
 
     def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> AimedLanding:
-        """Return where the flights come down; the inertial frame is ECEF frozen at burnout."""
+        """Return the impacts of flights; the inertial frame is ECEF frozen at burnout."""
         duration_s, point_m = self._impact(*ecef_to_eci_state(*self.burnout(azimuth_rad, speed_m_s), 0.0))
         impact_m = eci_to_ecef(point_m, duration_s)
         range_rad, bearing_rad = self.polar_rad(impact_m)
@@ -134,9 +125,9 @@ _LARGEST_STEP = 0.2
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
 def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths (rad) and burnout speeds (m/s) whose flights hit the aim points to within the tolerance.
+    """Return azimuths (rad) and burnout speeds (m/s) of flights that hit the aim points to within the tolerance.
 
-    Where none does, what came nearest. Trials that lead nowhere are nan, and are not followed.
+    Without a solution, those of the nearest trial; trials without impact are nan.
     """
     two_body = shot.in_two_body_motion()
     azimuth_rad, speed_m_s = _corrected(two_body, *_guess(two_body), tolerance_m)
@@ -146,7 +137,7 @@ def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatA
 
 
 def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths and burnout speeds that come down near the aim points."""
+    """Return first guesses of azimuths and burnout speeds."""
     azimuth_rad, speed_m_s = _guess_at_rest(shot)
     landing = shot.landing(azimuth_rad, speed_m_s)
     distance_m, duration_s = landing.distance_m(), landing.duration_s
@@ -161,7 +152,7 @@ def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
 
 
 def _guess_at_rest(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths and burnout speeds that hit on a sphere at rest, flown from the ground."""
+    """Return azimuths and burnout speeds for a sphere at rest, with burnout at the launch point."""
     psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
     radius_m = length(*components(shot.site.launch_m))
     return azimuth_rad, hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
@@ -170,10 +161,10 @@ def _guess_at_rest(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
 def _guess_in_rotation(
     shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, duration_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths and burnout speeds nearer to those that hit, from a guess and its time of free flight.
+    """Return better azimuths and burnout speeds, from a guess and its time of free flight.
 
-    The aim point is turned on by that time, and hit in the inertial frame from the guess's burnout point at its
-    inertial flight path angle; what the Earth's rotation brings is then taken off again.
+    The aim point is rotated by that time and hit in the inertial frame, from the burnout point and inertial flight path
+    angle of the guess; the velocity of the Earth's rotation is then subtracted.
     """
     position, relative = shot.burnout(azimuth_rad, speed_m_s)
     _, inertial = ecef_to_eci_state(position, relative, 0.0)
@@ -190,7 +181,7 @@ def _guess_in_rotation(
 
 
 def hitting_speed_m_s(start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatArray, psi_rad: FloatArray) -> FloatArray:
-    """Return the speed that takes a two-body arc from one radius at a flight path angle to another radius.
+    """Return the speed of a two-body arc from one radius, at a flight path angle, to another radius.
 
     With the range angle psi, v² = (mu/r1) (1 - cos psi) / (cos gamma ((r1/r2) cos gamma - cos(gamma + psi))), written
     without cancellation (Bate, Mueller and White, Fundamentals of Astrodynamics, 1971, section 6.2, for r1 = r2).
@@ -204,7 +195,7 @@ def hitting_speed_m_s(start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatAr
 def _corrected(
     shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the unknowns after Newton's method, target by target; a step that brings none nearer is halved."""
+    """Return the unknowns after Newton's method for each target; a step that does not reduce the miss is halved."""
     start = shot.landing(azimuth_rad, speed_m_s)
     # Rows: azimuth, speed, along, across, miss, share of Newton's step to take.
     now = np.stack([azimuth_rad, speed_m_s, start.along_m, start.across_m, start.miss_m, np.ones_like(azimuth_rad)])
@@ -248,7 +239,7 @@ def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _level(vectors: FloatArray, up: FloatArray) -> FloatArray:
-    """Return the part of vectors that is at right angles to unit vectors."""
+    """Return the components of vectors perpendicular to unit vectors."""
     return vectors - _dot(vectors, up)[:, None] * up
 
 
@@ -257,7 +248,7 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return ax * bx + ay * by + az * bz
 
 
-#: The mean radius of the Earth that turns ranges into angles, m (IUGG: (2 a + b)/3 of WGS 84).
+#: The mean radius of the Earth, m (IUGG: (2 a + b)/3 of WGS 84).
 _MEAN_RADIUS_M = EARTH_EQUATORIAL_RADIUS_M * (1.0 - EARTH_FLATTENING / 3.0)
 
 #: Up to here Lambert's formula is within 90 m of the geodesic, m.
@@ -302,7 +293,7 @@ def aim(
     """Return the flights of n targets, one profile each; launches, aim points and ignition times broadcast to (n,).
 
     `forces` act from burnout to impact; a ballistic coefficient is one number, or one each (n,). Targets whose aim
-    point lies outside the range of their profile, or is not met to within the tolerance, are reported in `complaints`.
+    point is outside the range of their profile, or is missed by more than the tolerance, are reported in `complaints`.
     """
     n = len(profiles)
     launch, aim_point = (Geodetic(*(_column(v, n) for v in place)) for place in (launch, aim_point))
@@ -372,7 +363,7 @@ def _burnout_states(path: BoostPath) -> tuple[FloatArray, FloatArray, FloatArray
 
 
 def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
-    """Return the forces on n targets, None for two-body motion, which imports no numerical propagation."""
+    """Return the forces on n targets; None, without importing numerical propagation, for two-body motion."""
     if model == "kepler":
         return None
     from opir_core.flight.forces import forces_of
@@ -383,7 +374,7 @@ def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
 def _solved_within_limits(
     shot: LaunchSolution, range_m: FloatArray, profiles: Sequence[BoostProfile], tolerance_m: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths and burnout speeds (n,), nan where the aim point is out of the profile's range."""
+    """Return azimuths and burnout speeds (n,), nan where the aim point is outside the range of the profile."""
     azimuth_rad, speed_m_s = np.full(len(range_m), np.nan), np.full(len(range_m), np.nan)
     rows = np.flatnonzero(_is_within_limits(range_m, profiles))
     azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
@@ -404,7 +395,7 @@ def _is_within_limits(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> 
 
 
 def _complaints(range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray) -> tuple[str, ...]:
-    """Return for each target why it cannot reach its aim point, or an empty string."""
+    """Return for each target the reason why it cannot reach its aim point, or an empty string."""
     within = _is_within_limits(range_m, profiles)
     return tuple(
         "" if hits else _complaint(range_m[row], profile, bool(within[row]))
@@ -424,17 +415,17 @@ def _column(values: ArrayLike, n: int) -> FloatArray:
     return np.broadcast_to(np.asarray(values, dtype=np.float64), (n,))
 
 
-#: How much longer arcs are integrated than they are flown, s.
+#: Arcs are integrated this much beyond impact, s, so that rounded times lie within them.
 _BREATH_S = 1e-3
 
 
 def boost_ephemeris(path: BoostPath, tolerance_m: float = 0.01) -> Ephemeris:
-    """Return the boost of n targets, ignition to burnout."""
+    """Return the ECEF ephemeris of the boost of n targets, ignition to burnout, to a tolerance in m."""
     return Ephemeris.build(path.state, path.ignition_s, path.burnout_s, path.breakpoints_s(), tolerance_m)
 
 
 def coast_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
-    """Return the free flight of n targets, burnout to impact, under the forces that it was aimed under."""
+    """Return the ECEF ephemeris of the free flight of n targets, burnout to impact; `forces` as in `aim`."""
     is_kepler = forces == "kepler" or forces.is_kepler
     inertial = _two_body(flight) if is_kepler else _integrated(flight, forces, tolerance_m)
 
@@ -445,7 +436,7 @@ def coast_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel"
 
 
 def flight_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
-    """Return the flight of n targets, ignition to impact."""
+    """Return the ECEF ephemeris of the flights of n targets, ignition to impact; arguments as in `coast_ephemeris`."""
     boost, coast = boost_ephemeris(flight.path, tolerance_m), coast_ephemeris(flight, tolerance_m, forces)
     return Ephemeris.joined([boost, coast])
 
@@ -459,11 +450,10 @@ def _two_body(flight: Aim) -> Motion:
 
 
 def _integrated(flight: Aim, forces: "ForceModel", tolerance_m: float) -> Motion:
-    """Return the arcs integrated once, to a hundredth of the tolerance, so that the fit has a smooth motion to meet."""
+    """Return the motion of arcs integrated once, to a hundredth of the tolerance, so that it is smooth for the fit."""
     from opir_core.flight.dense_output import dense_arcs
 
     duration_s = flight.impact_s - flight.burnout_s
     states = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
-    # A breath longer, so that rounding of times leaves none beyond the end.
     arcs = dense_arcs(*states, duration_s + _BREATH_S, forces, tolerance_m=0.01 * tolerance_m)
     return lambda target, time_s: arcs.state(target, np.maximum(time_s - flight.burnout_s[target], 0.0))

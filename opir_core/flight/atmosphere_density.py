@@ -1,8 +1,8 @@
 """Density of the air against geodetic height, in layers within which it is smooth.
 
-In every layer ln rho is a polynomial of degree 9 in x = g (Z - Z_b)/(1 + k (Z - Z_b)) - 1, which runs from -1 at the
-layer's floor Z_b to 1 at its top. An integrator that uses one layer's polynomial during a step, also a little beyond
-the layer, never meets a kink.
+In every layer ln rho is a polynomial of degree 9 in x = g (Z - Z_b)/(1 + k (Z - Z_b)) - 1, from -1 at the layer's floor
+Z_b to 1 at its top. An integrator that uses one layer's polynomial during a step, also slightly beyond the layer, meets
+no kink.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from opir_core.arrays import FloatArray
 from opir_core.flight.forces import US_STANDARD_1976, ExponentialAtmosphere
 
-#: The lowest height for which the models answer, m: that of the 1976 standard.
+#: The lowest height of the models, m: that of the 1976 standard.
 LOWEST_HEIGHT_M = -5000.0
 
 #: Radius of the Earth in the geopotential of the 1976 standard, m.
@@ -45,11 +45,11 @@ _THERMOSPHERE_FIT = (
 
 _DEGREE = 9
 
-#: A change of height in one step that bounds nothing, m.
+#: A height change per step that is no bound, m.
 _BOUNDLESS_M = 1e12
 
-#: The largest change of height in one step, in scale heights of density at the floor of a layer, and, where drag is too
-#: weak to matter to long steps, in heights above the floor as well, so that no step drops into the air unawares.
+#: The largest height change per step, in scale heights of density at the floor of a layer; where drag is too weak to
+#: limit the steps, also a share of the height above the floor, so that no step skips the onset of drag.
 _SCALE_HEIGHTS_PER_STEP = 2.0
 _SHARE_OF_HEIGHT_PER_STEP = 0.6
 
@@ -84,7 +84,7 @@ def log_density(parameters: NDArray[np.float64], height_m: FloatArray) -> FloatA
 
 
 def log_density_alone(parameters: Sequence[float], height_m: float) -> float:
-    """Return ln rho at one height: the operations of `log_density` in their order."""
+    """Return ln rho at one height, with the operations of `log_density` in the same order."""
     x = height_m - parameters[0]
     x = x * (parameters[1] / (1.0 + parameters[2] * x)) - 1.0
     value = parameters[3] * x
@@ -109,7 +109,7 @@ def density_kg_m3(height_m: ArrayLike, atmosphere: ExponentialAtmosphere | str =
     return np.where(inside, density, np.nan).reshape(height.shape)
 
 
-#: Heights above are taken as this, m, where every model has run out of air.
+#: Heights above are taken as this, m, where every model has no air left.
 _HIGHEST_M = 1e9
 
 

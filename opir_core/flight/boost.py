@@ -1,21 +1,13 @@
-"""Boosted flight on the class profiles, over the rotating WGS 84 Earth.
+"""Boosted flight of the generic target classes over the rotating WGS 84 Earth.
 
-A profile's speed and flight path angle are relative to the Earth, and to the sphere that osculates the ellipsoid in the
-launch azimuth at the launch point.
+Speed and flight path angle of a class profile are relative to the Earth, and to the sphere that osculates the ellipsoid
+in the launch azimuth at the launch point. The profiles, with their source, are in `opir_core/data/class_profiles.json`:
+notional kinematic templates for warning simulation, not any vehicle.
 
-The generic target classes: how speed and flight path angle run from ignition to burnout.
-
-The numbers, with their source, are in `opir_core/data/class_profiles.json`. They are notional kinematic templates for
-warning simulation, not any vehicle.
-
-The course of a boosted ascent for unit burnout speed: integrals of a profile's speed and flight path angle.
-
-With height h above a sphere of radius R and swept angle phi, h' = v sin(gamma) and phi' = v cos(gamma) / (R + h).
-
-After pitch-over the flight path angle goes like u^n, u = (t - tv)/(T - tv), with a fractional n. In x = u^(1/4) height
-and swept angle are so smooth that one Chebyshev series over the whole turn is exact to rounding: degree 32 leaves less
-than 1e-9 m for every profile. Series are integrated exactly (Trefethen, Approximation Theory and Approximation
-Practice, 2013, ch. 19).
+With height h above a sphere of radius R and swept angle phi, h' = v sin(gamma) and phi' = v cos(gamma) / (R + h). After
+pitch-over the flight path angle varies as u^n, u = (t - tv)/(T - tv), with a fractional n. In x = u^(1/4) height and
+swept angle are so smooth that one Chebyshev series of degree 32 over the turn is exact to less than 1e-9 m for every
+profile. Series are integrated exactly (Trefethen, Approximation Theory and Approximation Practice, 2013, ch. 19).
 """
 
 import json
@@ -35,7 +27,7 @@ from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
 
-#: The profiles a target type may fly; of several, the first whose limits hold the range to the aim point.
+#: The profiles of each target type; of several, the first with limits that contain the range is flown.
 PROFILES_BY_TYPE: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"ICBM": ("ICBM_liquid", "ICBM_solid"), "IRBM": ("MRBM", "IRBM"), "SRBM": ("SRBM",)}
 )
@@ -49,8 +41,8 @@ class BoostProfile:
 
     Speed relative to the Earth is v(t) = v_bo · expm1(k t/T) / expm1(k), with burn time T and `speed_shape` k > 0; the
     flight path angle stays vertical until `pitch_start_s` tv and then is pi/2 + (gamma_bo - pi/2) · sin(pi/2 · u^n),
-    u = (t - tv)/(T - tv), with `pitch_exponent` n > 0. The burnout speed and angle given here reach the reference range
-    on a spherical, non-rotating Earth; aiming adjusts them. Ranges are geodesic distances from launch to aim point.
+    u = (t - tv)/(T - tv), with `pitch_exponent` n > 0. The burnout speed and angle here reach the reference range on a
+    spherical, non-rotating Earth; aiming adjusts them. Ranges are geodesic distances from launch to aim point.
     """
 
     name: str
@@ -65,7 +57,7 @@ class BoostProfile:
     maximum_range_m: float
 
     def with_burn_time(self, burn_time_s: float) -> "BoostProfile":
-        """Return the profile stretched to another burn time: the same course in t/T, to the same burnout speed."""
+        """Return the profile with another burn time: the same course in t/T, to the same burnout speed."""
         if not 0.0 < burn_time_s < math.inf:
             raise ValueError(f"burn time must be a positive number of seconds, not {burn_time_s}")
         pitch_start_s = self.pitch_start_s * (burn_time_s / self.burn_time_s)
@@ -80,7 +72,7 @@ def boost_profiles() -> Mapping[str, BoostProfile]:
 
 
 def boost_profile(name: str) -> BoostProfile:
-    """Return the profile of that name; a `ValueError` lists the names there are."""
+    """Return the profile of that name; a `ValueError` lists the known names."""
     try:
         return boost_profiles()[name]
     except KeyError:
@@ -88,16 +80,13 @@ def boost_profile(name: str) -> BoostProfile:
 
 
 def profile_for_type(target_type: str, range_m: float) -> BoostProfile:
-    """Return the profile that a target of this type flies over this range.
-
-    Where no profile of the type covers the range, the one whose limits are nearest; aiming then says what they are.
-    """
+    """Return the profile of a target type for a range: the one that covers it, or else the one with nearest limits."""
     profiles = [boost_profile(name) for name in PROFILES_BY_TYPE[target_type]]
     return min(profiles, key=lambda profile: _range_outside_m(profile, range_m))
 
 
 def _range_outside_m(profile: BoostProfile, range_m: float) -> float:
-    """Return by how much a range misses the limits of a profile, 0 within them."""
+    """Return the distance of a range from the limits of a profile, 0 within them."""
     return max(profile.minimum_range_m - range_m, range_m - profile.maximum_range_m, 0.0)
 
 
@@ -117,13 +106,13 @@ def _profile(name: str, row: Mapping[str, Any]) -> BoostProfile:
     )
 
 
-#: Of the series in x; `docs/design/turn_series.py` shows what other degrees, and other powers of u, leave.
+#: Degree of the series in x; `docs/design/turn_series.py` compares other degrees and powers of u.
 _DEGREE = 32
 
 
 @frozen(eq=False)
 class Ascent:
-    """The course of n targets for unit burnout speed; it follows from profile and burnout flight path angle alone.
+    """The ascents of n targets for unit burnout speed, given by profile and burnout flight path angle.
 
     Columns (n,): `burn_time_s`, `pitch_start_s`, `speed_shape`, `pitch_exponent` as in the profile; `turn_rad` is the
     burnout flight path angle from the vertical. At the 33 nodes of the turn (33, n): `climb_rate_s` and `sweep_rate_s`
@@ -169,7 +158,7 @@ class Ascent:
 
 
 def ascent(profiles: Sequence[BoostProfile], burnout_flight_path_angle_rad: ArrayLike) -> Ascent:
-    """Return the ascents of targets with these profiles, one a target, and burnout flight path angles (n,)."""
+    """Return the ascents of targets with these profiles, one per target, and burnout flight path angles (n,)."""
     burn, start, k, n = (
         np.array([getattr(profile, name) for profile in profiles], dtype=np.float64)
         for name in ("burn_time_s", "pitch_start_s", "speed_shape", "pitch_exponent")
@@ -200,9 +189,9 @@ def lean_rad(u: FloatArray, pitch_exponent: FloatArray, turn_rad: FloatArray) ->
 
 
 def vertical_climb_s(elapsed_s: FloatArray, burn_time_s: FloatArray, speed_shape: FloatArray) -> FloatArray:
-    """Return height over burnout speed while the flight is vertical: T (e^y - 1 - y) / (k (e^k - 1)), y = k t/T.
+    """Return height over burnout speed in vertical flight: T (e^y - 1 - y) / (k (e^k - 1)), y = k t/T.
 
-    Written so that nothing cancels for small k, where it is t²/(2T).
+    Without cancellation for small k, where it is t²/(2T).
     """
     share = elapsed_s / burn_time_s
     return elapsed_s * share * _second_exponential(speed_shape * share) * (speed_shape / np.expm1(speed_shape))
@@ -219,7 +208,7 @@ def series_value(series: FloatArray, target: RowArray, x: FloatArray) -> FloatAr
 
 
 def _second_exponential(y: FloatArray) -> FloatArray:
-    """Return (e^y - 1 - y) / y² for y >= 0: below 1 by Taylor's series, whose first term left out is 1e-17 of it."""
+    """Return (e^y - 1 - y) / y² for y >= 0: below 1 by its Taylor series, to 1e-17."""
     small, large = np.minimum(y, 1.0), np.maximum(y, 1.0)
     series = np.zeros_like(y)
     for power in range(18, 1, -1):
@@ -257,7 +246,7 @@ def _integral_at_nodes() -> FloatArray:
 
 
 def _applied(matrix: FloatArray, columns: FloatArray) -> FloatArray:
-    """Return matrix · columns, summed in one order whatever the number of columns (BLAS does not promise that)."""
+    """Return matrix · columns, summed in an order that does not depend on the number of columns, unlike BLAS."""
     total = np.zeros((len(matrix), *columns.shape[1:]))
     for weights, row in zip(matrix.T, columns, strict=True):
         total += weights[:, None] * row
@@ -278,8 +267,8 @@ class LaunchPlane:
     ) -> tuple[FloatArray, FloatArray]:
         """Return ECEF position and velocity relative to the Earth, (n, 3), from the course in the plane, (n,).
 
-        The position is launch + (h cos(phi) - 2 R sin²(phi/2)) up + (R + h) sin(phi) heading: near the ground nothing
-        is lost to the size of the Earth.
+        The position is launch + (h cos(phi) - 2 R sin²(phi/2)) up + (R + h) sin(phi) heading, without cancellation near
+        the ground.
         """
         half = np.sin(0.5 * swept_rad)
         rise = height_m * np.cos(swept_rad) - 2.0 * self.radius_m * half * half
@@ -289,7 +278,7 @@ class LaunchPlane:
         return self.launch_m + self._combined(rise, along), velocity
 
     def take(self, target: RowArray) -> "LaunchPlane":
-        """Return the planes of some targets."""
+        """Return the rows of some targets."""
         return LaunchPlane(self.launch_m[target], self.up[target], self.heading[target], self.radius_m[target])
 
     def _combined(self, rise: FloatArray, along: FloatArray) -> FloatArray:
@@ -298,7 +287,7 @@ class LaunchPlane:
 
 @frozen(eq=False)
 class LaunchSite:
-    """The places of n launches: position (n, 3) and axes east, north, up (n, 3, 3) in ECEF, radii of curvature (n,)."""
+    """The sites of n launches: position (n, 3) and axes east, north, up (n, 3, 3) in ECEF, radii of curvature (n,)."""
 
     launch_m: FloatArray
     axes: FloatArray
@@ -320,7 +309,7 @@ class LaunchSite:
 
 
 def launch_site(latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: ArrayLike) -> LaunchSite:
-    """Return the sites of launches at geodetic coordinates that broadcast to (n,); at a pole the longitude counts."""
+    """Return the launch sites at geodetic coordinates that broadcast to (n,); at a pole longitude orients the axes."""
     columns = np.broadcast_arrays(*(np.asarray(v, dtype=np.float64) for v in (latitude_rad, longitude_rad, height_m)))
     latitude, longitude, height = (np.atleast_1d(column).ravel() for column in columns)
     sine = np.sin(latitude)
@@ -333,7 +322,7 @@ def launch_site(latitude_rad: ArrayLike, longitude_rad: ArrayLike, height_m: Arr
 
 @frozen(eq=False)
 class BoostPath:
-    """Where n targets are from ignition to burnout."""
+    """The boosted flight of n targets, ignition to burnout."""
 
     ignition_s: FloatArray
     burnout_s: FloatArray
@@ -363,7 +352,7 @@ class BoostPath:
         return self.plane.take(target).state(speed * climb, swept, speed * speed_ratio(elapsed, burn, k), lean)
 
     def breakpoints_s(self) -> FloatArray:
-        """Return the times (n, 1) within the burn at which the course is not smooth: pitch-over."""
+        """Return the times (n, 1) of pitch-over, where the course is not smooth."""
         return (self.ignition_s + self.ascent.pitch_start_s)[:, None]
 
 

@@ -1,17 +1,10 @@
-"""Where and when a two-body arc comes down through the WGS 84 ellipsoid, or a surface of constant height above it.
+"""Impacts of two-body arcs: the first descent through the WGS 84 ellipsoid, or a surface of constant height above it.
 
-The Earth turns about the axis of its ellipsoid, so the ellipsoid stands still in an inertial frame. The arc is cut with
-the two spheres that hold the surface between them, in closed form; between those cuts a steep arc meets the surface
-once. Arcs that graze it are told apart by all their cuts (`grazing_arcs`). Newton's method, held to the bracket found
-either way, ends on the geodetic height.
-
-Two-body arcs as functions of the universal anomaly: point, time, height above the ellipsoid, cuts with spheres.
-
-Arcs that run along the surface: all their cuts with the ellipsoid, and between which of them they come down.
-
-With T the half-angle tangent of the way along a conic, its point is a quadratic in T over 1 + alpha T², so its cuts
-with an ellipsoid of revolution are the roots of a quartic, for any conic. The roots, real or nearly, are where the
-height can change sign; its sign is looked up there and in between, on the true geodetic height.
+The Earth rotates about the axis of its ellipsoid, so the ellipsoid is fixed in an inertial frame. The arc is cut with
+the two spheres that enclose the surface, in closed form; between those cuts a steep arc meets the surface once. For
+arcs along the surface all cuts with the ellipsoid are computed: with T the half-angle tangent along a conic, its point
+is a quadratic in T over 1 + alpha T², so the cuts are the roots of a quartic. Its real and nearly real roots are where
+the height can change sign. Newton's method within the bracket then solves for the geodetic height.
 """
 
 from typing import NamedTuple
@@ -25,7 +18,7 @@ from opir_core.flight.kepler import flat_states
 from opir_core.flight.universal_anomaly import cross, dot, length, universal_functions
 from opir_core.geometry.ellipsoid import height_along_normal, normal_at_foot
 
-#: Below this alpha T², two terms of the series of the arctangent are exact enough to bracket with.
+#: Below this alpha T², two terms of the series of the arctangent suffice for a bracket.
 _SERIES = 1e-6
 
 
@@ -41,7 +34,7 @@ class ConicArcs(NamedTuple):
     second_s: FloatArray  #: the unit of time
 
     def at(self, index: NDArray[np.intp]) -> "ConicArcs":
-        """Return the arcs at these indices, in order; of them all, the arcs themselves."""
+        """Return the arcs at these indices, in order."""
         if len(index) == len(self.sigma):
             return self
         return ConicArcs(*(column[..., index] for column in self))
@@ -68,19 +61,19 @@ class ConicArcs(NamedTuple):
         return heights, cosine * outward + sine * rates[2]
 
     def turns(self) -> FloatArray:
-        """Return the anomaly of a whole turn, `nan` where the arc does not close."""
+        """Return the anomaly of a whole turn, `nan` for open arcs."""
         turn: FloatArray = 2.0 * np.pi / np.sqrt(self.alpha)
         return np.where(np.isfinite(turn), turn, np.nan)
 
     def radial_squared(self, radius: FloatArray) -> FloatArray:
-        """Return (r·v)² where the arc is at a distance; negative where it never is."""
+        """Return (r·v)² at a distance; negative where the arc never has it."""
         return radius * (2.0 - self.alpha * radius) - self.momentum * self.momentum
 
     def first_descent(self, radius: FloatArray) -> FloatArray:
-        """Return the first anomaly >= 0 at which the arc descends through a distance; `nan` where it never does.
+        """Return the first anomaly >= 0 of descent through a distance; `nan` without one.
 
         The half-angle tangent T of the way there satisfies T (sigma + sigma_end) = r_end - r_start, or equally
-        T (alpha (r_start + r_end) - 2) = sigma_start - sigma_end: the one of the two that does not cancel is taken.
+        T (alpha (r_start + r_end) - 2) = sigma_start - sigma_end; the form without cancellation is used.
         """
         end = -np.sqrt(self.radial_squared(radius))
         rising = self.sigma > 0.0
@@ -115,22 +108,22 @@ def conic_arcs(position_m: FloatArray, velocity_m_s: FloatArray, mu_m3_s2: float
     return ConicArcs(position, velocity, dot(position, velocity), alpha, momentum, distance, distance / speed)
 
 
-#: Directions (cos, sin) with T = sin / cos in which the quartic is sampled. It is written in the tangent of the angle
-#: from the one in which it is largest, and so has no root at infinity.
+#: Angles with tangent T at which the quartic is sampled. It is expressed in the tangent of the angle from that of the
+#: largest sample, and so has no root at infinity.
 _ANGLES = np.pi / 5.0 * np.arange(5)
 _FROM_INFINITY = _ANGLES - 0.5 * np.pi
 _COEFFICIENTS = np.linalg.inv(
     np.stack([np.sin(_FROM_INFINITY) ** k * np.cos(_FROM_INFINITY) ** (4 - k) for k in range(5)], axis=1)
 )
 
-#: A start on the surface is a root itself: it and its double within this anomaly of the start are not looked at.
+#: A start on the surface is itself a root: roots within this anomaly of the start are ignored.
 _START = 1e-6
 
 
 def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float) -> tuple[FloatArray, FloatArray]:
-    """Return anomalies between which each arc first descends through the surface; `nan` where it never does.
+    """Return anomalies that bracket the first descent of each arc through the surface; `nan` without one.
 
-    Both are 0 where the start is on the surface, to `on_surface_m`, and the arc falls from there.
+    Both are 0 where the start is on the surface, to `on_surface_m`, and the arc descends.
     """
     start = arcs.heights_m(np.zeros_like(height_m)) - height_m
     on_surface = np.abs(start) <= on_surface_m
@@ -145,7 +138,7 @@ def grazing_brackets(arcs: ConicArcs, height_m: FloatArray, on_surface_m: float)
 
 
 def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatArray:
-    """Return rising anomalies, rows: the start, the cuts, the turn's end (or beyond all), the middles between."""
+    """Return rows of increasing anomalies: the start, the cuts, the end of the turn (or beyond), and the midpoints."""
     turn = arcs.turns()
     near_start = on_surface & ((cuts < _START) | (cuts > turn - _START))
     cuts = np.sort(np.where(near_start, np.nan, cuts), axis=0)
@@ -158,7 +151,7 @@ def _probes(arcs: ConicArcs, cuts: FloatArray, on_surface: BoolArray) -> FloatAr
 
 
 def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
-    """Return the anomalies (4, n) at which each arc meets the ellipsoid of that height, or comes nearest to it."""
+    """Return the anomalies (4, n) of the cuts, or nearest approaches, of each arc with the ellipsoid of that height."""
     samples = np.stack([_excess(arcs, height_m, np.cos(angle), np.sin(angle)) for angle in _ANGLES])
     largest, column = np.argmax(np.abs(samples), axis=0), np.arange(height_m.size)
     turned = np.stack([samples[(largest + k) % 5, column] for k in range(5)])
@@ -174,7 +167,7 @@ def _cuts(arcs: ConicArcs, height_m: FloatArray) -> FloatArray:
 
 
 def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -> FloatArray:
-    """Return the quartic: positive outside the ellipsoid, in the homogeneous T = sine / cosine."""
+    """Return the quartic in homogeneous T = sine / cosine: positive outside the ellipsoid."""
     c2, s2 = cosine * cosine, sine * sine
     x, y, z = (c2 + (arcs.alpha - 2.0) * s2) * arcs.position + 2.0 * (cosine * sine + arcs.sigma * s2) * arcs.velocity
     equatorial = (EARTH_EQUATORIAL_RADIUS_M + height_m) / arcs.length_m
@@ -184,13 +177,13 @@ def _excess(arcs: ConicArcs, height_m: FloatArray, cosine: float, sine: float) -
     return excess
 
 
-#: A start this near the surface, m, is on it: rounding of its position must not decide whether it has yet to fall.
+#: A start this close to the surface, m, is on it, so that rounding does not decide whether it falls.
 ON_SURFACE_M = 1e-6
 
-#: The cuts with the spheres lie this far outside the surface, m, so that the bracket holds a crossing on a sphere.
+#: Margin of the spheres to the surface, m, so that the bracket encloses a crossing on a sphere.
 _MARGIN_M = 1.0
 
-#: An arc is steep where it descends at this many times the steepest slope of the surface against a sphere.
+#: An arc is steep above this slope: twice the steepest slope of the surface against a sphere.
 _STEEP = 2.0 * EARTH_FLATTENING
 
 _BLOCK = 8192
@@ -206,17 +199,16 @@ _LAST_HALVING = 4.0 * float(np.finfo(float).eps)
 def kepler_impact(
     position_m: ArrayLike, velocity_m_s: ArrayLike, height_m: ArrayLike = 0.0, mu_m3_s2: float = EARTH_MU_M3_S2
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the time to impact, s, and the point of impact, m (ECI), of two-body arcs from the given states.
+    """Return the times to impact, s, and the impact points, m (ECI), of two-body arcs.
 
-    Position and velocity have shape (..., 3) in an inertial frame about the Earth's centre with z along its axis, such
-    as ECEF frozen at scene epoch; leading axes broadcast with `height_m`. The impact is the first descent through the
-    surface of geodetic height `height_m` above the WGS 84 ellipsoid. A start below the surface first has to rise
-    through it; one within 1e-6 m of it counts as on it and falls at once if it descends. The arc is followed through
-    the Earth where it starts inside. The point has the height to 1e-6 m, and is the arc's at that time as nearly as
-    rounding the inputs allows.
+    Position and velocity (..., 3) are in an inertial frame about the Earth's centre with z along its axis, such as ECEF
+    frozen at scene epoch; leading axes broadcast with `height_m`. The impact is the first descent through the surface
+    of geodetic height `height_m` above the WGS 84 ellipsoid. A start below the surface must first rise through it; one
+    within 1e-6 m counts as on it, with an immediate impact if it descends. Arcs that start inside the Earth are
+    propagated through it. The point has the height to 1e-6 m.
 
-    `nan` where the arc never descends through the surface (pericentre above it, apocentre below it, escape), where an
-    input is not finite, and for heights below -6 000 km.
+    `nan` without a descent (pericentre above the surface, apocentre below it, escape), where an input is not finite,
+    and for heights below -6 000 km.
     """
     position, velocity, height, shape = flat_states(position_m, velocity_m_s, height_m)
     duration, point = np.empty(height.shape), np.empty((height.size, 3))
@@ -248,7 +240,7 @@ def _impacts(
 
 
 def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return anomalies between which each arc first descends through the surface; `nan` where it never does."""
+    """Return anomalies that bracket the first descent of each arc through the surface; `nan` without one."""
     outer = (EARTH_EQUATORIAL_RADIUS_M + _MARGIN_M + height) / arcs.length_m
     inner = (EARTH_POLAR_RADIUS_M - _MARGIN_M + height) / arcs.length_m
     at_outer, at_inner = arcs.radial_squared(outer), arcs.radial_squared(inner)
@@ -267,10 +259,10 @@ def _brackets(arcs: ConicArcs, height: FloatArray) -> tuple[FloatArray, FloatArr
 def _steep_brackets(
     arcs: ConicArcs, height: FloatArray, outer: FloatArray, inner: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the anomalies of the first descents through the two spheres; a start that falls between them comes before.
+    """Return the anomalies of the first descents through the two spheres.
 
-    Such a start is met by its own height: above the surface it has yet to fall, on it it falls at once, below it waits
-    for the next turn.
+    A start that falls between them is bracketed by its own height: above the surface it has yet to fall, on it the
+    impact is immediate, below it the impact is one turn later.
     """
     low, high = arcs.first_descent(outer), arcs.first_descent(inner)
     (falling,) = ((outer > 1.0) & (inner < 1.0) & (arcs.sigma < 0.0)).nonzero()

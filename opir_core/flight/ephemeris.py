@@ -1,11 +1,8 @@
-"""Trajectories and orbits as piecewise polynomials: built once to a tolerance, evaluated in bulk.
+"""Trajectories and orbits as piecewise quintic polynomials: fitted once to a tolerance, evaluated in bulk.
 
-Evaluation is element by element: a result depends on its own target and time alone, not on its neighbours in the call.
-
-Quintic pieces of a motion, fitted to a tolerance.
-
-A piece takes position and velocity of the motion at its two ends and its middle (Hermite interpolation), so neighbours
-agree in both. Its error is judged at six points between the nodes; a piece that errs too much is split.
+A segment interpolates position and velocity of the motion at its ends and its middle (Hermite), so that neighbours
+agree in both. Its error is estimated at six points between the nodes; a segment with too large an error is split.
+Evaluation is element by element: a result depends on its own target and time alone.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,23 +19,23 @@ from opir_core.errors import ModelError
 #: Targets (m,) and times (m,) to positions and velocities (m, 3), element by element.
 Motion = Callable[[RowArray, FloatArray], tuple[FloatArray, FloatArray]]
 
-#: Where a fit is judged: at the extremes of (x³ - x)², the error of a smooth motion, and where that of one which bends
-#: like the power 3/2 at an end is largest (0.71); the true largest error is within 5 % of the largest found there.
-_JUDGED_AT = np.array([-0.71, -(3.0**-0.5), -0.25, 0.25, 3.0**-0.5, 0.71])
+#: Points of error estimation: the extremes of (x³ - x)², the error of a smooth motion, and 0.71, where that of a motion
+#: with a power 3/2 at an end is largest; the true largest error is within 5 % of the largest there.
+_ERROR_NODES = np.array([-0.71, -(3.0**-0.5), -0.25, 0.25, 3.0**-0.5, 0.71])
 
-#: A piece is kept if its judged error is at most this share of the tolerance; parts of a split one aim for half of it.
+#: A segment is accepted if its estimated error is at most this share of the tolerance; a split aims for half of it.
 _MARGIN = 0.8
 
-#: Pieces fitted in one call of the motion.
+#: Segments fitted in one call of the motion.
 _FIT_BLOCK = 1024
 
-#: Rounds of splitting after which a tolerance is out of reach: pieces have become 2^-40 of the span, or less.
+#: Rounds of splitting after which a fit is rejected: segments are then at most 2^-40 of the span.
 _ROUNDS = 40
 
 
 @frozen(eq=False)
 class HermiteSegments:
-    """Polynomial pieces of trajectories, sorted by target, then time.
+    """Polynomial segments of trajectories, sorted by target, then time.
 
     Columns (s,): `target`, and the span `start_s` to `end_s`. Position is the sum of `coefficients[5 - k]` (6, 3, s)
     times x^k, where x runs from -1 to 1 over the span.
@@ -53,14 +50,14 @@ class HermiteSegments:
         return len(self.target)
 
     def take(self, rows: RowArray) -> "HermiteSegments":
-        """Return some of the pieces."""
+        """Return some of the segments."""
         return HermiteSegments(
             self.target[rows], self.start_s[rows], self.end_s[rows], self.coefficients.take(rows, axis=-1)
         )
 
 
 def merged_segments(parts: Sequence[HermiteSegments]) -> HermiteSegments:
-    """Return the pieces of all parts, sorted by target, then time."""
+    """Return the segments of all parts, sorted by target, then time."""
     merged = HermiteSegments(
         np.concatenate([part.target for part in parts]),
         np.concatenate([part.start_s for part in parts]),
@@ -73,7 +70,7 @@ def merged_segments(parts: Sequence[HermiteSegments]) -> HermiteSegments:
 def fitted_segments(
     motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray, tolerance_m: float
 ) -> HermiteSegments:
-    """Return pieces that follow the motion of the targets over the spans (m,) to within the tolerance.
+    """Return segments that fit the motion of the targets over the spans (m,) to within the tolerance.
 
     A motion that is not finite within a span, or too rough for the tolerance, is a `ModelError`.
     """
@@ -92,14 +89,14 @@ def fitted_segments(
 
 
 def _part_counts(error_m: FloatArray, tolerance_m: float) -> RowArray:
-    """Return into how many parts to cut pieces, 2 to 8: a smooth motion's error goes with the sixth power of length."""
+    """Return the numbers of parts, 2 to 8, of split segments: a smooth motion's error has the sixth power of length."""
     return np.ceil((error_m / (0.5 * tolerance_m)) ** (1.0 / 6.0)).clip(2, 8).astype(np.intp)
 
 
 def _split(
     target: RowArray, start_s: FloatArray, end_s: FloatArray, parts: RowArray
 ) -> tuple[RowArray, FloatArray, FloatArray]:
-    """Return spans cut into so many equal parts."""
+    """Return spans cut into numbers of equal parts."""
     parent = np.repeat(np.arange(len(parts)), parts)
     rank = np.arange(len(parent)) - np.repeat(np.cumsum(parts) - parts, parts)
     of = parts[parent]
@@ -109,7 +106,7 @@ def _split(
 
 
 def _fit(motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return coefficients (6, 3, m) of the pieces over spans (m,), and their judged errors (m,), m."""
+    """Return coefficients (6, 3, m) of the segments over spans (m,), and their estimated errors (m,), m."""
     coefficients, error_m = np.empty((6, 3, len(target))), np.empty(len(target))
     for first in range(0, len(target), _FIT_BLOCK):
         rows = slice(first, first + _FIT_BLOCK)
@@ -121,7 +118,7 @@ def _fit_block(
     motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     middle_s, half_s = 0.5 * (start_s + end_s), 0.5 * (end_s - start_s)
-    times_s = np.stack([start_s, middle_s, end_s, *(middle_s + x * half_s for x in _JUDGED_AT)])
+    times_s = np.stack([start_s, middle_s, end_s, *(middle_s + x * half_s for x in _ERROR_NODES)])
     position, velocity = motion(np.tile(target, len(times_s)), times_s.ravel())
     finite = (np.isfinite(position) & np.isfinite(velocity)).all(axis=-1)
     if not finite.all():
@@ -131,8 +128,8 @@ def _fit_block(
     d = velocity.reshape(*times_s.shape, 3)[:3].transpose(0, 2, 1) * half_s
     coefficients = _hermite_quintic(p[:3], d)
     error = np.zeros(len(target))
-    for x, judged in zip(_JUDGED_AT, p[3:], strict=True):
-        miss = horner(coefficients, x) - judged
+    for x, exact in zip(_ERROR_NODES, p[3:], strict=True):
+        miss = horner(coefficients, x) - exact
         error = np.maximum(error, np.sqrt(miss[0] ** 2 + miss[1] ** 2 + miss[2] ** 2))
     return coefficients, error
 
@@ -154,26 +151,25 @@ def _hermite_quintic(p: FloatArray, d: FloatArray) -> FloatArray:
     return np.stack([c5, c4, odd - d[1] - c5, even - c4, d[1], p[1]])
 
 
-#: Points evaluated at a time: enough to hide the cost of calls, few enough to stay near the processor.
+#: Points evaluated per block, few enough to stay in the cache.
 _BLOCK = 65536
 
-#: Bins of the time lookup for each piece.
-_BINS_PER_PIECE = 16
+#: Bins of the time lookup per segment.
+_BINS_PER_SEGMENT = 16
 
-#: Runs of equal indices this long, on average, are repeated rather than gathered one by one; the values are the same.
+#: Runs of equal indices at least this long, on average, are repeated rather than gathered; the values are the same.
 _LONG_RUN = 4
 
-#: Breakpoints closer than this to another, or to an end, are that one: even a burnout's jump of the acceleration, or a
-#: whole orbital velocity begun a nanosecond early, moves nothing by 10 um.
+#: Breakpoints closer than this to another, or to an end, count as the same: an orbital velocity covers 8 um in it.
 _ONE_BREAK_S = 1e-9
 
-#: From columns (..., s) over pieces or targets to columns (..., m) over points.
+#: From columns (..., s) over segments or targets to columns (..., m) over points.
 _Spread = Callable[[Any], Any]
 
 
 @frozen(eq=False)
 class Ephemeris:
-    """Positions of n targets, each within its span `start_s` to `end_s` (n,), to `tolerance_m`; outside it, nan.
+    """Positions of n targets in their spans `start_s` to `end_s` (n,), to `tolerance_m`; nan outside.
 
     The frame is that of the motion it was built from. Position and velocity are continuous within a span. Velocities
     are the derivatives of those positions: at 1 cm, within 1 mm/s in free flight and 2 cm/s on a boost, but for the
@@ -183,12 +179,12 @@ class Ephemeris:
     start_s: FloatArray
     end_s: FloatArray
     tolerance_m: float
-    pieces: HermiteSegments
-    #: By target: start, end and lookup bins a second (3, n), and the first bin (n,); by bin: the first piece in it.
+    segments: HermiteSegments
+    #: By target: start, end and lookup bins a second (3, n), and the first bin (n,); by bin: the first segment in it.
     _spans: FloatArray
     _first_bin: RowArray
-    _bin_piece: RowArray
-    #: By piece: when the next one starts, inf at the last (s,); middle time and 2/length (2, s).
+    _bin_segment: RowArray
+    #: By segment: when the next one starts, inf at the last (s,); middle time and 2/length (2, s).
     _next_s: FloatArray
     _scales: FloatArray
 
@@ -206,8 +202,8 @@ class Ephemeris:
         """Return the ephemeris of a motion over spans (n,) of a length above zero.
 
         `motion(target, time_s)` takes index and time columns (m,) and returns positions and velocities (m, 3), element
-        by element. `breakpoints_s` (n, k) are times at which it is not smooth; those outside a span do no harm. A
-        motion that is not finite, or too rough for the tolerance, is a `ModelError`.
+        by element. `breakpoints_s` (n, k) are times at which it is not smooth; those outside a span are ignored.
+        `ModelError` for a motion that is not finite, or too rough for the tolerance.
         """
         start, end = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (start_s, end_s)))
         if not (np.isfinite(start) & np.isfinite(end) & (start < end)).all():
@@ -219,11 +215,11 @@ class Ephemeris:
 
     @staticmethod
     def joined(parts: Sequence["Ephemeris"]) -> "Ephemeris":
-        """Return the ephemeris of targets whose spans come in parts, each starting when the one before it ends."""
+        """Return the ephemeris of targets from consecutive parts of their spans."""
         for before, after in pairwise(parts):
             if not np.array_equal(before.end_s, after.start_s):
                 raise ValueError("each part of a joined ephemeris must start when the one before it ends")
-        return _indexed(merged_segments([part.pieces for part in parts]), max(part.tolerance_m for part in parts))
+        return _indexed(merged_segments([part.segments for part in parts]), max(part.tolerance_m for part in parts))
 
     def position_m(self, target: ArrayLike, time_s: ArrayLike) -> FloatArray:
         """Return positions (..., 3) of targets at times, which broadcast; nan outside a target's span."""
@@ -250,7 +246,7 @@ class Ephemeris:
         return [array.reshape(*shape, 3) for array in out]
 
     def _located(self, target: RowArray, time_s: FloatArray) -> tuple[_Spread, FloatArray]:
-        """Return the way from pieces to points, and the times within their pieces: -1 to 1, nan outside the span."""
+        """Return the function from segments to points, and times in segments: -1 to 1, nan outside the span."""
         of_target = _spread(target)
         start_s, end_s, bins_per_s = of_target(self._spans)
         inside = (time_s >= start_s) & (time_s <= end_s)
@@ -258,18 +254,18 @@ class Ephemeris:
         time_s = time_s if everywhere else np.where(inside, time_s, start_s)
         bin_ = ((time_s - start_s) * bins_per_s).astype(np.intp)
         bin_ += of_target(self._first_bin)
-        spread = _spread(self._stepped(self._bin_piece.take(bin_), time_s))
+        spread = _spread(self._stepped(self._bin_segment.take(bin_), time_s))
         middle_s, per_half_length = spread(self._scales)
         x = (time_s - middle_s) * per_half_length
         return spread, x if everywhere else np.where(inside, x, np.nan)
 
-    def _stepped(self, piece: RowArray, time_s: FloatArray) -> RowArray:
-        """Return pieces moved on, from the first in their lookup bin, to those that hold the times."""
-        late = (time_s >= self._next_s.take(piece)).nonzero()[0]
+    def _stepped(self, segment: RowArray, time_s: FloatArray) -> RowArray:
+        """Return the segments that contain the times, from the first segments in their lookup bins."""
+        late = (time_s >= self._next_s.take(segment)).nonzero()[0]
         while late.size:
-            piece[late] += 1
-            late = late[time_s[late] >= self._next_s[piece[late]]]
-        return piece
+            segment[late] += 1
+            late = late[time_s[late] >= self._next_s[segment[late]]]
+        return segment
 
 
 _Column = Callable[[Ephemeris, _Spread, FloatArray], FloatArray]
@@ -277,7 +273,7 @@ _Column = Callable[[Ephemeris, _Spread, FloatArray], FloatArray]
 
 def _position(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArray:
     """Return positions (3, m), by Horner's rule."""
-    first, *rest = ephemeris.pieces.coefficients
+    first, *rest = ephemeris.segments.coefficients
     value: FloatArray = spread(first)
     for coefficient in rest:
         value *= x
@@ -287,7 +283,7 @@ def _position(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArra
 
 def _velocity(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArray:
     """Return velocities (3, m): the derivative by Horner's rule, from x to time."""
-    first, *rest = ephemeris.pieces.coefficients[:-1]
+    first, *rest = ephemeris.segments.coefficients[:-1]
     value: FloatArray = 5.0 * spread(first)
     for power, coefficient in zip((4.0, 3.0, 2.0, 1.0), rest, strict=True):
         value *= x
@@ -297,7 +293,7 @@ def _velocity(ephemeris: Ephemeris, spread: _Spread, x: FloatArray) -> FloatArra
 
 
 def _spread(index: RowArray) -> _Spread:
-    """Return the function that takes columns at these indices; long runs of one index are repeated, not gathered."""
+    """Return the function that takes columns at these indices; long runs of an index are repeated, not gathered."""
     edges = (index[1:] != index[:-1]).nonzero()[0]
     if _LONG_RUN * (len(edges) + 1) > len(index):
         return lambda columns: columns.take(index, axis=-1)
@@ -323,24 +319,24 @@ def _smooth_spans(
     return target, cuts[target, gap], cuts[target, gap + 1]
 
 
-def _indexed(pieces: HermiteSegments, tolerance_m: float) -> Ephemeris:
-    """Return the ephemeris of pieces sorted by target and time, with the first piece in each bin of each target's span.
+def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:
+    """Return the ephemeris of segments sorted by target and time, with the first segment in each lookup bin.
 
     Bins are uniform; one more than fit into the span catches its very end.
     """
-    first = np.flatnonzero(np.diff(pieces.target, prepend=-1))
-    count = np.diff(first, append=len(pieces))
+    first = np.flatnonzero(np.diff(segments.target, prepend=-1))
+    count = np.diff(first, append=len(segments))
     last = first + count - 1
-    start_s, end_s = pieces.start_s[first], pieces.end_s[last]
-    bins_per_s = _BINS_PER_PIECE * count / (end_s - start_s)
-    bins = _BINS_PER_PIECE * count + 1
+    start_s, end_s = segments.start_s[first], segments.end_s[last]
+    bins_per_s = _BINS_PER_SEGMENT * count / (end_s - start_s)
+    bins = _BINS_PER_SEGMENT * count + 1
     first_bin = np.cumsum(bins) - bins
-    earliest = np.ceil((pieces.start_s - start_s[pieces.target]) * bins_per_s[pieces.target]).astype(np.intp)
-    bin_piece = np.zeros(bins.sum(), dtype=np.intp)
-    np.maximum.at(bin_piece, first_bin[pieces.target] + earliest, np.arange(len(pieces)))
+    earliest = np.ceil((segments.start_s - start_s[segments.target]) * bins_per_s[segments.target]).astype(np.intp)
+    bin_segment = np.zeros(bins.sum(), dtype=np.intp)
+    np.maximum.at(bin_segment, first_bin[segments.target] + earliest, np.arange(len(segments)))
     spans = np.stack([start_s, end_s, bins_per_s])
-    next_s = pieces.end_s.copy()
+    next_s = segments.end_s.copy()
     next_s[last] = np.inf
-    scales = np.stack([0.5 * (pieces.start_s + pieces.end_s), 2.0 / (pieces.end_s - pieces.start_s)])
-    first_piece = np.maximum.accumulate(bin_piece)
-    return Ephemeris(start_s, end_s, tolerance_m, pieces, spans, first_bin, first_piece, next_s, scales)
+    scales = np.stack([0.5 * (segments.start_s + segments.end_s), 2.0 / (segments.end_s - segments.start_s)])
+    first_segment = np.maximum.accumulate(bin_segment)
+    return Ephemeris(start_s, end_s, tolerance_m, segments, spans, first_bin, first_segment, next_s, scales)

@@ -1,7 +1,4 @@
-"""What acts on a body in free flight: descriptions only, cheap to import and to compare.
-
-The arithmetic is in `gravity`, `atmosphere_density` and `drag`, imported when a propagation needs them.
-"""
+"""Force models of free flight: descriptions, light to import. The arithmetic is in `gravity_and_drag`."""
 
 from collections.abc import Iterable
 from typing import Literal
@@ -13,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
 from opir_core.scene.scene import ZONAL_FORCES, SceneDrag, SceneForces
 
-#: The one-word force model: a point mass and nothing else, propagated in closed form.
+#: The force model of a point mass alone, propagated in closed form.
 KEPLER: Literal["kepler"] = "kepler"
 
 
 @frozen
 class ZonalField:
-    """A gravity field that is symmetric about the Earth's axis.
+    """A gravity field symmetric about the Earth's axis.
 
     J_n = -√(2n+1) · C̄_n0, with C̄_n0 the normalised tide-free coefficients of EGM96 (NASA/TP-1998-206861) and its
     reference radius; the gravitational constant is that of WGS 84.
@@ -34,7 +31,7 @@ class ZonalField:
 
 @frozen
 class ExponentialAtmosphere:
-    """Air whose density is `density_kg_m3` at `base_height_m` and falls by e with every `scale_height_m`.
+    """An atmosphere of density `density_kg_m3` at `base_height_m`, which falls by e with every `scale_height_m`.
 
     Heights are geodetic, above the WGS 84 ellipsoid. Valid from 5 km below it upwards.
     """
@@ -62,7 +59,7 @@ def _read_only(value: ArrayLike) -> NDArray[np.float64]:
 
 @frozen
 class Drag:
-    """Drag along the velocity relative to air that turns with the Earth: -rho |w| w / (2 beta).
+    """Drag by air that rotates with the Earth: -rho |w| w / (2 beta), with w the velocity relative to the air.
 
     `ballistic_coefficient_kg_m2` is beta = m/(C_d A), one number or an array that broadcasts against the leading axes
     of the states. `air_rotation_rad_s` is the angular velocity of the air about the Earth's axis.
@@ -93,7 +90,7 @@ def _names(value: Iterable[str]) -> tuple[str, ...]:
 class Forces:
     """The point mass, the zonal harmonics named, and drag if there is any.
 
-    `Forces(zonal=())` is the two-body problem, and is solved as such; so is the word "kepler".
+    `Forces(zonal=())` and the word "kepler" are the two-body problem, solved in closed form.
     """
 
     zonal: tuple[str, ...] = field(default=("j2",), converter=_names)
@@ -113,20 +110,20 @@ class Forces:
         return evolve(self, drag=evolve(self.drag, ballistic_coefficient_kg_m2=value_kg_m2))
 
     def broadcast(self, count: int) -> "Forces":
-        """Return the forces on so many bodies; raise ValueError for ballistic coefficients of another number."""
+        """Return the forces on `count` bodies; `ValueError` for another number of ballistic coefficients."""
         if self.drag is None:
             return self
         return self.with_ballistic_coefficients(np.broadcast_to(self.drag.ballistic_coefficient_kg_m2, (count,)))
 
     def take(self, rows: NDArray[np.intp]) -> "Forces":
-        """Return the forces on some of the bodies that they were broadcast to."""
+        """Return the forces on some of the bodies, after `broadcast`."""
         if self.drag is None:
             return self
         return self.with_ballistic_coefficients(self.drag.ballistic_coefficient_kg_m2[rows])
 
     @property
     def is_kepler(self) -> bool:
-        """Whether the point mass is all there is."""
+        """Return whether the motion is two-body."""
         return not self.zonal and self.drag is None
 
 
@@ -137,7 +134,7 @@ J2 = Forces(zonal=("j2",))
 
 
 def forces_of(model: ForceModel) -> Forces:
-    """Return the `Forces` a force model stands for; raise ValueError for a word that is not "kepler"."""
+    """Return the `Forces` of a force model; `ValueError` for a word other than "kepler"."""
     if isinstance(model, Forces):
         return model
     if model == KEPLER:
@@ -146,7 +143,7 @@ def forces_of(model: ForceModel) -> Forces:
 
 
 def chosen_forces(scene: SceneForces) -> Forces:
-    """Return the forces that a scene chose."""
+    """Return the forces of a scene."""
     return Forces(zonal=scene.zonal, drag=None if scene.drag is None else _chosen_drag(scene.drag))
 
 

@@ -1,4 +1,8 @@
-"""Acceleration by a zonal gravity field, over columns of arcs, and for one arc's numbers."""
+"""Accelerations by a zonal gravity field and by drag, over columns of arcs (3, n) and for the numbers of one arc.
+
+Drag needs the geodetic height above the WGS 84 ellipsoid, here in closed form. Each arc stays within one layer of the
+air during a step.
+"""
 
 from collections.abc import Callable
 from math import sqrt
@@ -11,12 +15,12 @@ from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RAD
 from opir_core.flight.atmosphere_density import log_density, log_density_alone
 from opir_core.flight.forces import ZonalField
 
-#: Deeper than this a/r the expansion is held, so that the height stays negative and finite towards the centre.
+#: The expansion is clamped at this a/r, so that the height stays negative and finite towards the centre.
 _DEEPEST = 2.0
 
 
 def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
-    """Return heights (n,), m, of positions (3, n), m, whose 1/r is given.
+    """Return geodetic heights (n,), m, of positions (3, n), m, given their 1/r.
 
     The foot's normal is taken along (x, y, z/k) with k = 1 - e² N/(N + h) expanded to second order in the flattening;
     an error in the normal's direction enters the height squared. Within 2e-8 m from 5 km below the ellipsoid to
@@ -26,7 +30,7 @@ def height_m(position: FloatArray, inverse_radius: FloatArray) -> FloatArray:
 
 
 def height_alone_m(x: float, y: float, z: float, inverse_radius: float) -> float:
-    """Return the height, m, of one position: the operations of `height_m` in their order."""
+    """Return the height, m, of one position, with the operations of `height_m` in the same order."""
     e2, ratio, sine = (
         EARTH_ECCENTRICITY_SQUARED,
         min(EARTH_EQUATORIAL_RADIUS_M * inverse_radius, _DEEPEST),
@@ -141,10 +145,7 @@ class Gravity:
         return acceleration, inverse_radius
 
     def alone(self, arc: int = 0) -> Alone:
-        """Return the right side for one arc, every arc's being the same: the same operations in the same order.
-
-        So it gives the same bits, and for a few arcs, where numpy's calls cost more than its arithmetic, far sooner.
-        """
+        """Return the acceleration as a function of one arc's numbers: the same operations in the same order."""
         with_inverse_radius = self.alone_with_inverse_radius
 
         def acceleration(x: float, y: float, z: float, *_velocity: float) -> tuple[float, float, float]:
@@ -230,7 +231,7 @@ class GravityAndDrag:
         return acceleration
 
     def alone(self, arc: int) -> Alone:
-        """Return the right side for one arc: the operations of the whole in their order, so the same bits."""
+        """Return the acceleration as a function of one arc's numbers: the same operations in the same order."""
         gravity, omega = self._gravity.alone_with_inverse_radius, self._rotation
         parameters, logarithm = self._parameters[:, arc].tolist(), float(self._log_half_inverse_beta[arc])
 

@@ -1,7 +1,7 @@
-"""Many arcs integrated at once, every arc with steps of its own.
+"""Integration of many arcs at once, each with its own adaptive steps.
 
-Arcs are columns. Nothing an arc does depends on its neighbours: all arithmetic is element by element, and arcs that are
-done are taken out of the columns. So a result is the same, to the last bit, alone and in any company.
+Arcs are columns. All arithmetic is element by element, and finished arcs are removed from the columns, so a result has
+the same bits alone and in any company.
 """
 
 from collections.abc import Callable
@@ -13,38 +13,38 @@ from attrs import define
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
+from opir_core.flight.altitude_events import AltitudeEvents, GroundContact
 from opir_core.flight.dop853 import Acceleration, Step, StepStart, stepped
-from opir_core.flight.levels import AltitudeEvents, GroundContact
 
-#: A looser tolerance than this, m, saves next to nothing at order 8; a tighter one than the second is below rounding.
+#: Bounds of the tolerance, m: a looser one saves next to nothing at order 8, a tighter one is below rounding.
 LOOSEST_TOLERANCE_M = 0.1
 TIGHTEST_TOLERANCE_M = 1e-8
 
-#: A step may spend the share of the tolerance that its length has of the arc, or that this length would have.
+#: A step may use a share of the tolerance equal to its length, or at least this length, over that of the arc.
 _SHORTEST_SHARE = 1.0 / 16.0
 _LONGEST_SHARE_S = 100.0
 
 #: The first step, in units of sqrt(r³/mu), at a tolerance of 1 m.
 _FIRST_STEP = 0.25
 
-#: Estimates of local errors are this much too small, at worst, where drag changes fast.
+#: Ratio of estimated to true local errors, at worst, where drag changes fast.
 _CAUTION_IN_AIR = 0.5
 
-#: An error of velocity this small, relative to that in orbit, is rounding, which no shorter step would mend.
+#: An error of velocity this small, relative to circular speed, is rounding, which no shorter step would reduce.
 _ROUNDING = 4e-16
 
-#: An error of velocity grows for this many times the step it is made in, at least.
+#: The shortest time over which an error of velocity grows, in steps.
 _SHORTEST_GROWTH = 4.0
 
-#: By how much an error of velocity on the way moves the point of impact more than the time of fall says, and the
-#: shortest time of fall to reckon with, s.
+#: The displacement of the impact by an error of velocity, over that error times the time of fall; and the shortest time
+#: of fall, s.
 _OBLIQUITY = 2.5
 _SHORTEST_FALL_S = 10.0
 
 _SAFETY = 0.9
 _GROWTH = (0.2, 6.0)
 
-#: Attempts at a step before an arc is given up, and the shortest step, as a fraction of the time flown.
+#: Attempts at a step before an arc counts as not converged, and the shortest step over the time flown.
 _MOST_ATTEMPTS = 200_000
 _SHORTEST_STEP = 1e-14
 
@@ -62,7 +62,7 @@ class IntegrationResult(IntEnum):
 
 @define(eq=False)
 class ArcEnds:
-    """What became of the arcs: states, (3, n), at the elapsed times, and outcomes."""
+    """Ends of arcs: states (3, n) at the elapsed times, and results (`IntegrationResult`)."""
 
     elapsed: FloatArray
     position: FloatArray
@@ -71,29 +71,29 @@ class ArcEnds:
 
     @classmethod
     def of(cls, count: int) -> "ArcEnds":
-        """Return the ends of arcs that have none yet."""
+        """Return the ends of arcs under way."""
         elapsed, position, velocity = (np.full(shape, np.nan) for shape in ((count,), (3, count), (3, count)))
         return cls(elapsed, position, velocity, np.zeros(count, np.int8))
 
 
-#: Told of every set of steps: the arcs' numbers, the times and lengths of the steps, where they start, what became of
-#: them and which were accepted; it is also given the acceleration, to extend the steps with.
+#: Called with every set of steps: numbers of the arcs, times and lengths of the steps, their starts, the steps, which
+#: were accepted, and the acceleration, for dense output.
 Recorder = Callable[[RowArray, FloatArray, FloatArray, StepStart, Step, BoolArray, Acceleration], None]
 
 
 class System(Protocol):
-    """What moves the arcs."""
+    """The forces on the arcs."""
 
     mu_m3_s2: float
     has_air: bool
 
     def acceleration(self, arcs: RowArray, layer: RowArray | None) -> Acceleration:
-        """Return the right side for the arcs of these numbers, each in its layer of the air, or without air."""
+        """Return the acceleration of the arcs of these numbers, each in its layer of the air, or without air."""
         ...
 
 
 class Integration:
-    """Arcs under way: columns of states, and the control of every arc's steps."""
+    """Arcs under way: columns of states, and the step-size control of every arc."""
 
     def __init__(
         self,
@@ -116,7 +116,7 @@ class Integration:
         self._ends = ArcEnds.of(duration.size)
 
     def ends(self) -> ArcEnds:
-        """Integrate to the ends, and return them."""
+        """Return the ends of the arcs."""
         with np.errstate(all="ignore"):
             self._begin()
             for _ in range(_MOST_ATTEMPTS):
@@ -141,7 +141,7 @@ class Integration:
         self._drop(outcome)
 
     def _attempt(self) -> None:
-        """Try one step of every arc, keep those that are accurate enough and stay within their layer."""
+        """Try one step of every arc; accept those that are accurate enough and stay within their layer."""
         start = self._state()
         wanted, length, remaining = self._lengths()
         h = np.copysign(length, self._duration)
@@ -177,7 +177,7 @@ class Integration:
         self._drop(self._outcome(last, landing))
 
     def _lengths(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the steps wanted for accuracy, those to try, and the time remaining, all positive."""
+        """Return the steps by accuracy, the steps to try, and the remaining time, all positive."""
         remaining = np.abs(self._duration - self._elapsed)
         wanted = length = self._natural
         if self._levels is not None:
@@ -198,7 +198,7 @@ class Integration:
         return outcome
 
     def _drop(self, outcome: NDArray[np.int8]) -> None:
-        """Write down the ends of arcs that have an outcome, and keep the others."""
+        """Record the ends of arcs that have an outcome, and keep the others."""
         done = np.flatnonzero(outcome)
         if not done.size:
             return
@@ -223,7 +223,7 @@ class Integration:
         self._ends.velocity[:, arcs] = self._velocity[:, done]
 
     def _write_impacts(self, done: RowArray) -> None:
-        """Write down arcs that are next to their targets, moved there along their parabolas."""
+        """Record the impacts of arcs that are next to the impact height, moved there along their parabolas."""
         if not done.size or self._levels is None:
             return
         position, velocity, acceleration = (
@@ -240,7 +240,7 @@ class Integration:
         self._ends.velocity[:, arcs] = velocity + late * acceleration
 
     def _time_left(self) -> FloatArray:
-        """Return over how long an error of velocity now grows into one of position: to the end, or about to impact."""
+        """Return the time over which an error of velocity grows into one of position: to the end or the impact."""
         remaining = np.abs(self._duration - self._elapsed)
         if self._levels is None or not self._levels.has_target:
             return remaining

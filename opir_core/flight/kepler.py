@@ -1,17 +1,13 @@
 """Two-body propagation of position and velocity: every conic, forward and back, any number of turns.
 
 Each state is scaled by its own distance and circular speed, solved for its universal anomaly (`universal_anomaly`) and
-carried on by Lagrange's f and g (Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9; Battin, An
-Introduction to the Mathematics and Methods of Astrodynamics, revised ed. 1999, §4.5). Hyperbolas that come in from
-afar, where Kepler's equation cancels, are told from their pericentre (`kepler_flyby`).
+propagated by Lagrange's f and g (Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9; Battin, An
+Introduction to the Mathematics and Methods of Astrodynamics, revised ed. 1999, §4.5).
 
-The start of two-body arcs as Kepler's equation wants it: scaled, without whole turns, followed forward.
-
-Hyperbolas that come in from afar: Kepler's equation is solved from the pericentre, where nothing cancels.
-
-From a distant start, Kepler's equation is a difference of exponentials: solving it loses (r / a e)² where the problem
-only loses r / a e. Counted from the pericentre, all its terms have one sign. The end point then follows from the
-pericentre too, except while the arc is still on its far way in: there the start is the better reference.
+From a distant start on an incoming hyperbola Kepler's equation is a difference of exponentials: solving it loses
+(r / a e)² where the problem only loses r / a e. Such arcs are solved from their pericentre, where all terms have one
+sign. The end point then follows from the pericentre too, except while the arc is still far out on its way in: there
+the start is the better reference.
 """
 
 from collections.abc import Callable
@@ -33,7 +29,7 @@ from opir_core.flight.universal_anomaly import (
     universal_functions,
 )
 
-#: More turns than this leave no digit of the phase.
+#: Beyond this number of turns double precision holds no digit of the phase.
 _MOST_TURNS = 2.0**50
 
 
@@ -47,23 +43,23 @@ class ArcStart(NamedTuple):
     vy: FloatArray
     vz: FloatArray
     rate: FloatArray  #: circular speed over distance, 1/s
-    back: FloatArray  #: -1 where the arc is followed back in time, its velocity then turned round, else 1
+    back: FloatArray  #: -1 for propagation back in time, with the velocity reversed, else 1
     sigma: FloatArray
     alpha: FloatArray
     time: FloatArray  #: without whole turns, never negative; nan where the turns are too many
 
     def arcs(self) -> UniversalArcs[np.float64]:
-        """Return what Kepler's equation needs."""
+        """Return the arguments of Kepler's equation."""
         return UniversalArcs(np.ones_like(self.sigma), self.sigma, self.alpha, self.time)
 
     def is_inbound_hyperbola(self) -> BoolArray:
-        """Return where the arc comes in on a hyperbola from beyond three times a e, and gets about half way in."""
+        """Return the arcs that come in on a hyperbola from beyond 3 a e and cover about half of the way in."""
         x = -self.alpha
         eccentricity_squared = 1.0 + x * (2.0 + x - self.sigma * self.sigma)
         return (x > 1.0) & (self.time * self.sigma < -0.5) & (x * x > 9.0 * eccentricity_squared)
 
     def scales(self) -> tuple[FloatArray, FloatArray]:
-        """Return each start's distance, m, and what scales its velocity to circular speeds in the sense followed."""
+        """Return the distance of each start, m, and the signed factor from its velocity to circular speeds."""
         distance = np.sqrt(self.x * self.x + self.y * self.y + self.z * self.z)
         return distance, self.back / (distance * self.rate)
 
@@ -77,7 +73,7 @@ class ArcStart(NamedTuple):
 
 
 def start_of(position_m: FloatArray, velocity_m_s: FloatArray, duration_s: FloatArray, mu_m3_s2: float) -> ArcStart:
-    """Return the starts of arcs from states (n, 3), to be followed for durations (n,)."""
+    """Return the starts of arcs from states (n, 3), for durations (n,)."""
     x, y, z = (position_m[:, axis].copy() for axis in range(3))
     vx, vy, vz = (velocity_m_s[:, axis].copy() for axis in range(3))
     distance = np.sqrt(x * x + y * y + z * z)
@@ -91,7 +87,7 @@ def start_of(position_m: FloatArray, velocity_m_s: FloatArray, duration_s: Float
 
 
 def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
-    """Return the time less the whole turns of closed orbits nearest to it: at most half a period, either sign."""
+    """Return the time less the nearest whole turns of closed orbits: at most half a period, of either sign."""
     per_time = np.abs(alpha) * np.sqrt(np.abs(alpha)) * (0.5 / pi)
     turns = np.rint(time * per_time)
     turns[alpha <= 0.0] = 0.0
@@ -101,12 +97,12 @@ def _without_turns(time: FloatArray, alpha: FloatArray) -> FloatArray:
     return np.where(np.abs(turns) > _MOST_TURNS, np.nan, time - whole)
 
 
-#: Within so many a e of the centre on the way in, the pericentre is as good a reference as the start.
+#: Within this many a e of the centre on the way in, the pericentre is as good a reference as the start.
 _NEAR = 3.0
 
 
 class Flybys(NamedTuple):
-    """Incoming hyperbolas, told from the pericentre; units of each start (distance and mu are 1), vectors (3, n)."""
+    """Incoming hyperbolas by their pericentre; units of each start (distance and mu are 1), vectors (3, n)."""
 
     position: FloatArray
     velocity: FloatArray
@@ -117,10 +113,10 @@ class Flybys(NamedTuple):
     ahead: FloatArray  #: unit vector to the pericentre
     sideways: FloatArray  #: velocity there times the distance; zero on a straight line
     approach: FloatArray  #: universal anomaly from the start to the pericentre
-    later: FloatArray  #: time asked for, since the pericentre; negative before it
+    later: FloatArray  #: time since the pericentre; negative before it
 
     def arcs(self) -> UniversalArcs[np.float64]:
-        """Return what Kepler's equation needs; the anomaly counts from the pericentre, without sign."""
+        """Return the arguments of Kepler's equation, from the pericentre, without sign."""
         return UniversalArcs(self.pericentre, np.zeros_like(self.later), self.alpha, np.abs(self.later))
 
     def states(self, solution: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -136,7 +132,7 @@ class Flybys(NamedTuple):
         return position, velocity
 
     def _on_the_way_in(self, at: NDArray[np.intp], s: FloatArray, r: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions and velocities of some, from their starts by Lagrange's f and g."""
+        """Return positions and velocities of some arcs from their starts, by Lagrange's f and g."""
         _, g1, g2, g3 = universal_functions(self.alpha[at], self.approach[at] - s)
         position, velocity = self.position[:, at], self.velocity[:, at]
         moved = (1.0 - g2) * position + (self.time[at] - g3) * velocity
@@ -144,7 +140,7 @@ class Flybys(NamedTuple):
 
 
 def flybys(position: FloatArray, velocity: FloatArray, alpha: FloatArray, time: FloatArray) -> Flybys:
-    """Return the arcs followed for `time` >= 0 from these states, (3, n), on incoming hyperbolas (`alpha` < 0).
+    """Return the incoming hyperbolas (`alpha` < 0) from these states (3, n), for `time` >= 0.
 
     The vector to the pericentre is v × h - r / |r|: with cross products it keeps its accuracy on nearly straight lines.
     """
@@ -163,7 +159,7 @@ def flybys(position: FloatArray, velocity: FloatArray, alpha: FloatArray, time: 
 
 Solver = Callable[[UniversalArcs[np.float64]], tuple[FloatArray, BoolArray]]
 
-#: States a block: enough to hide numpy's overhead, few enough for the arrays of a block to stay in the cache.
+#: States per block: few enough for the arrays of a block to stay in the cache.
 _BLOCK = 16384
 
 
@@ -175,7 +171,7 @@ class KeplerStatus(IntEnum):
     AT_CENTRE = 2  #: the arc starts in the centre of attraction, where gravity has no direction
     OUT_OF_RANGE = 3  #: squares or products of the inputs leave the range of double precision
     PHASE_LOST = 4  #: so many turns that double precision holds no digit of the phase
-    NOT_REACHED = 5  #: the end is in the centre, beyond the range of double precision, or was not found
+    NOT_REACHED = 5  #: the end is in the centre or beyond the range of double precision, or there is no solution
 
 
 def propagate_kepler(
@@ -185,12 +181,12 @@ def propagate_kepler(
 
     Position and velocity have shape (..., 3), in any inertial frame centred on the attracting body; leading axes
     broadcast with the shape of `duration_s`, which may be negative. `mu_m3_s2` is one positive number. Ellipses over
-    any number of turns, parabolas, hyperbolas and straight lines alike; a straight line through the centre goes on as
-    ever thinner ellipses do in the limit: back the way it came.
+    any number of turns, parabolas, hyperbolas and straight lines; a straight line through the centre is reflected, the
+    limit of thin ellipses.
 
-    The relative error of the position is below 1e-12, or below ten times what rounding each input to double precision
-    does to it. Where there is no result it is `nan`, and `kepler_status` says why. An element has the same bits alone
-    and in any batch.
+    The relative error of the position is below 1e-12, or below ten times the effect of rounding each input to double
+    precision. Where there is no result it is `nan`, for the reason that `kepler_status` returns. An element has the
+    same bits alone and in any batch.
     """
     return _propagated(position_m, velocity_m_s, duration_s, mu_m3_s2)[:2]
 
@@ -198,7 +194,7 @@ def propagate_kepler(
 def kepler_status(
     position_m: ArrayLike, velocity_m_s: ArrayLike, duration_s: ArrayLike, mu_m3_s2: float = EARTH_MU_M3_S2
 ) -> NDArray[np.int8]:
-    """Return the `KeplerStatus` of each state that `propagate_kepler` makes of the same arguments."""
+    """Return the `KeplerStatus` of each result of `propagate_kepler` for the same arguments."""
     return _propagated(position_m, velocity_m_s, duration_s, mu_m3_s2)[2]
 
 
@@ -229,13 +225,13 @@ def flat_states(
 def _in_blocks(
     position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
 ) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return the end states (2, n, 3) and their status: a quick pass in blocks, then those it left, together."""
+    """Return the end states (2, n, 3) and their status: a fast pass in blocks, then the remaining states together."""
     end = np.empty((2, duration.size, 3))
     left = [np.empty(0, np.intp)]
     for first in range(0, duration.size, _BLOCK):
         block = slice(first, first + _BLOCK)
         start = start_of(position[block], velocity[block], duration[block], mu)
-        unfinished = _follow(start, solve_fast, end[:, block])
+        unfinished = _propagate_with(start, solve_fast, end[:, block])
         if not np.isfinite(end[:, block].sum()):
             unfinished |= ~np.isfinite(end[:, block]).all(axis=(0, 2))
         left.append(first + np.flatnonzero(unfinished))
@@ -243,18 +239,18 @@ def _in_blocks(
     at = np.concatenate(left)
     for first in range(0, at.size, _BLOCK):
         part = at[first : first + _BLOCK]
-        end[:, part], status[part] = _with_care(position[part], velocity[part], duration[part], mu)
+        end[:, part], status[part] = _propagated_bracketed(position[part], velocity[part], duration[part], mu)
     return end, status
 
 
-def _with_care(
+def _propagated_bracketed(
     position: FloatArray, velocity: FloatArray, duration: FloatArray, mu: float
 ) -> tuple[FloatArray, NDArray[np.int8]]:
-    """Return end states (2, n, 3) and status of those that the quick pass left."""
+    """Return end states (2, n, 3) and status of the states without a solution in the fast pass."""
     start = start_of(position, velocity, duration, mu)
     at = np.flatnonzero(start.is_finite())
     followed = np.empty((2, at.size, 3))
-    _follow(start.at(at), solve_bracketed, followed)
+    _propagate_with(start.at(at), solve_bracketed, followed)
     end = np.full((2, duration.size, 3), np.nan)
     end[:, at] = followed
     end[:, ~np.isfinite(end).all(axis=(0, 2))] = np.nan
@@ -277,8 +273,8 @@ def _reasons(
     return np.select(list(first_that_applies.values()), codes, np.int8(KeplerStatus.NOT_REACHED))
 
 
-def _follow(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArray:
-    """Write position and velocity at the end of each arc into `end`, (2, n, 3); return which the solver left."""
+def _propagate_with(start: ArcStart, solver: Solver, end: FloatArray) -> BoolArray:
+    """Write position and velocity at the end of each arc into `end` (2, n, 3); return the arcs without a solution."""
     arcs = start.arcs()
     at = np.flatnonzero(start.is_inbound_hyperbola())
     if not at.size:

@@ -1,12 +1,10 @@
 """Lambert's problem: the two-body arc from one point to another in a given time, less than one turn.
 
-Lambert's time of flight for less than one turn, free of cancellation, and its inverse.
-
 In Izzo's form (Celestial Mechanics and Dynamical Astronomy 121, 2015, 1-15) a transfer is two numbers: the time in
 units of sqrt(s³ / 2 mu), and lam = ±sqrt(1 - c/s), with chord c and semi-perimeter s, negative the long way round. The
-unknown x is below 1 on ellipses, 1 on the parabola and above on hyperbolas. Here it is found as w = 1 + x, and every
+unknown x is below 1 on ellipses, 1 on the parabola and above on hyperbolas. Here w = 1 + x is solved for, and every
 difference that can cancel is replaced by c/s over the matching sum, so that a hop of a metre and a vertical throw are
-solved as exactly as a quarter of the globe.
+as accurate as a quarter of the globe.
 """
 
 from math import isfinite
@@ -22,7 +20,7 @@ from opir_core.flight.universal_anomaly import cross, dot, length, universal_fun
 
 _MOST_STEPS = 120
 
-#: A step this small in log w is the last: Newton's method squares it.
+#: A step this small in log w is the last: Newton's method converges quadratically.
 _LAST_STEP = 1e-9
 
 #: Beyond this w, fast hyperbolas the long way round have a formula of their own.
@@ -37,7 +35,7 @@ _NEAR_PARABOLA, _AT_PARABOLA = 1e-2, 1e-30
 
 
 class Transfer(NamedTuple):
-    """Shapes of transfers: `lam`, and chord = c/s = 1 - lam² by itself, which a `lam` near ±1 no longer holds."""
+    """Shapes of transfers: `lam`, and chord = c/s = 1 - lam², which is lost to rounding in a `lam` near ±1."""
 
     lam: FloatArray
     chord: FloatArray
@@ -56,7 +54,7 @@ class Transfer(NamedTuple):
 
 
 def solved_w(transfer: Transfer, time: FloatArray) -> FloatArray:
-    """Return w = 1 + x of transfers that take these times; `nan` where none does."""
+    """Return w = 1 + x of transfers with these times of flight; `nan` without a solution."""
     log_w = _first_guess(transfer, time)
     low, high = np.full_like(log_w, _LEAST), np.full_like(log_w, _MOST)
     still = (time > 0.0) & np.isfinite(time) & np.isfinite(transfer.lam)
@@ -91,7 +89,7 @@ def _first_guess(transfer: Transfer, time: FloatArray) -> FloatArray:
 def y_and_differences(
     transfer: Transfer, w: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return y, y - x, y + x, y - lam x and y + lam x, where y² = chord + lam² x², none of them cancelling."""
+    """Return y, y - x, y + x, y - lam x and y + lam x, where y² = chord + lam² x², without cancellation."""
     lam, chord = transfer
     x, open_ = w - 1.0, w * (2.0 - w)
     y = np.sqrt(chord + (lam * x) ** 2)
@@ -168,15 +166,13 @@ def lambert(
 
     Positions have shape (..., 3), in an inertial frame centred on the attracting body; leading axes broadcast with the
     shape of `duration_s`. `way` is "short" (by less than half a turn), "long" (by more), or round the z axis,
-    "prograde" (counter-clockwise seen from +z) or "retrograde"; in a plane that holds the z axis, prograde is the short
-    way. Two points on one ray from the centre are joined by the straight line, up and down again where the time is
-    long enough; so is a point with itself.
+    "prograde" (counter-clockwise seen from +z) or "retrograde"; in a plane that contains the z axis, prograde is the
+    short way. Two points on one ray from the centre, or a point and itself, are joined by the straight line, up and
+    down again for times long enough.
 
-    `nan` where there is no such arc or no one arc: opposite points, and the long way between points on one ray, leave
-    the plane open; times not above zero; a point in the centre; inputs that are not finite.
-
-    Source: Izzo, Revisiting Lambert's problem, Celestial Mechanics and Dynamical Astronomy 121 (2015) 1-15, rearranged
-    against cancellation (`lambert_time`).
+    `nan` where no unique arc exists: opposite points and the long way between points on one ray, which define no plane;
+    times not above zero; a point in the centre; inputs that are not finite. Source: Izzo (2015), rearranged against
+    cancellation.
     """
     if way not in get_args(Way):
         raise ValueError(f"way must be one of {', '.join(get_args(Way))}, got {way!r}")
@@ -216,7 +212,7 @@ def _velocities(
 
 
 def _combinations(transfer: Transfer, w: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return lam y - x, lam y + x and y + lam x, none of them cancelling."""
+    """Return lam y - x, lam y + x and y + lam x, without cancellation."""
     lam, chord = transfer
     x = w - 1.0
     y, _, _, _, y_plus_lam_x = y_and_differences(transfer, w)
@@ -232,7 +228,7 @@ def _normal_and_sense(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the unit vector about which the arc turns, and 1 for the short way, -1 for the long.
 
-    Points on one ray have no normal, and need none the short way: it is zero there. Where a normal is missed it is nan.
+    Points on one ray have no normal: it is zero for the short way, where none is needed, and otherwise nan.
     """
     nearer = np.where(dot(across, across) < dot(along, along), across, along)
     normal = cross(first, nearer)

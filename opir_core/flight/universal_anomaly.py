@@ -1,24 +1,16 @@
 """The universal anomaly at a given time: Kepler's equation solved for arrays of any conics at once.
 
-`solve_fast` takes every element the same way and says which it did not finish; `solve_bracketed` finishes those
-inside a bracket. Each element is treated by itself: it has the same bits in any company.
+With alpha the reciprocal of the semi-major axis and s the universal anomaly (ds = dt / r, mu = 1), the universal
+functions are G_n = s^n c_n(alpha s²) with Stumpff's c_n: G0 = cos x, G1 = sin x, G2 = 1 - cos x, G3 = x - sin x with
+x = sqrt(alpha) s, each over the n-th power of sqrt(alpha), and hyperbolic for negative alpha (Stiefel and Scheifele,
+Linear and Regular Celestial Mechanics, 1971, §11; Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9).
 
-Universal functions of two-body motion: one set of series for ellipse, parabola and hyperbola.
+An arc is given by its distance rho, sigma = r·v and alpha at the start. Kepler's equation is t = rho G1 + sigma G2 +
+G3. Its derivatives in s are the distance r = rho G0 + sigma G1 + G2 >= 0, r' = sigma G0 + (1 - alpha rho) G1 and
+r'' = 1 - alpha r: time rises monotonically with s.
 
-With `alpha` the reciprocal of the semi-major axis and `s` the universal anomaly (ds = dt / r, mu = 1), the functions
-are G_n = s^n c_n(alpha s²), where c_n are Stumpff's: G0 = cos x, G1 = sin x, G2 = 1 - cos x, G3 = x - sin x with
-x = sqrt(alpha) s, each over the n-th power of sqrt(alpha), and their hyperbolic twins for negative alpha (Stiefel and
-Scheifele, Linear and Regular Celestial Mechanics, 1971, §11; Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988,
-§6.9).
-
-Kepler's equation in universal variables: time, distance and their slopes along arcs of any conic.
-
-In units with mu = 1 an arc is three numbers at its start: distance `rho`, `sigma` = r·v and `alpha` = 1 / a. Kepler's
-equation is  t = rho G1 + sigma G2 + G3  with the universal functions of `stumpff`. Its derivatives in s are the
-distance r = rho G0 + sigma G1 + G2 >= 0, r' = sigma G0 + (1 - alpha rho) G1 and r'' = 1 - alpha r: time rises
-monotonically with s (Danby, Fundamentals of Celestial Mechanics, 2nd ed. 1988, §6.9).
-
-A guess of the universal anomaly to about six digits, in single precision: half the bytes, twice the speed.
+A guess to about six digits in single precision (half the bytes, twice the speed) is corrected once in double
+(`solve_fast`); `solve_bracketed` solves the others inside a bracket. An element has the same bits in any company.
 """
 
 from math import factorial
@@ -47,15 +39,15 @@ def length(a: FloatArray) -> FloatArray:
     return root
 
 
-#: Single or double precision: what goes in comes out.
+#: Single or double precision; results have that of the arguments.
 Real = TypeVar("Real", bound=np.floating[Any])
 
 Functions: TypeAlias = tuple[NDArray[Real], NDArray[Real], NDArray[Real], NDArray[Real]]
 
-#: Largest |alpha s²| that three halvings of s bring within reach of the series: a turn of an ellipse, and beyond.
+#: The largest |alpha s²| for which three halvings of s suffice for the series: over a turn of an ellipse.
 _HALVINGS, _REACH = 3, 60.0
 
-#: Halvings where three do not do: up to |sqrt(alpha) s| = 120, and to 3 900, where doubles end before.
+#: Halvings beyond: up to |sqrt(alpha) s| = 120, and to 3 900, beyond the range of doubles.
 _MORE_HALVINGS = (7, 12)
 
 #: Taylor coefficients of c2 and c3 in -alpha h². For |alpha h²| <= 60 / 64 the first term left out is below 5e-17 of
@@ -67,8 +59,8 @@ _SINGLE = tuple(tuple(1.0 / factorial(2 * k + n) for k in range(terms)) for n, t
 def universal_functions(alpha: NDArray[Real], s: NDArray[Real]) -> Functions[Real]:
     """Return G0, G1, G2, G3 at universal anomaly `s` for conics of reciprocal semi-major axis `alpha`.
 
-    One-dimensional arrays of one length and one precision, in units with mu = 1. The error is a few last places of each
-    function's largest term; what overflows is inf or nan. Only + - * are used, so the bits are the same everywhere.
+    One-dimensional arrays of one length and precision, in units with mu = 1. The error is a few units in the last place
+    of each function's largest term; overflow is inf or nan. Only + - * are used: the same bits on every platform.
     """
     functions = _by_doubling(alpha, s, _HALVINGS)
     z = np.abs(alpha * s)
@@ -131,7 +123,7 @@ _EPSILON = float(np.finfo(float).eps)
 
 
 class UniversalArcs(NamedTuple, Generic[Real]):
-    """Starts of arcs, and the times >= 0 to follow them; one-dimensional arrays in units with mu = 1.
+    """Starts of arcs, and times >= 0 of propagation; one-dimensional arrays in units with mu = 1.
 
     On closed orbits the time is at most a period.
     """
@@ -149,7 +141,7 @@ class UniversalArcs(NamedTuple, Generic[Real]):
 def derivatives(
     arcs: UniversalArcs[Real], functions: Functions[Real]
 ) -> tuple[NDArray[Real], NDArray[Real], NDArray[Real]]:
-    """Return by how much the anomaly is reached later than the arc's time, and the first two derivatives, r and r'."""
+    """Return the time at the anomaly less the time of the arc, and its first two derivatives, r and r'."""
     g0, g1, g2, g3 = functions
     rho, sigma, alpha, time = arcs
     excess = rho * g1
@@ -185,7 +177,7 @@ def laguerre_step(arcs: UniversalArcs[Real], functions: Functions[Real]) -> NDAr
 def excess_and_noise(
     arcs: UniversalArcs[np.float64], functions: Functions[np.float64]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return by how much the anomaly is reached later than the arc's time, and the rounding error of that."""
+    """Return the time at the anomaly less the time of the arc, and the rounding error of the difference."""
     _, g1, g2, g3 = functions
     excess = arcs.rho * g1 + arcs.sigma * g2 + g3 - arcs.time
     return excess, 2.0 * _EPSILON * (arcs.rho * np.abs(g1) + np.abs(arcs.sigma) * g2 + g3 + arcs.time)
@@ -196,7 +188,7 @@ Singles = NDArray[np.float32]
 _STEPS = 3
 _SIXTH, _THIRD = np.float32(1.0 / 6.0), np.float32(1.0 / 3.0)
 
-#: Where sqrt(-alpha) s of the parabola-like guess passes this, r grows like an exponential.
+#: Above this sqrt(-alpha) s of the parabola-like guess, r grows exponentially.
 _EXPONENTIAL = 1.0
 
 
@@ -240,33 +232,30 @@ def _logarithm(x: Singles) -> Singles:
     return bits
 
 
-#: Bisection alone needs some 1 100 halvings from the largest double to the smallest; Laguerre's steps need a few.
-_SURE_STEPS = 2500
+#: Bisection alone needs about 1 100 halvings from the largest double to the smallest.
+_BRACKETED_STEPS = 2500
 
 
-#: Square of a step, measured against the scale on which r changes, that the closing correction takes to the last place.
+#: Square of the largest step, over the scale on which r changes, for which the last correction is exact to rounding.
 _SMALL_SQUARED = 1e-8
 
 
 def solve_fast(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
-    """Return rows s, G0, G1, G2 at the end of each arc, and where they are not yet right.
-
-    A guess in single precision and one correction in double: enough for all but arcs close past the centre.
-    """
+    """Return rows s, G0, G1, G2 at the end of each arc, and where they are not exact: arcs close past the centre."""
     s = coarse_anomaly(arcs)
     return _corrected(arcs, s, universal_functions(arcs.alpha, s))
 
 
 def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolArray]:
-    """Return rows s, G0, G1, G2 at the end of each arc, and where no anomaly was found: there they are `nan`.
+    """Return rows s, G0, G1, G2 at the end of each arc, and where there is no solution: there they are `nan`.
 
-    Laguerre's steps inside a bracket, bisection where they do not help.
+    Laguerre's steps inside a bracket, with bisection where they do not converge.
     """
     solution = np.full((4, arcs.rho.size), np.nan)
     where = np.arange(arcs.rho.size)
     low, high = _bracket(arcs)
     s, allowed = np.clip(coarse_anomaly(arcs), low, high), np.full_like(low, np.inf)
-    for _ in range(_SURE_STEPS):
+    for _ in range(_BRACKETED_STEPS):
         functions = universal_functions(arcs.alpha, s)
         excess, noise = excess_and_noise(arcs, functions)
         low, high = np.where(excess < 0.0, s, low), np.where(excess < 0.0, high, s)
@@ -285,13 +274,13 @@ def solve_bracketed(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, BoolAr
 def _next(
     low: FloatArray, high: FloatArray, excess: FloatArray, allowed: FloatArray, trial: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the next anomaly and the excess allowed there: the trial, as long as the excess keeps halving."""
+    """Return the next anomaly and the excess allowed there: the trial while the excess halves, else the midpoint."""
     helps = (trial > low) & (trial < high) & (excess <= allowed)
     return np.where(helps, trial, 0.5 * (low + high)), np.where(helps, 0.5 * excess, np.inf)
 
 
 def _bracket(arcs: UniversalArcs[np.float64]) -> tuple[FloatArray, FloatArray]:
-    """Return bounds of the anomaly: on a closed orbit one turn, else doubled until the time is passed."""
+    """Return bounds of the anomaly: one turn of a closed orbit, else doubled until they enclose the time."""
     closed = arcs.alpha > 0.0
     turn = (2.0 + 1e-6) * np.pi / np.sqrt(np.where(closed, arcs.alpha, 1.0))
     high = np.where(closed, turn, arcs.time / (arcs.rho + np.cbrt(arcs.time * arcs.time / 6.0)))

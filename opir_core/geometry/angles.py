@@ -1,8 +1,8 @@
-"""Where a target stands, seen from an observer: azimuth, elevation, range and the way back.
+"""Azimuth, elevation and range of targets seen from observers, and lines of sight.
 
-One convention throughout (docs/reference/angles.md): the local axes are geodetic east, north and up *at the observer*;
+One convention throughout (docs/reference/angles.md): local axes are geodetic east, north and up *at the observer*;
 azimuth is clockwise from true north, elevation above the local horizontal. A sensor in orbit sees the Earth at negative
-elevations, and looks at the point below it at -90 degrees.
+elevations, and the point below it at -90 degrees.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84, normal_at_foot
 from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
-#: Half the spacing of doubles at 2 pi: an azimuth less than this short of north would round to a full turn, so it is 0.
+#: Half the spacing of doubles at 2 pi: an azimuth closer to a full turn would round to it, so it is 0.
 _LESS_THAN_ROUNDING = 4.5e-16
 
 _Vector = tuple[FloatArray, FloatArray, FloatArray]
@@ -40,8 +40,7 @@ def east_north_up_axes(latitude_rad: ArrayLike, longitude_rad: ArrayLike) -> Flo
 def local_axes(position_ecef_m: ArrayLike) -> FloatArray:
     """Return the local axes (..., 3, 3) at ECEF positions (..., 3), m: rows east, north and up, in ECEF.
 
-    The axes of the position's geodetic latitude and longitude, without the detour through angles. On the Earth's axis
-    longitude counts as 0.
+    The axes of `east_north_up_axes` at the geodetic coordinates, without angles. On the Earth's axis longitude is 0.
     """
     return _stacked(_rows_under(position_ecef_m))
 
@@ -50,9 +49,9 @@ def local_axes(position_ecef_m: ArrayLike) -> FloatArray:
 def azimuth_elevation_range(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> AzimuthElevationRange:
     """Return azimuth and elevation (rad) and range (m) of targets seen from observers, both ECEF (..., 3), m.
 
-    Straight above or below the observer azimuth means nothing: it is 0 or what rounding makes of it. Where target and
-    observer coincide there is no direction: azimuth and elevation are `nan`, range is 0. Not finite: `nan`.
-    Observers that stay put are cheapest given once, with shape (3,) or (n, 1, 3), and broadcast.
+    Straight above or below the observer azimuth is undefined: 0 or rounding. Where target and observer coincide,
+    azimuth and elevation are `nan` and range is 0. Not finite: `nan`. Fixed observers are cheapest with shape (3,) or
+    (n, 1, 3), broadcast.
     """
     return _angles(_offset(observer_ecef_m, target_ecef_m), _rows_under(observer_ecef_m))
 
@@ -61,7 +60,7 @@ def azimuth_elevation_range(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike
 def azimuth_elevation_range_in_axes(offset_ecef_m: ArrayLike, axes: ArrayLike) -> AzimuthElevationRange:
     """Return azimuth and elevation (rad) and range (m) of target minus observer (..., 3), m, in given axes (..., 3, 3).
 
-    With `axes` from `local_axes(observer)` it returns the very numbers of `azimuth_elevation_range`.
+    With `axes` from `local_axes(observer)` the results have the bits of `azimuth_elevation_range`.
     """
     return _angles(components(offset_ecef_m), _rows_of(axes))
 
@@ -70,7 +69,7 @@ def azimuth_elevation_range_in_axes(offset_ecef_m: ArrayLike, axes: ArrayLike) -
 def elevation_rad(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the elevation of targets above the geodetic horizontal of observers, both ECEF (..., 3), m; rad.
 
-    The very numbers of `azimuth_elevation_range`; `nan` where the two coincide or are not finite.
+    The bits of `azimuth_elevation_range`; `nan` where the two coincide or are not finite.
     """
     offset = _offset(observer_ecef_m, target_ecef_m)
     east, north, up = (_along(row, offset) for row in _rows_under(observer_ecef_m))
@@ -117,7 +116,7 @@ def _angles(offset: _Vector, rows: _Rows) -> AzimuthElevationRange:
 
 
 def _elevation(east: FloatArray, north: FloatArray, up: FloatArray) -> FloatArray:
-    """Return the angle above the level, +-pi/2 straight up and down, nan of nothing."""
+    """Return the angle above the horizontal, +-pi/2 straight up and down, nan without direction."""
     angle: FloatArray = np.arctan(up / np.sqrt(east * east + north * north))
     return angle
 

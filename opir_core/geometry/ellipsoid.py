@@ -1,4 +1,9 @@
-"""The shape of the Earth: an ellipsoid of revolution, WGS 84 unless told otherwise."""
+"""The Earth's ellipsoid, WGS 84 by default, and the foot of the perpendicular from a point to an ellipse.
+
+A point has one nearest foot in its own quadrant, which is used here, so the height is the signed distance to the
+ellipse. Only points on the major axis within a e² of the centre (42.7 km for the Earth) have two, mirror images of each
+other; the northern one is used.
+"""
 
 from typing import NamedTuple
 
@@ -41,7 +46,7 @@ def normal_at_foot(
     """Return sine and cosine of the latitude of the outward normal at the foot of points (rho >= 0, z), m.
 
     Two steps of Bowring's formula (Survey Review 23, 1976, 323-327) from his start for all heights (Survey Review 28,
-    1985, 202-206) leave no error but rounding at every distance above 0.1 a; below 0.2 a the point is bisected for.
+    1985, 202-206) are exact to rounding above 0.1 a; below 0.2 a bisection is used.
     """
     a, b = floats(semi_major_m), floats(semi_minor_m)
     focus_squared = (a - b) * (a + b)
@@ -87,7 +92,7 @@ def _with_bisected(
     b: FloatArray,
     deep: NDArray[np.bool_],
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the normals with those of the deep points replaced, and only those computed."""
+    """Return the normals with those of the deep points replaced by bisection."""
     shape = np.shape(deep)
     sine, cosine = np.array(np.broadcast_to(sine, shape)), np.array(np.broadcast_to(cosine, shape))
     deep_rho, deep_z, deep_a, deep_b = (np.broadcast_to(values, shape)[deep] for values in (rho, z, a, b))
@@ -97,7 +102,7 @@ def _with_bisected(
 
 
 def _bisected_normal(rho: FloatArray, z: FloatArray, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return sine and cosine of the normal's latitude for z >= 0, from anywhere, the centre and the evolute included.
+    """Return sine and cosine of the normal's latitude for z >= 0, at the centre and on the evolute too.
 
     (a² - b²) - a rho / cos t + b z / sin t only falls as the parametric latitude t goes from equator to pole, so its
     one zero is the foot in this quadrant. Halving the angle between two unit vectors needs no trigonometry.

@@ -52,16 +52,16 @@ def ecef_to_geodetic(position_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84) -> 
     Moon's, where rounding a longitude near pi costs 8.5e-8 m by itself.
 
     On the equatorial disc within a e² = 42.7 km of the centre two nearest points mirror each other: the northern one is
-    returned, so latitude jumps across the disc, and at its rim latitude is only as good as the square root of rounding,
-    while height and position keep the bound above. At the centre itself latitude is +pi/2 and height minus the polar
+    returned, so latitude jumps across the disc, and at its rim the error of latitude is the square root of rounding;
+    height and position keep the bound above. At the centre itself latitude is +pi/2 and height minus the polar
     radius. On the axis longitude is 0. Not finite, or beyond 1e77 m: `nan`.
     """
     x, y, z = components(position_m)
     a, b = ellipsoid.equatorial_radius_m, ellipsoid.polar_radius_m
     rho, rho_remainder, distance, distance_remainder = lengths_and_remainders(x, y, z)
     sine, cosine = normal_at_foot(rho, z, a, b)
-    # Distance minus support, less the little by which the normal leans from the radius: at the Moon's distance
-    # rho cos + z sin alone would round to more than the whole error allowed.
+    # Distance minus support, corrected for the angle between normal and radius: at the Moon's distance
+    # rho cos + z sin alone would have too large a rounding error.
     lean, along = sine * rho - cosine * z, cosine * rho + sine * z
     height, rounding = exact_sum(distance, -support_m(sine, cosine, a, b))
     height = height + (rounding + (distance_remainder - lean * lean / (distance + along + NEVER_ZERO)))
@@ -70,10 +70,10 @@ def ecef_to_geodetic(position_m: ArrayLike, *, ellipsoid: Ellipsoid = WGS84) -> 
 
 
 def _longitude(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the angle from the x axis, rad, to half a unit in the last place and a bit.
+    """Return the angle from the x axis, rad, to little more than half a unit in the last place.
 
-    As in `_latitude` it is taken from the nearest half axis: by itself arctan2 is off by another quarter of a unit on
-    processors with AVX-512, where numpy has another one.
+    It is measured from the nearest half axis: arctan2 of numpy loses another quarter of a unit on processors with
+    AVX-512.
     """
     side, beside = np.copysign(1.0, y), np.abs(y) > np.abs(x)
     behind = (x < 0.0) & ~beside
@@ -86,11 +86,11 @@ def _longitude(x: FloatArray, y: FloatArray) -> FloatArray:
 def _latitude(
     rho: FloatArray, rho_remainder: FloatArray, z: FloatArray, sine: FloatArray, cosine: FloatArray, a: float, b: float
 ) -> FloatArray:
-    """Return the angle of the normal, one step of Bowring's formula later, to half a unit in the last place and a bit.
+    """Return the angle of the normal after one step of Bowring's formula, to half a unit in the last place and a bit.
 
-    The step's two sides lead from the centre of curvature to the point. The angle is taken from the nearer axis, whose
-    arctangent is smaller and so rounds finer; what the rounded sides leave over is added at the end together with what
-    pi/2 leaves over. At the centre of curvature itself, on the rim of the disc, the sides are noise: no step is made.
+    The two sides of the step lead from the centre of curvature to the point. The angle is measured from the nearer
+    axis, where the arctangent rounds finer; rounding errors of the sides and of pi/2 are added at the end. At the
+    centre of curvature, on the rim of the disc, the sides are noise: no step is made.
     """
     evolute_rho, evolute_z = (a - b) * (a + b) / a, (a - b) * (a + b) / b
     norm = np.sqrt(b * b * sine * sine + a * a * cosine * cosine)

@@ -1,10 +1,8 @@
-"""Whether the Earth stands between two points, and how closely the straight line between them passes it.
+"""Lines of sight and the Earth: occlusion, the least height of a segment, and intersections with the ellipsoid.
 
-Height above the ellipsoid is the signed distance to a convex body, so along a straight line it falls, then rises: it
-has one least value, either at an end or where the line is level. Seen along the line the ellipsoid is an ellipse, and
-the height of a line that misses it is the line's distance from that ellipse: no search is needed.
-
-Where a line of sight meets the Earth.
+Height above the ellipsoid is the signed distance to a convex body, so along a straight line it falls, then rises: its
+minimum is at an end or where the line is level. Seen along the line the ellipsoid is an ellipse, and the height of a
+line that misses it is the distance of the line from that ellipse, in closed form.
 """
 
 from typing import NamedTuple
@@ -18,7 +16,7 @@ from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, s
 
 _A, _B = WGS84.equatorial_radius_m, WGS84.polar_radius_m
 
-#: A search ends when no point of the segment can be lower than the lowest found by more than this, m.
+#: The search ends when no point of the segment can be lower than the lowest so far by more than this, m.
 _NEGLIGIBLE_M = 1e-9
 
 #: Every other step halves the bracket: steps enough to exhaust a double's digits.
@@ -46,9 +44,9 @@ def normal(x: FloatArray, y: FloatArray, z: FloatArray) -> Normal:
 def least_height_inside_m(observer_ecef_m: FloatArray, target_ecef_m: FloatArray) -> FloatArray:
     """Return the least height, m, along segments (n, 3) that fall from the observer and rise to the target.
 
-    The slope only grows along a segment. Its zero is bracketed by false position and bisection in turn: bisection, for
-    the slope jumps where the segment crosses the equatorial disc of radius a e² about the centre. Height lies above
-    its tangents, so the flatter end's slope times the bracket bounds what is left to win.
+    The slope grows monotonically along a segment. Its zero is bracketed by false position and bisection in turn, for
+    the slope jumps where the segment crosses the equatorial disc of radius a e² about the centre. Height is above its
+    tangents, so the smaller slope times the bracket bounds the remaining improvement.
     """
     count = len(observer_ecef_m)
     low, high = np.zeros(count), np.ones(count)
@@ -90,13 +88,13 @@ def intersection_with_ellipsoid(
     """Return the first points (..., 3), m, at which rays meet the ellipsoid with both semi-axes longer by `height_m`.
 
     Origins in ECEF (..., 3), m; directions in ECEF (..., 3), of any length but 0. From inside it is the point where the
-    ray leaves. `nan` where there is none: a miss, a ray that points away, a direction of length 0, a height that
-    leaves no ellipsoid, anything not finite. An origin on the ellipsoid counts as inside or outside as rounding has it.
+    ray leaves. `nan` for a miss, a ray that points away, a direction of length 0, a height without an ellipsoid, and
+    anything not finite. An origin on the ellipsoid counts as inside or outside by rounding.
 
-    The longer ellipsoid is not quite the surface of constant height: at 100 km they differ by 0.3 m at most. Errors
-    are those of rounding, along the ray: 2e-9 m from a low orbit and 2e-8 m from a geostationary one, divided by the
-    sine of the angle at which the ray meets the ground. Source: the ray and the unit sphere, after each axis is divided
-    by its semi-axis, with the discriminant from the cross product, which does not cancel when the ray grazes.
+    The longer ellipsoid differs from the surface of constant height by at most 0.3 m at 100 km. Errors along the ray
+    are rounding: 2e-9 m from a low orbit and 2e-8 m from a geostationary one, divided by the sine of the angle between
+    ray and ground. Source: the ray and the unit sphere, after each axis is divided by its semi-axis, with the
+    discriminant from the cross product, which does not cancel for grazing rays.
     """
     height = floats(height_m)
     a, b = WGS84.equatorial_radius_m + height, WGS84.polar_radius_m + height
@@ -125,7 +123,7 @@ class _Dip(NamedTuple):
 def grazing_height_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> FloatArray:
     """Return the least height above the WGS 84 ellipsoid of the segments between two ECEF points (..., 3), m.
 
-    The ends count: where the segment only rises from one end to the other it is the height of the lower end. Negative
+    Ends count: without a minimum between them it is the height of the lower end. Negative
     where the segment runs through the Earth. Exact up to rounding: 5e-9 m near the Earth, 3e-8 m with an end at
     geostationary distance. Not finite: `nan`.
     """
@@ -138,11 +136,11 @@ def grazing_height_m(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> Fl
 def is_occluded(
     observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, grazing_height_m: ArrayLike = 0.0
 ) -> NDArray[np.bool_]:
-    """Return whether the segment between two ECEF points (..., 3), m, dips below a height on its way.
+    """Return whether the segment between two ECEF points (..., 3), m, has a minimum below a height.
 
-    It dips where it is level between its ends and less than `grazing_height_m` above the WGS 84 ellipsoid there. The
-    ends do not hide themselves: a target on the ground, or below the margin, is in view of whatever is above its
-    horizon. Points that are not finite are hidden.
+    The minimum is between the ends, less than `grazing_height_m` above the WGS 84 ellipsoid. Ends do not occlude: a
+    target on the ground, or below the margin, is visible from above its horizon. Points that are not finite are
+    occluded.
     """
     margin = floats(grazing_height_m)
     dip = _dip(observer_ecef_m, target_ecef_m)
@@ -152,7 +150,7 @@ def is_occluded(
 
 
 def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
-    """Return where and how low the segments dip."""
+    """Return the minima of height along the segments."""
     ox, oy, oz = components(observer_ecef_m)
     tx, ty, tz = components(target_ecef_m)
     dx, dy, dz = tx - ox, ty - oy, tz - oz
@@ -168,10 +166,10 @@ def _dip(observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike) -> _Dip:
 def _line_height(
     px: FloatArray, py: FloatArray, pz: FloatArray, dx: FloatArray, dy: FloatArray, dz: FloatArray
 ) -> FloatArray:
-    """Return the distance of endless lines from the ellipse that the ellipsoid is when seen along them, m.
+    """Return the distances, m, of infinite lines from the ellipse that is the ellipsoid seen along them.
 
-    Minus infinity for a line that runs through. The axes of the view: the horizontal across the line, and what is left
-    of z.
+    Minus infinity for a line through the ellipsoid. The axes of the view are the horizontal across the line and the
+    remainder of z.
     """
     level, distance = np.sqrt(dx * dx + dy * dy), length(dx, dy, dz)
     sine, cosine = dz / (distance + NEVER_ZERO), select(distance < NEVER_ZERO, 1.0, level / (distance + NEVER_ZERO))
@@ -190,7 +188,7 @@ def _line_height(
 def _with_depths(
     height: FloatArray, observer_ecef_m: ArrayLike, target_ecef_m: ArrayLike, searched: NDArray[np.bool_]
 ) -> FloatArray:
-    """Return heights with those of some segments, which run through the Earth, searched for."""
+    """Return heights, with a search for the segments that run through the Earth."""
     if not np.any(searched):
         return height
     shape = (*np.broadcast_shapes(np.shape(height), np.shape(searched)), 3)

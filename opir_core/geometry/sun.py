@@ -1,4 +1,4 @@
-"""Where the Sun stands, to 0.0125 degrees from 1970 to 2099, and how much of it the Earth hides."""
+"""The position of the Sun, to 0.0125 degrees from 1970 to 2099, and its eclipse by the Earth."""
 
 from typing import NamedTuple
 
@@ -67,10 +67,10 @@ class _Discs(NamedTuple):
 def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatArray:
     """Return the share of the Sun's disc in view of positions (..., 3), in [0, 1]; both in one Earth-centred frame, m.
 
-    1 in full light, 0 in the umbra, between them in the penumbra: the overlap of two discs (Montenbruck and Gill,
-    Satellite Orbits, section 3.4.2), without refraction and limb darkening. A stretch along z, which leaves straight
-    lines straight, makes the ellipsoid a sphere and the Sun's disc 0.3 % too long at most. A point below the ellipsoid
-    has the horizon of one on it; the Earth's centre has none: `nan`, as where an input is not finite.
+    1 in full light, 0 in the umbra, between in the penumbra: the overlap of two discs (Montenbruck and Gill, Satellite
+    Orbits, section 3.4.2), without refraction and limb darkening. A stretch along z makes the ellipsoid a sphere, and
+    the Sun's disc at most 0.3 % too long. A point below the ellipsoid has the horizon of one on it; `nan` at the
+    Earth's centre, and where an input is not finite.
     """
     sun, earth, separation = _discs(position_m, sun_position_m)
     chord = (separation * separation + (sun - earth) * (sun + earth)) / (2.0 * separation)
@@ -84,7 +84,7 @@ def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatAr
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> NDArray[np.bool_]:
-    """Return whether any part of the Sun's disc is in view of positions (..., 3): whether they are outside the umbra.
+    """Return whether positions (..., 3) are outside the umbra: any part of the Sun's disc is in view.
 
     Both in one Earth-centred frame, m; the discs of `sunlit_fraction`. What is `nan` there is not sunlit.
     """
@@ -93,7 +93,7 @@ def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> NDArray[np.bo
 
 
 def _discs(position_m: ArrayLike, sun_position_m: ArrayLike) -> _Discs:
-    """Return what a point sees of Sun and Earth, after the stretch along z that makes the Earth a sphere."""
+    """Return the discs of Sun and Earth, after the stretch along z that makes the Earth a sphere."""
     stretch = WGS84.equatorial_radius_m / WGS84.polar_radius_m
     x, y, z = components(position_m)
     u, v, w = components(sun_position_m)

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import FloatArray
 
-#: Lengths below it, m, count as none: their squares would drop out of a double. Added to a length that divides, it
-#: makes nothing over nothing nothing, and changes no other.
+#: Lengths below it, m, count as zero: their squares would underflow. Added to a divisor it makes 0/0 zero and changes
+#: no other quotient.
 NEVER_ZERO = 1e-150
 
 #: 2**27 + 1: multiplying by it cuts a double into two halves whose products are exact (Veltkamp, 1968).
@@ -61,10 +61,7 @@ def dot(one: ArrayLike, other: ArrayLike) -> FloatArray:
 def lengths_and_remainders(
     x: FloatArray, y: FloatArray, z: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the lengths of (x, y) and (x, y, z), each with what it is short of the true one after it.
-
-    The sum of the two carries to 1e-30 relative.
-    """
+    """Return the lengths of (x, y) and (x, y, z), each followed by its rounding error; their sum is exact to 1e-30."""
     xx, x_error = _exact_square(x)
     yy, y_error = _exact_square(y)
     zz, z_error = _exact_square(z)
@@ -78,7 +75,7 @@ def lengths_and_remainders(
 def _root_and_remainder(
     squared: FloatArray, sum_error: FloatArray, square_errors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the root of a sum of squares, and what it is short of that of the sum and the errors of both."""
+    """Return the root of a sum of squares, and its error from the errors of sum and squares."""
     root: FloatArray = np.sqrt(squared)
     again, again_error = _exact_square(root)
     residual = (squared - again) + (sum_error + (square_errors - again_error))

@@ -1,7 +1,7 @@
 """Kepler elements of a closed orbit about the Earth, in radians and metres; plain numbers, no arrays.
 
-The elements hold at the scene epoch, in ECI: ECEF frozen at that moment. So the node is given by its longitude on the
-Earth, and an orbit lies the same way over the ground whatever the date of the scene.
+The elements are at the scene epoch, in ECI: ECEF frozen at that time. So the node is given by its longitude on the
+Earth, and the ground track does not depend on the date of the scene.
 """
 
 import math
@@ -24,7 +24,7 @@ class Elements:
 
     `node_longitude_rad` is the east longitude, at the scene epoch, of the ascending node: where the orbit's plane
     crosses the equator northwards, not where the satellite is. It is the right ascension of the node less the
-    sidereal time at Greenwich. Elements that are not of a closed orbit are a `ValueError`.
+    sidereal time at Greenwich. `ValueError` for elements of an open orbit.
     """
 
     semi_major_axis_m: float
@@ -114,7 +114,7 @@ def mean_anomaly_rad(true_anomaly_rad: float, eccentricity: float) -> float:
 
 
 def orbit_block(elements: Elements) -> dict[str, Any]:
-    """Return elements as a scene's `orbit:` block holds them: `circular` where the eccentricity is zero, else `kepler`.
+    """Return elements as the `orbit:` block of a scene: `circular` where the eccentricity is zero, else `kepler`.
 
     For constellations, which bring the settings of their satellites as plain data; rounded to 1e-12 deg and 1 nm.
     """

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 @frozen
 class TwoBodyMotion:
-    """A Kepler orbit: gravity of a point mass alone, the Earth turning evenly below it (`EARTH_ROTATION_RAD_S`)."""
+    """A Kepler orbit over the uniformly rotating Earth (`EARTH_ROTATION_RAD_S`)."""
 
     elements: Elements
 
@@ -58,7 +58,7 @@ class TwoBodyMotion:
         return eci_to_ecef(self.state_eci(time_s)[0], time_s)
 
     def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions, m, and velocities relative to the turning Earth, m/s, (n, 3) in ECEF."""
+        """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) in ECEF."""
         return eci_to_ecef_state(*self.state_eci(time_s), time_s)
 
 
@@ -80,37 +80,36 @@ class GeostationaryOrbit:
 #: Length of a span, s. A power of two, so that dividing by it is exact and every time has one span.
 SPAN_S = 2048.0
 
-#: Spans kept at a time: the oldest goes first, and comes back bit by bit the same.
+#: Spans in the cache; the oldest is dropped first, and refitted to the same bits.
 KEPT_SPANS = 64
 
-#: Pieces that a span is cut into to begin with. They are enough for circular orbits above 300 km, and cost nothing
-#: where one would do: fitting 16 takes as long as fitting one, and a third as long as finding that one is too few.
-_PIECES = 16
+#: Initial segments of a span: enough for circular orbits above 300 km; fitting 16 takes as long as fitting one.
+_SEGMENTS = 16
 
-#: Times at which a motion is sampled for one span, at most. Smooth ones need 150 to 1 000.
+#: The most samples of a motion for one span. Smooth ones need 150 to 1 000.
 _MOST_SAMPLES = 8192
 
-#: Times this far from the scene epoch (777 days), or further, have no position: spans have numbers of 16 bits.
+#: Times this far from the scene epoch (777 days) or farther have no position: numbers of spans have 16 bits.
 FARTHEST_S = 2.0**15 * SPAN_S
 
 
 class EarthFixedMotion(Protocol):
-    """How a satellite moves over the ground, element by element."""
+    """The motion of a satellite in ECEF, element by element."""
 
     def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
         """Return positions (n, 3) at scene times (n,)."""
 
     def state_ecef(self, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return positions, m, and velocities relative to the turning Earth, m/s, (n, 3) at scene times (n,)."""
+        """Return positions, m, and velocities relative to the rotating Earth, m/s, (n, 3) at scene times (n,)."""
 
 
 @define(eq=False)
 class MovingOrbit:
     """The orbit of a satellite that moves in ECEF, to `tolerance_m`.
 
-    Spans begin at whole multiples of `SPAN_S` of scene time, whatever times are asked for: a position depends on its
-    own time alone. In a span that no polynomials follow to the tolerance (SGP4 jumps where its theory changes, and
-    ends where a satellite decays) the motion itself is asked, time by time.
+    Spans begin at whole multiples of `SPAN_S` of scene time: a position depends on its own time alone. In a span
+    without a fit to the tolerance (SGP4 jumps where its theory changes, and ends where a satellite decays) the motion
+    itself is evaluated at each time.
     """
 
     motion: EarthFixedMotion
@@ -141,7 +140,7 @@ class MovingOrbit:
     def _fitted(self, number: int) -> Ephemeris | None:
         """Return the polynomials of a span, or None where there are none to the tolerance."""
         start_s = number * SPAN_S
-        cuts_s = start_s + np.arange(1, _PIECES)[None, :] * (SPAN_S / _PIECES)
+        cuts_s = start_s + np.arange(1, _SEGMENTS)[None, :] * (SPAN_S / _SEGMENTS)
         samples = 0
 
         def state(_target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -158,7 +157,7 @@ class MovingOrbit:
 
 
 def _rows_by_number(numbers: FloatArray, rows: RowArray) -> Iterator[tuple[int, RowArray]]:
-    """Yield each number that stands in some of the rows, with those of them in which it stands, in order."""
+    """Yield each number of the rows, with its rows in order."""
     part = numbers[rows].astype(np.int16)
     order = np.argsort(part, kind="stable")
     edges = np.flatnonzero(np.diff(part[order])) + 1
@@ -279,7 +278,7 @@ def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> "Orbit":
 
 
 def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:
-    """Return the OMM that a configuration names; raises `SceneError` where there is none, or not exactly one."""
+    """Return the OMM of a configuration; `SceneError` unless there is exactly one."""
     try:
         data = json.loads(Path(config.path).read_text(encoding="utf-8"))
     except OSError as error:

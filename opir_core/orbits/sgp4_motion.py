@@ -1,4 +1,4 @@
-"""The motion of a satellite by SGP4, from its mean elements, over the turning Earth.
+"""The motion of a satellite over the rotating Earth by SGP4, from its mean elements.
 
 SGP4 gives positions in TEME, the true equator and mean equinox of date. Turning them by Greenwich mean sidereal time of
 1982 gives the pseudo-Earth-fixed frame (Vallado, Crawford, Hujsak and Kelso, AIAA 2006-6753, appendix C), which stands
@@ -30,8 +30,8 @@ _UNIX_JULIAN_DATE = 2440587.5
 #: The epoch from which SGP4 counts days.
 _DAY_ZERO = datetime(1949, 12, 31)
 
-#: Seconds between the positions from which a velocity is taken; SGP4's own strays from its positions' rate of change by
-#: up to 4 m/s. With this step neither the series cut off (1e-7 m/s in a low orbit) nor rounding (1e-6 m/s) tells.
+#: Step of the finite differences for velocities, s: SGP4's own velocities differ from the rates of its positions by up
+#: to 4 m/s. Truncation (1e-7 m/s in a low orbit) and rounding (1e-6 m/s) are negligible.
 _STEP_S = 4.0
 
 
@@ -39,7 +39,7 @@ _STEP_S = 4.0
 class Sgp4Motion:
     """The motion of an `sgp4.api.Satrec` from a scene epoch, in microseconds of UTC since 1970.
 
-    A moment for which SGP4 has no answer (the satellite has decayed) is a `ModelError`.
+    `ModelError` for a time without a result of SGP4 (the satellite has decayed).
     """
 
     satellite: "Satrec"
@@ -54,7 +54,7 @@ class Sgp4Motion:
 
     @_gmst_rate_rad_s.default
     def _gmst_rate_at_epoch(self) -> float:
-        """Return how fast sidereal time goes; in a month it strays 5e-12 rad from this."""
+        """Return the rate of sidereal time; its error grows to 5e-12 rad in a month."""
         day_s = 86400.0
         later_rad = float(gmst_rad(np.datetime64(self.epoch_us, "us"), day_s))
         return (2.0 * math.pi + (later_rad - self._gmst_rad) % (2.0 * math.pi)) / day_s

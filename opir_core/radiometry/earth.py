@@ -1,11 +1,9 @@
-"""The background `earth`: the radiance under a line of sight, by sun, sky and look angle, and the clutter it leaves.
+"""The background `earth`: radiance of the Earth by sun, sky and look angle, and its clutter.
 
-Between the table's points radiance is interpolated straight in the sines of the sensor's and the Sun's elevation at the
-ground; what the Sun adds falls straight to nothing as it sets, and below the table's lowest look it is that of the
-lowest. Where the scene's atmosphere has cloud it is the table's opaque cloud, whatever the climate. Beyond the limb
-there is cold space. Sources: LOWTRAN7's table; the rules between its points are opir's.
-
-The shipped LOWTRAN7 table of the Earth's radiance, by band: night, what the Sun adds, and opaque cloud.
+Between the points of LOWTRAN7's table radiance is interpolated linearly in the sines of the elevation of sensor and Sun
+at the ground; the solar part falls linearly to zero at sunset, and below the lowest look of the table radiance is that
+of the lowest. Where the scene's atmosphere has cloud it is the table's opaque cloud, for all climates. Beyond the limb
+is cold space. The rules of interpolation are opir's.
 """
 
 import csv
@@ -21,7 +19,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band
 from opir_core.radiometry.configs import EarthConfig
-from opir_core.radiometry.long_paths import in_a_row
+from opir_core.radiometry.long_paths import as_slice_if_consecutive
 from opir_core.radiometry.lowtran import nearest_of, parts_of, require_known_bands
 from opir_core.radiometry.protocols import Background, BackgroundContext, Transmittance, Views
 
@@ -42,8 +40,8 @@ _Row = Mapping[str, str]
 class SkyTable:
     """Radiances of one band under one sky, W m⁻² sr⁻¹.
 
-    `night` (looks,) at `night_sine`; `day` (looks, suns) what the Sun adds to it, at `day_sine` and `sun_sine`, of
-    which the first is 0 with nothing added.
+    `night` (looks,) is at `night_sine`; `day` (looks, suns) is the solar part, at `day_sine` and `sun_sine`, which
+    begins with 0.
     """
 
     band: Band
@@ -56,7 +54,7 @@ class SkyTable:
 
 @frozen(eq=False)
 class CloudTable:
-    """Radiances of opaque cloud in one band by height of its top: (tops,) by night, (tops, suns) what the Sun adds."""
+    """Radiances of opaque cloud in one band by height of its top: (tops,) by night, (tops, suns) the solar part."""
 
     band: Band
     top_m: FloatArray
@@ -67,22 +65,19 @@ class CloudTable:
 
 @cache
 def table_rows() -> tuple[_Row, ...]:
-    """Return the table's rows as its file has them."""
+    """Return the rows of the table."""
     lines = _TABLE.read_text(encoding="utf-8").splitlines()
     return tuple(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
 def sky_tables(climate: str, sky: str) -> list[SkyTable]:
-    """Return the tables of a climate and sky, one a band."""
+    """Return the tables of a climate and sky, one per band."""
     rows = [row for row in table_rows() if row["atmosphere"] == climate and row["sky"] == sky]
     return [_sky_table(band, [row for row in rows if row["band"] == band.name]) for band in _bands(rows)]
 
 
 def cloud_tables(albedo: float) -> list[CloudTable]:
-    """Return the tables of opaque cloud of an albedo, one a band.
-
-    The table has albedos 0.1 and 0.3 of a formula that is straight in it, so any other is on the line through the two.
-    """
+    """Return the tables of opaque cloud of an albedo, one per band: linear in the albedos 0.1 and 0.3 of the table."""
     rows = [row for row in table_rows() if row["sky"].startswith(_OPAQUE)]
     return [_cloud_table(band, [row for row in rows if row["band"] == band.name], albedo) for band in _bands(rows)]
 
@@ -112,11 +107,11 @@ def _cloud_table(band: Band, rows: list[_Row], albedo: float) -> CloudTable:
     for row in rows:
         sun = _sun_sine(row) if row["day_night"] == "day" else -1.0
         by_albedo.setdefault((_top_m(row), sun), {})[float(row["albedo"])] = _radiance(row)
-    found = {place: pair[0.1] + share * (pair[0.3] - pair[0.1]) for place, pair in by_albedo.items()}
-    tops = sorted({top for top, _ in found})
-    suns = sorted({sun for _, sun in found if sun > 0.0})
-    added = [[0.0, *(found[top, sun] - found[top, -1.0] for sun in suns)] for top in tops]
-    night = np.array([found[top, -1.0] for top in tops])
+    radiance = {place: pair[0.1] + share * (pair[0.3] - pair[0.1]) for place, pair in by_albedo.items()}
+    tops = sorted({top for top, _ in radiance})
+    suns = sorted({sun for _, sun in radiance if sun > 0.0})
+    added = [[0.0, *(radiance[top, sun] - radiance[top, -1.0] for sun in suns)] for top in tops]
+    night = np.array([radiance[top, -1.0] for top in tops])
     return CloudTable(band, np.array(tops), np.array([0.0, *suns]), night, np.array(added))
 
 
@@ -134,7 +129,7 @@ def _radiance(row: _Row) -> float:
 
 @frozen(eq=False)
 class EarthBackground:
-    """Radiance tables by band: each a list of parts with the factor that they count with."""
+    """Radiance tables by band, each a list of tables with their factors."""
 
     skies: tuple[tuple[tuple[float, SkyTable], ...], ...]
     clouds: tuple[tuple[tuple[float, CloudTable], ...], ...]
@@ -151,7 +146,7 @@ class EarthBackground:
         return self.residual * self.radiance_w_m2_sr(band, view)
 
     def radiances_and_clutter_w_m2_sr(self, bands: Sequence[int], view: Views) -> tuple[FloatArray, FloatArray]:
-        """Return both of several bands (bands, n), which share their places in the tables."""
+        """Return both of several bands (bands, n), with one search in the tables."""
         radiance = self._radiances_w_m2_sr(bands, view)
         return radiance, self.residual * radiance
 
@@ -160,7 +155,7 @@ class EarthBackground:
         on_ground = view.height_m <= 0.0
         top_m = self.atmosphere.cloud_top_m(view.point_ecef_m)
         is_cloudy = np.isfinite(top_m)
-        clear, cloudy = (in_a_row(np.flatnonzero(on_ground & sky)) for sky in (~is_cloudy, is_cloudy))
+        clear, cloudy = (as_slice_if_consecutive(np.flatnonzero(on_ground & sky)) for sky in (~is_cloudy, is_cloudy))
         if np.any(is_cloudy):
             high, sun = _SkyPlaces(top_m[cloudy]), _SkyPlaces(view.sun_elevation_sine[cloudy])
             radiance[:, cloudy] = [_cloud_radiance(self.clouds[band], high, sun) for band in bands]
@@ -170,24 +165,24 @@ class EarthBackground:
 
 
 class _SkyPlaces:
-    """Where values (n,) fall between the points of tables: found once for all tables that have the same points."""
+    """The places of values (n,) between the points of tables, computed once for equal points."""
 
     def __init__(self, at: FloatArray) -> None:
         self.at = at
-        self._found: dict[bytes, tuple[IntArray, FloatArray]] = {}
+        self._cached: dict[bytes, tuple[IntArray, FloatArray]] = {}
 
     def among(self, points: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return the point before each value, and the share of the way to the next: 0 or 1 beyond the ends."""
+        """Return the point before each value, and the fraction to the next: 0 or 1 beyond the ends."""
         key = points.tobytes()
-        if key not in self._found:
+        if key not in self._cached:
             row = np.clip(np.searchsorted(points, self.at, side="right") - 1, 0, len(points) - 2)
             share = (self.at - points.take(row)) / np.diff(points).take(row)
-            self._found[key] = row, np.clip(share, 0.0, 1.0)
-        return self._found[key]
+            self._cached[key] = row, np.clip(share, 0.0, 1.0)
+        return self._cached[key]
 
 
 def earth_background(config: EarthConfig, context: BackgroundContext) -> Background:
-    """Return the background of a climate and sky; `ModelError` names a band that the table cannot answer for."""
+    """Return the background of a climate and sky; `ModelError` for a band that the table does not have."""
     require_known_bands(config.bands, context.bands, context.path)
     skies, clouds = sky_tables(config.climate, config.sky), cloud_tables(config.cloud_albedo)
     parts = [_parts(band, config.bands, [table.band for table in skies], context.path) for band in context.bands]
@@ -204,7 +199,7 @@ def _of_band(tables: Sequence[CloudTable], band: Band) -> CloudTable:
 
 
 def _parts(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band], path: str) -> list[tuple[float, int]]:
-    """Return the table's bands that a band is made of, each with its factor: a stand-in counts by width."""
+    """Return the bands of the table that compose a band, with their factors; a stand-in is scaled by width."""
     chosen = parts_of(band, stand_ins, known)
     if not chosen:
         names = ", ".join(f"{one.name} {one.lower_um:g}-{one.upper_um:g}" for one in known)
@@ -239,7 +234,7 @@ def _cloud_radiance(parts: Sequence[tuple[float, CloudTable]], top: _SkyPlaces, 
 def _between(
     table: FloatArray, of_row: tuple[IntArray, FloatArray], of_column: tuple[IntArray, FloatArray]
 ) -> FloatArray:
-    """Return a table (x, y) straight between its points, constant beyond its ends."""
+    """Return a table (x, y), linear between its points and constant beyond."""
     (row, across), (column, up) = of_row, of_column
     flat, at = table.ravel(), row * table.shape[1] + column
     lower, upper = _along(flat, at, up), _along(flat, at + table.shape[1], up)

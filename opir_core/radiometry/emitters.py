@@ -31,7 +31,7 @@ Emitter = Mapping[str, float]
 
 @frozen(eq=False)
 class Emitters:
-    """Where, when and how emitters shine: each column (n,), by the names that scenes use."""
+    """Position, time and brightness of emitters: columns (n,) by the names of scenes."""
 
     columns: Mapping[str, FloatArray]
 
@@ -43,10 +43,10 @@ class Emitters:
 
 
 def emitters_of(config: SourceConfig, context: SourceContext, *, is_brief: bool = False) -> Emitters:
-    """Return the emitters of a block; what one does not have of its own is the block's.
+    """Return the emitters of a block, with the values of the block where they have none of their own.
 
-    Those of a field that are brief begin at random during the scene. Raises `SceneError` for a file that cannot be read
-    or is wrong, with its line, and `ModelError` for more emitters than a block may have.
+    Brief ones of a random field begin at random during the scene. `SceneError`, with its line, for an invalid file,
+    `ModelError` for more emitters than a block may have.
     """
     kind = type(config)
     defaults = {name: getattr(config, name) for name in own_fields(kind)}
@@ -72,18 +72,18 @@ def rows_of_csv(path: str, block: SourceConfig, scene_path: str) -> Sequence[Emi
         with Path(path).open(encoding="utf-8-sig", newline="") as file:
             return [_emitter(row, number, block) for number, row in _numbered(file, type(block))]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        told = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else told
+        message = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        reason = "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else message
         raise SceneError([Problem(f"{scene_path}.csv", f"{path} cannot be read: {reason}")]) from error
     except ValueError as error:
         raise SceneError([Problem(f"{scene_path}.csv", f"{path}, {error}")]) from error
 
 
 def _numbered(file: Iterable[str], kind: type) -> Sequence[tuple[int, Mapping[str, str]]]:
-    """Return the lines of a CSV with their numbers; empty ones and those that begin with # are left out."""
+    """Return the lines of a CSV with their numbers, without empty ones and comments (#)."""
     reader = csv.reader(file, strict=True)
     header: list[str] | None = None
-    found = []
+    lines = []
     for cells in reader:
         stripped = [cell.strip() for cell in cells]
         if not any(stripped) or stripped[0].startswith("#"):
@@ -96,10 +96,10 @@ def _numbered(file: Iterable[str], kind: type) -> Sequence[tuple[int, Mapping[st
             continue
         if len(stripped) != len(header):
             raise ValueError(f"line {reader.line_num}: {len(stripped)} cells under a header of {len(header)}")
-        found.append((reader.line_num, dict(zip(header, stripped, strict=True))))
+        lines.append((reader.line_num, dict(zip(header, stripped, strict=True))))
     if header is None:
         raise ValueError("line 1: a header with lat_deg and lon_deg is needed")
-    return found
+    return lines
 
 
 def _header_complaint(header: list[str], kind: type) -> str | None:
@@ -127,14 +127,14 @@ def _emitter(row: Mapping[str, str], number: int, block: SourceConfig) -> Emitte
 
 
 def _number(text: str) -> float:
-    """Return the number of a cell; what only Python takes for one is none."""
+    """Return the number of a cell; Python's underscores are invalid."""
     if "_" in text:
         raise ValueError
     return float(text)
 
 
 def _drawn(field: FieldConfig, area_m2: float, context: SourceContext, is_brief: bool) -> dict[str, FloatArray]:
-    """Return the places, areas and, of what is brief, beginnings of a random field's emitters."""
+    """Return positions, areas and, for brief emitters, start times of a random field."""
     region = field.region
     sines = np.sin(np.radians([region.south_deg, region.north_deg]))
     width_deg = (region.east_deg - region.west_deg) % 360.0 or 360.0
@@ -152,7 +152,7 @@ def _drawn(field: FieldConfig, area_m2: float, context: SourceContext, is_brief:
 
 
 def _poisson(mean: float, context: SourceContext) -> int:
-    """Return a number by the law of Poisson: how many steps of an exponential law fit below the mean."""
+    """Return a Poisson-distributed number: the count of exponential intervals below the mean."""
     if mean > MOST_EMITTERS:
         raise ModelError(
             f"{context.path}: {mean:g} emitters are expected; a block has at most {MOST_EMITTERS}: lower"

@@ -1,14 +1,9 @@
-"""Paths that first descend: where they run, and the optical depth that paths which only rise foretell for them.
+"""Paths that first descend: the LOWTRAN7 table of their transmittances, and interpolation between its points.
 
-What is foretold is near enough that its ratio to LOWTRAN's own value changes little from path to path, and is what
-`limb_table` interpolates. Lowest heights are those of straight paths: refraction takes rays up to 2 km lower, where the
-air changes fast with height.
-
-Paths that first descend: the shipped LOWTRAN7 table of them, and what lies between its points.
-
-What is interpolated is growth: by which factor optical depth exceeds what paths that only rise foretell for it
-(`long_paths`). Akima's curves lead along the square root of the climb, from the lowest height to the target, then over
-lowest heights. Below the table's lowest one growth is taken to be as there: LOWTRAN bends such rays into the ground.
+Interpolated is growth: the ratio of optical depth to a prediction from paths that only rise, which varies little from
+path to path. Akima splines run along the square root of the climb, from the lowest height to the target, then over
+lowest heights. Below the lowest one of the table growth is constant: LOWTRAN bends such rays into the ground. Lowest
+heights are those of straight paths; refraction lowers rays by up to 2 km, where the air changes fast with height.
 """
 
 import math
@@ -23,7 +18,7 @@ from opir_core.arrays import FloatArray, IntArray
 
 
 def akima(x: FloatArray, y: FloatArray, at: FloatArray) -> FloatArray:
-    """Return the curves through points, values (n, m) at rising x (n,), at places (k,) within them: (k, m).
+    """Return Akima splines through values (n, m) at increasing x (n,), at places (k,) within them: (k, m).
 
     Source: H. Akima, Journal of the ACM 17 (1970), 589-602: cubics whose slope at a point is the mean of the slopes
     beside it, each weighted with the change of slope on the other side; slopes beyond the ends are extrapolated. Where
@@ -54,16 +49,16 @@ def _hermite(x: FloatArray, y: FloatArray, slope: FloatArray, at: FloatArray) ->
     return level + width * t * (1.0 - t) * (slope[place] * (1.0 - t) - slope[place + 1] * t)
 
 
-def in_a_row(rows: IntArray) -> "slice | IntArray":
-    """Return rising rows as a slice where they follow one another, so that taking them copies nothing."""
+def as_slice_if_consecutive(rows: IntArray) -> "slice | IntArray":
+    """Return increasing row numbers, as a slice where they are consecutive, to avoid copies."""
     is_run = len(rows) > 0 and int(rows[-1] - rows[0]) == len(rows) - 1
     return slice(int(rows[0]), int(rows[-1]) + 1) if is_run else rows
 
 
 def sky_columns(table: Path, climate: str, aerosol: str) -> dict[str, list[str]]:
-    """Return the cells of a climate and aerosol by the name of their column; of a sky that is not there, nothing.
+    """Return the cells of a climate and aerosol by column name; empty for an unknown sky.
 
-    The rows of one sky stand together, below a line of names.
+    The rows of one sky are consecutive, below a line of names.
     """
     text, beginning = table.read_text(encoding="utf-8"), f"\n{climate},{aerosol},"
     first, last = text.find(beginning), text.rfind(beginning)
@@ -78,10 +73,10 @@ def sky_columns(table: Path, climate: str, aerosol: str) -> dict[str, list[str]]
 #: The least transmittance in the table.
 _LEAST = 1e-9
 
-#: Growth is that of depths with so much added: where the air is all but clear, ratios of depths are rounding.
+#: Added to depths before their ratio: for almost clear air the ratio of depths is rounding.
 _ADDED = 1e-3
 
-#: The table's columns that say where: sky, lowest height and height.
+#: The columns of the table before the bands: sky, lowest height and height.
 _PLACE = 4
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_limb_transmittance.csv"
@@ -101,11 +96,11 @@ class LimbTable:
         `depth` (slants, lowest) are those of paths that only rise, from the horizon up, on the grid of `long_paths`.
         """
         lowest, lowest_m = np.unique(self.lowest_m), np.linspace(0.0, TOP_M, depth.shape[1])
-        predicted = foretold_depth(depth, self.lowest_m, self.height_m)
+        predicted = predicted_depth(depth, self.lowest_m, self.height_m)
         log_growth = np.log((_ADDED - np.log(np.maximum(self.transmittance, _LEAST))) / (predicted + _ADDED))
         whole = np.vstack([*(self._along_climbs(low, log_growth) for low in lowest), np.zeros(CLIMBS)])
         growth = np.exp(akima(np.append(lowest, TOP_M), whole, np.maximum(lowest_m, lowest[0])).T)
-        grown: FloatArray = np.maximum((foretold_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
+        grown: FloatArray = np.maximum((predicted_grid(depth) + _ADDED) * growth - _ADDED, depth[0])
         return grown
 
     def _along_climbs(self, lowest_m: float, log_growth: FloatArray) -> FloatArray:
@@ -128,7 +123,7 @@ def limb_tables(climate: str, aerosol: str, suffix: str) -> dict[str, LimbTable]
     }
 
 
-#: Radius of the sphere on which long paths are reckoned, m.
+#: Radius of the sphere for long paths, m.
 RADIUS_M = 6_371_000.0
 
 #: Above this LOWTRAN has no atmosphere, m.
@@ -137,26 +132,26 @@ TOP_M = 100e3
 #: Scale height of the air, m.
 SCALE_HEIGHT_M = 8_000.0
 
-#: Sines of elevation from the horizon to the zenith stand even in asinh(sine / 0.05).
+#: Sines of elevation from the horizon to the zenith are uniform in asinh(sine / 0.05).
 BEND = 0.05
 HIGHEST_SLANT = math.asinh(1.0 / BEND)
 
-#: Climbs from the lowest height to where a path begins, as square roots, even from 0 to that of the highest, √m.
+#: Climbs from the lowest height to the start of a path: square roots, uniform from 0 to that of the highest, √m.
 CLIMBS, HIGHEST_ROOT = 81, math.sqrt(TOP_M)
 
 #: Refractive index of air at the ground, less 1: in the infrared, at 7 °C (Edlén, Metrologia 2 (1966), 71).
 _REFRACTIVITY = 2.8e-4
 
-#: Steps that find the bent path's lowest height: each leaves 0.22 of the error, 1.8 km at first.
+#: Iterations for the lowest height of the bent path: each leaves 0.22 of the error, 1.8 km at first.
 _STEPS = 8
 
-#: By how much twice the way outdoes one way. Of strong lines, optical depth grows as the root of the amount of air
+#: Growth of optical depth on the way back: for strong lines it varies as the root of the amount of air
 #: (Goody and Yung, Atmospheric Radiation, 2nd edition 1989, section 4.4).
 _WAY_BACK = math.sqrt(2.0) - 1.0
 
 
 class _LimbPlaces(NamedTuple):
-    """Where paths stand on a grid of rising ones: bent lowest heights, m, the corner below, how far across and up."""
+    """Places of paths on the grid of rising ones: bent lowest heights, m, the corner below, fractions across and up."""
 
     turn_m: FloatArray
     corner: IntArray
@@ -165,10 +160,10 @@ class _LimbPlaces(NamedTuple):
 
 
 def bent_lowest_m(lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
-    """Return how low paths from heights run that would be lowest at others if straight, m; 0 where at the ground.
+    """Return the lowest heights, m, of bent paths from heights, given those of straight paths; at least 0.
 
-    Along a ray the index times the distance from the Earth's centre times the sine of the zenith angle stays (Bouguer),
-    in air of an index that falls with the scale height.
+    Along a ray index, distance from the Earth's centre and sine of the zenith angle have a constant product (Bouguer);
+    the refractivity falls with the scale height.
     """
     radius, index = RADIUS_M + lowest_m, _REFRACTIVITY * np.exp(-height_m / SCALE_HEIGHT_M)
     turn = np.asarray(lowest_m + 0.0 * height_m)
@@ -178,23 +173,23 @@ def bent_lowest_m(lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
 
 
 def climbs_of(heights: int) -> tuple[FloatArray, FloatArray]:
-    """Return lowest heights (1, heights) and those where paths begin (climbs, heights), m, of the grid of them."""
+    """Return the lowest heights (1, heights) and the start heights (climbs, heights), m, of the grid of paths."""
     lowest_m = np.linspace(0.0, TOP_M, heights)[None, :]
     return lowest_m, lowest_m + np.square(np.linspace(0.0, HIGHEST_ROOT, CLIMBS))[:, None]
 
 
-def foretold_depth(depth: FloatArray, lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
-    """Return about what optical depth paths have by that of paths which only rise, (slants, heights) up to the top.
+def predicted_depth(depth: FloatArray, lowest_m: FloatArray, height_m: FloatArray) -> FloatArray:
+    """Return predicted optical depths of paths, from those of paths that only rise, (slants, heights) up to the top.
 
-    A ray rises from its lowest height to space as a level path does. The way down to there is that path but for what
-    is above the height where the ray begins; that way counts as strong lines have it.
+    From its lowest height a ray rises to space like a horizontal path. The way down to there is that path less the part
+    above the start of the ray, weighted as for strong lines.
     """
-    return _foretold(depth, _places(lowest_m, height_m, *depth.shape))
+    return _predicted(depth, _places(lowest_m, height_m, *depth.shape))
 
 
-def foretold_grid(depth: FloatArray) -> FloatArray:
-    """Return it (climbs, heights) of the paths of `climbs_of`."""
-    return _foretold(depth, _grid_places(*depth.shape))
+def predicted_grid(depth: FloatArray) -> FloatArray:
+    """Return the prediction (climbs, heights) for the paths of `climbs_of`."""
+    return _predicted(depth, _grid_places(*depth.shape))
 
 
 @cache
@@ -210,10 +205,10 @@ def _places(lowest_m: FloatArray, height_m: FloatArray, slants: int, heights: in
     return _LimbPlaces(bent_lowest_m(lowest_m, height_m), row * heights + column, slant - row, level - column)
 
 
-def _foretold(depth: FloatArray, places: _LimbPlaces) -> FloatArray:
+def _predicted(depth: FloatArray, places: _LimbPlaces) -> FloatArray:
     turn_m, corner, across, up = places
     flat, heights = depth.ravel(), depth.shape[1]
-    # What is above the beginning is straight between four corners, in order: here, higher, steeper, both.
+    # Bilinear between four corners, in order: here, higher, steeper, both.
     here, higher, steeper, both = (flat.take(corner + step) for step in (0, 1, heights, heights + 1))
     lower = here + across * (steeper - here)
     beyond = lower + up * (higher + across * (both - higher) - lower)

@@ -1,13 +1,8 @@
-"""The atmosphere `lowtran`: band transmittances of LOWTRAN7 for five climates, with clouds where a scene has them.
+"""The atmosphere `lowtran`: band transmittances of LOWTRAN7 for five climates, with clouds if a scene has them.
 
-Nothing is evaluated for targets above 100 km: there τ is 1.
-
-The shipped LOWTRAN7 table of band transmittances, and a fine grid of them for one climate and band.
-
-Between the table's heights and zenith angles τ is interpolated in the fourth root of optical depth, -ln τ: Akima's
-curves in height, then in the logarithm of an air mass, from the zenith to the horizon. Towards a sensor below the
-target's horizon light first descends to its lowest height and rises from there: a table of its own has such paths
-(`limb_table`).
+Between the table's heights and zenith angles τ is interpolated in the fourth root of optical depth, -ln τ: by Akima
+splines in height, then in the logarithm of an air mass, from the zenith to the horizon. Paths to a sensor below the
+target's horizon first descend; they have a table of their own (`long_paths`). Above 100 km τ is 1.
 """
 
 import math
@@ -34,17 +29,17 @@ from opir_core.radiometry.long_paths import (
     TOP_M,
     LimbTable,
     akima,
-    in_a_row,
+    as_slice_if_consecutive,
     limb_tables,
     sky_columns,
 )
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.protocols import AtmosphereContext, Paths, Transmittance
 
-#: The grid: so many sines of elevation, from the horizon to the zenith, and so many heights from 0 to the top.
+#: The grid: numbers of sines of elevation, from the horizon to the zenith, and of heights from 0 to the top.
 GRID_SHAPE = (125, 401)
 
-#: Optical depths are kept between these: τ from 1e-26 to all but 1.
+#: Bounds of optical depth: τ from 1e-26 to almost 1.
 _LEAST, _MOST = 1e-12, 60.0
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_band_transmittance.csv"
@@ -55,7 +50,7 @@ _WEIGHTINGS = {"flat": ("tau_flat", ""), "blackbody-1500K": ("tau_bb1500", "_bb1
 
 @frozen(eq=False)
 class NodeTable:
-    """Transmittances (heights, zenith angles) of one band at the table's own points, and those of long paths."""
+    """Transmittances (heights, zenith angles) of one band at the points of the table, and those of long paths."""
 
     band: Band
     height_m: FloatArray
@@ -66,7 +61,7 @@ class NodeTable:
 
 @cache
 def node_tables(climate: str, aerosol: str, weighting: str) -> Mapping[str, NodeTable]:
-    """Return a climate's tables by the name of the band; of no such climate and aerosol, none."""
+    """Return the tables of a climate by the name of the band; empty for an unknown climate and aerosol."""
     column, suffix = _WEIGHTINGS[weighting]
     cells = sky_columns(_TABLE, climate, aerosol)
     if not cells:
@@ -95,7 +90,7 @@ class BandGrid:
 
 @np.errstate(under="ignore")
 def fine_grid(nodes: NodeTable, shape: tuple[int, int] = GRID_SHAPE) -> BandGrid:
-    """Return transmittances of a band over the grid, nowhere falling with height or elevation."""
+    """Return transmittances of a band over the grid, non-decreasing with height and elevation."""
     heights_m = np.linspace(0.0, TOP_M, shape[1])
     sines = np.sinh(np.linspace(0.0, HIGHEST_SLANT, shape[0])) * BEND
     roots = akima(nodes.height_m, _roots(nodes.transmittance), heights_m)
@@ -106,15 +101,15 @@ def fine_grid(nodes: NodeTable, shape: tuple[int, int] = GRID_SHAPE) -> BandGrid
 
 
 def _transmittance(depth: FloatArray, height_m: FloatArray) -> FloatArray:
-    """Return transmittances (k, heights) of depths, nowhere falling with height."""
+    """Return transmittances (k, heights) of depths, non-decreasing with height."""
     risen = np.maximum.accumulate(np.where(height_m >= TOP_M, 1.0, np.exp(-depth)), axis=1)
     return np.clip(risen, 0.0, 1.0)
 
 
 def shell_air_mass(sine: FloatArray | float) -> FloatArray:
-    """Return how many times its thickness a straight path crosses a shell of even air, for sines from 0 to 1.
+    """Return the air mass of straight paths through a uniform shell, as thick as the scale height, for sines 0 to 1.
 
-    Of a shell as thick as the air's scale height around a sphere: the secant of small zenith angles, 40 at the horizon.
+    The secant of small zenith angles, 40 at the horizon.
     """
     ratio = RADIUS_M / SCALE_HEIGHT_M
     across = ratio * np.asarray(sine, dtype=np.float64)
@@ -137,25 +132,25 @@ class LowtranAtmosphere:
 
     grids: tuple[BandGrid, ...]
     deck: Deck | None
-    _drawn_out: tuple[BandGrid, ...] = field(
-        init=False, default=Factory(lambda own: tuple(map(_drawn_out_grid, own.grids)), takes_self=True)
+    _extended: tuple[BandGrid, ...] = field(
+        init=False, default=Factory(lambda own: tuple(map(_extended_grid, own.grids)), takes_self=True)
     )
 
     def transmittance(self, band: int, path: Paths) -> FloatArray:
-        """Return in-band transmittances (n,): cubic in height, straight in asinh(sine / 0.05).
+        """Return in-band transmittances (n,): cubic in height, linear in asinh(sine / 0.05).
 
-        Below the horizon they are cubic in the lowest height, straight in the root of the climb from there.
+        Below the horizon they are cubic in the lowest height, linear in the root of the climb from there.
         """
         transmittance: FloatArray = self.transmittances((band,), path)[0]
         return transmittance
 
     def transmittances(self, bands: Sequence[int], path: Paths) -> FloatArray:
-        """Return those of several bands (bands, n), which share their places on the grid."""
+        """Return those of several bands (bands, n), with one search in the grid."""
         result = np.ones((len(bands), len(path)))
         low = np.flatnonzero(path.height_m < TOP_M)
         if not len(low):
             return result
-        result[:, in_a_row(low)] = self._looked_up(bands, path.height_m[low], path.elevation_sine[low])
+        result[:, as_slice_if_consecutive(low)] = self._looked_up(bands, path.height_m[low], path.elevation_sine[low])
         if self.deck is not None:
             result[:, low[is_hidden(self.deck, path.take(low))]] = 0.0
         return result
@@ -172,7 +167,7 @@ class LowtranAtmosphere:
         return np.where(self.deck.is_cloudy(point_ecef_m), self.deck.top_m, -np.inf)
 
     def _looked_up(self, bands: Sequence[int], height_m: FloatArray, elevation_sine: FloatArray) -> FloatArray:
-        grids = [self._drawn_out[band] for band in bands]
+        grids = [self._extended[band] for band in bands]
         scale = (len(grids[0].above) - 1) / HIGHEST_SLANT
         across = np.arcsinh(np.maximum(elevation_sine, 0.0) / BEND) * scale
         found = _within([grid.above for grid in grids], height_m, across)
@@ -191,7 +186,7 @@ def _below(grids: Sequence[FloatArray], height_m: FloatArray, elevation_sine: Fl
 
 
 def _within(grids: Sequence[FloatArray], height_m: FloatArray, across: FloatArray) -> FloatArray:
-    """Return values (bands, n) of grids drawn out: cubic along their heights, from 0 to the top, straight across."""
+    """Return values (bands, n) of extended grids: cubic along heights from 0 to the top, linear across."""
     rows, heights = grids[0].shape[0], grids[0].shape[1] - 2
     across = np.clip(across, 0.0, rows - 1.0)
     up = np.clip(height_m * ((heights - 1) / TOP_M), 0.0, heights - 1.0)
@@ -199,7 +194,7 @@ def _within(grids: Sequence[FloatArray], height_m: FloatArray, across: FloatArra
     column = np.minimum(up.astype(np.int64), heights - 2)
     across -= row
     up -= column
-    # A grid that is drawn out has two columns more.
+    # Extended grids have two more columns.
     at = row * (heights + 2) + column
     found = np.empty((len(grids), len(at)))
     for value, grid in zip(found, grids, strict=True):
@@ -207,21 +202,20 @@ def _within(grids: Sequence[FloatArray], height_m: FloatArray, across: FloatArra
     return np.clip(found, 0.0, 1.0, out=found)
 
 
-def _drawn_out_grid(grid: BandGrid) -> BandGrid:
-    return BandGrid(_drawn_out(grid.above), _drawn_out(grid.below))
+def _extended_grid(grid: BandGrid) -> BandGrid:
+    return BandGrid(_extended(grid.above), _extended(grid.below))
 
 
-def _drawn_out(grid: FloatArray) -> FloatArray:
-    """Return a grid with a column more at both ends, straight on from the last two."""
+def _extended(grid: FloatArray) -> FloatArray:
+    """Return a grid with one more column at both ends, extrapolated linearly."""
     before, after = 2.0 * grid[:, 0] - grid[:, 1], 2.0 * grid[:, -1] - grid[:, -2]
     return np.concatenate([before[:, None], grid, after[:, None]], axis=1)
 
 
 def _mixed(grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, into: FloatArray) -> None:
-    """Write values of a grid that is drawn out: between two rows straight, between columns by cubics.
+    """Write values of an extended grid: linear between rows, cubic between columns.
 
-    The slopes of these are those of their neighbours' chords (Catmull and Rom, 1974): they have no kinks, which what is
-    interpolated along a track would stumble over.
+    The cubics have the slopes of neighbouring chords (Catmull and Rom, 1974), so that the interpolation has no kinks.
     """
     flat, width, taps = grid.ravel(), grid.shape[1], []
     for place in range(4):
@@ -237,7 +231,7 @@ def _mixed(grid: FloatArray, at: IntArray, across: FloatArray, up: FloatArray, i
 
 
 def lowtran_atmosphere(config: LowtranConfig, context: AtmosphereContext) -> Transmittance:
-    """Return the atmosphere of a climate; `ModelError` names a band of the scene that the table cannot answer for."""
+    """Return the atmosphere of a climate; `ModelError` for a band of the scene that the table does not have."""
     tables = node_tables(config.climate, config.aerosol, config.weighting)
     require_known_bands(config.bands, context.bands, context.path)
     grids = tuple(_grid(band, config, list(tables.values()), context.path) for band in context.bands)
@@ -307,7 +301,7 @@ def _grid(band: Band, config: LowtranConfig, nodes: Sequence[NodeTable], path: s
 
 
 def require_known_bands(stand_ins: Mapping[str, str], bands: Sequence[Band], path: str) -> None:
-    """Raise `ModelError` for a stand-in of a band that no sensor has."""
+    """Raise `ModelError` for a stand-in for a band that no sensor has."""
     names = sorted({band.name for band in bands})
     for name, standing in stand_ins.items():
         if name not in names:
@@ -318,16 +312,12 @@ def require_known_bands(stand_ins: Mapping[str, str], bands: Sequence[Band], pat
 
 
 def nearest_of(band: Band, known: Sequence[Band]) -> Band:
-    """Return the band of a table whose middle is nearest to that of another."""
+    """Return the band of a table with the middle nearest to that of another band."""
     return min(known, key=lambda one: abs(one.lower_um + one.upper_um - band.lower_um - band.upper_um))
 
 
 def parts_of(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band]) -> list[Band]:
-    """Return the bands of a table that a band is made of.
-
-    The one that the scene says stands for it; else the one with its edges; else those that cover it side by side,
-    without gap or overlap; else none.
-    """
+    """Return the bands of a table that compose a band: the stand-in of the scene, or adjacent ones, or none."""
     if band.name in stand_ins:
         return [one for one in known if one.name == stand_ins[band.name]]
     parts: list[Band] = []
@@ -343,7 +333,7 @@ def parts_of(band: Band, stand_ins: Mapping[str, str], known: Sequence[Band]) ->
 
 
 def _weight(band: Band, weighting: str) -> float:
-    """Return how much a band counts in a wider one: its width, or what a black body of 1500 K has in it."""
+    """Return the weight of a band in a wider one: its width, or the radiance of a black body of 1500 K in it."""
     if weighting == "flat":
         return band.upper_um - band.lower_um
     return float(band_radiance(1500.0, band.lower_um, band.upper_um))

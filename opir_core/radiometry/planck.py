@@ -1,10 +1,9 @@
-"""Black bodies: spectral radiance and in-band radiance, in watts and in photons.
+"""Black bodies: spectral and in-band radiance, in watts and in photons, and temperature from two bands.
 
-With x = c₂ / (λT) the radiance of a band is C T⁴ ∫ x³ / (eˣ - 1) dx, and that in photons C' T³ ∫ x² / (eˣ - 1) dx. The
-integrand is smooth and positive, so Gauss and Legendre's rule over the band itself loses nothing to cancellation
-however narrow the band is; beyond 50 above its lower end what is left is below 1e-17 of the whole. With 72 nodes the
-rule is right to rounding (1e-13) over such a span; what the exponential makes of the rounding of x bounds the rest,
-x · 2e-16.
+With x = c₂ / (λT) the radiance of a band is C T⁴ ∫ x³ / (eˣ - 1) dx, and in photons C' T³ ∫ x² / (eˣ - 1) dx. The
+integrand is smooth and positive, so Gauss-Legendre quadrature over the band has no cancellation however narrow the band
+is; beyond 50 above its lower end the remainder is below 1e-17. With 72 nodes it is exact to rounding (1e-13) over such
+a span; the rounding of x in the exponential, x · 2e-16, bounds the rest.
 """
 
 from typing import NamedTuple
@@ -30,7 +29,7 @@ SECOND_RADIATION_UM_K = PLANCK_J_S * SPEED_OF_LIGHT_M_S / BOLTZMANN_J_K * 1e6
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(72)
 _SPAN = 50.0
-#: Beyond this the exponential is past the largest float, and what is radiated below the smallest.
+#: Beyond this the exponential overflows, and the radiance underflows.
 _FARTHEST = 1e6
 
 
@@ -90,7 +89,7 @@ def grey_body_intensity(
 def _spectral(temperature_k: ArrayLike, wavelength_um: ArrayLike, scale: float, power: int) -> FloatArray:
     temperature, wavelength = np.asarray(temperature_k, dtype=np.float64), np.asarray(wavelength_um, dtype=np.float64)
     x = SECOND_RADIATION_UM_K / (wavelength * np.where(temperature < 0.0, np.nan, temperature))
-    # The power is shared out so that neither factor leaves the range of floats alone.
+    # In this order neither factor leaves the range of floats.
     return np.asarray(scale / np.expm1(x) / wavelength**power)
 
 
@@ -101,7 +100,7 @@ def _integral(temperature: FloatArray, lower_um: ArrayLike, upper_um: ArrayLike,
     short, long = np.minimum(lower, upper), np.maximum(lower, upper)
     invalid = (short < 0.0) | (temperature < 0.0) | np.isnan(short + long + temperature)
     start = np.minimum(SECOND_RADIATION_UM_K / (long * temperature), _FARTHEST)
-    # The difference of the ends, x(short) - x(long), without taking one from the other.
+    # The difference of the ends, x(short) - x(long), without cancellation.
     span = np.minimum(start * ((long - short) / short), _SPAN)
     span = np.where(long > short, span, 0.0)
     start, span = np.broadcast_arrays(start, span)
@@ -113,7 +112,7 @@ def _integral(temperature: FloatArray, lower_um: ArrayLike, upper_um: ArrayLike,
 
 
 def _integrand(x: FloatArray, power: int) -> FloatArray:
-    """Return what is to be integrated; written with e⁻ˣ, which only falls."""
+    """Return the integrand, with e⁻ˣ, which cannot overflow."""
     falling = np.exp(-x)
     share: FloatArray = falling / -np.expm1(-x)
     if power == 4:
@@ -121,10 +120,10 @@ def _integrand(x: FloatArray, power: int) -> FloatArray:
     return np.where(x > 0.0, x**power * share, 0.0)
 
 
-#: Between these temperatures, K, a ratio is inverted.
+#: Bounds of the temperature, K.
 COLDEST_K, HOTTEST_K = 50.0, 20_000.0
 
-#: Halvings of the interval of 1/T before Newton's steps: it is narrower than 1e-4 of itself then, where they converge.
+#: Bisections of the interval of 1/T, to 1e-4 of it, before Newton's steps.
 _HALVINGS = 16
 _STEPS = 4
 
@@ -150,12 +149,12 @@ def two_colour_temperature(
     shorter: Band,
     longer: Band,
 ) -> Temperature:
-    """Return the temperatures of grey bodies from what two bands measure, and the variances of these.
+    """Return the temperatures of grey bodies from measurements in two bands, and their variances.
 
-    The measurements may be intensities or irradiances, in one unit, with their variances. The ratio rises with
+    The measurements are intensities or irradiances, in one unit, with their variances. The ratio rises with
     temperature where `shorter` begins and ends before `longer` (else `ValueError`), so it has one solution; nan where
-    that is not between 50 K and 20 000 K or a measurement is not positive. The variance is that of first order,
-    (v₁/m₁² + v₂/m₂²) / (d ln ratio / dT)², for independent errors, which are to be small beside the measurements.
+    that is not between 50 K and 20 000 K or a measurement is not positive. The variance is of first order,
+    (v₁/m₁² + v₂/m₂²) / (d ln ratio / dT)², for independent errors that are small beside the measurements.
     """
     if not (shorter.lower_um < longer.lower_um and shorter.upper_um < longer.upper_um):
         raise ValueError(f"band {shorter.name} does not lie at shorter wavelengths than {longer.name}")
@@ -168,7 +167,7 @@ def two_colour_temperature(
 
 
 def _inverted(wanted: FloatArray, shorter: Band, longer: Band) -> FloatArray:
-    """Return the temperatures of log ratios (n,): halving in 1/T, where they are nearly straight, then Newton."""
+    """Return the temperatures of log ratios (n,): bisection in 1/T, where they are nearly linear, then Newton."""
     cold = np.full_like(wanted, 1.0 / COLDEST_K)
     hot = np.full_like(wanted, 1.0 / HOTTEST_K)
     ends = _log_ratio(np.array([COLDEST_K, HOTTEST_K]), shorter, longer)

@@ -1,7 +1,4 @@
-"""Core's plugin of radiometry: plumes, atmospheres, backgrounds and sources; imported for scenes that name one.
-
-What it offers is listed in `opir_core.plugin.discovery.CORE_PLUGINS`.
-"""
+"""The core's radiometry plugin: plumes, atmospheres, backgrounds and sources, listed in `plugin.discovery`."""
 
 from collections.abc import Callable, Iterable
 from importlib import import_module

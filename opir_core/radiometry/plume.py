@@ -1,9 +1,9 @@
 """The signature model `plume`: notional radiant intensity by class, thrust phase, altitude and aspect.
 
-Source: `opir_core/data/plumes.json`, which says what in it is notional. Intensity is a product of the band's peak, the
-stage, the rise at ignition, altitude and aspect. The aspect's factor is that of the area which a long body shows: at an
-angle a from the direction of flight √(sin² a + e² cos² a), with e what it shows end-on. After burnout the body alone
-radiates, grey and at one temperature; sunlight and earthlight that it reflects are left out.
+Source: `opir_core/data/plumes.json`, which marks its notional values. Intensity is the product of the band's peak and
+factors for stage, rise at ignition, altitude and aspect. The factor of aspect is that of the projected area of a long
+body: at an angle a from the direction of flight √(sin² a + e² cos² a), with e its value end-on. After burnout only the
+body radiates, grey and at one temperature; reflected sunlight and earthshine are not modelled.
 """
 
 import json
@@ -25,9 +25,9 @@ from opir_core.radiometry.protocols import SignatureContext, Signatures
 
 _TABLE = Path(__file__).parents[1] / "data" / "plumes.json"
 
-#: Where hot combustion gases radiate, µm: H₂O with CO₂ near 2.7, CO₂ near 4.3 (Ludwig et al., Handbook of Infrared
-#: Radiation from Combustion Gases, NASA SP-3080, 1973; the edges, where a hot band fades, are notional). A gas stands
-#: by the name of the table's band that fixes it.
+#: Bands of hot combustion gases, µm: H₂O with CO₂ near 2.7, CO₂ near 4.3 (Ludwig et al., Handbook of Infrared
+#: Radiation from Combustion Gases, NASA SP-3080, 1973; the edges of the hot bands are notional). The key is the band of
+#: the table that determines the gas.
 GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (4.17, 4.6)}
 
 
@@ -69,7 +69,7 @@ class PlumeSignatures:
         altitude_m: FloatArray,
         aspect_rad: FloatArray,
     ) -> FloatArray:
-        """Return those of several bands (bands, n): bands differ by their peaks and bodies alone."""
+        """Return those of several bands (bands, n), which differ only in their peaks and bodies."""
         thrust = self._thrust(target, time_since_ignition_s)
         shape = thrust * self._altitude(target, altitude_m) * self._aspect(target, aspect_rad)
         late = np.flatnonzero(time_since_ignition_s > self.burn_time_s[target])
@@ -88,7 +88,7 @@ class PlumeSignatures:
 
     @property
     def altitude_breakpoints_m(self) -> FloatArray:
-        """The altitudes at which the altitude's factor stands, (n, k) m."""
+        """The altitudes at which the factor of altitude is given, (n, k) m."""
         most = max(len(altitude_m) for altitude_m, _ in self.shapes)
         padded = [np.concatenate([each, np.full(most - len(each), np.nan)]) for each, _ in self.shapes]
         return np.array(padded)[self.shape]
@@ -100,7 +100,6 @@ class PlumeSignatures:
     def _thrust(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         burn_time_s, stages = self.burn_time_s[target], self.stages[target]
         stage = np.clip(np.minimum(time_s / burn_time_s, 1.0) * stages, 0.0, stages - 1.0).astype(np.int64)
-        # A rise without duration is a step.
         rise = -np.expm1(-np.maximum(time_s, 0.0) / np.maximum(self.rise_time_s[target], 1e-12))
         burns = (time_s >= 0.0) & (time_s <= burn_time_s)
         return np.where(burns, rise * self.stage_scale[target, stage], 0.0)
@@ -122,7 +121,7 @@ class PlumeSignatures:
 
 
 def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) -> Signatures:
-    """Return the plumes of all targets of the model; `ModelError` names a target whose plume is of no known class."""
+    """Return the plumes of all targets of the model; `ModelError` for a target with an unknown class of plume."""
     classes = [_class_name(config, context, row) for row, config in enumerate(configs)]
     shapes = list(dict.fromkeys((config.altitude_km, config.altitude_scale) for config in configs))
     peaks = [
@@ -146,7 +145,7 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
 
 @cache
 def plume_table() -> Mapping[str, Any]:
-    """Return the table of plumes as its file has it."""
+    """Return the table of plumes."""
     table: Mapping[str, Any] = json.loads(_TABLE.read_text(encoding="utf-8"))
     return table
 
@@ -154,8 +153,7 @@ def plume_table() -> Mapping[str, Any]:
 def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: float, gas_k: float) -> float:
     """Return the intensity, W/sr, in any band of a plume given by its intensities in the table's three bands.
 
-    In the table's bands it is what the table has. Raises `ValueError` where the continuum that LWIR implies is brighter
-    than the SWIR or MWIR given.
+    `ValueError` where the continuum implied by LWIR exceeds the given SWIR or MWIR.
     """
     edges = plume_table()["bands_um"]
     area = peaks["LWIR"] / _radiance(continuum_k, edges["LWIR"])
@@ -170,7 +168,7 @@ def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: fl
         total += (
             rest * _radiance(gas_k, _overlap(gas, band)) / _radiance(gas_k, _overlap(gas, Band(name, *edges[name])))
         )
-    # A band whose edges are swapped holds nothing.
+    # Bands with swapped edges are empty.
     return max(total, 0.0)
 
 
@@ -210,12 +208,12 @@ def _radiance(temperature_k: float, edges_um: Sequence[float]) -> float:
 
 @lru_cache(maxsize=4096)
 def _known_radiance(temperature_k: float, lower_um: float, upper_um: float) -> float:
-    """Return an in-band radiance; hundreds of plumes have the same few temperatures and bands."""
+    """Return an in-band radiance, cached: many plumes share few temperatures and bands."""
     return float(band_radiance(temperature_k, lower_um, upper_um))
 
 
 def _overlap(gas: tuple[float, float], band: Band) -> tuple[float, float]:
-    """Return what of a gas's band lies in another; a band without width where nothing does."""
+    """Return the overlap of the band of a gas with another band, of zero width where they are disjoint."""
     lower = max(gas[0], band.lower_um)
     return lower, max(lower, min(gas[1], band.upper_um))
 

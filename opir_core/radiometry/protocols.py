@@ -1,10 +1,9 @@
-"""What signature, source, atmosphere and background models must do: arrays in, arrays out.
+"""Protocols of signature, source, atmosphere and background models, their contexts, and the columns they work on.
 
-`band` is an index into the `bands` of the context that a model was built with: the distinct bands of the scene's
-sensors. A model that cannot answer for one of them raises `ModelError` when it is built, in words. Results are element
-by element and finite: they do not depend on how rows are grouped into calls.
-
-Several bands asked of a model at once: by its own way where it has one, else one after the other.
+`band` is an index into the `bands` of the context of a model: the distinct bands of the scene's sensors. A model that
+does not support one of them raises `ModelError` when it is built. Results are finite and element by element: they do
+not depend on how rows are grouped into calls. The functions at the end evaluate several bands, by the model's own
+method if it has one.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,7 +40,7 @@ class Paths(Columns):
 
 @frozen(eq=False)
 class Views(Columns):
-    """What lines of sight end on, one row each; the arguments of `Background.radiance_w_m2_sr`.
+    """Views along lines of sight, one row each; the arguments of `Background.radiance_w_m2_sr`.
 
     `point_ecef_m` (n, 3) is where the line of sight meets the WGS 84 ellipsoid or, where it misses it, the point of the
     line that comes nearest to it. `height_m` is that point's height: 0 on the Earth, the tangent height beyond the limb
@@ -63,7 +62,7 @@ class Views(Columns):
 
 
 class Signatures(Protocol):
-    """How brightly the targets of one model radiate; rows are counted as in the context (or the `Sources`)."""
+    """Radiant intensities of the targets of one model; rows are those of the context (or the `Sources`)."""
 
     def intensity_w_sr(
         self,
@@ -73,7 +72,7 @@ class Signatures(Protocol):
         altitude_m: FloatArray,
         aspect_rad: FloatArray,
     ) -> FloatArray:
-        """Return radiant intensities (n,) in a band, W/sr, at the source: before the atmosphere takes anything.
+        """Return radiant intensities (n,) in a band, W/sr, at the source: without the atmosphere.
 
         `altitude_m` is height above the WGS 84 ellipsoid; `aspect_rad` is the angle, in [0, pi], that `aspect_rad()`
         gives, or that between the direction of flight and the direction to the sensor: 0 is nose-on, pi/2 broadside.
@@ -131,15 +130,15 @@ class Sources(Protocol):
 
     @property
     def trajectories(self) -> Trajectories:
-        """When and where they shine."""
+        """Their positions and times."""
 
     @property
     def signatures(self) -> Signatures:
-        """How brightly."""
+        """Their signatures."""
 
 
 class Transmittance(Protocol):
-    """What the atmosphere lets through."""
+    """The transmittance of the atmosphere."""
 
     def transmittance(self, band: int, path: Paths) -> FloatArray:
         """Return in-band transmittances (n,) in [0, 1] from target to sensor; 1 for targets above the atmosphere."""
@@ -149,13 +148,13 @@ class Transmittance(Protocol):
 
 
 class Background(Protocol):
-    """What shines behind a target."""
+    """The radiance behind a target."""
 
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return in-band radiances (n,) at the sensor, W m⁻² sr⁻¹; 0 for cold space."""
 
     def clutter_w_m2_sr(self, band: int, view: Views) -> FloatArray:
-        """Return the standard deviations (n,) of the radiance left after the sensor has taken the background off.
+        """Return the standard deviations (n,) of the radiance left after the subtraction of the background.
 
         Over a pixel of solid angle ω at range R it equals a source of standard deviation clutter · ω · R², W/sr, or an
         irradiance of clutter · ω at the aperture, W/m².

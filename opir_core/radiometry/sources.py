@@ -1,15 +1,13 @@
 """Sources that are no targets: fires, gas flares, sun glints and bolides, as emitters with a spectrum.
 
-They go through the same atmosphere, aperture and threshold as plumes do; nothing marks them but what they are.
+They pass through the same atmosphere, aperture and threshold as plumes.
 
-Sun glint: water whose waves are small mirrors.
-
-A sensor sees the Sun in the facets whose normal halves the angle between the two. How many facets are tilted so is the
-law of Cox and Munk, isotropic in the direction of the wind: slopes are normal, of variance 0.003 + 0.00512 W with the
-wind W in m/s. Radiant intensity over an area A is then A ρ E p / (4 cos⁴ β) with the tilt β, the density of slopes
-p = exp(-tan² β / σ²) / (π σ²), the Sun's in-band irradiance E at the surface and the reflectance ρ of Fresnel, taken at
-the Sun's zenith angle. Source: C. Cox and W. Munk, J. Opt. Soc. Am. 44 (1954), 838-850. Facets in each other's shadow
-and light that is mirrored twice are left out.
+Sun glint: the Sun is mirrored by the wave facets with a normal that bisects the directions to Sun and sensor. The
+density of slopes is that of Cox and Munk, isotropic: normal, of variance 0.003 + 0.00512 W with the wind W in m/s.
+Radiant intensity over an area A is then A ρ E p / (4 cos⁴ β) with the tilt β, the density of slopes
+p = exp(-tan² β / σ²) / (π σ²), the in-band irradiance E of the Sun at the surface and Fresnel's reflectance ρ at the
+Sun's zenith angle. Source: C. Cox and W. Munk, J. Opt. Soc. Am. 44 (1954), 838-850. Shadowed facets and double
+reflection are not modelled.
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,7 +34,7 @@ _SUN_SOLID_ANGLE_SR = np.pi * (SUN_RADIUS_M / ASTRONOMICAL_UNIT_M) ** 2
 
 @frozen(eq=False)
 class GlintSignatures:
-    """Patches of water (n,) under the Sun: `sunlight_w_m2` (bands, n) is irradiance above the air, head on."""
+    """Patches of water (n,) under the Sun: `sunlight_w_m2` (bands, n) is normal irradiance above the air."""
 
     sunlight_w_m2: FloatArray
     area_m2: FloatArray
@@ -81,7 +79,7 @@ class GlintSignatures:
         return dot(self._to_sun(target, time_s), self.up_ecef[target])
 
     def _sun_transmittance(self, band: int, target: IndexArray, time_s: FloatArray, sine: FloatArray) -> FloatArray:
-        """Return what the air lets through on the way down; 1 where the scene's atmosphere is not known."""
+        """Return the transmittance from the Sun to the surface; 1 without an atmosphere."""
         if self.sky is None:
             return np.ones(len(target))
         sun = sun_ecef_m(time_s, self.epoch_us)
@@ -115,7 +113,7 @@ def sunlight_w_m2(temperature_k: FloatArray, band: Band) -> FloatArray:
 
 @np.errstate(over="ignore", under="ignore")
 def slope_density(tilt_rad: FloatArray, variance: float) -> FloatArray:
-    """Return the density of slopes over cos⁴ of the tilt, (n,): what Cox and Munk's law gives per solid angle."""
+    """Return the density of slopes over cos⁴ of the tilt, (n,)."""
     cosine = np.maximum(np.cos(tilt_rad), 1e-6)
     steepness = 1.0 / np.square(cosine) - 1.0
     return np.exp(-steepness / variance) / (np.pi * variance) / np.square(np.square(cosine))
@@ -193,7 +191,7 @@ class GreySignatures:
 
 @frozen(eq=False)
 class EmitterSources:
-    """What a block of sources comes to."""
+    """The emitters of a block of sources."""
 
     ids: tuple[str, ...]
     trajectories: Trajectories
@@ -276,6 +274,6 @@ def _trajectories(
 def _grey_w_sr(emitters: Emitters, context: SourceContext) -> FloatArray:
     """Return intensities (bands, n) of the whole area."""
     bodies = (emitters["temperature_k"], emitters["area_m2"], emitters["emissivity"])
-    found = [grey_body_intensity(*bodies, band.lower_um, band.upper_um) for band in context.bands]
-    # A band whose edges are swapped holds nothing.
-    return np.maximum(np.array(found, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0)
+    intensities = [grey_body_intensity(*bodies, band.lower_um, band.upper_um) for band in context.bands]
+    # Bands with swapped edges are empty.
+    return np.maximum(np.array(intensities, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0)

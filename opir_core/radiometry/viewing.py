@@ -1,4 +1,4 @@
-"""Where lines of sight end: on the Earth, in what light, or beyond the limb."""
+"""Views along lines of sight: the point on the Earth, its illumination, or the tangent point beyond the limb."""
 
 from functools import lru_cache
 
@@ -10,17 +10,17 @@ from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, intersection_with_
 from opir_core.geometry.vectors import components, dot, length, vector
 from opir_core.radiometry.protocols import Views
 
-#: The Sun's place among the stars is worked out this often, s, and is straight between: 1e-7 rad off at most.
+#: Step of the Sun's position in ECI, s, linear between: an error of at most 1e-7 rad.
 _SUN_STEP_S = 3600.0
 
 
 @np.errstate(invalid="ignore")
 def views(sensor_ecef_m: FloatArray, direction_ecef: FloatArray, time_s: FloatArray, epoch_us: int) -> Views:
-    """Return what lines of sight (n, 3) of sensors (n, 3) end on at scene times (n,); directions of any length but 0.
+    """Return the views along lines of sight (n, 3), of any length but 0, of sensors (n, 3) at scene times (n,).
 
-    `epoch_us` is the scene's epoch in microseconds of UTC since 1970. A line that misses the Earth ends where it comes
-    nearest to the Earth's centre; that is within 22 km along the line of where it comes nearest to the ellipsoid, and
-    its height there within 40 m.
+    `epoch_us` is the epoch of the scene in microseconds of UTC since 1970. The view of a line that misses the Earth is
+    at the point nearest to the Earth's centre; along the line it is within 22 km of the point nearest to the ellipsoid,
+    with its height within 40 m.
     """
     ground = intersection_with_ellipsoid(sensor_ecef_m, direction_ecef)
     hits = np.isfinite(ground[:, 0])
@@ -58,7 +58,7 @@ def _sun_knots_eci_m(epoch_us: int, first: float, behind: float) -> FloatArray:
 
 
 def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> FloatArray:
-    """Return 0 on the Earth, the height beyond the limb, inf where a line only leads away."""
+    """Return heights: 0 on the Earth, tangent heights beyond the limb, inf for lines away from the Earth."""
     height = np.where(hits, 0.0, np.inf)
     beyond = np.flatnonzero(~hits & is_ahead)
     height[beyond] = np.maximum(ecef_to_geodetic(point[beyond]).height_m, np.finfo(np.float64).tiny)

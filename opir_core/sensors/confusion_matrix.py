@@ -12,10 +12,10 @@ ROW_SUM_TOLERANCE = 1e-9
 
 
 def confusion_complaint(matrix: Confusion) -> str | None:
-    """Return what is wrong with a confusion matrix, or None.
+    """Return the error in a confusion matrix, or None.
 
-    Rows are true types, of which any may be left out; columns are reported types, of which those left out are 0. A row
-    holds probabilities and sums to 1 within 1e-9.
+    Rows are true types and may be omitted; columns are reported types, 0 where omitted. A row holds probabilities and
+    sums to 1 within 1e-9.
     """
     if not isinstance(matrix, Mapping):
         return f"{matrix!r} is not a mapping of true types to reported types"

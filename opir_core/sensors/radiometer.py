@@ -87,9 +87,9 @@ class RadiometerConfig:
 
 
 def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
-    """Return what is wrong where a setting by band names a band that the sensor has not; else None.
+    """Return the error in settings that name a band which the sensor does not have, or None.
 
-    A model's default ratios may stand beside other bands than the model's own: those that are not there count nothing.
+    Default ratios of a model may name bands that a scene has replaced; these are ignored.
     """
     for name in ("band_nei_w_m2", "plausible_ratios"):
         given = getattr(config, name)

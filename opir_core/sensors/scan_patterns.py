@@ -1,7 +1,7 @@
-"""Scan patterns: when, within its period, a sensor looks at a direction.
+"""Scan patterns: the time of the look at a direction within the scan period, vectorised over targets.
 
-All are vectorised over targets; a target's phase depends on its own row alone. Directions are taken in the sensor's
-local frame: down to the Earth's centre, north along the meridian, east across it.
+The phase of a target depends on its own row alone. Directions are in the local frame of the sensor: down to the Earth's
+centre, north along the meridian, east across it.
 """
 
 import math
@@ -15,7 +15,7 @@ from opir_core.interfaces.protocols import ScanPattern
 
 @define
 class AlignedScan:
-    """Every target is looked at on whole periods of scene time (the paper's convention)."""
+    """Looks at all targets are at whole periods of scene time (the convention of the paper)."""
 
     period_ns: int
 
@@ -26,7 +26,7 @@ class AlignedScan:
 
 @define
 class RandomScan:
-    """Every target is looked at at one offset, uniformly random in the period."""
+    """Looks at all targets are at one offset, uniformly random in the period."""
 
     period_ns: int
 
@@ -38,7 +38,7 @@ class RandomScan:
 
 @define
 class SpinSweep:
-    """A spinning telescope: the sweep stands north at whole periods of scene time and turns eastward about nadir."""
+    """A spinning telescope: the sweep points north at whole periods of scene time and turns eastward about nadir."""
 
     period_ns: int
 
@@ -56,7 +56,7 @@ class StepStareSweep:
     """A step-stare: the field of regard is a raster of stares of one length each, taken row by row in serpentine order.
 
     The raster is the square of `half_angle_rad` about nadir; its first cell is the north-west one. Every second row
-    runs backward, so that each stare lies beside the one before it.
+    runs backward, so that each stare is next to the previous one.
     """
 
     period_ns: int
@@ -65,7 +65,7 @@ class StepStareSweep:
     columns: int
 
     def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
-        """Return offsets (n,) of the stares that hold the targets; what lies off the raster counts to its edge.
+        """Return offsets (n,) of the stares that contain the targets; those off the raster count to its edge.
 
         `sensor_ecef_m` is (3,) or (n, 3), `target_ecef_m` (n, 3). 0 where a position is not finite.
         """
@@ -77,7 +77,7 @@ class StepStareSweep:
         return np.where(np.isfinite(east + north + down), cell * self.period_ns // (self.rows * self.columns), 0)
 
     def _cell(self, angle_rad: FloatArray, count: int) -> IntArray:
-        """Return which of `count` equal steps across the raster an angle falls in."""
+        """Return the number of the cell of an angle, of `count` equal ones across the raster."""
         fraction = (np.nan_to_num(angle_rad) / self.half_angle_rad + 1.0) / 2.0
         return np.clip(np.floor(fraction * count), 0, count - 1).astype(np.int64)
 
@@ -99,7 +99,7 @@ def _phase_at(turn: FloatArray, period_ns: int) -> IntArray:
     """Return offsets in [0, period) at fractions of a turn, of any sign; 0 where these are nan."""
     known = np.nan_to_num(turn)
     phase = np.floor((known - np.floor(known)) * period_ns).astype(np.int64)
-    # A turn a hair below 0 rounds up to a whole one.
+    # A negative rounding error becomes a whole turn.
     return np.where(phase >= period_ns, 0, phase)
 
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
+from opir_core.flight.altitude_events import AltitudeEvents
 from opir_core.flight.atmosphere_density import density_kg_m3
 from opir_core.flight.dense_output import dense_arcs
 from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces, ZonalField
-from opir_core.flight.levels import AltitudeEvents
 from opir_core.flight.propagation import impact_states, propagate
 from opir_core.geometry import ecef_to_geodetic
 

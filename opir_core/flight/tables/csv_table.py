@@ -1,4 +1,4 @@
-"""Tables of states as CSV: a line of column names with their units, then one state a line, in ECEF."""
+"""Tables of states as CSV: a line of column names with units, then one state per line, in ECEF."""
 
 import csv
 import io
@@ -21,8 +21,8 @@ def csv_table(text: str, start_s: float) -> Table:
     """Return the table of a CSV file whose time 0 is the scene time `start_s`.
 
     Columns, in any order: time_s, x_ecef_m, y_ecef_m, z_ecef_m; perhaps vx_ecef_m_s, vy_ecef_m_s, vz_ecef_m_s
-    (relative to the turning Earth), and is_burning (0 or 1). Lines that begin with # are comments. A time that stands
-    twice in a row says that there the motion is not smooth. Raises `BadTableError`.
+    (relative to the rotating Earth), and is_burning (0 or 1). Lines that begin with # are comments. A time that occurs
+    twice in a row marks a point where the motion is not smooth. Raises `BadTableError`.
     """
     lines, rows = list[int](), list[Row]()
     for line, row in _rows(text):
@@ -66,10 +66,10 @@ def _require_columns(names: list[str], line: int) -> None:
     missing = [name for name in (*_PLACE, *(_VELOCITY if has_velocity else ())) if name not in names]
     unknown = [name for name in names if name not in _KNOWN]
     if missing or unknown or len(set(names)) < len(names):
-        told = [f"lacks the column{'s' if missing[1:] else ''} {', '.join(missing)}"] if missing else []
-        told += [f"has unknown columns ({', '.join(map(repr, unknown[:4]))})"] if unknown else []
-        told = told or ["names a column twice"]
-        raise BadTableError(f"line {line}: {' and '.join(told)}; known are {', '.join(_KNOWN)}")
+        reasons = [f"lacks the column{'s' if missing[1:] else ''} {', '.join(missing)}"] if missing else []
+        reasons += [f"has unknown columns ({', '.join(map(repr, unknown[:4]))})"] if unknown else []
+        reasons = reasons or ["names a column twice"]
+        raise BadTableError(f"line {line}: {' and '.join(reasons)}; known are {', '.join(_KNOWN)}")
 
 
 def _row(names: list[str], cells: list[str], line: int) -> Row:

@@ -39,7 +39,7 @@ class Segment:
     has_covariance: bool = False
 
     def take_keyword(self, line: str, number: int) -> None:
-        """Take in a line of metadata."""
+        """Add a line of metadata."""
         key, equals, value = (part.strip() for part in line.partition("="))
         if not equals:
             raise BadTableError(f"line {number}: {line.strip()!r} is not of the form KEYWORD = value")
@@ -48,7 +48,7 @@ class Segment:
         self.meta[key] = value
 
     def take_state(self, words: list[str], number: int) -> None:
-        """Take in a line of a state."""
+        """Add a line of a state."""
         if self.has_covariance:
             raise BadTableError(f"line {number}: comes after the segment's covariance, where no state can be")
         state = _state(words, number)
@@ -65,8 +65,8 @@ class Segment:
 def oem_table(text: str, epoch_us: int, wanted: str | None) -> Table:
     """Return the table of a message, for a scene epoch in microseconds of UTC since 1970.
 
-    `wanted` is the OBJECT_NAME or OBJECT_ID to take where there are several objects. Each segment is smooth by itself;
-    the burn is all that is useable. Raises `BadTableError`.
+    `wanted` is the OBJECT_NAME or OBJECT_ID to take where there are several objects. Each segment is a run; the burn is
+    the useable interval. Raises `BadTableError`.
     """
     segments = _of_object(_segments(text), wanted)
     parts = [_states(segment, epoch_us) for segment in segments]
@@ -174,7 +174,7 @@ def _states(segment: Segment, epoch_us: int) -> tuple[np.ndarray, np.ndarray, np
 
 
 def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tuple[float, float]:
-    """Return the scene times within which the message says that it may be interpolated."""
+    """Return the first and last useable scene times of the message."""
     ends = []
     for segment, key, other in (
         (segments[0], "USEABLE_START_TIME", time_s[0]),
@@ -186,7 +186,7 @@ def _useable_s(segments: list[Segment], epoch_us: int, time_s: np.ndarray) -> tu
 
 
 def keywords(text: str) -> Iterator[str]:
-    """Yield the first word of each line that is no comment, to tell a message from another file."""
+    """Yield the first word of each line that is not a comment."""
     return (line.split()[0] for line in text.splitlines() if line.strip() and not line.startswith(("COMMENT", "#")))
 
 
@@ -195,7 +195,7 @@ _DEGREE = np.pi / 180.0
 _J2000_UNIX_S = 946728000.0
 _CENTURY_S = 36525.0 * 86400.0
 
-#: Terrestrial time less UTC, s, of 2017 and after; precession is 2e-10 rad in it, so that years before do not tell.
+#: Terrestrial time less UTC, s, from 2017; precession in this time is 2e-10 rad, so earlier years may use it too.
 _TT_LESS_UTC_S = 69.184
 
 #: Mean anomalies of Moon and Sun, argument of latitude of the Moon, its elongation, and the longitude of its node:
@@ -209,7 +209,7 @@ _ARGUMENTS = (
 )
 
 #: The largest terms of nutation (the same, table 3.222.1): multiples of the arguments; in longitude and in obliquity
-#: 1e-4 arcseconds, and these a century. What is left out is below 0.05 arcseconds together.
+#: 1e-4 arcseconds, and these a century. Omitted terms are below 0.05 arcseconds together.
 _NUTATION = (
     ((0, 0, 0, 0, 1), -171996.0, -174.2, 92025.0, 8.9),
     ((0, 0, 2, -2, 2), -13187.0, -1.6, 5736.0, -3.1),
@@ -232,7 +232,7 @@ def ecef_state(
 ) -> tuple[FloatArray, FloatArray]:
     """Return ECEF positions and velocities relative to the Earth (n, 3) of states in ITRF, TEME or EME2000.
 
-    Times (n,) are scene times; the epoch is in microseconds of UTC since 1970. In ITRF states are returned as they are.
+    Times (n,) are scene times; the epoch is in microseconds of UTC since 1970. States in ITRF are returned unchanged.
     """
     if frame == "ITRF":
         return position_m, velocity_m_s

@@ -1,8 +1,7 @@
-"""Local polynomials through tables of states, in Newton's form, for many tables at once.
+"""Tables of states, their checks, and local polynomials through them in Newton's form, for many tables at once.
 
-Between two states the polynomial is that through the states nearest about them: four of them with their velocities
-(degree 7), or six positions alone (degree 5); fewer where a smooth stretch has fewer. It never reaches across the end
-of a stretch.
+Between two states the polynomial is that through the nearest states: four with their velocities (degree 7), or six
+positions alone (degree 5); fewer where a smooth run has fewer. It never extends across the end of a run.
 """
 
 from collections.abc import Sequence
@@ -13,24 +12,20 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, RowArray
 
-#: A position nearer to the Earth's centre than this, m, is not in metres, or not of this Earth.
-LEAST_RADIUS_M = 6.2e6
-
-
-#: One farther from it, m, is beyond the Moon.
-MOST_RADIUS_M = 1e9
+#: Positions nearer to the Earth's centre, or farther from it, m, are most likely in other units.
+LEAST_RADIUS_M, MOST_RADIUS_M = 6.2e6, 1e9
 
 
 class BadTableError(ValueError):
-    """A table that cannot be taken; its one argument says why, with the line and the way out."""
+    """An invalid table; the only argument is the reason, with its line and the remedy."""
 
 
 @frozen(eq=False)
 class Table:
     """States in order of time: scene times (n,), s, ECEF positions (n, 3), m, and velocities over the Earth, m/s.
 
-    `velocity_m_s` is None where the file has none. `run` (n,) numbers the stretches within which the motion is smooth:
-    where one ends and the next begins, so do the polynomials. `burn_s` is when it burns, as far as the file says.
+    `velocity_m_s` is None where the file has none. `run` (n,) numbers the runs of smooth motion, which polynomials do
+    not cross. `burn_s` is the interval of the burn.
     """
 
     time_s: FloatArray
@@ -41,7 +36,7 @@ class Table:
 
 
 def require_order(time_s: FloatArray, lines: list[int], *, may_repeat: bool) -> None:
-    """Raise `BadTableError` where times do not increase; a time may stand twice in a row where `may_repeat`."""
+    """Raise `BadTableError` where times do not increase; with `may_repeat` a time may occur twice in a row."""
     step = np.diff(time_s)
     wrong = np.flatnonzero(step < 0.0 if may_repeat else step <= 0.0)
     thrice = np.flatnonzero((step[1:] == 0.0) & (step[:-1] == 0.0)) + 1 if may_repeat else wrong[:0]
@@ -52,7 +47,7 @@ def require_order(time_s: FloatArray, lines: list[int], *, may_repeat: bool) -> 
 
 
 def require_places(position_m: FloatArray, lines: list[int]) -> None:
-    """Raise `BadTableError` for a position deep inside the Earth or beyond the Moon: most likely in other units."""
+    """Raise `BadTableError` for a position deep inside the Earth or beyond the Moon."""
     with np.errstate(over="ignore"):
         radius_m = np.sqrt((position_m * position_m).sum(axis=1))
     for row in np.flatnonzero((radius_m < LEAST_RADIUS_M) | (radius_m > MOST_RADIUS_M)).tolist():
@@ -64,7 +59,7 @@ def require_places(position_m: FloatArray, lines: list[int]) -> None:
 _WITH_VELOCITY = 4
 _WITHOUT_VELOCITY = 6
 
-#: Newton's form of any interval: as many coefficients as the largest takes.
+#: Coefficients of Newton's form, for all intervals.
 _TERMS = 2 * _WITH_VELOCITY
 
 

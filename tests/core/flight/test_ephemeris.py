@@ -58,12 +58,12 @@ def test_velocities_are_derivatives_of_the_positions():
     np.testing.assert_allclose(velocity, circling(target, times)[1], atol=1e-3)
 
 
-def test_position_and_velocity_do_not_jump_between_pieces():
+def test_position_and_velocity_do_not_jump_between_segments():
     ephemeris = three_circles(1.0)
-    pieces = ephemeris.pieces
-    inner = np.flatnonzero(pieces.target[1:] == pieces.target[:-1])
-    edge = pieces.end_s[inner]
-    left, right = (ephemeris.state(pieces.target[inner], t) for t in (np.nextafter(edge, -np.inf), edge))
+    segments = ephemeris.segments
+    inner = np.flatnonzero(segments.target[1:] == segments.target[:-1])
+    edge = segments.end_s[inner]
+    left, right = (ephemeris.state(segments.target[inner], t) for t in (np.nextafter(edge, -np.inf), edge))
     assert len(inner) > 5
     np.testing.assert_allclose(left[0], right[0], atol=1e-6)
     np.testing.assert_allclose(left[1], right[1], atol=1e-6)
@@ -113,8 +113,8 @@ def test_breakpoints_keep_what_is_not_smooth_apart():
     motion = falling_from(break_s)
     with_break = Ephemeris.build(motion, np.zeros(3), 100.0, break_s[:, None], tolerance_m=1e-3)
     without = Ephemeris.build(motion, np.zeros(3), 100.0, tolerance_m=1e-3)
-    assert len(with_break.pieces) == 6
-    assert len(without.pieces) > 20
+    assert len(with_break.segments) == 6
+    assert len(without.segments) > 20
     times = np.linspace(0.0, 100.0, 10_001)
     for target in range(3):
         expected = motion(np.full(10_001, target), times)[0]
@@ -125,7 +125,7 @@ def test_breakpoints_keep_what_is_not_smooth_apart():
 def test_breakpoints_outside_the_span_do_no_harm():
     motion = falling_from(np.array([-5.0]))
     ephemeris = Ephemeris.build(motion, [0.0], [10.0], [[-5.0, 0.0, 10.0, 99.0]], tolerance_m=1e-3)
-    assert len(ephemeris.pieces) == 1
+    assert len(ephemeris.segments) == 1
 
 
 def test_parts_join_where_one_ends_and_the_next_starts():

@@ -108,12 +108,20 @@ def test_forces_are_values():
     assert not Drag(100.0).ballistic_coefficient_kg_m2.flags.writeable
 
 
-HEAVY = {"integration", "stepping", "dop853", "gravity", "levels", "drag", "atmosphere_density", "segments"}
+HEAVY = {
+    "arc_blocks",
+    "integration",
+    "dop853",
+    "gravity_and_drag",
+    "altitude_events",
+    "atmosphere_density",
+    "dense_output",
+}
 
 
 @pytest.mark.parametrize(
     ("forces", "absent"),
-    [("'kepler'", HEAVY), ("Forces()", {"drag", "atmosphere_density", "segments", "kepler"})],
+    [("'kepler'", HEAVY), ("Forces()", {"dense_output", "aiming"})],
 )
 def test_nothing_is_imported_for_forces_that_are_not_chosen(forces, absent):
     code = (

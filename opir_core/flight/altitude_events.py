@@ -1,10 +1,8 @@
-"""Heights that arcs may not step across: the seams between layers of air, and the height of an impact.
+"""Heights at which steps must end: the boundaries between layers of air, and the impact height.
 
-Each arc keeps within an interval of height, `low` to `high`. A step that would leave it is shortened to end on the
-boundary; there the arc changes over to the next interval. So a step never sees a kink in the density of the air, never
-jumps into the air from above, and an impact is found where it is.
-
-Where, within a step, an arc first crosses a height: good enough to end the next attempt there.
+Each arc is in an interval of height. A step that would leave it is shortened to end on the boundary, where the arc
+changes to the next interval. So no step crosses a kink in the density of the air or skips the onset of drag, and an
+impact is located exactly. The crossing within a step is located well enough to end the next attempt there.
 """
 
 from typing import NamedTuple
@@ -21,7 +19,7 @@ _NEWTON_STEPS = 4
 
 
 class Rise(NamedTuple):
-    """Heights, m, at the two ends of steps, and how much they would change, m, in the whole step at the rates there."""
+    """Heights, m, at both ends of steps, and the rates there times the length of the step, m."""
 
     first: FloatArray
     last: FloatArray
@@ -71,7 +69,7 @@ def crossing_fraction(rise: Rise, boundary: FloatArray, down: NDArray[np.bool_],
 def state_within(
     start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities of the steps at `index`, by the quintic through both ends' states."""
+    """Return positions and velocities within steps at `index`, by the quintic through the states at both ends."""
     position, velocity, acceleration = (rows[:, index] for rows in start)
     end_position, end_velocity, end_acceleration = (rows[:, index] for rows in step[:3])
     length = h[index]
@@ -89,22 +87,22 @@ def state_within(
 def height_within(
     start: StepStart, step: Step, h: FloatArray, index: RowArray, fraction: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return heights, m, and how much they would change in the whole step, m, at a fraction of it, by the quintic."""
+    """Return heights, m, at a fraction of steps, and their rates times the length of the step, m, by the quintic."""
     position, velocity = state_within(start, step, h, index, fraction)
     inverse_radius = 1.0 / np.sqrt(position[0] * position[0] + position[1] * position[1] + position[2] * position[2])
     height, climb = height_and_climb(position, velocity, inverse_radius)
     return height, climb * h[index]
 
 
-#: An arc is on a boundary when this close to it, m: a seam met so late moves an impact by micrometres. On the height of
-#: impact it has to be this close in time, s, as well.
+#: An arc within this distance, m, is on a boundary: between layers that moves an impact by micrometres. At the impact
+#: height it must also be within this time, s.
 _NEAR_M = 0.1
 _NEAR_S = 1e-4
 
 #: Steps this short, s, are not shortened further.
 _SHORTEST_S = 1e-3
 
-#: A start this close to the height of impact, m, is on it: rounding must not decide whether it has yet to rise.
+#: A start this close to the impact height, m, is on it, so that rounding does not decide whether it first rises.
 _ON_SURFACE_M = 1e-6
 
 #: Gravity in the bound of a step's change of height, m/s².
@@ -115,7 +113,7 @@ _STRETCH = 1.05
 
 
 class Seams(NamedTuple):
-    """Layers from the lowest up: their floors, m, and what steps have to heed in them, as in `AirLayers`."""
+    """Layers from the lowest up: their floors, m, and the bounds of steps in them, as in `AirLayers`."""
 
     floors_m: FloatArray
     strides_m: FloatArray
@@ -123,7 +121,7 @@ class Seams(NamedTuple):
 
 
 class GroundContact(NamedTuple):
-    """Which arcs changed over to another layer, came down on the target height, or left the air model at its floor."""
+    """The arcs that changed to another layer, reached the impact height, or left the air model at its floor."""
 
     changed: BoolArray
     impact: BoolArray
@@ -131,9 +129,9 @@ class GroundContact(NamedTuple):
 
 
 class AltitudeEvents:
-    """The intervals of height of n arcs, and where the arcs are in them; rates are along the direction of travel.
+    """The interval of height of each of n arcs, and the arc's place in it; rates are along the direction of travel.
 
-    `target_m` is the height of impact, -inf where there is none to find.
+    `target_m` is the impact height, -inf without one.
     """
 
     def __init__(self, seams: Seams, target_m: FloatArray, backward: BoolArray) -> None:
@@ -143,7 +141,7 @@ class AltitudeEvents:
         self.has_target = bool(np.any(target_m > -np.inf))
 
     def begin(self, start: StepStart) -> GroundContact:
-        """Take up the arcs' first states."""
+        """Start from the first states of the arcs."""
         self._height, self._climb = self._height_and_climb(start.position, start.velocity)
         self._bend = self._curvature(start, self._climb)
         self.layer = np.searchsorted(self._seams.floors_m, self._height, side="right") - 1
@@ -162,10 +160,9 @@ class AltitudeEvents:
     _COLUMNS = ("_target", "_direction", "_height", "_climb", "_bend", "layer", "_above", "_low", "_high")
 
     def lengths(self, wanted: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return steps of the wanted length, s, or shorter: those that height allows, and those that end on boundaries.
+        """Return the longest steps, s, by accuracy and height, and equal steps that end on the boundary ahead.
 
-        Within the first, height changes by the layer's stride at most. The second cut the way to the boundary ahead,
-        as far as it can be foreseen from the present motion, into equal steps.
+        Within the first, height changes by at most the layer's stride. The second extrapolate the present motion.
         """
         above = np.maximum(self._height - self._seams.floors_m[self.layer], 0.0)
         stride = self._seams.strides_m[self.layer] + self._seams.stride_shares[self.layer] * above
@@ -176,7 +173,7 @@ class AltitudeEvents:
         return allowed, np.where(ahead < np.inf, ahead / np.maximum(count, 1.0), allowed)
 
     def _time_to_boundary(self) -> FloatArray:
-        """Return when the arcs meet the boundary they are heading for on a parabola, s; infinite if they do not."""
+        """Return the times, s, to the boundary ahead along a parabola; infinite where it is not reached."""
         rate = np.abs(self._climb)
         away = np.where(self._climb < 0.0, self._height - self._low, self._high - self._height)
         bend = np.where(self._climb < 0.0, -self._bend, self._bend)
@@ -184,7 +181,7 @@ class AltitudeEvents:
         return np.where(time > 0.0, time, np.inf)
 
     def fall_time(self, radius_squared_m2: FloatArray, mu_m3_s2: float) -> FloatArray:
-        """Return about how long, s, the arcs would fall to their targets in the gravity at their height."""
+        """Return approximate times of fall, s, to the impact height in the gravity at the present height."""
         gravity = mu_m3_s2 / radius_squared_m2
         drop = np.maximum(self._height - self._target, 0.0)
         return (self._climb + np.sqrt(self._climb * self._climb + 2.0 * gravity * drop)) / gravity
@@ -192,7 +189,7 @@ class AltitudeEvents:
     def shortened(
         self, start: StepStart, step: Step, h: FloatArray, candidate: BoolArray
     ) -> tuple[RowArray, FloatArray]:
-        """Return which candidates' steps leave their interval, and at what fraction of them they first do."""
+        """Return the candidates that step out of their interval, and the fraction of the step where they first do."""
         self._next_height, self._next_climb = self._height_and_climb(step.position, step.velocity)
         length = np.abs(h)
         rise = Rise(self._height, self._next_height, self._climb * length, self._next_climb * length)
@@ -213,7 +210,7 @@ class AltitudeEvents:
     def _turning_outside(
         self, start: StepStart, step: Step, h: FloatArray, rise: Rise, index: RowArray
     ) -> tuple[RowArray, FloatArray]:
-        """Return which of the steps at `index` turn outside their interval though both ends are inside, and where."""
+        """Return the steps at `index` that turn outside their interval with both ends inside, and where."""
         fraction = rise.of(index).turning_point()
         height, _ = height_within(start, step, h, index, fraction)
         outside = (height < self._low[index]) | (height > self._high[index])
@@ -222,9 +219,9 @@ class AltitudeEvents:
     def _crossing(
         self, start: StepStart, step: Step, h: FloatArray, rise: Rise, index: RowArray, down: BoolArray, end: FloatArray
     ) -> FloatArray:
-        """Return the fraction at which the boundary is met: on the cubic first, then one Newton step on the quintic.
+        """Return the fraction at which the boundary is crossed: on the cubic, then one Newton step on the quintic.
 
-        Where that fails, half the first fraction: the next attempt then sees the boundary from closer by.
+        Where that fails, half the first fraction: the next attempt starts closer to the boundary.
         """
         boundary = np.where(down, self._low[index], self._high[index])
         fraction = crossing_fraction(rise.of(index), boundary, down, end)
@@ -233,14 +230,14 @@ class AltitudeEvents:
         return np.where((better > 0.0) & (better < end), better, 0.5 * fraction)
 
     def advance(self, start: StepStart, accepted: BoolArray) -> GroundContact:
-        """Move the accepted arcs to the ends of the steps last looked at, which is where `start` has them."""
+        """Move the accepted arcs to the ends of the last steps, the states of `start`."""
         np.copyto(self._height, self._next_height, where=accepted)
         np.copyto(self._climb, self._next_climb, where=accepted)
         self._bend = self._curvature(start, self._climb)
         return self.settle(accepted)
 
     def settle(self, moved: BoolArray) -> GroundContact:
-        """Change over the arcs that are on a boundary, or next to it and sure to cross it."""
+        """Move arcs on a boundary, or about to cross it, into the next interval; return the contacts."""
         falling, rising = self._climb < 0.0, self._climb > 0.0
         drop, rise = self._height - self._low, self._high - self._height
         down = moved & falling & (drop <= self._slack(self._climb)) & self._will_cover(drop)
@@ -255,11 +252,11 @@ class AltitudeEvents:
         return GroundContact(changed, impact, sunk)
 
     def _will_cover(self, distance: FloatArray) -> BoolArray:
-        """Return whether the arcs, as they move, will cover twice a distance, m, before they turn round."""
+        """Return whether the arcs will cover twice a distance, m, before they turn, in the present motion."""
         return self._climb * self._climb >= 4.0 * np.abs(self._bend) * np.maximum(distance, 0.0)
 
     def time_to_target(self, position: FloatArray, velocity: FloatArray, index: RowArray) -> FloatArray:
-        """Return the times, s, after which states (3, k) of the arcs at `index`, close to their targets, are there."""
+        """Return the times, s, to the impact height of states (3, k) near it, of the arcs at `index`."""
         height, climb = height_and_climb(position, velocity, _inverse_length(position))
         return (self._target[index] - height) / climb
 
@@ -269,7 +266,7 @@ class AltitudeEvents:
         self._high = np.where(self._above, ceiling, np.minimum(ceiling, self._target))
 
     def _slack(self, climb: FloatArray) -> FloatArray:
-        """Return how close to the boundary below, m, an arc is taken to be on it."""
+        """Return the distance to the boundary below, m, within which an arc counts as on it."""
         return np.where(self._low == self._target, np.minimum(_NEAR_M, _NEAR_S * np.abs(climb)), _NEAR_M)
 
     def _height_and_climb(self, position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -277,7 +274,7 @@ class AltitudeEvents:
         return height, climb * self._direction
 
     def _curvature(self, start: StepStart, climb: FloatArray) -> FloatArray:
-        """Return about the second derivative of height, m/s²: of the radius."""
+        """Return the second derivative of the radius, m/s², for that of the height."""
         position, velocity, acceleration = start
         radial = position[0] * acceleration[0] + position[1] * acceleration[1] + position[2] * acceleration[2]
         squares = velocity * velocity
