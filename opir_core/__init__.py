@@ -19,29 +19,16 @@ if TYPE_CHECKING:
     from opir_core.simulation.engine import Engine
     from opir_core.simulation.run import Run, plan_windows, run_of_plan, simulate, windows
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "Detections": "interfaces.records",
-    "Engine": "simulation.engine",
-    "Host": "plugin.host",
-    "ModelError": "errors",
-    "OpirError": "errors",
-    "Plan": "planning.plan",
-    "PluginError": "errors",
-    "Problem": "errors",
-    "Run": "simulation.run",
-    "Scene": "scene.scene",
-    "SceneError": "errors",
-    "SinkError": "errors",
-    "Tracks": "interfaces.records",
-    "Window": "interfaces.records",
-    "compile_plan": "planning.plan",
-    "load_scene": "scene.reading",
-    "scene_from_mapping": "scene.reading",
-    "DetectionTruth": "interfaces.records",
-    "plan_windows": "simulation.run",
-    "run_of_plan": "simulation.run",
-    "simulate": "simulation.run",
-    "windows": "simulation.run",
+    "errors": "ModelError OpirError PluginError Problem SceneError SinkError",
+    "interfaces.records": "DetectionTruth Detections Tracks Window",
+    "planning.plan": "Plan compile_plan",
+    "plugin.host": "Host",
+    "scene.reading": "load_scene scene_from_mapping",
+    "scene.scene": "Scene",
+    "simulation.engine": "Engine",
+    "simulation.run": "Run plan_windows run_of_plan simulate windows",
 }
 
 __all__ = [
@@ -72,10 +59,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core' has no attribute {name!r}")
-    return getattr(import_module(f"opir_core.{home}"), name)
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

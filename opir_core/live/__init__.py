@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from opir_core.live.running import LiveRun, LiveSettings, LiveStatus, LiveWindow
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "LiveRun": "live.running",
-    "LiveSettings": "live.running",
-    "LiveStatus": "live.running",
-    "LiveWindow": "live.running",
+    "live.running": "LiveRun LiveSettings LiveStatus LiveWindow",
 }
 
 __all__ = [
@@ -25,10 +23,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core.live' has no attribute {name!r}")
-    return getattr(import_module(f"opir_core.{home}"), name)
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core.live' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -12,15 +12,12 @@ if TYPE_CHECKING:
     from opir_core.output.pump import SinkReport
     from opir_core.output.run_files import TracksFile, TruthFile, read_tracks
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "RunOutcome": "output.delivery",
-    "SinkReport": "output.pump",
-    "TracksFile": "output.run_files",
-    "TruthFile": "output.run_files",
-    "deliver": "output.delivery",
-    "detection_schema": "output.events",
-    "read_tracks": "output.run_files",
-    "schema": "output.events",
+    "output.delivery": "RunOutcome deliver",
+    "output.events": "detection_schema schema",
+    "output.pump": "SinkReport",
+    "output.run_files": "TracksFile TruthFile read_tracks",
 }
 
 __all__ = [
@@ -36,10 +33,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core.output' has no attribute {name!r}")
-    return getattr(import_module(f"opir_core.{home}"), name)
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core.output' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

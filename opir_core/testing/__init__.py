@@ -31,35 +31,22 @@ if TYPE_CHECKING:
         stub_window,
     )
 
+#: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "AscendingTargets": "doubles",
-    "AtmosphereContract": "contracts.atmospheres_and_backgrounds",
-    "BackgroundContract": "contracts.atmospheres_and_backgrounds",
-    "Broken": "contracts.contract",
-    "CertainDetection": "doubles",
-    "ClassifierContract": "contracts.confidence_and_classifiers",
-    "ConfidenceContract": "contracts.confidence_and_classifiers",
-    "ConstellationContract": "contracts.sensors",
-    "Contract": "contracts.contract",
-    "CountingTracker": "doubles",
-    "DetectionContract": "contracts.detection",
-    "EncoderContract": "contracts.outputs",
-    "FullConfidence": "doubles",
-    "NoAnswer": "doubles",
-    "SceneContract": "contracts.scenes",
-    "SensorContract": "contracts.sensors",
-    "SignatureContract": "contracts.emitters",
-    "SilentTracker": "doubles",
-    "SinkContract": "contracts.outputs",
-    "SourceContract": "contracts.emitters",
-    "TargetContract": "contracts.targets",
-    "TrackerContract": "contracts.trackers",
-    "insist": "contracts.contract",
-    "stub_estimates": "doubles",
-    "stub_plan": "doubles",
-    "stub_scene": "doubles",
-    "stub_sensor": "doubles",
-    "stub_window": "doubles",
+    "contracts.atmospheres_and_backgrounds": "AtmosphereContract BackgroundContract",
+    "contracts.confidence_and_classifiers": "ClassifierContract ConfidenceContract",
+    "contracts.contract": "Broken Contract insist",
+    "contracts.detection": "DetectionContract",
+    "contracts.emitters": "SignatureContract SourceContract",
+    "contracts.outputs": "EncoderContract SinkContract",
+    "contracts.scenes": "SceneContract",
+    "contracts.sensors": "ConstellationContract SensorContract",
+    "contracts.targets": "TargetContract",
+    "contracts.trackers": "TrackerContract",
+    "doubles": (
+        "AscendingTargets CertainDetection CountingTracker FullConfidence NoAnswer SilentTracker "
+        "stub_estimates stub_plan stub_scene stub_sensor stub_window"
+    ),
 }
 
 __all__ = [
@@ -95,10 +82,11 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'opir_core.testing' has no attribute {name!r}")
-    return getattr(import_module(f"opir_core.testing.{home}"), name)
+    for home, names in _HOMES.items():
+        if name in names.split():
+            value = globals()[name] = getattr(import_module(f"opir_core.testing.{home}"), name)
+            return value
+    raise AttributeError(f"module 'opir_core.testing' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
