@@ -25,9 +25,9 @@ from typing import Any
 
 from aiokafka import AIOKafkaProducer
 from aiokafka.partitioner import DefaultPartitioner
-from opir_kafka.carrier import KafkaCarrier
 from opir_kafka.connection import connector
 from opir_kafka.settings import KafkaConfig
+from opir_kafka.transport import KafkaTransport
 
 from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
 from opir_core.output.spool.journal import Journal
@@ -146,7 +146,7 @@ async def in_batches(config: KafkaConfig, messages: Messages) -> float:
 
 def through_the_sink(config: KafkaConfig, windows: list[Any], folder: str | None) -> float:
     backlog = MemoryBacklog(1 << 30) if folder is None else Journal(f"{folder}/spool", 1 << 30)
-    carrier = KafkaCarrier(config, connector(config))
+    carrier = KafkaTransport(config, connector(config))
     while carrier.trouble is not None:
         time.sleep(0.001)
     sink = TransportSink("kafka", carrier, backlog, EncodedBatcher(ENCODER, SENSORS), Policy())

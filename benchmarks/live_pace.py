@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.live.pace import steady_process
+from opir_core.live.pace import limit_pauses
 from opir_core.live.running import LiveRun, LiveSettings, LiveStatus
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import load_scene, scene_from_mapping, scene_mapping
@@ -55,9 +55,9 @@ HEAD = (
 def measured(host: Host, scene: Scene, seconds: float, speed: float) -> Found:
     """Run a scene for so long."""
     run = LiveRun(scene, host, LiveSettings(speed=speed, loop=True))
-    steady_process()
+    limit_pauses()
     run.start()
-    outlet, ages = run._outlets[0], []
+    outlet, ages = run._sinks[0], []
     inner: Any = outlet._sink
     write = inner.write
 

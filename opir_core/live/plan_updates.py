@@ -1,4 +1,4 @@
-"""Plans that change while they run: targets come, targets that are over go, and nobody else's looks or dice change."""
+"""Changes of a running plan: added and removed targets. Looks and random numbers of the others do not change."""
 
 import numpy as np
 from attrs import evolve
@@ -9,27 +9,27 @@ from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets
 
 
-def joined(plan: Plan, newcomers: Plan) -> Plan:
-    """Return a plan with the targets of another, which has the same sensors, behind its own."""
+def with_added_targets(plan: Plan, added: Plan) -> Plan:
+    """Return a plan with the targets of another, of the same sensors, after its own."""
     count = len(plan.targets.ids)
-    arrived = evolve(newcomers.pairs, target=(newcomers.pairs.target + count).astype(np.int32))
-    pairs = Pairs.concatenate([plan.pairs, arrived])
+    shifted = evolve(added.pairs, target=(added.pairs.target + count).astype(np.int32))
+    pairs = Pairs.concatenate([plan.pairs, shifted])
     order = np.lexsort((pairs.target, pairs.sensor))
-    ours, theirs = plan.sightlines, newcomers.sightlines
+    ours, theirs = plan.sightlines, added.sightlines
     lines = Sightlines(
         first_point=np.concatenate([ours.first_point, theirs.first_point + len(ours.travel_s)])[order],
         travel_s=np.concatenate([ours.travel_s, theirs.travel_s]),
         elevation_sine=np.concatenate([ours.elevation_sine, theirs.elevation_sine]),
         sight=np.concatenate([ours.sight, theirs.sight]),
     )
-    scene = evolve(plan.scene, targets=(*plan.scene.targets, *newcomers.scene.targets))
-    targets = _joined_targets(plan.targets, newcomers.targets)
+    scene = evolve(plan.scene, targets=(*plan.scene.targets, *added.scene.targets))
+    targets = _joined_targets(plan.targets, added.targets)
     return with_targets(evolve(plan, scene=scene), targets, pairs.take(order), lines)
 
 
-def without_those_over(plan: Plan, time_ns: int) -> Plan:
-    """Return a plan without the targets that no sensor looks at from a moment on."""
-    stays = looked_at(plan, time_ns)
+def without_finished_targets(plan: Plan, time_ns: int) -> Plan:
+    """Return a plan without the targets that no sensor looks at from a time on."""
+    stays = is_active(plan, time_ns)
     if stays.all():
         return plan
     kept = np.flatnonzero(stays)
@@ -43,8 +43,8 @@ def without_those_over(plan: Plan, time_ns: int) -> Plan:
     return with_targets(evolve(plan, scene=scene), _kept_targets(plan.targets, kept), pairs, lines)
 
 
-def looked_at(plan: Plan, time_ns: int) -> BoolArray:
-    """Return which targets (n,) a sensor still looks at, or that are still to be launched, at a moment."""
+def is_active(plan: Plan, time_ns: int) -> BoolArray:
+    """Return which targets (n,) are not launched yet, or are still looked at by a sensor, at a time."""
     stays: BoolArray = plan.targets.ignition_s * 1e9 >= time_ns
     going = (plan.pairs.looks > 0) & ~plan.pairs.is_over(time_ns)
     stays[plan.pairs.target[going]] = True
@@ -65,7 +65,7 @@ def _joined_targets(ours: Targets, theirs: Targets) -> Targets:
 
 
 def _kept_targets(targets: Targets, kept: IntArray) -> Targets:
-    """Return some of the targets; trajectories of which none is kept are let go."""
+    """Return some of the targets, without trajectories that none of them uses."""
     groups, group = np.unique(targets.group[kept], return_inverse=True)
     return Targets(
         ids=tuple(targets.ids[row] for row in kept.tolist()),
@@ -80,7 +80,7 @@ def _kept_targets(targets: Targets, kept: IntArray) -> Targets:
 
 
 def _lines_of(pairs: Pairs, lines: Sightlines, rows: IntArray) -> Sightlines:
-    """Return the lines of sight of some pairs (given with their rows), as far as their looks reach."""
+    """Return the lines of sight of some pairs (given with their rows), over the time of their looks."""
     first_step = _step(pairs, pairs.first_scan)
     points = np.where(pairs.looks > 0, _step(pairs, pairs.last_scan) - first_step + 2, 0)
     offset = np.cumsum(points) - points
@@ -95,21 +95,21 @@ def _lines_of(pairs: Pairs, lines: Sightlines, rows: IntArray) -> Sightlines:
 
 
 def _step(pairs: Pairs, scan: IntArray) -> IntArray:
-    """Return the grid step that scans (n,) of pairs (n,) fall in, as `Sightlines.place` has it."""
+    """Return the grid step of scans (n,) of pairs (n,), as in `Sightlines.place`."""
     time_s: FloatArray = (pairs.phase_ns + scan * pairs.period_ns).astype(np.float64) * 1e-9
     return np.floor(time_s).astype(np.int64)
 
 
 def scan_generations(plan: Plan, former: Plan) -> tuple[int, ...]:
-    """Return the generation of each sensor's scans: one more where scans are no longer at the times they had.
+    """Return the generation of each sensor's scans: one more if the scan times have changed.
 
-    Scans of another generation are numbered anew, so they must not share random numbers or ids with those before.
-    Both plans have the same sensors and targets.
+    Scans of a new generation are numbered anew and must not share random numbers or ids with earlier ones. Both plans
+    have the same sensors and targets.
     """
     differs = (plan.pairs.period_ns != former.pairs.period_ns) | (plan.pairs.phase_ns != former.pairs.phase_ns)
     sensors: IndexArray = plan.pairs.sensor[differs]
     moved = set(sensors.tolist())
-    both = enumerate(zip(plan.sensors, former.sensors, strict=True))
-    moved |= {row for row, (now, before) in both if now.scan.period_ns != before.scan.period_ns}
+    sensors_now = enumerate(zip(plan.sensors, former.sensors, strict=True))
+    moved |= {row for row, (now, before) in sensors_now if now.scan.period_ns != before.scan.period_ns}
     numbers = former.scan_generations or (0,) * len(plan.sensors)
     return tuple(number + (row in moved) for row, number in enumerate(numbers)) if moved else former.scan_generations

@@ -1,7 +1,4 @@
-"""A run paced by the clock, in a thread of its own: window by window, with changes let in between two windows.
-
-What a live run tells of itself while it runs.
-"""
+"""Live runs: a scene paced by the clock, in a thread of its own, with changes applied between two windows."""
 
 import threading
 import time
@@ -15,11 +12,19 @@ from attrs import define, evolve, field, frozen
 from opir_core.arrays import IntArray
 from opir_core.errors import OpirError
 from opir_core.interfaces.records import Window
-from opir_core.live.change_lock import BusyError, Changes, PastError, RefusedError, waited_for
-from opir_core.live.change_validation import Draft, drafted_launch, drafted_settings
-from opir_core.live.laps import Laps, Launched, Place, Shift, past, timed
+from opir_core.live.changes import (
+    BusyError,
+    Change,
+    ChangeQueue,
+    PastError,
+    RefusedError,
+    launch_change,
+    settings_change,
+    wait_until,
+)
+from opir_core.live.loops import LapOffset, LapPlans, Launched, RunPosition, launch_in_lap, past_error
 from opir_core.live.pace import Pace
-from opir_core.live.plan_updates import looked_at
+from opir_core.live.plan_updates import is_active
 from opir_core.output.delivery import opened_sink
 from opir_core.output.sink_thread import SinkStatus, SinkThread
 from opir_core.planning.plan import Plan, compile_plan
@@ -28,13 +33,13 @@ from opir_core.scene.reading import scene_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
 
-#: Upper edges of the classes in which late cycles are counted, s; the last class has all that are later.
+#: Upper edges, s, of the histogram of lateness; a last bin has all later cycles.
 LATE_EDGES_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
 
 
 @frozen(eq=False)
 class LiveWindow:
-    """A window of a live run: as sinks get it, with the cycle it ended, its lap, and the plan it came from."""
+    """A window of a live run as written to sinks, with its cycle, lap and plan."""
 
     window: Window
     cycle: int
@@ -44,7 +49,7 @@ class LiveWindow:
 
 @frozen
 class SensorStatus:
-    """What a sensor has done; times are of the scene."""
+    """Detections of a sensor; the last one's scene time is None before the first."""
 
     id: str
     type: str
@@ -54,7 +59,7 @@ class SensorStatus:
 
 @frozen
 class LiveStatus:
-    """A live run at a moment. States: starting, running, ended, stopped, failed."""
+    """State and counts of a live run. States: starting, running, ended, stopped, failed."""
 
     state: str
     error: str | None
@@ -77,7 +82,7 @@ class LiveStatus:
 
 @define(eq=False)
 class Counts:
-    """What has happened so far; written by the run's thread alone."""
+    """Counts of a live run; only the run's thread changes them."""
 
     detections_by_sensor: IntArray
     last_ns: IntArray
@@ -93,19 +98,19 @@ class Counts:
 
     @classmethod
     def of(cls, sensors: int) -> "Counts":
-        """Return counts of nothing yet."""
+        """Return zero counts for a number of sensors."""
         return cls(np.zeros(sensors, dtype=np.int64), np.full(sensors, -1, dtype=np.int64))
 
     def take(self, window: Window) -> None:
         """Count a window's looks and detections."""
-        found = window.detections
+        detections = window.detections
         self.looks += window.looks
-        self.detections += len(found)
-        self.detections_by_sensor += np.bincount(found.sensor, minlength=len(self.last_ns))
-        self.last_ns[found.sensor] = found.time_ns
+        self.detections += len(detections)
+        self.detections_by_sensor += np.bincount(detections.sensor, minlength=len(self.last_ns))
+        self.last_ns[detections.sensor] = detections.time_ns
 
     def ended(self, time_ns: int, late_s: float, allowed_s: float) -> None:
-        """Count a cycle that came up to `time_ns`, and how late it was done; `allowed_s` is how late it may be."""
+        """Count a cycle up to scene time `time_ns` and its lateness; over `allowed_s` it missed its deadline."""
         self.time_ns = time_ns
         self.cycle += 1
         self.late_s = max(late_s, 0.0)
@@ -115,7 +120,7 @@ class Counts:
         self.late_counts[int(np.searchsorted(LATE_EDGES_S, self.late_s))] += 1
 
     def sensors(self, plan: Plan) -> tuple[SensorStatus, ...]:
-        """Return what each sensor has done."""
+        """Return the status of each sensor."""
         rows = zip(plan.sensors, self.detections_by_sensor.tolist(), self.last_ns.tolist(), strict=True)
         return tuple(
             SensorStatus(sensor.id, sensor.type, count, last * 1e-9 if last >= 0 else None)
@@ -128,7 +133,7 @@ _NS = 1_000_000_000
 
 @frozen(kw_only=True)
 class LiveSettings:
-    """How a run goes: scene time per real time (None: as fast as it goes), real time of a cycle, again and again."""
+    """Settings of a live run: scene time per real time (None: unpaced), real time of a cycle, looping."""
 
     speed: float | None = 1.0
     cycle_ns: int = 50_000_000
@@ -137,7 +142,7 @@ class LiveSettings:
 
 
 class LiveRun:
-    """Runs a scene in its own thread; every public method may be called from any other."""
+    """A scene that runs in its own thread; public methods may be called from any other thread."""
 
     def __init__(
         self,
@@ -147,52 +152,52 @@ class LiveRun:
         on_window: Callable[[LiveWindow], None] = lambda _window: None,
     ) -> None:
         self.scene, self.host, self.settings = scene, host, settings
-        #: Called with each window, by the thread of the run; must not wait.
+        #: Called with each window by the thread of the run; must not block.
         self.on_window = on_window
-        #: Replaced as a whole, by the run's thread alone, so that a plan, its lap and its time are read as one.
-        self._place = Place(Engine(compile_plan(scene, host)), 0, Shift())
-        self._laps = Laps(scene, host, self.plan.end_ns) if settings.loop else None
+        #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always belong together.
+        self._position = RunPosition(Engine(compile_plan(scene, host)), 0, LapOffset())
+        self._lap_plans = LapPlans(scene, host, self.plan.end_ns) if settings.loop else None
         self._pace = Pace(settings.speed, settings.cycle_ns)
         self._counts = Counts.of(len(scene.sensors))
-        self._launched = len(scene.targets)
+        self._launch_count = len(scene.targets)
         self._tracks = 0
-        self._outlets: tuple[SinkThread, ...] = ()
+        self._sinks: tuple[SinkThread, ...] = ()
         self._stopping = threading.Event()
-        self._changes = Changes(self._stopping)
+        self._changes = ChangeQueue(self._stopping)
         self._state = "starting"
         self._error: str | None = None
         self._thread = threading.Thread(target=self._work, name="opir-engine", daemon=True)
 
     def start(self) -> None:
-        """Open the sinks and begin; raises `SinkError` where a sink cannot be opened."""
-        plan, outlets = self.plan, list[SinkThread]()
+        """Open the sinks and start the thread; raises `SinkError` if a sink cannot be opened."""
+        plan, sinks = self.plan, list[SinkThread]()
         try:
             for choice in plan.scene.outputs:
                 is_spooled = choice.spool is not None
-                outlets.append(SinkThread(choice.path, choice.name, opened_sink(plan, choice), is_spooled=is_spooled))
+                sinks.append(SinkThread(choice.path, choice.name, opened_sink(plan, choice), is_spooled=is_spooled))
         except BaseException:
-            for outlet in outlets:
-                outlet.close(time.monotonic() + 1.0)
+            for sink in sinks:
+                sink.close(time.monotonic() + 1.0)
             raise
-        self._outlets, self._state = tuple(outlets), "running"
-        if self._laps is not None:
-            self._laps.prepare(1)
+        self._sinks, self._state = tuple(sinks), "running"
+        if self._lap_plans is not None:
+            self._lap_plans.prepare(1)
         self._pace.start()
         self._thread.start()
 
     def halt(self) -> None:
-        """Let the run end after the cycle at hand, and refuse changes; does not wait."""
+        """End the run after the present cycle and refuse changes; returns at once."""
         self._stopping.set()
 
     def stop(self, within_s: float = 4.0) -> LiveStatus:
-        """End the run, let the sinks take what is queued, close them, and return how things stand."""
+        """End the run, empty the queues of the sinks, close them, and return the status."""
         deadline_s = time.monotonic() + within_s
         self._stopping.set()
-        for outlet in self._outlets:
-            outlet.close_by(deadline_s)
+        for sink in self._sinks:
+            sink.close_by(deadline_s)
         if self._thread.is_alive():
             self._thread.join(within_s / 2)
-        closings = [threading.Thread(target=outlet.close, args=(deadline_s,)) for outlet in self._outlets]
+        closings = [threading.Thread(target=sink.close, args=(deadline_s,)) for sink in self._sinks]
         for closing in closings:
             closing.start()
         for closing in closings:
@@ -204,28 +209,28 @@ class LiveRun:
     @property
     def plan(self) -> Plan:
         """The plan in force."""
-        return self._place.engine.plan
+        return self._position.engine.plan
 
     @property
     def time_ns(self) -> int:
-        """Scene time, all laps, up to which the run has come."""
-        return self._place.time_ns
+        """Scene time, over all laps, that the run has reached."""
+        return self._position.time_ns
 
     @property
     def state(self) -> str:
-        """The run's state, as its status has it."""
+        """The state, as in `LiveStatus`."""
         return self._state
 
     def status(self) -> LiveStatus:
-        """Return how things stand."""
-        counts, place = self._counts, self._place
-        plan = place.engine.plan
+        """Return state and counts."""
+        counts, position = self._counts, self._position
+        plan = position.engine.plan
         return LiveStatus(
             state=self._state,
             error=self._error,
             time_ns=counts.time_ns,
             cycle=counts.cycle,
-            lap=place.lap,
+            lap=position.lap,
             speed=self.settings.speed,
             late_s=counts.late_s,
             latest_s=counts.latest_s,
@@ -234,140 +239,142 @@ class LiveRun:
             late_total_s=counts.late_total_s,
             looks=counts.looks,
             detections=counts.detections,
-            targets=int(looked_at(plan, place.engine.time_ns).sum()),
-            targets_launched=self._launched,
+            targets=int(is_active(plan, position.engine.time_ns).sum()),
+            targets_launched=self._launch_count,
             sensors=counts.sensors(plan),
-            sinks=tuple(outlet.status() for outlet in self._outlets),
+            sinks=tuple(sink.status() for sink in self._sinks),
         )
 
     def settings_mapping(self) -> dict[str, Any]:
-        """Return the scene's settings in force, as plain data: its mapping without targets and sources."""
-        told = scene_mapping(evolve(self.plan.scene, epoch_us=self.scene.epoch_us, seed=self.scene.seed))
-        return {key: value for key, value in told.items() if key not in ("targets", "sources")}
+        """Return the present settings of the scene as plain data: its mapping without targets and sources."""
+        settings = scene_mapping(evolve(self.plan.scene, epoch_us=self.scene.epoch_us, seed=self.scene.seed))
+        return {key: value for key, value in settings.items() if key not in ("targets", "sources")}
 
     def launch(self, block: Mapping[str, Any]) -> Launched:
-        """Add a target; `block` is as in a scene's `targets`, its `id` and its `launch.time_s` may be left out.
+        """Add a target; `block` has the layout of a scene's targets, `id` and `launch.time_s` are optional.
 
-        The time counts from the scene's epoch; left out, it is as soon as can be. Raises `SceneError`, `PluginError` or
-        `ModelError` for what is wrong with it, `RefusedError` where the run cannot take it.
+        `time_s` counts from the scene's epoch; by default it is the earliest possible. Raises `SceneError`,
+        `PluginError` or `ModelError` for an invalid block, `RefusedError` if the run cannot add the target.
         """
-        with self._changes.turn() as give_up_s:
+        with self._changes.lock() as give_up_s:
             if self.status().targets >= self.settings.maximum_targets:
-                raise BusyError(f"{self.settings.maximum_targets} targets are in the run, the most it takes at a time")
-            self._launched += 1
+                raise BusyError(f"the run has {self.settings.maximum_targets} targets, its maximum; try again later")
+            self._launch_count += 1
             lead_ns = 3 * self._pace.step_ns(self.time_ns)
             while time.monotonic() < give_up_s:
-                place, asked_ns = self._place, self.time_ns
-                whole, is_ours = timed(block, f"live-{self._launched}", place, place.engine.time_ns + lead_ns)
-                duration_s = place.engine.plan.scene.duration_s
-                if is_ours and whole["launch"]["time_s"] >= duration_s:
-                    self._await_lap_after(place.lap, give_up_s)
+                position, asked_ns = self._position, self.time_ns
+                earliest_ns = position.engine.time_ns + lead_ns
+                whole, is_chosen = launch_in_lap(block, f"live-{self._launch_count}", position, earliest_ns)
+                duration_s = position.engine.plan.scene.duration_s
+                if is_chosen and whole["launch"]["time_s"] >= duration_s:
+                    self._await_lap_after(position.lap, give_up_s)
                     continue
-                draft = drafted_launch(place.engine.plan, whole, place.engine.time_ns, place.lap)
+                change = launch_change(position.engine.plan, whole, position.engine.time_ns, position.lap)
                 try:
-                    cycle = self._taken(draft, give_up_s)
+                    cycle = self._applied(change, give_up_s)
                 except PastError:
-                    if not is_ours:
+                    if not is_chosen:
                         raise
-                    # Half a lap at most: later than that, a lap may never have time for it.
+                    # Half a lap at most: with a longer lead, a lap may never have time for it.
                     lead_ns = min(2 * max(lead_ns, self.time_ns - asked_ns), int(duration_s * _NS) // 2)
                 else:
-                    return Launched(whole["id"], whole["launch"]["time_s"] + place.shift.time_ns / _NS, cycle)
+                    return Launched(whole["id"], whole["launch"]["time_s"] + position.offset.time_ns / _NS, cycle)
             raise BusyError("the run is too fast for a launch without a time; give launch.time_s")
 
     def configure(self, mapping: Mapping[str, Any]) -> int:
         """Change the scene's settings, all or none, at the start of a cycle; return the cycle.
 
-        `mapping` is laid out as `settings_mapping` gives it. Raises `SceneError`, `PluginError`, `ModelError` for what
-        is wrong with it, `RestartError` for what a running scene cannot change, `RefusedError` where the run has ended.
+        `mapping` has the layout of `settings_mapping`. Raises `SceneError`, `PluginError` or `ModelError` for an
+        invalid mapping, `RestartError` for settings that a running scene cannot change, `RefusedError` if the run has
+        ended.
         """
-        with self._changes.turn() as give_up_s:
+        with self._changes.lock() as give_up_s:
             while time.monotonic() < give_up_s:
-                place = self._place
-                draft = drafted_settings(place.engine.plan, mapping, place.lap, self.scene)
+                position = self._position
+                change = settings_change(position.engine.plan, mapping, position.lap, self.scene)
                 try:
-                    return self._taken(draft, give_up_s)
+                    return self._applied(change, give_up_s)
                 except PastError:
                     continue
             raise BusyError("the run's laps are too short to change it")
 
     def _await_lap_after(self, lap: int, give_up_s: float) -> None:
-        """Wait for the lap after one that is all but over; raises `RefusedError` where there is none."""
-        if self._laps is None:
-            raise RefusedError("the scene ends before it could go up: start it again, or start it with --loop")
-        if not waited_for(lambda: self._place.lap != lap or self._state != "running", self._stopping, give_up_s):
-            raise BusyError("the run is held up; try again")
+        """Wait for the lap after one that is nearly over; raises `RefusedError` if there is none."""
+        if self._lap_plans is None:
+            raise RefusedError("the scene ends before the launch: start it again, or start it with --loop")
+        if not wait_until(lambda: self._position.lap != lap or self._state != "running", self._stopping, give_up_s):
+            raise BusyError("the run waits for a sink; try again")
 
-    def _taken(self, draft: Draft, give_up_s: float) -> int:
-        """Return the cycle at whose start a draft took over."""
+    def _applied(self, change: Change, give_up_s: float) -> int:
+        """Return the cycle at whose start a change was applied."""
         if self._state != "running":
             raise RefusedError(f"the run has {self._state}: start it again, or start it with --loop")
-        return self._changes.taken(draft, give_up_s)
+        return self._changes.apply(change, give_up_s)
 
     def _work(self) -> None:
         try:
             while not self._stopping.is_set() and self._cycle():
                 pass
             self._state = "stopped" if self._stopping.is_set() else "ended"
-        except Exception as error:  # told by status and health, and by the exit code
+        except Exception as error:  # reported by status, health and exit code
             self._error = str(error) if isinstance(error, OpirError) else f"{type(error).__name__}: {error}"
             self._state = "failed"
-        for _, answer in self._changes.asked():
+        for _, answer in self._changes.pending():
             answer.set_exception(RefusedError(f"the run has {self._state}"))
 
     def _cycle(self) -> bool:
-        """Go one window on; return whether there is another."""
-        self._take_over()
-        place = self._place
-        if place.engine.time_ns >= place.engine.plan.end_ns:
-            if self._laps is None:
+        """Run one cycle; return whether there is another."""
+        self._apply_changes()
+        position = self._position
+        if position.engine.time_ns >= position.engine.plan.end_ns:
+            if self._lap_plans is None:
                 return False
-            place = self._next_lap(self._laps)
-        engine, shift = place.engine, place.shift
-        edge_ns = min(engine.time_ns + self._pace.step_ns(place.time_ns), engine.plan.end_ns)
-        due_ns = edge_ns + shift.time_ns
+            position = self._next_lap(self._lap_plans)
+        engine, offset = position.engine, position.offset
+        edge_ns = min(engine.time_ns + self._pace.step_ns(position.time_ns), engine.plan.end_ns)
+        due_ns = edge_ns + offset.time_ns
         if not self._pace.wait(due_ns, self._stopping):
             return False
-        window = shift.shifted(engine.advance(edge_ns))
+        window = offset.shifted(engine.advance(edge_ns))
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
-        self._hand_over(window)
-        self.on_window(LiveWindow(window, self._counts.cycle, place.lap, engine.plan))
+        self._write(window)
+        self.on_window(LiveWindow(window, self._counts.cycle, position.lap, engine.plan))
         allowed_s = min(sensor.scan.period_ns for sensor in engine.plan.sensors) / _NS
         self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
         return True
 
-    def _hand_over(self, window: Window) -> None:
-        """Give a window to the outlets, to those with a spool first: nobody hears of an event that may yet be lost."""
-        outlets = self._outlets if len(window.detections) else ()
-        for outlet in outlets:
-            if outlet.is_spooled:
-                outlet.write(window, self._stopping)
+    def _write(self, window: Window) -> None:
+        """Write a window to the sinks, first to those with a spool: no event is visible before it is safe from loss."""
+        sinks = self._sinks if len(window.detections) else ()
+        for sink in sinks:
+            if sink.is_spooled:
+                sink.write(window, self._stopping)
         self._counts.take(window)
-        for outlet in outlets:
-            if not outlet.is_spooled:
-                outlet.write(window, self._stopping)
+        for sink in sinks:
+            if not sink.is_spooled:
+                sink.write(window, self._stopping)
 
-    def _next_lap(self, laps: Laps) -> Place:
-        lap = self._place.lap + 1
-        plan = laps.plan(lap)
-        self._place = Place(Engine(plan), lap, Shift(lap * laps.lap_ns, self._tracks))
-        self._launched += len(plan.targets.ids)
-        laps.prepare(lap + 1)
-        return self._place
+    def _next_lap(self, lap_plans: LapPlans) -> RunPosition:
+        lap = self._position.lap + 1
+        plan = lap_plans.plan(lap)
+        self._position = RunPosition(Engine(plan), lap, LapOffset(lap * lap_plans.lap_ns, self._tracks))
+        self._launch_count += len(plan.targets.ids)
+        lap_plans.prepare(lap + 1)
+        return self._position
 
-    def _take_over(self) -> None:
-        """Let in what was asked for since the last window."""
-        for draft, answer in self._changes.asked():
-            place = self._place
-            is_late = draft.not_after_ns is not None and draft.not_after_ns < place.engine.time_ns
-            if is_late or draft.lap != place.lap:
-                answer.set_exception(past(self.time_ns))
+    def _apply_changes(self) -> None:
+        """Apply the changes queued since the last window."""
+        for change, answer in self._changes.pending():
+            position = self._position
+            is_late = change.not_after_ns is not None and change.not_after_ns < position.engine.time_ns
+            if is_late or change.lap != position.lap:
+                answer.set_exception(past_error(self.time_ns))
                 continue
-            draft.engine.take_over(place.engine)
-            self._place = evolve(place, engine=draft.engine)
-            if self._laps is not None and draft.base is not None:
-                self._laps.prepare(place.lap + 1, draft.base)
-            for choice in draft.reopened:
-                outlet = next(outlet for outlet in self._outlets if outlet.path == choice.path)
-                outlet.replace(partial(opened_sink, draft.engine.plan, choice), is_spooled=choice.spool is not None)
+            change.engine.take_over(position.engine)
+            self._position = evolve(position, engine=change.engine)
+            if self._lap_plans is not None and change.base is not None:
+                self._lap_plans.prepare(position.lap + 1, change.base)
+            for choice in change.reopened:
+                sink = next(sink for sink in self._sinks if sink.path == choice.path)
+                sink.replace(partial(opened_sink, change.engine.plan, choice), is_spooled=choice.spool is not None)
             answer.set_result(self._counts.cycle)

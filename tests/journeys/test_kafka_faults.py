@@ -19,6 +19,7 @@ from forked_processes import killed_at_random
 from kafka_broker import (
     INIT_PRODUCER_ID,
     METADATA,
+    PERMANENT_CODES,
     PRODUCE,
     brief,
     closed,
@@ -27,7 +28,6 @@ from kafka_broker import (
     kafka_sink,
     messages,
 )
-from opir_kafka.failures import FATAL_CODES
 from spool_transports import SENSORS, fill, window
 
 from opir_core.errors import SinkError
@@ -194,7 +194,7 @@ def test_the_broker_answers_with_every_code_that_may_pass(mock: Any, spool: Path
     examine(mock, topic, 620)
 
 
-@pytest.mark.parametrize("code", sorted(FATAL_CODES - {58}))  # 58, a refused login, comes at the door alone
+@pytest.mark.parametrize("code", PERMANENT_CODES)
 def test_the_broker_answers_with_a_code_that_cannot_pass(mock: Any, spool: Path, code: int) -> None:
     topic = mock.topic(1)
     mock.tell("error", PRODUCE, code)

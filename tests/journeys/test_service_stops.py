@@ -20,7 +20,7 @@ import pytest
 from attrs import frozen
 from http_service import JSON, LAUNCH
 from kafka_broker import dead_address
-from waiting import until
+from waiting import until, within
 
 #: A service has ended so long after it was told to, s.
 STOP_S = 5.0
@@ -75,10 +75,10 @@ def serving(folder: Path, *words: str, stderr: int = subprocess.DEVNULL) -> Iter
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, text=True)
     try:
         assert process.stdout is not None
-        yield Running(process, int(process.stdout.readline().rpartition(":")[2]))
+        yield Running(process, int(within(60.0, process.stdout.readline).rpartition(":")[2]))
     finally:
         process.kill()
-        process.wait()
+        process.wait(30.0)
         if process.stdout is not None:
             process.stdout.close()
 
@@ -133,7 +133,7 @@ def test_sigterm_ends_it_in_time_while_a_full_spool_holds_the_run_and_a_launch_w
             asking.start()
             time.sleep(0.3)
             told = running.terminated()
-            asking.join()
+            asking.join(30.0)
             assert running.process.returncode == 0, told
     finally:
         os.close(reading)

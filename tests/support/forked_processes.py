@@ -16,6 +16,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from waiting import until, within
+
 
 def main() -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -43,22 +45,14 @@ def killed_at_random(module: str, function: str, folder: Path, moments: int, lon
     dice, first = random.Random(moments), 0
     for _ in range(moments):
         folk.stdin.write(f"{function} {json.dumps([str(folder), first, *more])}\n")
-        number = int(folk.stdout.readline())
-        wait_until_taken(folder / "taken", first)
+        number = int(within(30.0, folk.stdout.readline))
+        until(lambda: next_number(folder / "taken") > first, 30.0)  # noqa: B023
         time.sleep(longest_s * dice.random())
         os.kill(number, signal.SIGKILL)
-        while is_alive(number):
-            time.sleep(0.001)
+        until(lambda: not is_alive(number), 30.0)  # noqa: B023 - read before the next is born
         first = next_number(folder / "taken")
-    folk.communicate()
+    folk.communicate(timeout=30.0)
     return first
-
-
-def wait_until_taken(path: Path, first: int) -> None:
-    give_up_at = time.monotonic() + 30.0
-    while next_number(path) <= first:
-        assert time.monotonic() < give_up_at
-        time.sleep(0.001)
 
 
 def next_number(path: Path) -> int:

@@ -17,6 +17,7 @@ from opir_http.openapi import document
 from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.serving import server_of, service_of
+from waiting import within
 
 from opir_core.plugin.host import Host
 
@@ -75,15 +76,19 @@ class Stand:
         *,
         timeout_s: float = 20,
     ) -> Answer:
-        """Make one request; a body that is not bytes is sent as JSON."""
+        """Make one request; a body that is not bytes is sent as JSON. An answer that does not end in time fails."""
         raw = body if body is None or isinstance(body, bytes) else json.dumps(body).encode()
         given = {**(JSON if raw is not None else {}), **(headers or {})}
         connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=timeout_s)
-        try:
+
+        def answer() -> Answer:
             connection.request(method, path, raw, given)
             response = connection.getresponse()
-            told = {key.lower(): value for key, value in response.getheaders()}
-            return Answer(response.status, told, response.read())
+            fields = {key.lower(): value for key, value in response.getheaders()}
+            return Answer(response.status, fields, response.read())
+
+        try:
+            return within(timeout_s + 5.0, answer)
         finally:
             connection.close()
 
@@ -107,19 +112,21 @@ def serving(
 
     with bound("127.0.0.1", 0) as listening:
         service.run.start()
-        thread = threading.Thread(target=lambda: asyncio.run(run()))
+        thread = threading.Thread(target=lambda: asyncio.run(run()), daemon=True)
         thread.start()
         try:
-            begun.wait(10.0)
+            assert begun.wait(10.0), "the server does not start"
             yield Stand(listening.getsockname()[1], service, servers[0])
         finally:
-            servers[0].should_exit = True
+            for server in servers:
+                server.should_exit = True
             thread.join(10.0)
             service.feed.stop()
             service.run.stop()
+            assert not thread.is_alive(), "the server does not stop"
 
 
 def conforms(value: Any, name: str) -> None:
-    """Fail where a value is not what the service's document says of a schema."""
+    """Fail if a value does not conform to a schema of the service's OpenAPI document."""
     whole = document()
     jsonschema.validate(value, {"$ref": f"#/components/schemas/{name}", "components": whole["components"]})

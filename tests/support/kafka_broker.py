@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import confluent_kafka
-from opir_kafka.carrier import KafkaCarrier
 from opir_kafka.connection import connector
 from opir_kafka.settings import KafkaConfig
+from opir_kafka.transport import KafkaTransport
 from spool_transports import ENCODER, SENSORS, take_for_ever, window
+from waiting import within
 
 from opir_core.interfaces.protocols import Delivery
 from opir_core.output.spool.batches import EncodedBatcher, MemoryBacklog
@@ -32,6 +33,27 @@ PARTITIONS = 3
 PRODUCE, METADATA, INIT_PRODUCER_ID = 0, 3, 22
 #: What closing may take: the policy's stall, the goodbyes of a connection, and a slow machine.
 CLOSE_S = 8.0 + 6.0
+#: Errors that the protocol's table (https://kafka.apache.org/protocol#protocol_error_codes) calls not retriable, caused
+#: by the message, the request or the permission alone. 58, a refused login, occurs only in connecting.
+PERMANENT_CODES = {
+    10: "MESSAGE_TOO_LARGE",
+    17: "INVALID_TOPIC_EXCEPTION",
+    18: "RECORD_LIST_TOO_LARGE",
+    21: "INVALID_REQUIRED_ACKS",
+    29: "TOPIC_AUTHORIZATION_FAILED",
+    31: "CLUSTER_AUTHORIZATION_FAILED",
+    32: "INVALID_TIMESTAMP",
+    33: "UNSUPPORTED_SASL_MECHANISM",
+    34: "ILLEGAL_SASL_STATE",
+    35: "UNSUPPORTED_VERSION",
+    42: "INVALID_REQUEST",
+    43: "UNSUPPORTED_FOR_MESSAGE_FORMAT",
+    44: "POLICY_VIOLATION",
+    53: "TRANSACTIONAL_ID_AUTHORIZATION_FAILED",
+    54: "SECURITY_DISABLED",
+    76: "UNSUPPORTED_COMPRESSION_TYPE",
+    87: "INVALID_RECORD",
+}
 _names = (f"opir-test-{os.getpid()}-{time.time_ns()}-{number}" for number in itertools.count())
 
 #: Times short enough for tests; the sink's rules are those of its defaults.
@@ -54,13 +76,13 @@ class MockBroker:
             [sys.executable, program], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
         assert self._process.stdout is not None
-        self.address = self._process.stdout.readline().strip()
+        self.address = within(30.0, self._process.stdout.readline).strip()
 
     def tell(self, *words: object) -> None:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(" ".join(map(str, words)) + "\n")
-        assert self._process.stdout.readline() == "done\n"
+        assert within(30.0, self._process.stdout.readline) == "done\n"
 
     def topic(self, partitions: int = PARTITIONS) -> str:
         name = next(_names)
@@ -135,9 +157,9 @@ def config(address: str, topic: str, **settings: Any) -> KafkaConfig:
     return KafkaConfig(**{"bootstrap_servers": address, "topic": topic, **BRISK, **settings})
 
 
-def carrier(address: str, topic: str, **settings: Any) -> KafkaCarrier:
+def carrier(address: str, topic: str, **settings: Any) -> KafkaTransport:
     made = config(address, topic, **settings)
-    return KafkaCarrier(made, connector(made))
+    return KafkaTransport(made, connector(made))
 
 
 def kafka_sink(

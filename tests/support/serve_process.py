@@ -9,11 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import opir_http.serving
-import opir_kafka.carrier
+import opir_kafka.transport
+from waiting import within
 
 from opir_core.cli.main import main
 
-IMPORTED = (opir_http.serving, opir_kafka.carrier)
+IMPORTED = (opir_http.serving, opir_kafka.transport)
 
 
 def opir(log: str, *words: str) -> None:
@@ -37,7 +38,7 @@ class Nursery:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(f"opir {json.dumps([str(log), *words])}\n")
-        return int(self._process.stdout.readline())
+        return int(within(30.0, self._process.stdout.readline))
 
     def close(self) -> None:
         self._process.communicate(timeout=20.0)

@@ -1,13 +1,31 @@
-"""Waiting for what another thread or process does."""
+"""Waits with a deadline, for another thread or process."""
 
+import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from concurrent.futures import Future
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
 
 
 def until(is_so: Callable[[], Any], within_s: float = 60.0) -> None:
-    """Wait until something is so; fail where it does not come about."""
+    """Wait until a condition is met; fail at the deadline."""
     give_up_at = time.monotonic() + within_s
     while not is_so():
-        assert time.monotonic() < give_up_at, "it did not come about"
+        assert time.monotonic() < give_up_at, "the condition is not met in time"
         time.sleep(0.005)
+
+
+def within(seconds: float, call: Callable[[], Result]) -> Result:
+    """Return what a call that may block for ever returns, or raise what it raises; `TimeoutError` at the deadline."""
+    answer: Future[Result] = Future()
+
+    def run() -> None:
+        try:
+            answer.set_result(call())
+        except BaseException as error:
+            answer.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return answer.result(seconds)

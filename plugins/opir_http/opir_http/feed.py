@@ -5,14 +5,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import msgspec
 
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Window
-from opir_core.live.broadcast import Viewer
 from opir_core.live.running import LiveWindow
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import unix_microseconds
@@ -29,6 +28,47 @@ BRIEF = 40
 _STATUS_S = 1.0
 _HEARTBEAT_S = 10.0
 _json = msgspec.json.Encoder().encode
+
+
+Item = TypeVar("Item")
+
+
+class LossyQueue(Generic[Item]):
+    """A bounded queue between threads; a full one loses its oldest items, which `dropped` counts."""
+
+    def __init__(self, size: int) -> None:
+        self._items: deque[Item] = deque()
+        self._size = size
+        self._ready = threading.Condition()
+        self._is_closed = False
+        self.dropped = 0
+
+    def put(self, item: Item) -> None:
+        """Append an item; never waits."""
+        with self._ready:
+            if len(self._items) >= self._size:
+                self._items.popleft()
+                self.dropped += 1
+            self._items.append(item)
+            self._ready.notify()
+
+    def take(self, timeout_s: float) -> Item | None:
+        """Return the oldest item; None if there is none within `timeout_s` or the queue is closed."""
+        with self._ready:
+            self._ready.wait_for(lambda: self._items or self._is_closed, timeout_s)
+            return self._items.popleft() if self._items else None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the queue is closed and empty."""
+        with self._ready:
+            return self._is_closed and not self._items
+
+    def close(self) -> None:
+        """Accept no more items."""
+        with self._ready:
+            self._is_closed = True
+            self._ready.notify_all()
 
 
 class Client:
@@ -83,7 +123,7 @@ class Feed:
         self.sensors, self.epoch_us = sensors, epoch_us
         self._status = status
         self._encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=epoch_us))
-        self._windows: Viewer[LiveWindow] = Viewer(QUEUED_WINDOWS)
+        self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread = threading.Thread(target=self._work, name="opir-feed", daemon=True)

@@ -1,8 +1,8 @@
-"""Connections: a producer that is up within its deadline, and gone within its deadline.
+"""Connections: producers that are started and closed within deadlines.
 
-aiokafka's `start()` fails at once when no broker answers, and says only in its log why; with idempotence its `stop()`
-and every batch wait for ever for a broker that went away. So every await here has a deadline, and what a producer
-leaves behind in the loop is cancelled: the loop is this sink's alone.
+aiokafka's `start()` fails at once if no broker answers, with the reason only in its log; with idempotence its `stop()`
+and every batch wait for ever for a broker that is gone. So every await here has a deadline, and the tasks that a
+producer leaves in the loop, which belongs to this sink alone, are cancelled.
 """
 
 import asyncio
@@ -21,21 +21,21 @@ from opir_kafka.settings import KafkaConfig, SecurityConfig
 
 Connector = Callable[[], Awaitable[AIOKafkaProducer]]
 
-#: What the names of this sink's own tasks begin with; all others in its loop are its producer's.
+#: Prefix of the names of this sink's own tasks; all others in its loop are its producer's.
 OURS = "opir kafka"
-#: How long a producer may take to say goodbye, each of three steps.
-_GOODBYE_S = 0.4
+#: Time, s, for each of the three steps of closing a producer.
+_CLOSE_STEP_S = 0.4
 _RETRY_PAUSE_MS = 100
 
 _log = logging.getLogger(__name__)
-# aiokafka logs every failed try; without a handler Python would print them into the user's terminal.
+# aiokafka logs every failed attempt; without a handler Python would print them into the user's terminal.
 logging.getLogger("aiokafka").addHandler(logging.NullHandler())
-# At level DEBUG it logs every request, that of the login with the password in it.
+# At level DEBUG it logs every request, also the login with its password.
 logging.getLogger("aiokafka.conn").addFilter(lambda record: "SaslAuthenticate" not in record.getMessage())
 
 
 def connector(config: KafkaConfig) -> Connector:
-    """Return what makes connected producers; raises `SinkError` where certificates, secrets or codecs are missing."""
+    """Return a function that connects a producer; `SinkError` if certificates, secrets or codecs are missing."""
     _require_codec(config.compression)
     security = _security_arguments(config.security)
 
@@ -55,7 +55,7 @@ def connector(config: KafkaConfig) -> Connector:
             async with asyncio.timeout(config.connect_timeout_s):
                 await producer.start()
         except BaseException as error:
-            await goodbye(producer)
+            await close_producer(producer)
             if isinstance(error, KafkaConnectionError):
                 await _raise_why(config, security)
             raise
@@ -64,36 +64,36 @@ def connector(config: KafkaConfig) -> Connector:
     return connect
 
 
-async def goodbye(producer: AIOKafkaProducer) -> None:
-    """Close a producer, sent or not, within a deadline, even if who waits for it is cancelled."""
-    await asyncio.shield(asyncio.create_task(_let_go(producer), name=f"{OURS} goodbye"))
+async def close_producer(producer: AIOKafkaProducer) -> None:
+    """Close a producer within a deadline, even if the caller is cancelled."""
+    await asyncio.shield(asyncio.create_task(_close(producer), name=f"{OURS} closing"))
 
 
-async def _let_go(producer: AIOKafkaProducer) -> None:
-    await _by(_GOODBYE_S, producer.stop())
+async def _close(producer: AIOKafkaProducer) -> None:
+    await _by(_CLOSE_STEP_S, producer.stop())
     theirs = {task for task in asyncio.all_tasks() if not task.get_name().startswith(OURS)}
     for task in theirs:
         task.cancel()
     if theirs:
-        await asyncio.wait(theirs, timeout=_GOODBYE_S)
-    await _by(_GOODBYE_S, producer.client.close())
+        await asyncio.wait(theirs, timeout=_CLOSE_STEP_S)
+    await _by(_CLOSE_STEP_S, producer.client.close())
 
 
 async def _by(timeout_s: float, going: Awaitable[Any]) -> None:
     try:
         async with asyncio.timeout(timeout_s):
             await going
-    except Exception as error:  # a goodbye that fails changes nothing
-        _log.debug("goodbye: %r", error)
+    except Exception as error:  # an error in closing changes nothing
+        _log.debug("closing: %r", error)
 
 
 async def _raise_why(config: KafkaConfig, security: dict[str, Any]) -> None:
-    """Knock once more, at the first broker, for the reason that aiokafka keeps to its log."""
+    """Connect once more, to the first broker, to raise the reason that aiokafka only logs."""
     host, _, port = config.servers[0].rpartition(":")
     timeout_ms = round(config.request_timeout_s * 1000)
-    knock = create_conn(host.strip("[]"), int(port), request_timeout_ms=timeout_ms, **security)
+    connecting = create_conn(host.strip("[]"), int(port), request_timeout_ms=timeout_ms, **security)
     async with asyncio.timeout(config.connect_timeout_s):
-        connection = await knock
+        connection = await connecting
     connection.close()
 
 

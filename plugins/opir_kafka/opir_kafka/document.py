@@ -1,4 +1,4 @@
-"""The AsyncAPI document of the topic: what a consumer's tools need to know, made from what the code does."""
+"""The AsyncAPI document of the topic, generated from settings and schemas."""
 
 from typing import Any
 
@@ -19,8 +19,8 @@ def asyncapi_document() -> dict[str, Any]:
         "info": {
             "title": "opir detection events",
             "version": __version__,
-            "description": "Simulated detections of overhead infrared sensors. Each sensor's events are in order; an"
-            " event may come twice, then with the same detection_id and the same bytes.",
+            "description": "Simulated detections of overhead infrared sensors. Each sensor's events are in order; a"
+            " message may arrive twice, with the same detection_id and bytes.",
             "license": {"name": "Apache-2.0"},
         },
         "defaultContentType": "application/json",
@@ -29,8 +29,8 @@ def asyncapi_document() -> dict[str, Any]:
             "detections": {
                 "address": bare.topic,
                 "servers": [{"$ref": "#/servers/kafka"}],
-                "description": f"One of these, as the output's encoder says; by default {bare.encoder}. Those of the"
-                " encoders forge-bands and forge-tracks are forge's, with what bands measured or tracks know.",
+                "description": f"One of these, by the output's encoder; default {bare.encoder}. The encoders"
+                " forge-bands and forge-tracks add band irradiances or track states to forge's messages.",
                 "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in names},
                 "bindings": {"kafka": {"bindingVersion": "0.5.0"}},
             }
@@ -64,7 +64,7 @@ def _message(name: str, version: str, payload: dict[str, Any]) -> dict[str, Any]
         "properties": {"content-type": {"const": "application/json"}, "schema-version": {"const": version}},
         "required": ["content-type", "schema-version"],
     }
-    key = {"type": "string", "description": "The sensor's id, UTF-8: it decides the partition."}
+    key = {"type": "string", "description": "The sensor's id, UTF-8; it determines the partition."}
     return {
         "name": name,
         "title": payload["title"],

@@ -1,7 +1,7 @@
-"""What failures mean: which may pass if tried again, which never will, and how each is said.
+"""Errors of Kafka: which are transient and which permanent, and their messages.
 
-The codes are those of the protocol (https://kafka.apache.org/protocol#protocol_error_codes). The default is to try
-again: what is tried in vain is told as the trouble and costs nothing but time, what is given up wrongly costs events.
+The codes are those of the protocol (https://kafka.apache.org/protocol#protocol_error_codes). Unknown errors are
+retried: a retry in vain is reported as the trouble and costs only time, giving up wrongly costs events.
 """
 
 import ssl
@@ -10,7 +10,7 @@ from aiokafka import errors
 
 from opir_core.errors import SinkError
 
-#: Codes that no other connection, and no waiting, will change: the message, the request or the permission is wrong.
+#: Permanent error codes: the message, the request or the permission is wrong.
 FATAL_CODES = frozenset(
     {
         10,  # MESSAGE_TOO_LARGE
@@ -49,7 +49,7 @@ class InvalidRecordError(errors.BrokerResponseError):  # type: ignore[misc]
     message = "INVALID_RECORD"
 
 
-# aiokafka tells a code that it has no class for as -1, which might pass; these two never will.
+# aiokafka reports codes without a class as -1, which is retried; these two are permanent.
 for _unknown in (UnsupportedCompressionTypeError, InvalidRecordError):
     errors.kafka_errors.setdefault(_unknown.errno, _unknown)
 
@@ -63,14 +63,14 @@ _FATAL_TYPES = (
     ssl.SSLCertVerificationError,
 )
 
-#: Failures that are a mistake in the settings the first time, and the broker's affair once it has let us in.
-_AT_THE_DOOR_TYPES = (
+#: Errors that are permanent at the first connection and transient after a successful one.
+_FIRST_CONNECTION_TYPES = (
     errors.AuthenticationFailedError,
     errors.SaslAuthenticationFailed,
     ssl.SSLCertVerificationError,
 )
 
-_WAYS_OUT = {
+_REMEDIES = {
     10: "raise the topic's max.message.bytes, or lower batch_bytes",
     18: "raise the broker's segment size, or lower batch_bytes",
     29: "let this login write to the topic, or give another topic",
@@ -82,22 +82,22 @@ _WAYS_OUT = {
 
 
 def is_fatal(error: BaseException, *, was_connected: bool) -> bool:
-    """Return whether trying again is of no use."""
-    if was_connected and isinstance(error, _AT_THE_DOOR_TYPES):
+    """Return whether an error is permanent."""
+    if was_connected and isinstance(error, _FIRST_CONNECTION_TYPES):
         return False
     return isinstance(error, _FATAL_TYPES) or (getattr(error, "errno", None) in FATAL_CODES and _is_answer(error))
 
 
 def words(error: BaseException, servers: str) -> str:
-    """Return what a failure means, for people; no secret is in it."""
+    """Return the message for an error, without secrets."""
     if isinstance(error, SinkError):
         return str(error)
     if isinstance(error, TimeoutError | errors.RequestTimedOutError | errors.KafkaTimeoutError):
         return f"no answer from {servers} in time"
     if _is_answer(error):
         code: int = getattr(error, "errno", -1)
-        way_out = f"; {_WAYS_OUT[code]}" if code in _WAYS_OUT else ""
-        return f"{servers} answers {type(error).__name__} (code {code}){way_out}"
+        remedy = f"; {_REMEDIES[code]}" if code in _REMEDIES else ""
+        return f"{servers} answers {type(error).__name__} (code {code}){remedy}"
     if isinstance(error, ssl.SSLError):
         return f"no encrypted connection to {servers}: {error.reason or 'TLS fails'}; see security.ca_file"
     if isinstance(error, errors.AuthenticationFailedError):

@@ -1,7 +1,7 @@
-"""Lanes: the messages of one partition on their way, in order, one batch at a time.
+"""Lanes: the queued messages of a partition, sent in order, one batch at a time.
 
-A batch goes out when the one before it is acknowledged, and not sooner. Whatever fails, nothing that comes after it has
-been sent, so a new connection begins where the old one stopped and each sensor's events are first seen in order.
+A batch is sent after the acknowledgement of the one before. After an error no later message has been sent, so a new
+connection starts where the old one stopped, and the first arrivals of each sensor's events are in order.
 """
 
 import asyncio
@@ -18,35 +18,35 @@ Rows = list[int]
 
 
 class Shipment:
-    """A parcel on its way: its messages, which of them are acknowledged, and the future that waits for all.
+    """A batch that is being sent: its messages, those not yet acknowledged, and the future of the whole batch.
 
-    Once all are acknowledged it holds none of them: a connection that was let go of is a cycle of references, which
-    holds its last shipments until the garbage collector comes by.
+    It drops its messages once all are acknowledged: a closed connection is a reference cycle that holds its last
+    shipments until the next garbage collection.
     """
 
-    def __init__(self, parcel: Batch, future: "Future[None]") -> None:
+    def __init__(self, batch: Batch, future: "Future[None]") -> None:
         self.future = future
-        self._keys = tuple(key.encode() for key in parcel.keys)
-        self._key_of = parcel.key_of
-        self._messages = parcel.messages()
+        self._keys = tuple(key.encode() for key in batch.keys)
+        self._key_of = batch.key_of
+        self._messages = batch.messages()
         self._headers = [
-            ("content-type", parcel.content_type.encode()),
-            ("schema-version", parcel.schema_version.encode()),
+            ("content-type", batch.content_type.encode()),
+            ("schema-version", batch.schema_version.encode()),
         ]
-        self._open_rows = set(range(len(parcel)))
+        self._open_rows = set(range(len(batch)))
 
     def rows_by_partition(self, partition_of: Callable[[bytes], int]) -> dict[int, Rows]:
-        """Return the rows that are not acknowledged, in order, by partition."""
+        """Return the unacknowledged rows, in order, by partition."""
         of_key = np.array([partition_of(key) for key in self._keys])
         of_row = of_key[self._key_of]
         rows = {int(each): np.flatnonzero(of_row == each).tolist() for each in np.unique(of_key)}
         if len(self._open_rows) == len(self._messages):
             return rows
-        left = {each: [row for row in found if row in self._open_rows] for each, found in rows.items()}
-        return {each: found for each, found in left.items() if found}
+        left = {each: [row for row in all_rows if row in self._open_rows] for each, all_rows in rows.items()}
+        return {each: open_rows for each, open_rows in left.items() if open_rows}
 
     def put(self, batch: Any, rows: Rows) -> int:
-        """Append rows to aiokafka's batch and return how many it took."""
+        """Append rows to aiokafka's batch and return the number that fit."""
         keys, key_of, messages, headers = self._keys, self._key_of, self._messages, self._headers
         append = batch.append
         for place, row in enumerate(rows):
@@ -55,7 +55,7 @@ class Shipment:
         return len(rows)
 
     def acknowledge(self, rows: Rows) -> bool:
-        """Note that rows have arrived; return whether all have."""
+        """Mark rows as acknowledged; return whether all rows are."""
         self._open_rows.difference_update(rows)
         if self._open_rows:
             return False
@@ -66,28 +66,28 @@ class Shipment:
 
 
 class Lane:
-    """What waits for one partition; `has_some` is set while anything does."""
+    """The queue of a partition; `has_messages` is set while it is not empty."""
 
     def __init__(self) -> None:
         self._queue: deque[tuple[Shipment, Rows]] = deque()
-        self.has_some = asyncio.Event()
+        self.has_messages = asyncio.Event()
 
     def add(self, shipment: Shipment, rows: Rows) -> None:
         """Queue rows of a shipment."""
         self._queue.append((shipment, rows))
-        self.has_some.set()
+        self.has_messages.set()
 
     def fill(self, batch: Any) -> list[tuple[Shipment, Rows]]:
-        """Move as much into a batch as it takes, and return what."""
-        taken = []
+        """Move as many messages as fit into aiokafka's batch, and return their shipments and rows."""
+        moved = []
         while self._queue:
             shipment, rows = self._queue.popleft()
             count = shipment.put(batch, rows)
             if count:
-                taken.append((shipment, rows[:count]))
+                moved.append((shipment, rows[:count]))
             if count < len(rows):
                 self._queue.appendleft((shipment, rows[count:]))
                 break
         if not self._queue:
-            self.has_some.clear()
-        return taken
+            self.has_messages.clear()
+        return moved

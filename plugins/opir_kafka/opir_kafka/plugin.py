@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 def _kafka(config: KafkaConfig, _context: "SinkContext") -> "Transport":
-    from opir_kafka.carrier import KafkaCarrier
     from opir_kafka.connection import connector
+    from opir_kafka.transport import KafkaTransport
 
-    return KafkaCarrier(config, connector(config))
+    return KafkaTransport(config, connector(config))
 
 
 @hookimpl

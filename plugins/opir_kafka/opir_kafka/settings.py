@@ -1,4 +1,4 @@
-"""What a scene may set of the sink `kafka`. Nothing heavy is imported here."""
+"""The settings of the sink `kafka`; no heavy imports."""
 
 import re
 from itertools import pairwise
@@ -10,7 +10,7 @@ from opir_core.scene.fields import nested, number, text
 _ADDRESS = re.compile(r"(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 _TOPIC = re.compile(r"[A-Za-z0-9._-]{1,249}")
 _VARIABLE = re.compile(r"[A-Z_][A-Z0-9_]*")
-_NEVER_THE_SECRET = (
+_NOT_A_VARIABLE = (
     "a variable is named in capitals, digits and _; put the secret into the environment and write the name of its"
     " variable here, never the secret"
 )
@@ -21,7 +21,7 @@ PLAIN_TEXT, TLS, SASL, SASL_TLS = "PLAINTEXT", "SSL", "SASL_PLAINTEXT", "SASL_SS
 
 @frozen(kw_only=True)
 class SecurityConfig:
-    """How the broker is spoken to. Secrets are in the environment; what stands here is the variable's name."""
+    """Encryption and login. Secrets come from environment variables; a scene has only the variables' names."""
 
     protocol: str = text(
         default=PLAIN_TEXT,
@@ -30,22 +30,22 @@ class SecurityConfig:
         help="plain or encrypted (SSL: TLS), with a login (SASL) or without",
     )
     ca_file: str | None = text(
-        default=None, help="the file of certificates (PEM) to trust; by default the system's", source=""
+        default=None, help="file of trusted certificates (PEM); by default the system's", source=""
     )
-    certificate_file: str | None = text(default=None, help="the client's own certificate (PEM)", source="")
-    key_file: str | None = text(default=None, help="the key of the client's certificate (PEM)", source="")
+    certificate_file: str | None = text(default=None, help="certificate of the client (PEM)", source="")
+    key_file: str | None = text(default=None, help="private key of the client's certificate (PEM)", source="")
     key_password_variable: str | None = text(
-        default=None, help="the environment variable that holds the password of the key", source=""
+        default=None, help="environment variable with the password of the key", source=""
     )
     mechanism: str = text(
         default="SCRAM-SHA-512",
         choices=("PLAIN", "SCRAM-SHA-256", "SCRAM-SHA-512"),
         source="Kafka's sasl.mechanism",
-        help="how the login is proven; PLAIN sends the password itself, so give it an encrypted connection",
+        help="login mechanism; PLAIN sends the password itself, so use an encrypted connection",
     )
-    username: str | None = text(default=None, help="the name of the login", source="")
+    username: str | None = text(default=None, help="user name of the login", source="")
     password_variable: str | None = text(
-        default=None, help="the environment variable that holds the password of the login", source=""
+        default=None, help="environment variable with the password of the login", source=""
     )
 
     def __attrs_post_init__(self) -> None:
@@ -55,24 +55,24 @@ class SecurityConfig:
     def _complaints(self) -> list[str]:
         variables = (self.key_password_variable, self.password_variable)
         if any(name is not None and not _VARIABLE.fullmatch(name) for name in variables):
-            return [_NEVER_THE_SECRET]
+            return [_NOT_A_VARIABLE]
         has_login, is_sasl = self.username is not None or self.password_variable is not None, "SASL" in self.protocol
-        found = []
+        complaints = []
         if is_sasl and (self.username is None or self.password_variable is None):
-            found.append(f"{self.protocol} needs username and password_variable")
+            complaints.append(f"{self.protocol} needs username and password_variable")
         if has_login and not is_sasl:
-            found.append(f"{self.protocol} has no login; {SASL_TLS} has")
+            complaints.append(f"{self.protocol} has no login; {SASL_TLS} has")
         if self.key_file is not None and self.certificate_file is None:
-            found.append("key_file is of no use without certificate_file")
+            complaints.append("key_file is of no use without certificate_file")
         if any((self.ca_file, self.certificate_file)) and "SSL" not in self.protocol:
-            found.append(f"{self.protocol} uses no certificates; {TLS} and {SASL_TLS} do")
-        return found
+            complaints.append(f"{self.protocol} uses no certificates; {TLS} and {SASL_TLS} do")
+        return complaints
 
 
 def _servers_complaint(servers: str) -> str | None:
     for server in servers.split(","):
-        found = _ADDRESS.fullmatch(server.strip())
-        if found is None or not 0 < int(found[2]) <= _HIGHEST_PORT:
+        address = _ADDRESS.fullmatch(server.strip())
+        if address is None or not 0 < int(address[2]) <= _HIGHEST_PORT:
             return f"{server.strip()!r} is no host:port; give one or more, with commas between"
     return None
 
@@ -85,46 +85,46 @@ def _topic_complaint(topic: str) -> str | None:
 
 @frozen(kw_only=True)
 class KafkaConfig:
-    """Which broker and topic, and how long is waited. All replicas acknowledge, and the producer is idempotent."""
+    """Broker, topic, batches and timeouts. All replicas acknowledge; the producer is idempotent."""
 
     bootstrap_servers: str = nested(
-        default="localhost:9092", check=_servers_complaint, help="brokers to begin with, host:port,host:port"
+        default="localhost:9092", check=_servers_complaint, help="initial brokers, host:port,host:port"
     )
     topic: str = nested(
         default="forge.sensors.raw",
         check=_topic_complaint,
         source="opir-simulator paper (2026)",
-        help="the topic; the key of a message is its sensor's id, so each sensor's events keep their order",
+        help="topic; the key of a message is its sensor's id, so each sensor's events keep their order",
     )
-    encoder: str = text(help="the event encoder that makes the messages", default="forge")
+    encoder: str = text(help="event encoder of the messages", default="forge")
     compression: str = text(
         default="none",
         choices=("none", "gzip", "snappy", "lz4", "zstd"),
-        help="how batches are compressed; snappy, lz4 and zstd need opir-kafka[compression]",
+        help="compression of batches; snappy, lz4 and zstd need opir-kafka[compression]",
     )
     batch_bytes: int = number(
-        default=1 << 17, unit="bytes", minimum=1 << 10, maximum=1 << 20, help="the most that a batch may hold"
+        default=1 << 17, unit="bytes", minimum=1 << 10, maximum=1 << 20, help="maximum size of a batch"
     )
-    client_id: str = text(default="opir", help="what the broker's logs call this program")
+    client_id: str = text(default="opir", help="name of this client in the broker's logs")
     connect_timeout_s: float = number(
         default=10.0,
         unit="s",
         minimum=0.1,
         maximum=600.0,
-        help="how long a connection may take before it is tried anew",
+        help="timeout of a connection attempt",
     )
     request_timeout_s: float = number(
-        default=10.0, unit="s", minimum=0.1, maximum=600.0, help="how long the broker may take to answer a request"
+        default=10.0, unit="s", minimum=0.1, maximum=600.0, help="timeout of a request to the broker"
     )
     acknowledgement_timeout_s: float = number(
         default=30.0,
         unit="s",
         minimum=0.1,
         maximum=3600.0,
-        help="how long a batch may go without acknowledgement, retries included, before it is sent on a new connection",
+        help="time without acknowledgement, retries included, after which a batch is sent on a new connection",
     )
     longest_pause_s: float = number(
-        default=5.0, unit="s", minimum=0.05, maximum=600.0, help="the longest pause between two tries to connect"
+        default=5.0, unit="s", minimum=0.05, maximum=600.0, help="longest pause between two connection attempts"
     )
     security: SecurityConfig = nested(
         default=Factory(SecurityConfig), help="encryption and login; secrets come from the environment"
@@ -132,11 +132,11 @@ class KafkaConfig:
 
     @property
     def servers(self) -> tuple[str, ...]:
-        """Return the brokers one by one."""
+        """Return the initial brokers."""
         return tuple(server.strip() for server in self.bootstrap_servers.split(","))
 
     def pauses_s(self) -> list[float]:
-        """Return the pauses between tries, each twice the one before, up to the longest."""
+        """Return the pauses between connection attempts, s: each twice the one before, up to the longest."""
         pauses = [0.05]
         while pauses[-1] < self.longest_pause_s:
             pauses.append(min(2.0 * pauses[-1], self.longest_pause_s))

@@ -1,23 +1,12 @@
-"""A live run and the clock: viewers that are slow, and a run that is behind."""
+"""A live run and the clock: a run that is late."""
 
 import time
 
 import pytest
 
-from opir_core.live.broadcast import Viewer
 from opir_core.live.pace import Pace
 
 NS = 1_000_000_000
-
-
-def test_a_slow_viewer_loses_the_oldest_and_knows_how_many() -> None:
-    viewer: Viewer[int] = Viewer(3)
-    for number in range(10):
-        viewer.put(number)
-    assert [viewer.take(0.0) for _ in range(4)] == [7, 8, 9, None]
-    assert viewer.dropped == 7
-    viewer.close()
-    assert viewer.is_over
 
 
 def test_a_run_that_is_behind_takes_more_in_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:

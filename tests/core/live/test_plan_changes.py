@@ -7,8 +7,8 @@ import pytest
 from live_scene import LATER, NS, batch, lines, mapping
 
 from opir_core.errors import SceneError
-from opir_core.live.change_validation import RestartError, drafted_launch, drafted_settings
-from opir_core.live.plan_updates import without_those_over
+from opir_core.live.changes import RestartError, launch_change, settings_change
+from opir_core.live.plan_updates import without_finished_targets
 from opir_core.planning.plan import compile_plan
 from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_from_mapping, scene_mapping
@@ -33,19 +33,19 @@ def test_a_launch_let_in_between_windows_gives_the_events_of_a_batch(
     plan = compile_plan(scene, host)
     engine = Engine(plan)
     before = engine.advance(round(admitted_s * NS))
-    draft = drafted_launch(plan, LATER, engine.time_ns, 0)
-    draft.engine.take_over(engine)
-    live = lines(plan, before, draft.engine.advance(47 * NS), draft.engine.advance(100 * NS))
+    change = launch_change(plan, LATER, engine.time_ns, 0)
+    change.engine.take_over(engine)
+    live = lines(plan, before, change.engine.advance(47 * NS), change.engine.advance(100 * NS))
     whole = scene_from_mapping(mapping(targets=[*mapping()["targets"], LATER]), host=host)
     assert live == batch(whole, host)
-    assert draft.not_after_ns == 31_700_000_000
+    assert change.not_after_ns == 31_700_000_000
 
 
 def test_targets_that_are_over_are_let_go_and_nobody_elses_events_change(scene: Scene, host: Host) -> None:
     plan = compile_plan(scene, host)
     engine = Engine(plan)
     before = engine.advance(30 * NS)
-    trimmed = without_those_over(plan, 30 * NS)
+    trimmed = without_finished_targets(plan, 30 * NS)
     assert trimmed.targets.ids == ("T1",)
     assert len(trimmed.pairs) == len(plan.sensors)
     assert len(trimmed.sightlines.travel_s) < len(plan.sightlines.travel_s)
@@ -64,9 +64,9 @@ def test_a_plan_that_many_launches_pass_through_stays_small(scene: Scene, host: 
             "burn_time_s": 10.0,
             "launch": {**LATER["launch"], "time_s": 2.0 * number},
         }
-        draft = drafted_launch(engine.plan, launched, engine.time_ns, 0)
-        draft.engine.take_over(engine)
-        engine = draft.engine
+        change = launch_change(engine.plan, launched, engine.time_ns, 0)
+        change.engine.take_over(engine)
+        engine = change.engine
         engine.advance(2 * (number + 1) * NS)
         sizes.append(
             (len(engine.plan.pairs), len(engine.plan.sightlines.travel_s), len(engine.plan.targets.trajectories))
@@ -81,9 +81,9 @@ def test_another_scan_rate_disturbs_nobody_and_repeats_no_id(scene: Scene, host:
     for period_ms in (400.0, 200.0, 100.0):
         settings = without_targets(engine.plan.scene)
         settings["sensors"][0]["members"][0]["scan_period_ms"] = period_ms
-        draft = drafted_settings(engine.plan, settings, 0, scene)
-        draft.engine.take_over(engine)
-        engine = draft.engine
+        change = settings_change(engine.plan, settings, 0, scene)
+        change.engine.take_over(engine)
+        engine = change.engine
         windows.append(engine.advance(engine.time_ns + 15 * NS))
     live = lines(plan, *windows).splitlines()
     undisturbed = [line for line in live if b'"DSP-1"' not in line]
@@ -108,7 +108,7 @@ def test_a_tracker_hears_of_sensors_that_look_more_seldom(host: Host, tracker: s
     settings = without_targets(scene)
     for sensor in settings["sensors"]:
         sensor["scan_period_ms"] = 10_000.0
-    after = drafted_settings(plan, settings, 0, scene).engine
+    after = settings_change(plan, settings, 0, scene).engine
     after.take_over(before)
     tracks = after.advance(110 * NS).tracks
     assert len(np.unique(tracks.track)) == 1
@@ -129,7 +129,7 @@ def test_settings_that_need_a_restart_are_refused_all_at_once(scene: Scene, host
     settings = without_targets(scene) | {"seed": 4, "epoch": "2026-04-01T13:00:00Z", "outputs": ["null"]}
     settings["sensors"][0]["members"][0]["orbital_slot_deg"] = 7.0
     with pytest.raises(RestartError) as refused:
-        drafted_settings(compile_plan(scene, host), settings, 0, scene)
+        settings_change(compile_plan(scene, host), settings, 0, scene)
     told = {problem.path: problem.message for problem in refused.value.problems}
     assert set(told) == {"seed", "epoch", "outputs", "sensors[0].orbital_slot_deg"}
     assert all(message.startswith("needs a restart") for message in told.values())
@@ -141,7 +141,7 @@ def test_settings_are_read_as_a_scene_is(scene: Scene, host: Host) -> None:
     }
     settings["sensors"][0]["members"][0]["detection_probability"] = {"ICBM": 1.5}
     with pytest.raises(SceneError) as refused:
-        drafted_settings(compile_plan(scene, host), settings, 0, scene)
+        settings_change(compile_plan(scene, host), settings, 0, scene)
     assert [problem.path for problem in refused.value.problems] == [
         "sensors[0].members[0].detection_probability",
         "confidence",

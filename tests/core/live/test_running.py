@@ -12,8 +12,7 @@ from waiting import until
 from opir_core.errors import SceneError
 from opir_core.interfaces.records import Tracks
 from opir_core.live import running
-from opir_core.live.change_lock import BusyError, PastError, RefusedError
-from opir_core.live.change_validation import Draft, drafted_launch
+from opir_core.live.changes import BusyError, Change, PastError, RefusedError, launch_change
 from opir_core.live.running import LiveRun, LiveSettings
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
@@ -135,11 +134,11 @@ def test_a_launch_that_its_lap_has_no_time_for_goes_up_in_the_next(host: Host) -
 def test_a_launch_goes_up_as_soon_as_a_machine_that_is_slow_to_plan_it_can(
     host: Host, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def slowly(plan: Plan, block: Any, time_ns: int, lap: int) -> Draft:
+    def slowly(plan: Plan, block: Any, time_ns: int, lap: int) -> Change:
         time.sleep(0.4)
-        return drafted_launch(plan, block, time_ns, lap)
+        return launch_change(plan, block, time_ns, lap)
 
-    monkeypatch.setattr(running, "drafted_launch", slowly)
+    monkeypatch.setattr(running, "launch_change", slowly)
     scene = scene_from_mapping(mapping(duration_s=600, targets=[], outputs=["null"]), host=host)
     run = LiveRun(scene, host, LiveSettings(speed=20.0, cycle_ns=1_000_000))
     run.start()

@@ -112,7 +112,7 @@ def test_nobody_hears_of_an_event_before_the_outputs_with_a_spool_have_it(scene:
     other = Slow(threading.Event())
     other.gate.set()
     kept = Kept(lambda: max(run.status().detections, told(shown), other.taken))
-    run._outlets = (SinkThread("outputs[0]", "other", other), SinkThread("outputs[1]", "kept", kept, is_spooled=True))
+    run._sinks = (SinkThread("outputs[0]", "other", other), SinkThread("outputs[1]", "kept", kept, is_spooled=True))
     run._state = "running"
     run._thread.start()
     until(lambda: run.state == "ended")

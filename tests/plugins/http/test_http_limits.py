@@ -7,9 +7,19 @@ from pathlib import Path
 import pytest
 from http_service import LAUNCH, serving
 from opir_http import gate, server
-from opir_http.feed import QUEUED_FRAMES, Client
+from opir_http.feed import QUEUED_FRAMES, Client, LossyQueue
 from opir_http.serving import ServeError, token_of
 from waiting import until
+
+
+def test_a_full_queue_loses_the_oldest_and_counts_them() -> None:
+    queue: LossyQueue[int] = LossyQueue(3)
+    for number in range(10):
+        queue.put(number)
+    assert [queue.take(0.0) for _ in range(4)] == [7, 8, 9, None]
+    assert queue.dropped == 7
+    queue.close()
+    assert queue.is_over
 
 
 def test_a_slow_viewer_loses_the_oldest_and_is_told() -> None:

@@ -114,7 +114,7 @@ def test_no_configuration_names_another_file_or_sends_a_secret_elsewhere(
 
 def test_a_launch_that_is_past_is_told_the_clock(stand: Stand) -> None:
     answer = stand.ask("POST", "/trigger", LAUNCH | {"launch": LAUNCH["launch"] | {"time_s": 0.0}})
-    assert (answer.status, "clock is at" in answer.json["detail"]) == (409, True)
+    assert (answer.status, "scene time is" in answer.json["detail"]) == (409, True)
 
 
 FORM = "application/x-www-form-urlencoded"

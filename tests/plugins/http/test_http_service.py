@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from opir_http import service
 from opir_http.openapi import document
-from waiting import until
+from waiting import until, within
 
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.output.events.forge import ForgeEncoder
@@ -149,7 +149,7 @@ def test_health_tells_life_from_readiness(stand: Stand) -> None:
 def test_a_sink_that_falls_behind_makes_the_service_not_ready(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(service, "LOOK_S", 0.1)
     with serving(tmp_path, "--speed", "5") as running:
-        outlet = running.service.run._outlets[0]
+        outlet = running.service.run._sinks[0]
         gate_ = threading.Event()
         outlet._sink.write = lambda _window: gate_.wait(20.0)
 
@@ -176,18 +176,21 @@ def test_the_stream_brings_detections_and_status(stand: Stand) -> None:
 
 def streamed(stand: Stand, path: str, count: int) -> list[tuple[str, Any]]:
     connection = http.client.HTTPConnection("127.0.0.1", stand.port, timeout=20)
-    try:
+
+    def events() -> list[tuple[str, Any]]:
         connection.request("GET", path)
-        response = connection.getresponse()
-        events: list[tuple[str, Any]] = []
-        kind = ""
-        while len(events) < count or not {"status"} <= {known for known, _ in events}:
-            line = response.readline().decode().rstrip("\n")
+        response, events, kind = connection.getresponse(), list[tuple[str, Any]](), ""
+        while len(events) < count or "status" not in {known for known, _ in events}:
+            line = response.readline().decode()
+            assert line, "the stream has ended"
             if line.startswith("event: "):
-                kind = line[7:]
+                kind = line[7:].rstrip("\n")
             if line.startswith("data: "):
                 events.append((kind, json.loads(line[6:])))
         return events
+
+    try:
+        return within(30.0, events)
     finally:
         connection.close()
 

@@ -11,8 +11,10 @@ import kafka_broker
 import opir_kafka
 import pytest
 import yaml
-from kafka_broker import carrier, config, dead_address, kafka_sink, messages
+from aiokafka import errors
+from kafka_broker import PERMANENT_CODES, carrier, config, dead_address, kafka_sink, messages
 from opir_kafka.document import asyncapi_document, asyncapi_text
+from opir_kafka.failures import is_fatal
 from opir_kafka.lanes import Shipment
 from opir_kafka.settings import KafkaConfig
 from repository import EXAMPLES
@@ -44,6 +46,13 @@ def test_the_carrier_keeps_the_protocol() -> None:
     made = carrier(dead_address(), "topic")
     assert isinstance(made, Transport)
     made.close(5.0)
+
+
+def test_only_permanent_codes_of_the_protocol_end_the_sink() -> None:
+    answers = {code: errors.for_code(code)() for code in range(-1, 130)}
+    fatal = {code for code, answer in answers.items() if answer.errno == code and is_fatal(answer, was_connected=False)}
+    assert fatal == {*PERMANENT_CODES, 58}  # 58: SASL_AUTHENTICATION_FAILED
+    assert {code for code in fatal if not is_fatal(answers[code], was_connected=True)} == {58}
 
 
 def test_the_command_line_sends_a_run_into_a_topic(broker: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -225,13 +234,13 @@ AWAITS_THAT_END_THEMSELVES = {
     "self._connect()",
     "self._partitioning(producer)",
     "asyncio.wait(tasks, return_when=asyncio.FIRST_EXCEPTION)",  # lanes, each of whose sends has a deadline
-    "lane.has_some.wait()",  # for something to send
+    "lane.has_messages.wait()",  # for something to send
     "asyncio.sleep(next(self._pauses_s))",
     "asyncio.gather(*tasks, return_exceptions=True)",  # cancelled tasks
-    "goodbye(producer)",
-    "asyncio.shield(asyncio.create_task(_let_go(producer), name=f'{OURS} goodbye'))",  # three steps with deadlines
-    "_by(_GOODBYE_S, producer.stop())",
-    "_by(_GOODBYE_S, producer.client.close())",
+    "close_producer(producer)",
+    "asyncio.shield(asyncio.create_task(_close(producer), name=f'{OURS} closing'))",  # three steps with deadlines
+    "_by(_CLOSE_STEP_S, producer.stop())",
+    "_by(_CLOSE_STEP_S, producer.client.close())",
     "_raise_why(config, security)",
 }
 

@@ -1,4 +1,4 @@
-"""The carrier: a thread with an event loop of its own, which keeps a connection up and moves batches over it."""
+"""The Kafka transport: a thread with an event loop that keeps a connection open and sends batches over it."""
 
 import asyncio
 import itertools
@@ -14,7 +14,7 @@ from aiokafka.partitioner import DefaultPartitioner
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.records import Batch
-from opir_kafka.connection import OURS, Connector, goodbye
+from opir_kafka.connection import OURS, Connector, close_producer
 from opir_kafka.failures import is_fatal, words
 from opir_kafka.lanes import Lane, Shipment
 from opir_kafka.settings import KafkaConfig
@@ -22,11 +22,11 @@ from opir_kafka.settings import KafkaConfig
 _log = logging.getLogger(__name__)
 
 
-class KafkaCarrier:
-    """Carries parcels into a topic: each sensor's events in order, a parcel's future done when all replicas have it.
+class KafkaTransport:
+    """Sends batches to a topic: each sensor's events in order; a batch is acknowledged when all replicas have it.
 
-    What may pass is tried again for ever, on a new connection where the old one is in doubt; what cannot pass fails
-    every parcel, then and later. All state but `trouble` belongs to the loop's thread.
+    Transient errors are retried for ever, on a new connection if the state of the old one is unknown; a permanent error
+    fails every batch, those to come too. All state except `trouble` belongs to the loop's thread.
     """
 
     def __init__(self, config: KafkaConfig, connect: Connector) -> None:
@@ -47,17 +47,17 @@ class KafkaCarrier:
         self._thread.start()
 
     def send(self, batch: Batch) -> "Future[None]":
-        """Take events on their way; the future is done when all are acknowledged, or has what stopped them for good."""
+        """Send a batch; the future is done when all events are acknowledged, or has the permanent error."""
         future: Future[None] = Future()
         self._loop.call_soon_threadsafe(self._accept, batch, future)
         return future
 
     def close(self, wait_s: float) -> None:
-        """Let go of the broker within `wait_s`; what is not acknowledged is cancelled."""
+        """Disconnect within `wait_s`; the futures of unacknowledged batches are cancelled."""
         self._closing.set()
         try:
             self._loop.call_soon_threadsafe(self._stop)
-        except RuntimeError:  # the loop is over
+        except RuntimeError:  # the loop is closed
             return
         self._thread.join(wait_s)
 
@@ -66,9 +66,9 @@ class KafkaCarrier:
             self._main = self._loop.create_task(self._serve(), name=OURS)
             self._loop.run_until_complete(self._main)
             if self._fatal is not None and not self._closing.is_set():
-                self._loop.run_forever()  # to refuse what still comes
+                self._loop.run_forever()  # fails the batches still to come
         except asyncio.CancelledError:
-            self._loop.run_until_complete(_rest())
+            self._loop.run_until_complete(_finish_tasks())
         finally:
             for shipment in self._shipments:
                 shipment.future.cancel()
@@ -80,22 +80,22 @@ class KafkaCarrier:
         else:
             self._loop.stop()
 
-    def _accept(self, parcel: Batch, future: "Future[None]") -> None:
+    def _accept(self, batch: Batch, future: "Future[None]") -> None:
         if self._fatal is not None:
             future.set_exception(self._fatal)
             return
-        shipment = Shipment(parcel, future)
+        shipment = Shipment(batch, future)
         self._shipments[shipment] = None
         if self._partition_of is not None:
-            self._sort(shipment)
+            self._distribute(shipment)
 
-    def _sort(self, shipment: Shipment) -> None:
+    def _distribute(self, shipment: Shipment) -> None:
         assert self._partition_of is not None
         for partition, rows in shipment.rows_by_partition(self._partition_of).items():
             self._lanes[partition].add(shipment, rows)
 
     async def _serve(self) -> None:
-        """Keep a connection up, whatever happens to it, until closed or refused for good."""
+        """Connect again after each transient error, until closed or until a permanent error."""
         while True:
             try:
                 await self._one_connection()
@@ -119,7 +119,7 @@ class KafkaCarrier:
         self._shipments.clear()
 
     async def _one_connection(self) -> None:
-        """Connect, send all that is not acknowledged and all that comes; raise what ends the connection."""
+        """Connect, send all unacknowledged and new messages; raise the error that ends the connection."""
         producer = await self._connect()
         tasks: list[asyncio.Task[None]] = []
         try:
@@ -137,13 +137,12 @@ class KafkaCarrier:
             for task in tasks:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
-            await goodbye(producer)
+            await close_producer(producer)
 
     async def _partitioning(self, producer: AIOKafkaProducer) -> tuple[list[int], Callable[[bytes], int]]:
-        """Return the topic's partitions, and which of them each key goes to: by Kafka's own rule."""
+        """Return the topic's partitions, and the partition of a key by Kafka's default rule."""
         async with asyncio.timeout(self._config.connect_timeout_s):
-            found = await producer.partitions_for(self._config.topic)
-        partitions = sorted(found)
+            partitions = sorted(await producer.partitions_for(self._config.topic))
         choose = DefaultPartitioner()
         return partitions, cache(lambda key: int(choose(key, partitions, partitions)))
 
@@ -151,20 +150,20 @@ class KafkaCarrier:
         partitions, self._partition_of = partitioning
         self._lanes = {partition: Lane() for partition in partitions}
         for shipment in self._shipments:
-            self._sort(shipment)
+            self._distribute(shipment)
 
     async def _send(self, producer: AIOKafkaProducer, partition: int, lane: Lane) -> None:
-        """Send a lane's messages, a batch at a time, each acknowledged before the next is made."""
+        """Send the messages of a lane, one batch at a time; the next is made after the acknowledgement."""
         timeout_s = self._config.acknowledgement_timeout_s
         while True:
-            await lane.has_some.wait()  # the one wait without a deadline: for something to send
+            await lane.has_messages.wait()  # the only wait without a deadline
             batch = producer.create_batch()
-            taken = lane.fill(batch)
+            sent = lane.fill(batch)
             batch.close()
             async with asyncio.timeout(timeout_s):
                 await (await producer.send_batch(batch, self._config.topic, partition=partition))
             self._pauses_s = self._pauses()
-            for shipment, rows in taken:
+            for shipment, rows in sent:
                 if shipment.acknowledge(rows):
                     del self._shipments[shipment]
 
@@ -173,8 +172,8 @@ class KafkaCarrier:
         return itertools.chain(pauses_s, itertools.repeat(pauses_s[-1]))
 
 
-async def _rest() -> None:
-    """Let what is under way in the loop come to its end, a goodbye above all."""
+async def _finish_tasks() -> None:
+    """Wait for the remaining tasks of the loop, above all for the closing of a producer."""
     rest = asyncio.all_tasks() - {asyncio.current_task()}
     if rest:
         _, left = await asyncio.wait(rest, timeout=1.5)
@@ -183,5 +182,5 @@ async def _rest() -> None:
 
 
 def _to_log(_loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Log what a producer leaves behind when it is let go of: its batches are sent again by the next one."""
+    """Log errors of a closed producer's tasks: its batches are sent again by the next producer."""
     _log.debug("%s", context.get("message"))

@@ -1,0 +1,206 @@
+"""Changes of a running scene: checked as a whole in the thread that asks, applied by the thread of the run.
+
+Only one change is prepared at a time. Others wait for their turn, for a limited time.
+"""
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, wait
+from contextlib import contextmanager
+from typing import Any
+
+from attrs import evolve, frozen
+
+from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.live.plan_updates import scan_generations, with_added_targets, without_finished_targets
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin.host import Host
+from opir_core.scene.reading import scene_from_mapping, scene_mapping
+from opir_core.scene.scene import Choice, Scene
+from opir_core.simulation.engine import Engine
+
+#: Time, s, that a change may wait in all: for its turn and for the run to apply it.
+_CHANGE_S = 8.0
+_POLL_S = 0.1
+_LOOK_S = 0.005
+_WAITING_CHANGES = 16
+
+_RESTART = "needs a restart"
+
+#: Keys of a scene that cannot change while it runs, with the reason.
+_FIXED = {
+    "scene": _RESTART,
+    "epoch": _RESTART,
+    "duration_s": _RESTART,
+    "seed": _RESTART,
+    "light_time": _RESTART,
+    "forces": _RESTART,
+    "tracker": f"{_RESTART}: tracks would be lost",
+    "sources": _RESTART,
+}
+
+
+class RefusedError(OpirError):
+    """A change that the run cannot apply: it has ended, too many changes wait, or its time is past."""
+
+
+class BusyError(RefusedError):
+    """A change that the run may apply later."""
+
+
+class PastError(RefusedError):
+    """A launch before the earliest time at which the run can add it."""
+
+
+class RestartError(OpirError):
+    """Settings that a running scene cannot change."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(map(str, problems)))
+
+
+@frozen(eq=False)
+class Change:
+    """An engine with a change, ready to replace the engine of a lap.
+
+    `not_after_ns` is the latest time of the lap at which it may, `reopened` the outputs that change, `base` the scene
+    of the laps to come.
+    """
+
+    engine: Engine
+    lap: int
+    not_after_ns: int | None = None
+    reopened: tuple[Choice, ...] = ()
+    base: Scene | None = None
+
+
+class ChangeQueue:
+    """Changes that the run has not applied yet."""
+
+    def __init__(self, stopping: threading.Event) -> None:
+        self._stopping = stopping
+        self._queue: queue.Queue[tuple[Change, Future[int]]] = queue.Queue(_WAITING_CHANGES)
+        self._lock = threading.Lock()
+        self._waiting = threading.BoundedSemaphore(_WAITING_CHANGES)
+
+    @contextmanager
+    def lock(self) -> Iterator[float]:
+        """Hold the lock of changes; yield the time of the monotonic clock at which to give up.
+
+        Raises `BusyError` if too many changes wait, or if the lock is not free in time.
+        """
+        if not self._waiting.acquire(blocking=False):
+            raise BusyError("too many changes are waiting; try again")
+        try:
+            give_up_s = time.monotonic() + _CHANGE_S
+            if not self._lock.acquire(timeout=_CHANGE_S):
+                raise BusyError("other changes are not finished; try again")
+            try:
+                yield give_up_s
+            finally:
+                self._lock.release()
+        finally:
+            self._waiting.release()
+
+    def apply(self, change: Change, give_up_s: float) -> int:
+        """Queue a change and return the cycle at whose start the run applied it.
+
+        A change not begun by `give_up_s` is withdrawn. Raises `BusyError` then, `RefusedError` if the run stops.
+        """
+        answer: Future[int] = Future()
+        self._queue.put_nowait((change, answer))
+        while not wait([answer], _POLL_S).done:
+            if self._stopping.is_set() and answer.cancel():
+                raise RefusedError("the run is being stopped")
+            if time.monotonic() >= give_up_s and answer.cancel():
+                raise BusyError("the run waits for a sink whose queue is full; try again")
+        return answer.result()
+
+    def pending(self) -> "Iterator[tuple[Change, Future[int]]]":
+        """Yield the changes that are not withdrawn; the run's thread sets the result of each."""
+        while not self._queue.empty():
+            change, answer = self._queue.get_nowait()
+            if answer.set_running_or_notify_cancel():
+                yield change, answer
+
+
+def wait_until(is_met: Callable[[], bool], stopping: threading.Event, give_up_s: float) -> bool:
+    """Return whether a condition is met by `give_up_s`, and before the run is stopped."""
+    while not is_met():
+        if stopping.wait(_LOOK_S) or time.monotonic() >= give_up_s:
+            return False
+    return True
+
+
+def launch_change(plan: Plan, block: Mapping[str, Any], time_ns: int, lap: int) -> Change:
+    """Return the change that adds a target to a plan at a time.
+
+    `block` has the layout of a scene's targets. Raises `SceneError`, `PluginError` or `ModelError` as a scene with this
+    target does.
+    """
+    scene = plan.scene
+    duplicate = next((target for target in scene.targets if target.id == block.get("id")), None)
+    if duplicate is not None:
+        raise SceneError([Problem("targets[0].id", f"{duplicate.id} is the id of another target")], source="launch")
+    mapping = {**scene_mapping(scene), "targets": [dict(block)], "outputs": []}
+    read = scene_from_mapping(mapping, host=plan.host, source="launch")
+    without_sources: dict[str, Any] = {"sources": ()} if getattr(scene, "sources", ()) else {}
+    added = compile_plan(evolve(scene, targets=read.targets, **without_sources), plan.host)
+    engine = Engine(with_added_targets(without_finished_targets(plan, time_ns), added))
+    return Change(engine, lap, int(added.targets.ignition_s.min() * 1e9))
+
+
+def settings_change(plan: Plan, mapping: Mapping[str, Any], lap: int, first: Scene) -> Change:
+    """Return the change of a plan's settings; `mapping` is that of a scene, without targets and sources.
+
+    `first` is the scene of the first lap, whose epoch and seed are in the mapping. Raises `SceneError` with all errors
+    of the mapping, and `RestartError` with all settings that cannot change while the scene runs.
+    """
+    former = evolve(plan.scene, epoch_us=first.epoch_us, seed=first.seed)
+    ours = scene_mapping(former)
+    whole: dict[str, Any] = {**mapping, **{key: ours[key] for key in ("targets", "sources") if key in ours}}
+    read = scene_from_mapping(whole, host=plan.host, source="settings")
+    problems = _restart_problems(former, read)
+    if problems:
+        raise RestartError(problems)
+    compiled = compile_plan(evolve(read, epoch_us=plan.scene.epoch_us, seed=plan.scene.seed), plan.host)
+    generations = scan_generations(compiled, plan)
+    changed = evolve(compiled, scan_generations=generations)
+    base = evolve(read, targets=first.targets)
+    outputs = zip(plan.scene.outputs, read.outputs, strict=True)
+    reopened = tuple(now for before, now in outputs if now != before)
+    return Change(Engine(changed), lap, reopened=reopened, base=base)
+
+
+def _restart_problems(former: Scene, scene: Scene) -> list[Problem]:
+    ours, theirs = scene_mapping(former), scene_mapping(scene)
+    problems = [Problem(key, reason) for key, reason in _FIXED.items() if ours.get(key) != theirs.get(key)]
+    names = [(sensor.id, sensor.constellation, sensor.model.name) for sensor in former.sensors]
+    if names != [(sensor.id, sensor.constellation, sensor.model.name) for sensor in scene.sensors]:
+        return [*problems, Problem("sensors", f"{_RESTART}: other sensors, or in another order")]
+    problems += [
+        Problem(f"{now.model.path}.{key}", f"{_RESTART} (sensor {now.id}): outputs are open for sensors as they are")
+        for before, now in zip(former.sensors, scene.sensors, strict=True)
+        for key in ("bands", "orbit", "orbital_slot_deg")
+        if getattr(before.model.config, key, None) != getattr(now.model.config, key, None)
+    ]
+    return problems + _output_problems(former, scene)
+
+
+def _output_problems(former: Scene, scene: Scene) -> list[Problem]:
+    if [output.name for output in former.outputs] != [output.name for output in scene.outputs]:
+        return [Problem("outputs", f"{_RESTART}: other outputs, or in another order")]
+    return [
+        Problem(now.path, f"{_RESTART}: opened anew it would overwrite {now.config.path!r}; give another path")
+        for before, now in zip(former.outputs, scene.outputs, strict=True)
+        if now != before and getattr(now.config, "path", None) and now.config.path == before.config.path
+    ]
+
+
+def plan_of_lap(base: Scene, host: Host, lap: int, lap_us: int) -> Plan:
+    """Return the plan of a lap: the scene with its epoch `lap` durations later, and `lap` added to its seed."""
+    scene = evolve(base, epoch_us=base.epoch_us + lap * lap_us, seed=(base.seed + lap) % 2**63)
+    return compile_plan(scene, host)

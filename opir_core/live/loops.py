@@ -1,0 +1,147 @@
+"""Looped scenes: each lap is a run of its own, scene time continues from lap to lap.
+
+Scene time counts from the scene's epoch; the plan of a lap counts from its own.
+"""
+
+import threading
+from collections.abc import Mapping
+from concurrent.futures import Future
+from typing import Any
+
+import numpy as np
+from attrs import evolve, frozen
+
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.errors import Problem, SceneError
+from opir_core.interfaces.records import Tracks, Window
+from opir_core.live.changes import PastError, plan_of_lap
+from opir_core.planning.plan import Plan
+from opir_core.plugin.host import Host
+from opir_core.scene.scene import Scene
+from opir_core.simulation.engine import Engine
+
+
+@frozen(eq=False)
+class LapOffset:
+    """Offset of a lap's windows: in time, and in track numbers."""
+
+    time_ns: int = 0
+    tracks: int = 0
+
+    def shifted(self, window: Window) -> Window:
+        """Return a window of a lap with the times and track numbers of the whole run."""
+        if not self.time_ns:
+            return window
+        detections, offset_s = window.detections, self.time_ns * 1e-9
+        track: IntArray = np.where(detections.track >= 0, detections.track + self.tracks, detections.track)
+        return evolve(
+            window,
+            start_s=window.start_s + offset_s,
+            end_s=window.end_s + offset_s,
+            detections=evolve(detections, time_ns=detections.time_ns + self.time_ns, track=track).freeze(),
+            tracks=self._tracks(window.tracks, offset_s),
+            estimates=self._tracks(window.estimates, offset_s),
+        )
+
+    def _tracks(self, tracks: Tracks, offset_s: float) -> Tracks:
+        return evolve(
+            tracks,
+            tick_s=tracks.tick_s + offset_s,
+            track=tracks.track + self.tracks,
+            launch=_later(tracks.launch, offset_s),
+            impact=_later(tracks.impact, offset_s),
+            burnout=_later(tracks.burnout, offset_s),
+        )
+
+
+def _later(event: FloatArray, offset_s: float) -> FloatArray:
+    """Return events with a later time, their last column."""
+    later = event.copy()
+    later[:, -1] += offset_s
+    return later
+
+
+@frozen(eq=False)
+class RunPosition:
+    """The engine of a run, its lap, and the offset of the lap's windows."""
+
+    engine: Engine
+    lap: int
+    offset: LapOffset
+
+    @property
+    def time_ns(self) -> int:
+        """Scene time, over all laps, that the engine has reached."""
+        return self.engine.time_ns + self.offset.time_ns
+
+
+class LapPlans:
+    """Plans of the laps to come; the next is compiled in a thread of its own while one runs."""
+
+    def __init__(self, base: Scene, host: Host, lap_ns: int) -> None:
+        if lap_ns % 1000:
+            raise SceneError([Problem("duration_s", "the duration of a looped scene must be whole microseconds")])
+        self.lap_ns = lap_ns
+        self._base = base
+        self._host = host
+        self._next: tuple[int, Future[Plan]] | None = None
+
+    def prepare(self, lap: int, base: Scene | None = None) -> None:
+        """Start compiling the plan of a lap; `base` is the scene from then on."""
+        self._base = base or self._base
+        plan: Future[Plan] = Future()
+        self._next = lap, plan
+        # A daemon thread does not keep the process from ending.
+        threading.Thread(target=self._compile, args=(self._base, lap, plan), name="opir-lap", daemon=True).start()
+
+    def plan(self, lap: int) -> Plan:
+        """Return the plan of a lap, as last prepared."""
+        if self._next is None or self._next[0] != lap:
+            self.prepare(lap)
+        assert self._next is not None
+        return self._next[1].result()
+
+    def _compile(self, base: Scene, lap: int, plan: "Future[Plan]") -> None:
+        try:
+            plan.set_result(plan_of_lap(base, self._host, lap, self.lap_ns // 1000))
+        except BaseException as error:  # raised by `plan`
+            plan.set_exception(error)
+
+
+_NS = 1_000_000_000
+
+
+@frozen
+class Launched:
+    """An added launch: target id, scene time of ignition, s, and the first cycle that may detect it."""
+
+    target_id: str
+    time_s: float
+    cycle: int
+
+
+def launch_in_lap(
+    block: Mapping[str, Any], target_id: str, position: RunPosition, earliest_ns: int
+) -> tuple[dict[str, Any], bool]:
+    """Return a launch's block with an id and a time of the lap, and whether the time was chosen here.
+
+    A block without an id gets `target_id`; one without a time gets `earliest_ns` of the lap, rounded up to a
+    millisecond. Raises `PastError` for a time before the lap.
+    """
+    whole, before_ns = {"id": target_id, **block}, position.offset.time_ns
+    launch = whole.get("launch")
+    if not isinstance(launch, Mapping):
+        return whole, False
+    if launch.get("time_s") is None:
+        return {**whole, "launch": {**launch, "time_s": -(-earliest_ns // 1_000_000) / 1000}}, True
+    time_s = launch["time_s"]
+    if isinstance(time_s, int | float) and not isinstance(time_s, bool) and before_ns:
+        if time_s < before_ns / _NS:
+            raise past_error(position.time_ns)
+        whole["launch"] = {**launch, "time_s": time_s - before_ns / _NS}
+    return whole, False
+
+
+def past_error(time_ns: int) -> PastError:
+    """Return the error of a launch that is too late at a scene time."""
+    return PastError(f"launch.time_s is past: scene time is {time_ns / _NS:.3f} s; leave it out to launch now")
