@@ -55,7 +55,7 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
     page.get_by_label("Latitude").first.fill("22.0")
     page.get_by_label("Longitude").first.fill("-160.0")
     page.get_by_label("Longitude").first.press("Enter")
-    expect(page.locator("#answer")).to_contain_text("goes up at", timeout=20_000)
+    expect(page.locator("#answer")).to_contain_text("launches at", timeout=20_000)
     expect(page.locator("#latest tr").first).to_contain_text("SBIRS-GEO", timeout=20_000)
     expect(page.locator("#track-rows")).to_contain_text("° N, 160", timeout=40_000)
     expect(page.locator("#sink-rows")).to_contain_text("open")

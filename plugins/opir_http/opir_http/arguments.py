@@ -9,19 +9,31 @@ _FASTEST = 1000.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the scene, its pace, and how the service is reached."""
+    """Add the scene, its pace, and the address and limits of the service."""
     add_scene_arguments(parser)
-    parser.add_argument("--speed", type=_speed, default=1.0, metavar="N|max", help="scene time per real time (1)")
-    parser.add_argument("--loop", action="store_true", help="start the scene again when it ends")
-    parser.add_argument("--epoch-now", action="store_true", help="let the scene's epoch be the moment it starts")
-    parser.add_argument("--cycle-ms", type=_cycle_ms, default=50.0, metavar="MS", help="real time of a cycle (50)")
-    parser.add_argument("--host", default="127.0.0.1", help="address to bind (127.0.0.1); others need a token")
-    parser.add_argument("--port", type=_port, default=8000, help="port to bind (8000); 0 for any that is free")
     parser.add_argument(
-        "--token-file", metavar="PATH", help="file with the bearer token that requests need (or OPIR_HTTP_TOKEN)"
+        "--speed", type=_speed, default=1.0, metavar="N|max", help="scene time per real time (default 1); max: unpaced"
+    )
+    parser.add_argument("--loop", action="store_true", help="run the scene again when it ends")
+    parser.add_argument("--epoch-now", action="store_true", help="use the start time as the scene's epoch")
+    parser.add_argument(
+        "--cycle-ms", type=_cycle_ms, default=50.0, metavar="MS", help="real time of a cycle (default 50)"
+    )
+    parser.add_argument(
+        "--host", default="127.0.0.1", help="address to bind (default 127.0.0.1); any other needs a token"
+    )
+    parser.add_argument("--port", type=_port, default=8000, help="port to bind (default 8000); 0: any free port")
+    parser.add_argument(
+        "--token-file", metavar="PATH", help="file with the bearer token of requests (or OPIR_HTTP_TOKEN)"
     )
     parser.add_argument("--no-config-writes", action="store_true", help="refuse PUT /config")
-    parser.add_argument("--max-targets", type=_targets, default=1000, metavar="N", help="targets at a time (1000)")
+    parser.add_argument(
+        "--max-targets",
+        type=_targets,
+        default=1000,
+        metavar="N",
+        help="maximum number of targets in the run (default 1000)",
+    )
 
 
 def _speed(word: str) -> float | None:

@@ -1,4 +1,4 @@
-"""Windows of the run to history, tracks and viewers: encoded once, in a thread of its own."""
+"""Windows of the run for history, tracks and viewers; encoded once, in a thread of its own."""
 
 import asyncio
 import threading
@@ -16,13 +16,13 @@ from opir_core.live.running import LiveWindow
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import unix_microseconds
 from opir_http.history import History
-from opir_http.tracks import TrackBook
+from opir_http.tracks import LatestTracks
 
-#: Windows that may wait to be encoded for viewers, and frames that may wait for one viewer.
+#: Maximum number of windows waiting to be encoded, and of frames waiting for one viewer.
 QUEUED_WINDOWS = 256
 QUEUED_FRAMES = 64
 
-#: Detections in a frame of the brief stream.
+#: Maximum number of detections in a frame of the brief stream.
 BRIEF = 40
 
 _STATUS_S = 1.0
@@ -72,7 +72,7 @@ class LossyQueue(Generic[Item]):
 
 
 class Client:
-    """One viewer of the stream, on the event loop: a bounded queue of frames whose oldest give way, counted."""
+    """A viewer of the stream, on the event loop: a bounded queue of frames; a full one loses the oldest, counted."""
 
     def __init__(self, *, brief: bool) -> None:
         self.brief = brief
@@ -82,7 +82,7 @@ class Client:
         self.is_closed = False
 
     def put(self, frame: bytes) -> None:
-        """Take a frame; never waits."""
+        """Append a frame; never waits."""
         if len(self._frames) >= QUEUED_FRAMES:
             self._frames.popleft()
             self.dropped += 1
@@ -90,19 +90,19 @@ class Client:
         self._ready.set()
 
     def close(self) -> None:
-        """Say that no frame follows those in the queue."""
+        """Accept no more frames."""
         self.is_closed = True
         self._ready.set()
 
     async def frames(self) -> AsyncIterator[bytes]:
-        """Yield frames as they come, what was lost before them, and a comment where there is nothing to send."""
-        told = 0
+        """Yield frames, the number of frames lost before them, and a comment every 10 s without a frame."""
+        reported = 0
         yield b": opir\n\n"
         while True:
             while self._frames:
-                if self.dropped > told:
-                    yield frame("dropped", _json({"frames": self.dropped - told}))
-                    told = self.dropped
+                if self.dropped > reported:
+                    yield frame("dropped", _json({"frames": self.dropped - reported}))
+                    reported = self.dropped
                 yield self._frames.popleft()
             if self.is_closed:
                 yield frame("end", b"{}")
@@ -115,11 +115,11 @@ class Client:
 
 
 class Feed:
-    """Takes a run's windows, never holding it up; `status` gives the document that viewers are sent each second."""
+    """Encodes a run's windows without delaying it; `status` returns the document sent to viewers each second."""
 
     def __init__(self, sensors: tuple[Sensor, ...], epoch_us: int, history: int, status: Callable[[], Any]) -> None:
         self.history = History(history)
-        self.tracks = TrackBook(epoch_us)
+        self.tracks = LatestTracks(epoch_us)
         self.sensors, self.epoch_us = sensors, epoch_us
         self._status = status
         self._encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=epoch_us))
@@ -127,45 +127,45 @@ class Feed:
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._thread = threading.Thread(target=self._work, name="opir-feed", daemon=True)
-        self._gone_dropped = 0
+        self._dropped_before = 0
         self._status_due_s = 0.0
         self.put = self._windows.put
 
     @property
     def viewers(self) -> int:
-        """How many clients there are."""
+        """Number of clients."""
         return len(self._clients)
 
     @property
     def dropped_frames(self) -> int:
-        """How many frames slow clients have lost."""
-        return self._gone_dropped + sum(client.dropped for client in tuple(self._clients))
+        """Number of frames lost by slow clients."""
+        return self._dropped_before + sum(client.dropped for client in tuple(self._clients))
 
     @property
     def dropped_windows(self) -> int:
-        """How many windows were lost to viewers because encoding was behind."""
+        """Number of windows that viewers lost because encoding was too slow."""
         return self._windows.dropped
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Begin; frames are handed to clients on the loop."""
+        """Start the thread; clients get their frames on the loop."""
         self._loop = loop
         self._thread.start()
 
     def stop(self) -> None:
-        """Tell clients that it is over."""
+        """End the thread and the streams of the clients."""
         self._windows.close()
         for client in tuple(self._clients):
             client.close()
 
     def join(self, client: Client) -> None:
-        """Let a client have what comes from here on."""
+        """Add a client."""
         self._clients.add(client)
 
     def leave(self, client: Client) -> None:
-        """Let a client go."""
+        """Remove a client."""
         if client in self._clients:
             self._clients.remove(client)
-            self._gone_dropped += client.dropped
+            self._dropped_before += client.dropped
 
     def _work(self) -> None:
         while not self._windows.is_over:
@@ -175,23 +175,23 @@ class Feed:
                 self._loop.call_soon_threadsafe(self._fan_out, frames)
 
     def _frames(self, live: LiveWindow) -> list[tuple[bytes, bytes]]:
-        """Return what a window comes to: frames in full and in brief."""
+        """Return the frames of a window, each in full and in brief."""
         window, frames = live.window, []
         if len(window.detections):
             frames.append(self._detections(window, live.cycle))
         if len(window.tracks):
-            told = frame("tracks", _json(self.tracks.take(window.tracks)))
-            frames.append((told, told))
+            tracks = frame("tracks", _json(self.tracks.take(window.tracks)))
+            frames.append((tracks, tracks))
         if time.monotonic() >= self._status_due_s:
             self._status_due_s = time.monotonic() + _STATUS_S
-            told = frame("status", _json(self._status()))
-            frames.append((told, told))
+            status = frame("status", _json(self._status()))
+            frames.append((status, status))
         return frames
 
     def _detections(self, window: Window, cycle: int) -> tuple[bytes, bytes]:
         lines = self._encoder.encode(window).splitlines()
-        found = window.detections
-        self.history.add(found, unix_microseconds(found.time_ns, self.epoch_us), lines)
+        detections = window.detections
+        self.history.add(detections, unix_microseconds(detections.time_ns, self.epoch_us), lines)
         head = b'{"cycle":%d,"time_s":%.6f,"count":%d,"detections":[' % (cycle, window.end_s, len(lines))
         step = -(-len(lines) // BRIEF)
         both = (head + b",".join(part) + b"]}" for part in (lines, lines[::step]))

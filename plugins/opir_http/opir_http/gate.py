@@ -1,4 +1,4 @@
-"""What every request passes before it is looked at: who asks, how often, and how much."""
+"""Checks of every request before it is processed: host, token, rate, size and content type."""
 
 import asyncio
 import hmac
@@ -16,14 +16,14 @@ Receive = Callable[[], Awaitable[Message]]
 Send = Callable[[Message], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-#: What is served without a token: the page, which has no data, and what a supervisor asks.
+#: Paths without a token: the page, which has no data, and health checks.
 OPEN_PATHS = frozenset({"/", "/health/live", "/health/ready", "/openapi.json"})
 OPEN_PREFIX = "/page/"
 
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
-#: What takes a body; whatever else is written to has its own answer.
+#: Requests with a body.
 _TAKE_BODIES = frozenset({("POST", "/trigger"), ("PUT", "/config")})
 _OF_BROWSERS = (b"origin", b"referer", b"sec-fetch-site", b"sec-fetch-mode", b"sec-fetch-dest")
 _CLIENTS = 1024
@@ -46,13 +46,13 @@ _HEADERS = [
 
 
 class Rates:
-    """A bucket of tokens for each client, of a bounded number of clients."""
+    """Token buckets, one per client, for a bounded number of clients."""
 
     def __init__(self) -> None:
         self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
 
     def wait_s(self, client: str, per_s: float) -> float:
-        """Take a token; return 0, or how long to wait for one. A bucket holds two seconds' worth, at least one."""
+        """Take a token and return 0, or the time to wait for one, s. A bucket holds the tokens of 2 s, at least one."""
         now, most = time.monotonic(), max(1.0, 2.0 * per_s)
         tokens, since = self._buckets.pop(client, (most, now))
         tokens = min(most, tokens + (now - since) * per_s)
@@ -64,7 +64,7 @@ class Rates:
 
 
 class Gate:
-    """The application behind its checks: host, token, rate, size and content type of the body, headers of answers."""
+    """The application behind its checks; also adds the security headers of answers."""
 
     def __init__(self, app: App, settings: Callable[[], HttpSettings], token: str | None) -> None:
         self._app = app
@@ -73,7 +73,7 @@ class Gate:
         self._rates = Rates()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, or let the application."""
+        """Reject a request or pass it to the application."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -86,7 +86,7 @@ class Gate:
         await self._app(scope, _replayed(body, receive), guarded)
 
     async def _admitted(self, scope: Scope, receive: Receive) -> bytes:
-        """Return the body of a request that may go on; raises `ProblemError`."""
+        """Return the body of an accepted request; raises `ProblemError`."""
         headers = dict(scope["headers"])
         self._check_host(headers.get(b"host", b""))
         if not _is_open(scope["path"]):
@@ -100,13 +100,13 @@ class Gate:
         return await _body(headers, receive)
 
     def _check_host(self, host: bytes) -> None:
-        """Refuse a name that does not belong to a service without a token: it may be another site's."""
+        """Reject other host names than localhost without a token: DNS rebinding."""
         if self._token is not None:
             return
         name = host.decode("latin-1").lower()
         name = name.rpartition("]")[0].lstrip("[") if name.startswith("[") else name.partition(":")[0]
         if name not in LOOPBACK:
-            raise ProblemError(421, "without a token the service answers to localhost alone")
+            raise ProblemError(421, "without a token the service answers only requests to localhost")
 
     def _check_token(self, authorization: bytes) -> None:
         if self._token is None:
@@ -122,10 +122,10 @@ def _is_open(path: str) -> bool:
 
 
 def _is_json(headers: Mapping[bytes, bytes]) -> bool:
-    """Return whether a body is to be read as JSON: named so, or named nothing better by a program such as `curl -d`.
+    """Return whether a body is read as JSON: by its content type, or as sent by a program such as `curl -d`.
 
-    Browsers post forms of any site's without asking; but they say so, in `Origin` and `Sec-Fetch-*` (Fetch, sections
-    3.1 and 3.5), and no page can leave these out.
+    Browsers post forms of any site without a preflight request, but always with `Origin` and `Sec-Fetch-*` (Fetch,
+    sections 3.1 and 3.5).
     """
     kind, _, rest = headers.get(b"content-type", b"").decode("latin-1").lower().partition(";")
     kind, rest = kind.strip(), rest.strip().replace('"', "")
@@ -136,25 +136,27 @@ def _is_json(headers: Mapping[bytes, bytes]) -> bool:
 
 async def _body(headers: Mapping[bytes, bytes], receive: Receive) -> bytes:
     if int(headers.get(b"content-length", b"0")) > MAXIMUM_BODY_BYTES:
-        raise ProblemError(413, f"a body has at most {MAXIMUM_BODY_BYTES} bytes")
+        raise ProblemError(413, f"a body may have at most {MAXIMUM_BODY_BYTES} bytes")
     body = b""
     try:
         async with asyncio.timeout(BODY_S):
             while True:
                 message = await receive()
                 if message["type"] == "http.disconnect":
-                    raise ProblemError(400, "the client left")
+                    raise ProblemError(400, "the client has disconnected")
                 body += bytes(message.get("body", b""))
                 if len(body) > MAXIMUM_BODY_BYTES:
-                    raise ProblemError(413, f"a body has at most {MAXIMUM_BODY_BYTES} bytes")
+                    raise ProblemError(413, f"a body may have at most {MAXIMUM_BODY_BYTES} bytes")
                 if not message.get("more_body", False):
                     return body
     except TimeoutError:
-        raise ProblemError(408, f"a body arrives within {BODY_S:g} s", headers={"Connection": "close"}) from None
+        raise ProblemError(
+            408, f"the body did not arrive within {BODY_S:g} s", headers={"Connection": "close"}
+        ) from None
 
 
 def _replayed(body: bytes, receive: Receive) -> Receive:
-    """Return what hands the application the body, and then what the client does."""
+    """Return a `receive` that returns the body first, then the client's messages."""
     first = True
 
     async def again() -> Message:

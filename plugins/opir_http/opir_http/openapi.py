@@ -1,4 +1,4 @@
-"""The service described: OpenAPI 3.1, made from the same settings and configuration classes that it runs on."""
+"""The OpenAPI 3.1 document of the service, from its settings and configuration classes."""
 
 from typing import Any
 
@@ -15,44 +15,44 @@ LAUNCH_EXAMPLE = {
 }
 
 _JSON = "application/json"
-#: Moments of UTC, 1970 to 2099; a day that its month does not have is refused, too.
-_MOMENT = (
+#: UTC times, 1970 to 2099; a day beyond its month is rejected too.
+_UTC_TIME = (
     r"^(19[789][0-9]|20[0-9]{2})-(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])"
     r"T([01][0-9]|2[0-3]):[0-5][0-9]:[0-5][0-9](\.[0-9]{1,6})?Z$"
 )
-_TAG: Schema = {"ETag": {"schema": TEXT, "description": "tag of the configuration"}}
-_RETRY: Schema = {"Retry-After": {"schema": {"type": "string"}, "description": "when to try again, s"}}
+_TAG: Schema = {"ETag": {"schema": TEXT, "description": "entity tag of the configuration"}}
+_RETRY: Schema = {"Retry-After": {"schema": {"type": "string"}, "description": "time until the next attempt, s"}}
 _ALWAYS = (400, 401, 405, 408, 413, 421, 500)
 
-#: What an answer leads on to (OpenAPI 3.1, link objects).
+#: Links from a response to further requests (OpenAPI 3.1, link objects).
 _AFTER_LAUNCH = {
     "seen": {
         "operationId": "detections",
         "parameters": {"since": "$response.body#/timestamp"},
-        "description": "detections from the launch on",
+        "description": "detections since the launch",
     },
-    "tracked": {"operationId": "tracks", "description": "the tracks that come of it"},
-    "state": {"operationId": "status", "description": "how many targets are in the run"},
+    "tracked": {"operationId": "tracks", "description": "tracks, also of this target"},
+    "state": {"operationId": "status", "description": "number of targets in the run"},
 }
 _AFTER_CONFIG = {
     "change": {
         "operationId": "configure",
         "parameters": {"If-Match": "$response.header.ETag"},
         "requestBody": "$response.body",
-        "description": "put it in force again, changed",
+        "description": "apply a changed configuration",
     }
 }
-_AFTER_CHANGE = {"changed": {"operationId": "config", "description": "the configuration in force"}}
+_AFTER_CHANGE = {"changed": {"operationId": "config", "description": "the present configuration"}}
 _AFTER_PAGE = {
     "next": {
         "operationId": "detections",
         "parameters": {"after": "$response.body#/next"},
-        "description": "the following page, where there is one",
+        "description": "the next page, if there is one",
     },
     "same_sensor": {
         "operationId": "detections",
         "parameters": {"sensor_id": "$response.body#/detections/0/sensor_id"},
-        "description": "what else that sensor saw",
+        "description": "other detections of this sensor",
     },
 }
 
@@ -65,12 +65,14 @@ def document() -> dict[str, Any]:
             "title": "opir",
             "version": "1.0",
             "summary": "A live simulation of overhead infrared missile-warning sensors.",
-            "description": "Unclassified, notional, for the test of systems that receive such events."
-            f" Bodies have at most {MAXIMUM_BODY_BYTES} bytes. Errors are problem details (RFC 9457).",
+            "description": "Unclassified and notional; for tests of systems that receive such events."
+            f" Request bodies have at most {MAXIMUM_BODY_BYTES} bytes. Errors are problem details (RFC 9457).",
         },
         "paths": {
             "/trigger": {"post": _trigger()},
-            "/status": {"get": _get("status", "How the simulation, its sensors and its sinks stand", "Status")},
+            "/status": {
+                "get": _get("status", "State and counts of the simulation, its sensors and its sinks", "Status")
+            },
             "/config": {"get": _config(), "put": _configure()},
             "/detections": {"get": _detections()},
             "/tracks": {"get": _tracks()},
@@ -101,38 +103,39 @@ def _schemas() -> Schema:
 
 def _trigger() -> Schema:
     key = _parameter("Idempotency-Key", {"type": "string", "minLength": 1, "maxLength": 200, "pattern": "^[!-~]+$"})
-    key |= {"in": "header", "description": "the same key with the same body gets the same answer, and one launch"}
-    headers = {"Location": {"schema": TEXT, "description": "where to look"}}
+    key |= {
+        "in": "header",
+        "description": "requests with the same key and body get the same answer and make one launch",
+    }
+    headers = {"Location": {"schema": TEXT, "description": "path of the status"}}
     return {
         "operationId": "trigger",
         "summary": "Launch a target",
-        "description": "The body is a target as a scene has it; `id` and `launch.time_s` may be left out. A launch"
-        " that is let in gives the events that it gives in a batch run of the scene with it.",
+        "description": "The body has the layout of a target in a scene; `id` and `launch.time_s` are optional. The"
+        " target's events are those of a batch run of the scene with this target.",
         "parameters": [key],
         "requestBody": {"required": True, "content": {_JSON: _media("Trigger", LAUNCH_EXAMPLE)}},
-        "responses": {"202": _answer("The launch is in the run", "Launched", headers=headers, links=_AFTER_LAUNCH)}
+        "responses": {"202": _answer("The target is in the run", "Launched", headers=headers, links=_AFTER_LAUNCH)}
         | _problems(409, 415, 422, 429),
     }
 
 
 def _config() -> Schema:
-    return _get(
-        "config", "The configuration in force, every setting written out", "Config", headers=_TAG, links=_AFTER_CONFIG
-    )
+    return _get("config", "The present configuration, with all settings", "Config", headers=_TAG, links=_AFTER_CONFIG)
 
 
 def _configure() -> Schema:
     match = _parameter("If-Match", {"type": "string", "minLength": 1, "pattern": '^("[0-9a-f]{32}"|\\*)$'})
-    match |= {"in": "header", "required": True, "description": "the ETag of the configuration that it replaces, or *"}
+    match |= {"in": "header", "required": True, "description": "the ETag of the configuration to replace, or *"}
     return {
         "operationId": "configure",
-        "summary": "Put a whole configuration in force",
-        "description": "Take what GET /config gives, change it, send it back. It is checked as a scene is, and applied"
-        " whole or not at all, at the start of the cycle that the answer names. Settings that need a restart are"
-        " refused, by name.",
+        "summary": "Replace the configuration",
+        "description": "Change the answer of GET /config and send it back. It is validated like a scene and applied as"
+        " a whole or not at all, at the start of the cycle in the answer. Settings that need a restart are rejected, by"
+        " name.",
         "parameters": [match],
         "requestBody": {"required": True, "content": {_JSON: _media("Config")}},
-        "responses": {"200": _answer("In force from this cycle on", "Configured", headers=_TAG, links=_AFTER_CHANGE)}
+        "responses": {"200": _answer("Applied from this cycle on", "Configured", headers=_TAG, links=_AFTER_CHANGE)}
         | _problems(403, 409, 412, 415, 422, 428, 429),
     }
 
@@ -145,11 +148,11 @@ def _detections() -> Schema:
         "sensor_type": TEXT,
         "target_type": {"type": "string", "enum": list(REPORTED_TYPES)},
         "track_id": {"type": "integer", "minimum": 0, "maximum": 10**9 - 1},
-        "since": {"type": "string", "pattern": _MOMENT, "examples": ["2026-04-01T12:00:00Z"]},
-        "until": {"type": "string", "pattern": _MOMENT, "examples": ["2026-04-01T12:05:00Z"]},
+        "since": {"type": "string", "pattern": _UTC_TIME, "examples": ["2026-04-01T12:00:00Z"]},
+        "until": {"type": "string", "pattern": _UTC_TIME, "examples": ["2026-04-01T12:05:00Z"]},
         "min_confidence": {"type": "number", "minimum": 0, "maximum": 1},
     }
-    summary = "Recent detections, newest first; `next` is the `after` of the following page"
+    summary = "Recent detections, newest first; `next` is the parameter `after` of the next page"
     parameters = [_parameter(name, schema) for name, schema in words.items()]
     return _get("detections", summary, "Detections", links=_AFTER_PAGE) | {"parameters": parameters}
 
@@ -164,20 +167,23 @@ def _stream() -> Schema:
     responses = {"200": {"description": "Server-sent events", "content": {"text/event-stream": {"schema": TEXT}}}}
     return {
         "operationId": "stream",
-        "summary": "Detections, tracks and status as they come",
-        "description": "Server-sent events: `detections` (each cycle's, with their `count`; a brief view has some of"
-        " them), `tracks`, `status` (each second), `dropped` (frames this client was too slow for), `end`.",
+        "summary": "Live detections, tracks and status",
+        "description": "Server-sent events: `detections` (of each cycle, with their `count`; the brief view has a"
+        " sample), `tracks`, `status` (each second), `dropped` (frames lost by a slow client), `end`.",
         "parameters": [view],
         "responses": responses | _problems(503),
     }
 
 
 def _health(name: str, schema: Schema) -> Schema:
-    words = {"live": "Whether the simulation is alive", "ready": "Whether it does its work and no spool grows"}
+    words = {
+        "live": "Whether the simulation is alive",
+        "ready": "Whether the simulation runs, no sink has failed and no backlog grows",
+    }
     content = {_JSON: {"schema": schema}}
     answers = {
-        "200": {"description": "It is", "content": content},
-        "503": {"description": "It is not", "content": content},
+        "200": {"description": "Yes", "content": content},
+        "503": {"description": "No", "content": content},
     }
     return {"operationId": name, "summary": words[name], "security": [{}], "responses": answers | _problems()}
 
@@ -186,7 +192,7 @@ def _metrics() -> Schema:
     answer = {"description": "Metrics", "content": {"text/plain": {"schema": TEXT}}}
     return {
         "operationId": "metrics",
-        "summary": "What the service counts, in Prometheus's text format",
+        "summary": "Metrics in Prometheus's text format",
         "responses": {"200": answer} | _problems(),
     }
 
@@ -206,12 +212,12 @@ def _answer(words: str, schema: str, headers: Schema, links: Schema) -> Schema:
 
 def _problems(*statuses: int) -> Schema:
     content = {PROBLEM_TYPE: {"schema": _ref("Problem")}}
-    found = {
+    problems = {
         str(status): {"description": TITLES[status], "content": content} for status in sorted({*_ALWAYS, *statuses})
     }
-    if "429" in found:
-        found["429"] = found["429"] | {"headers": _RETRY}
-    return found
+    if "429" in problems:
+        problems["429"] = problems["429"] | {"headers": _RETRY}
+    return problems
 
 
 def _media(schema: str, example: Any = None) -> Schema:

@@ -1,11 +1,11 @@
-"""The command `opir serve`. The web is imported when it runs."""
+"""The command `opir serve`; web libraries are imported when it runs."""
 
 import argparse
 from typing import Any
 
 from opir_core.plugin import hookimpl
 
-_SUMMARY = "run a scene live, paced by the clock, behind HTTP and a page to look at"
+_SUMMARY = "run a scene in real time, with an HTTP interface and a web page"
 
 
 @hookimpl

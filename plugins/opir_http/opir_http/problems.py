@@ -1,4 +1,4 @@
-"""What a request is told when it cannot be answered: problem details (RFC 9457), without paths and tracebacks."""
+"""Error responses: problem details (RFC 9457), without file paths and tracebacks."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,25 +16,25 @@ PROBLEM_TYPE = "application/problem+json"
 TITLES = {
     400: "The request cannot be read",
     401: "A bearer token is needed",
-    403: "This is switched off",
-    404: "There is nothing here",
-    405: "This cannot be done here",
+    403: "This is disabled",
+    404: "There is no such resource",
+    405: "The method is not allowed",
     408: "The request took too long to arrive",
-    409: "The simulation cannot take this",
+    409: "The simulation cannot apply this",
     412: "The configuration has changed",
     413: "The request is too large",
-    415: "The content type is not taken",
-    421: "This host is not served here",
-    422: "What is asked for is not valid",
+    415: "The content type is not supported",
+    421: "The host is not served",
+    422: "The request is not valid",
     428: "If-Match is needed",
-    429: "Too much is asked for",
+    429: "Too many requests",
     500: "The service failed",
     503: "The service is not available",
 }
 
 
 class ProblemError(Exception):
-    """A request that cannot be answered as asked; `errors` are pairs of path and message."""
+    """An error response; `errors` are pairs of path and message."""
 
     def __init__(
         self,
@@ -50,19 +50,19 @@ class ProblemError(Exception):
 
 def problem_body(error: ProblemError) -> bytes:
     """Return the body of a problem."""
-    told: dict[str, Any] = {
+    document: dict[str, Any] = {
         "type": "about:blank",
         "title": TITLES.get(error.status, "The request failed"),
         "status": error.status,
         "detail": error.detail,
     }
     if error.errors:
-        told["errors"] = [{"path": path, "message": message} for path, message in error.errors]
-    return msgspec.json.encode(told)
+        document["errors"] = [{"path": path, "message": message} for path, message in error.errors]
+    return msgspec.json.encode(document)
 
 
 def problem_of(error: OpirError) -> ProblemError:
-    """Return the problem that one of opir's own errors is to a client."""
+    """Return the error response for an error of opir."""
     if isinstance(error, BusyError):
         return ProblemError(429, str(error), headers={"Retry-After": "1"})
     if isinstance(error, RefusedError):
@@ -70,7 +70,7 @@ def problem_of(error: OpirError) -> ProblemError:
     if isinstance(error, RestartError):
         return ProblemError(409, "some settings need a restart", _pairs(error.problems))
     if isinstance(error, SceneError):
-        return ProblemError(422, f"{len(error.problems)} found", _pairs(error.problems))
+        return ProblemError(422, f"{len(error.problems)} errors", _pairs(error.problems))
     return ProblemError(422, str(error))
 
 
@@ -84,7 +84,7 @@ def answer_problem(_request: Any, error: ProblemError) -> Response[bytes]:
 
 
 def answer_http(request: Any, error: HTTPException) -> Response[bytes]:
-    """Return the response to what the framework refuses."""
+    """Return the response to an error of the framework."""
     status = error.status_code
     headers = {key: value for key, value in (error.headers or {}).items() if key.lower() == "allow"}
     detail = TITLES.get(status, "The request failed").lower()
@@ -92,5 +92,5 @@ def answer_http(request: Any, error: HTTPException) -> Response[bytes]:
 
 
 def answer_defect(request: Any, _error: Exception) -> Response[bytes]:
-    """Return the response to a defect, of which the client hears nothing more."""
-    return answer_problem(request, ProblemError(500, "the failure is in the service's own log"))
+    """Return the response to a defect, without its details."""
+    return answer_problem(request, ProblemError(500, "see the log of the service"))

@@ -1,4 +1,4 @@
-"""Bodies and query strings of requests, read strictly."""
+"""Strict reading of request bodies and query strings."""
 
 import json
 import re
@@ -14,13 +14,13 @@ _NUMBER = re.compile(r"-?[0-9]+(\.[0-9]+)?([eE][-+]?[0-9]{1,3})?")
 
 
 def json_object(body: bytes) -> dict[str, Any]:
-    """Return a body that is one JSON object: UTF-8, no key twice, no NaN; raises `ProblemError`."""
+    """Return the JSON object of a body: UTF-8, no duplicate keys, no NaN; raises `ProblemError`."""
     try:
         value = json.loads(body.decode("utf-8"), parse_constant=_refuse_constant, object_pairs_hook=_pairs_once)
     except UnicodeDecodeError:
         raise ProblemError(400, "the body is not UTF-8") from None
     except RecursionError:
-        raise ProblemError(400, "the body is nested too deep") from None
+        raise ProblemError(400, "the body is nested too deeply") from None
     except ValueError as error:
         raise ProblemError(400, f"the body is not JSON: {error}") from None
     if not isinstance(value, dict):
@@ -28,36 +28,36 @@ def json_object(body: bytes) -> dict[str, Any]:
     return value
 
 
-def query(raw: bytes, known: Collection[str]) -> Mapping[str, str]:
-    """Return a query string's parameters; raises `ProblemError` for one that is unknown or comes twice."""
+def query(raw: bytes, names: Collection[str]) -> Mapping[str, str]:
+    """Return the parameters of a query string; raises `ProblemError` for unknown and duplicate ones."""
     try:
         pairs = (
             parse_qsl(raw.decode("ascii"), keep_blank_values=True, strict_parsing=True, errors="strict") if raw else []
         )
     except ValueError:
         raise ProblemError(400, "the query string cannot be read") from None
-    found: dict[str, str] = {}
+    parameters: dict[str, str] = {}
     for key, value in pairs:
-        if key not in known:
-            raise ProblemError(400, f"a parameter is unknown; there are {', '.join(sorted(known)) or 'none'}")
-        if key in found:
-            raise ProblemError(400, f"the parameter {key} comes twice")
-        found[key] = value
-    return found
+        if key not in names:
+            raise ProblemError(400, f"unknown parameter; expected {', '.join(sorted(names)) or 'none'}")
+        if key in parameters:
+            raise ProblemError(400, f"duplicate parameter {key}")
+        parameters[key] = value
+    return parameters
 
 
 def whole_number(given: Mapping[str, str], key: str, default: int, most: int, *, least: int = 1) -> int:
-    """Return a parameter that is a whole number from `least` to `most`."""
+    """Return the value of an integer parameter from `least` to `most`."""
     word = given.get(key)
     if word is None:
         return default
     if not (word.isascii() and word.isdecimal() and len(word) <= _DIGITS and least <= int(word) <= most):
-        raise ProblemError(400, f"{key} is a whole number from {least} to {most}")
+        raise ProblemError(400, f"{key} must be an integer from {least} to {most}")
     return int(word)
 
 
 def unit_number(given: Mapping[str, str], key: str) -> float | None:
-    """Return a parameter that is a number from 0 to 1, or None where it is not given."""
+    """Return the value of a parameter from 0 to 1, or None if it is absent."""
     word = given.get(key)
     if word is None:
         return None
@@ -66,19 +66,19 @@ def unit_number(given: Mapping[str, str], key: str) -> float | None:
     except ValueError:
         number = -1.0
     if not 0.0 <= number <= 1.0:
-        raise ProblemError(400, f"{key} is a number from 0 to 1")
+        raise ProblemError(400, f"{key} must be a number from 0 to 1")
     return number
 
 
 def instant_us(given: Mapping[str, str], key: str) -> int | None:
-    """Return a parameter that is a moment of UTC, as Unix microseconds, or None where it is not given."""
+    """Return the value of a UTC time parameter in Unix microseconds, or None if it is absent."""
     word = given.get(key)
     if word is None:
         return None
     try:
         return epoch_us_of_text(word)
     except ValueError:
-        raise ProblemError(400, f"{key} is a moment of UTC such as 2026-04-01T12:00:00Z") from None
+        raise ProblemError(400, f"{key} must be a UTC time such as 2026-04-01T12:00:00Z") from None
 
 
 def _refuse_constant(word: str) -> Any:
@@ -86,7 +86,7 @@ def _refuse_constant(word: str) -> Any:
 
 
 def _pairs_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        raise ValueError("a key comes twice")
-    return found
+    unique = dict(pairs)
+    if len(unique) < len(pairs):
+        raise ValueError("duplicate key")
+    return unique

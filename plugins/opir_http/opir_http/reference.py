@@ -1,4 +1,4 @@
-"""The page of the HTTP interface, made from its OpenAPI document."""
+"""The reference page of the HTTP interface, generated from its OpenAPI document."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,13 +11,13 @@ from opir_http.settings import LIVE, HttpSettings
 
 _HEAD = """# The HTTP interface
 
-What `opir serve` answers. [Serve a scene](../how-to/serve.md) shows it at work; the service itself gives this as an
-OpenAPI 3.1 document at `/openapi.json`, from which this page is generated. Errors are problem details (RFC 9457),
-`application/problem+json`. Where there is a bearer token, all but `/`, `/health/…` and `/openapi.json` need it."""
+Which requests does `opir serve` answer? [Serve a scene](../how-to/serve.md) has examples. The service has this page as
+an OpenAPI 3.1 document at `/openapi.json`. Errors are problem details (RFC 9457), `application/problem+json`. If the
+service has a bearer token, all paths except `/`, `/page/…`, `/health/…` and `/openapi.json` need it."""
 
 
 def reference_page() -> str:
-    """Return the page, in Markdown."""
+    """Return the page as Markdown."""
     whole = document()
     routes = [line for path, item in whole["paths"].items() for line in _route(path, item)]
     return "\n".join([_HEAD, *routes, *_settings()]) + "\n"
@@ -30,7 +30,7 @@ def _route(path: str, item: dict[str, Any]) -> Iterator[str]:
             yield from ("", operation["description"])
         parameters = operation.get("parameters", [])
         if parameters:
-            yield from ("", "| parameter | in | what it is |", "|---|---|---|")
+            yield from ("", "| parameter | in | meaning |", "|---|---|---|")
         for parameter in parameters:
             yield f"| `{parameter['name']}` | {parameter['in']} | {_words(parameter)} |"
         yield from ("", "| status | meaning |", "|---|---|")
@@ -40,15 +40,15 @@ def _route(path: str, item: dict[str, Any]) -> Iterator[str]:
 
 def _words(parameter: dict[str, Any]) -> str:
     schema = parameter["schema"]
-    told = [schema["type"] if "enum" not in schema else " or ".join(f"`{word}`" for word in schema["enum"])]
+    kind = [schema["type"] if "enum" not in schema else " or ".join(f"`{word}`" for word in schema["enum"])]
     bounds = [f"{name} {schema[name]}" for name in ("minimum", "maximum", "maxLength", "default") if name in schema]
     meaning = [parameter["description"]] if "description" in parameter else []
-    return "; ".join([*told, *bounds, *meaning])
+    return "; ".join([*kind, *bounds, *meaning])
 
 
 def _settings() -> Iterator[str]:
     yield from ("", "## Settings of the service", "", "The block `http` of the configuration.", "")
-    yield from ("| key | default | what it is | while it runs |", "|---|---|---|---|")
+    yield from ("| key | default | meaning | while running |", "|---|---|---|---|")
     for attribute in fields(HttpSettings):
-        when = "changes at once" if attribute.name in LIVE else "needs a restart"
+        when = "applied at once" if attribute.name in LIVE else "needs a restart"
         yield f"| `{attribute.name}` | `{attribute.default}` | {info_of(attribute).help} | {when} |"

@@ -12,9 +12,9 @@ from litestar.exceptions import HTTPException
 from litestar.response import Stream
 
 from opir_core.scene.scene import REPORTED_TYPES
+from opir_http.cached import Cached
 from opir_http.feed import Client
-from opir_http.fresh import Fresh
-from opir_http.history import Wanted
+from opir_http.history import Filter
 from opir_http.metrics import CONTENT_TYPE, metrics_text
 from opir_http.openapi import document
 from opir_http.problems import ProblemError, answer_defect, answer_http, answer_problem
@@ -31,8 +31,8 @@ _KINDS = {
     ".svg": "image/svg+xml",
 }
 _JSON = "application/json"
-#: How old what is told of the run may be, s.
-_FRESH_S = 0.05
+#: Maximum age of cached documents, s.
+_CACHED_S = 0.05
 _KEY_LENGTH = 200
 _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
 _FILTERS = ("after", "limit", "min_confidence", "sensor_id", "sensor_type", "since", "target_type", "track_id", "until")
@@ -42,14 +42,14 @@ AnyRequest = Request[Any, Any, Any]
 
 def application(service: Service) -> Litestar:
     """Return the application of a service."""
-    told = Told(service)
+    documents = Documents(service)
     return Litestar(
         route_handlers=[
             *_page_routes(),
             *_health_routes(service),
-            *_reading_routes(service, told),
-            _trigger_route(service, told),
-            _config_route(service, told),
+            *_reading_routes(service, documents),
+            _trigger_route(service, documents),
+            _config_route(service, documents),
             _stream_route(service),
         ],
         exception_handlers={ProblemError: answer_problem, HTTPException: answer_http, Exception: answer_defect},
@@ -81,8 +81,8 @@ def _page_routes() -> list[Any]:
 
 
 def _health_routes(service: Service) -> list[Any]:
-    readiness = Fresh(service.is_ready, _FRESH_S)
-    counted = Fresh(lambda: metrics_text(service).encode(), _FRESH_S)
+    readiness = Cached(service.is_ready, _CACHED_S)
+    counted = Cached(lambda: metrics_text(service).encode(), _CACHED_S)
 
     @get("/health/live")
     async def live(request: AnyRequest) -> Response[bytes]:
@@ -104,15 +104,15 @@ def _health_routes(service: Service) -> list[Any]:
     return [live, ready, metrics]
 
 
-class Told:
-    """The documents that say how the run stands, encoded."""
+class Documents:
+    """Status and configuration, encoded and cached."""
 
     def __init__(self, service: Service) -> None:
-        self.status = Fresh(lambda: msgspec.json.encode(service.status()), _FRESH_S)
-        self.config = Fresh(lambda: _tagged(service.config()), _FRESH_S)
+        self.status = Cached(lambda: msgspec.json.encode(service.status()), _CACHED_S)
+        self.config = Cached(lambda: _tagged(service.config()), _CACHED_S)
 
     def forget(self) -> None:
-        """Let whoever changed something see it changed."""
+        """Make both again for the next request, after a change."""
         self.status.forget()
         self.config.forget()
 
@@ -121,18 +121,18 @@ def _tagged(config: Mapping[str, Any]) -> tuple[bytes, str]:
     return msgspec.json.encode(config), etag_of(config)
 
 
-def _reading_routes(service: Service, told: Told) -> list[Any]:
+def _reading_routes(service: Service, documents: Documents) -> list[Any]:
     @get("/status")
     async def status(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
-        return Response(await told.status.get(), media_type=_JSON)
+        return Response(await documents.status.get(), media_type=_JSON)
 
     @get("/detections")
     async def detections(request: AnyRequest) -> Response[bytes]:
         given = query(request.scope["query_string"], _FILTERS)
         limit = whole_number(given, "limit", 100, MAXIMUM_PAGE)
         before = int(given["after"], 36) if _is_cursor(given) else None
-        lines, following = service.feed.history.page(_wanted(given, service), before, limit)
+        lines, following = service.feed.history.page(_filter(given, service), before, limit)
         cursor = b"null" if following is None else b'"%s"' % _base36(following).encode()
         body = b'{"detections":[' + b",".join(lines) + b'],"next":' + cursor + b"}"
         return Response(body, media_type=_JSON)
@@ -145,20 +145,20 @@ def _reading_routes(service: Service, told: Told) -> list[Any]:
     return [status, detections, tracks]
 
 
-def _trigger_route(service: Service, told: Told) -> Any:
+def _trigger_route(service: Service, documents: Documents) -> Any:
     @post("/trigger", status_code=202)
     async def trigger(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
         body = await request.body()
         key = _idempotency_key(request.headers)
-        known = service.answers.begin(key, body) if key else None
-        if known is not None:
-            return _json(known, 202, headers={"Idempotent-Replayed": "true", "Location": "/status"})
+        previous = service.answers.begin(key, body) if key else None
+        if previous is not None:
+            return _json(previous, 202, headers={"Idempotent-Replayed": "true", "Location": "/status"})
         answer = None
         try:
             answer = await asyncio.to_thread(service.launch, json_object(body))
         finally:
-            told.forget()
+            documents.forget()
             if key:
                 service.answers.end(key, answer)
         return _json(answer, 202, headers={"Location": "/status"})
@@ -166,14 +166,14 @@ def _trigger_route(service: Service, told: Told) -> Any:
     return trigger
 
 
-def _config_route(service: Service, told: Told) -> Any:
-    # One handler, for the framework's answer to OPTIONS knows only the methods of one.
+def _config_route(service: Service, documents: Documents) -> Any:
+    # One handler: the framework's answer to OPTIONS has only the methods of one.
     @route("/config", http_method=[HttpMethod.GET, HttpMethod.PUT], status_code=200)
     async def config(request: AnyRequest) -> Response[bytes]:
         query(request.scope["query_string"], ())
         if request.method == HttpMethod.PUT:
-            return await _configured(service, told, request)
-        body, tag = await told.config.get()
+            return await _configured(service, documents, request)
+        body, tag = await documents.config.get()
         if request.headers.get("if-none-match") == tag:
             return Response(b"", status_code=304, headers={"ETag": tag})
         return Response(body, media_type=_JSON, headers={"ETag": tag})
@@ -181,7 +181,7 @@ def _config_route(service: Service, told: Told) -> Any:
     return config
 
 
-async def _configured(service: Service, told: Told, request: AnyRequest) -> Response[bytes]:
+async def _configured(service: Service, documents: Documents, request: AnyRequest) -> Response[bytes]:
     if not service.settings.config_writes:
         raise ProblemError(403, "the service was started with --no-config-writes")
     wanted = json_object(await request.body())
@@ -189,11 +189,11 @@ async def _configured(service: Service, told: Told, request: AnyRequest) -> Resp
     if if_match is None:
         raise ProblemError(428, "send the ETag of GET /config as If-Match")
     if not _ENTITY_TAG.fullmatch(if_match):
-        raise ProblemError(400, "If-Match is one ETag of GET /config, in its quotes, or *")
+        raise ProblemError(400, "If-Match must be one ETag of GET /config, with its quotes, or *")
     try:
         cycle, tag = await asyncio.to_thread(service.configure, wanted, if_match)
     finally:
-        told.forget()
+        documents.forget()
     return _json({"cycle": cycle}, headers={"ETag": tag})
 
 
@@ -202,9 +202,9 @@ def _stream_route(service: Service) -> Any:
     async def stream(request: AnyRequest) -> Stream:
         given = query(request.scope["query_string"], ("view",))
         if given.get("view", "full") not in ("full", "brief"):
-            raise ProblemError(400, "view is full or brief")
+            raise ProblemError(400, "view must be full or brief")
         if service.feed.viewers >= service.settings.maximum_viewers:
-            raise ProblemError(503, "there are as many viewers as there may be", headers={"Retry-After": "5"})
+            raise ProblemError(503, "the maximum number of viewers is connected", headers={"Retry-After": "5"})
         client = Client(brief=given.get("view") == "brief")
         service.feed.join(client)
         return Stream(_frames(service, client), media_type="text/event-stream")
@@ -220,7 +220,7 @@ async def _frames(service: Service, client: Client) -> AsyncIterator[bytes]:
         service.feed.leave(client)
 
 
-def _wanted(given: Mapping[str, str], service: Service) -> Wanted:
+def _filter(given: Mapping[str, str], service: Service) -> Filter:
     sensors = None
     if "sensor_id" in given or "sensor_type" in given:
         sensors = tuple(
@@ -230,8 +230,8 @@ def _wanted(given: Mapping[str, str], service: Service) -> Wanted:
         )
     kind = given.get("target_type")
     if kind is not None and kind not in REPORTED_TYPES:
-        raise ProblemError(400, f"target_type is one of {', '.join(REPORTED_TYPES)}")
-    return Wanted(
+        raise ProblemError(400, f"target_type must be one of {', '.join(REPORTED_TYPES)}")
+    return Filter(
         sensors=sensors,
         types=None if kind is None else (REPORTED_TYPES.index(kind),),
         track=None if "track_id" not in given else whole_number(given, "track_id", 0, 10**9 - 1, least=0),
@@ -244,7 +244,7 @@ def _wanted(given: Mapping[str, str], service: Service) -> Wanted:
 def _is_cursor(given: Mapping[str, str]) -> bool:
     word = given.get("after")
     if word is not None and not (0 < len(word) <= 12 and word.isascii() and word.isalnum() and word == word.lower()):
-        raise ProblemError(400, "after is what a page gave as next")
+        raise ProblemError(400, "after must be the `next` of a page")
     return word is not None
 
 
@@ -259,7 +259,7 @@ def _base36(number: int) -> str:
 def _idempotency_key(headers: Mapping[str, str]) -> str | None:
     key = headers.get("idempotency-key")
     if key is not None and not (0 < len(key) <= _KEY_LENGTH and key.isascii() and key.isprintable()):
-        raise ProblemError(400, f"Idempotency-Key has 1 to {_KEY_LENGTH} printable ASCII characters")
+        raise ProblemError(400, f"Idempotency-Key must have 1 to {_KEY_LENGTH} printable ASCII characters")
     return key
 
 

@@ -1,4 +1,4 @@
-"""JSON Schemas of what the service takes and gives."""
+"""JSON Schemas of requests and responses."""
 
 import json
 from typing import Any
@@ -24,7 +24,7 @@ _BOUNDS = {"minimum": "minimum", "maximum": "maximum", "above": "exclusiveMinimu
 
 
 def closed(properties: Schema, optional: tuple[str, ...] = ()) -> Schema:
-    """Return the schema of an object that has these properties and no others."""
+    """Return the schema of an object with these properties and no others."""
     required = [name for name in properties if name not in optional]
     return {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
 
@@ -35,37 +35,37 @@ def listed(items: Schema) -> Schema:
 
 
 def or_null(schema: Schema) -> Schema:
-    """Return the schema of what may be null."""
+    """Return a schema that allows null too."""
     return {"anyOf": [schema, {"type": "null"}]}
 
 
 def schema_of_class(config: type) -> Schema:
-    """Return the schema of a configuration class, from what its fields say."""
+    """Return the schema of a configuration class, from its fields."""
     attributes = fields(config)
     optional = tuple(attribute.name for attribute in attributes if attribute.default is not _REQUIRED)
     return closed({attribute.name: _schema_of_field(attribute) for attribute in attributes}, optional)
 
 
 def trigger() -> Schema:
-    """Return the schema of a launch: a target of the model `ballistic`, whose id and time may be left out."""
+    """Return the schema of a launch: a target of the model `ballistic`, with optional id and time."""
     schema = schema_of_class(BallisticConfig)
     launch = schema["properties"]["launch"]
     launch["properties"]["time_s"] = or_null(launch["properties"]["time_s"]) | {
-        "description": "ignition, s after the scene's epoch, not before its clock; by default as soon as can be"
+        "description": "ignition, s after the scene's epoch, not in the past; default: the earliest possible"
     }
     schema["properties"] |= {
         "id": {"type": "string", "pattern": r"^[A-Za-z0-9._:\-]{1,64}$", "description": ID_RULE},
         "model": {
             "type": "string",
             "enum": ["ballistic"],
-            "description": "the target model; any installed one is taken",
+            "description": "target model; any installed one is accepted",
         },
     }
     return schema
 
 
 def config() -> Schema:
-    """Return the schema of the configuration: a scene's settings, whose components say what theirs are."""
+    """Return the schema of the configuration: a scene's settings; blocks of components are not specified."""
     block = {"anyOf": [{"type": "object"}, {"type": "string"}]}
     choices = ("detection", "classification", "confidence", "tracker", "atmosphere", "background")
     parts = {
@@ -74,9 +74,9 @@ def config() -> Schema:
         "duration_s": {"type": "number", "exclusiveMinimum": 0},
         "seed": COUNT,
         "light_time": {"type": "boolean"},
-        "forces": {"description": "the forces on bodies in free flight"},
+        "forces": {"description": "forces in free flight"},
         "sensors": listed({"type": "object"}) | {"minItems": 1},
-        **{name: block | {"description": f"the {name} model: its name, or a block"} for name in choices},
+        **{name: block | {"description": f"{name} model: its name, or a block"} for name in choices},
         "outputs": listed(block),
         "http": schema_of_class(HttpSettings) | {"required": [attribute.name for attribute in fields(HttpSettings)]},
     }
@@ -84,7 +84,7 @@ def config() -> Schema:
 
 
 def detection() -> Schema:
-    """Return the schemas of a detection, as they ship with the core, and of the parts that it refers to."""
+    """Return the core's schema of a detection, and of the parts that it refers to."""
     text = json.dumps(detection_schema()).replace("#/$defs/", "#/components/schemas/detection-")
     whole: Schema = json.loads(text)
     parts = {f"detection-{name}": part for name, part in whole["$defs"].items()}
@@ -178,14 +178,14 @@ def _schema_of_field(attribute: Any) -> Schema:
     words = f"{info.help}{f', {info.unit}' if info.unit else ''}"
     if hasattr(kind, "__attrs_attrs__"):
         return schema_of_class(kind) | {"description": words}
-    plain = next(known for known in _KINDS if kind == known or kind == known | None)
+    plain = next(each for each in _KINDS if kind == each or kind == each | None)
     schema = {"type": _KINDS[plain], **_limits(info)}
     return (schema if kind == plain else or_null(schema)) | {"description": words}
 
 
 def _limits(info: FieldInfo) -> Schema:
-    found = {word: getattr(info, name) for name, word in _BOUNDS.items() if getattr(info, name) is not None}
-    return found | ({"enum": list(info.choices)} if info.choices else {})
+    limits = {word: getattr(info, name) for name, word in _BOUNDS.items() if getattr(info, name) is not None}
+    return limits | ({"enum": list(info.choices)} if info.choices else {})
 
 
 _REQUIRED = fields(BallisticConfig).type.default

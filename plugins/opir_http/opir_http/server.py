@@ -1,4 +1,4 @@
-"""The server: uvicorn with a deadline for headers and a bound on connections, stopping as it should."""
+"""The server: uvicorn with a deadline for headers, a limit of connections, and an orderly stop."""
 
 import asyncio
 import socket
@@ -16,19 +16,19 @@ _CHECK_S = 2.0
 _LONGEST_HEADERS = 16 * 1024
 _BACKLOG = 512
 
-#: How long clients have to take what they are sent at the end, s, and when the server cancels what still goes on, in
-#: complaints of many lines.
+#: Time, s, that clients have at the end to receive the last frames, and after which uvicorn cancels requests, which
+#: prints tracebacks.
 _CUT_S, _CANCEL_S = 0.8, 2
 
 
 class Connection(H11Protocol):
-    """A connection that is closed when no whole request has come for `HEADERS_S`."""
+    """A connection that is closed if no complete request arrives for `HEADERS_S`."""
 
     _waiting_s: float | None = None
     _check: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: Any) -> None:
-        """Begin, unless there are too many."""
+        """Open the connection, unless there are too many."""
         super().connection_made(transport)
         if len(self.connections) > MAXIMUM_CONNECTIONS:
             transport.close()
@@ -36,13 +36,13 @@ class Connection(H11Protocol):
         self._look()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """End."""
+        """Cancel the check."""
         if self._check is not None:
             self._check.cancel()
         super().connection_lost(exc)
 
     def on_response_complete(self) -> None:
-        """Give the next request its own time."""
+        """Restart the time for the next request."""
         self._waiting_s = None
         super().on_response_complete()
 
@@ -63,9 +63,9 @@ class Connection(H11Protocol):
 
 
 class Server(uvicorn.Server):
-    """A server that says when it listens and when it is asked to stop, and leaves the process to end by itself.
+    """A server that a signal stops without ending the process.
 
-    `on_start` is called once signals are heard and requests are taken, `on_stop` when it is to stop.
+    `on_start` is called once signals are handled and requests accepted, `on_stop` at the beginning of the stop.
     """
 
     def __init__(self, app: Any, on_stop: Callable[[], None], on_start: Callable[[], None] = lambda: None) -> None:
@@ -85,21 +85,21 @@ class Server(uvicorn.Server):
             )
         )
         self._on_stop, self._on_start = on_stop, on_start
-        #: The moment, of the steady clock, at which it was asked to stop.
+        #: Time of the first stop signal, monotonic clock, s.
         self.asked_at_s: float | None = None
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """Stop; the process is not ended by the signal afterwards."""
+        """Stop the server; the signal does not end the process."""
         self.should_exit = True
         self.asked_at_s = self.asked_at_s or time.monotonic()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Begin, and say so."""
+        """Start, then call `on_start`."""
         await super().startup(sockets)
         self._on_start()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Tell who listens, then stop; those who have not heard it by `_CUT_S` are cut off."""
+        """Call `on_stop`, then stop; connections that are open after `_CUT_S` are aborted."""
         self._on_stop()
         cut = asyncio.get_running_loop().call_later(_CUT_S, self._cut_off)
         await super().shutdown(sockets)
@@ -112,9 +112,9 @@ class Server(uvicorn.Server):
 
 
 def bound(host: str, port: int) -> socket.socket:
-    """Return a socket that listens at an address; raises `OSError`."""
+    """Return a listening socket; raises `OSError`."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # Named TCP, for asyncio sets TCP_NODELAY on no other; without it each answer would wait 40 ms for the client's ACK.
+    # With the protocol TCP, asyncio sets TCP_NODELAY; without it each answer would wait 40 ms for the client's ACK.
     listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

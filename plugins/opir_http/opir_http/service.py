@@ -1,4 +1,4 @@
-"""What the service knows and does, apart from how it is asked."""
+"""The service: status, configuration, launches and readiness, independent of HTTP."""
 
 import hashlib
 import threading
@@ -23,7 +23,7 @@ from opir_http.settings import LIVE, HttpSettings
 _KEYS = 1000
 _RISES = 3
 
-#: How far apart looks at what waits for sinks are at least, s.
+#: Minimum interval, s, between two checks of the backlogs of sinks.
 LOOK_S = 1.0
 
 
@@ -38,33 +38,33 @@ class Service:
         self._waiting: dict[str, tuple[int, float, int]] = {}
 
     def status(self) -> dict[str, Any]:
-        """Return how the simulation, its sensors and its sinks stand."""
-        told, plan = self.run.status(), self.run.plan
+        """Return state and counts of the simulation, its sensors and its sinks."""
+        live, plan = self.run.status(), self.run.plan
         return {
             "scene": plan.scene.name,
-            "state": told.state,
-            "error": told.error,
+            "state": live.state,
+            "error": live.error,
             "clock": {
-                "timestamp": self._timestamp(told.time_ns),
+                "timestamp": self._timestamp(live.time_ns),
                 "epoch": self._timestamp(0),
-                "time_s": told.time_ns * 1e-9,
+                "time_s": live.time_ns * 1e-9,
                 "duration_s": plan.scene.duration_s,
-                "speed": told.speed,
-                "lap": told.lap,
-                "cycle": told.cycle,
-                "late_s": round(told.late_s, 6),
-                "latest_s": round(told.latest_s, 6),
-                "late_cycles": told.late_cycles,
+                "speed": live.speed,
+                "lap": live.lap,
+                "cycle": live.cycle,
+                "late_s": round(live.late_s, 6),
+                "latest_s": round(live.latest_s, 6),
+                "late_cycles": live.late_cycles,
             },
             "counts": {
-                "looks": told.looks,
-                "detections": told.detections,
-                "targets": told.targets,
-                "targets_launched": told.targets_launched,
+                "looks": live.looks,
+                "detections": live.detections,
+                "targets": live.targets,
+                "targets_launched": live.targets_launched,
                 "tracks": len(self.feed.tracks),
             },
-            "sensors": self._sensors(told),
-            "sinks": [asdict(sink) | {"lag": _lag(sink)} for sink in told.sinks],
+            "sensors": self._sensors(live),
+            "sinks": [asdict(sink) | {"lag": _lag(sink)} for sink in live.sinks],
             "viewers": {
                 "connected": self.feed.viewers,
                 "dropped_frames": self.feed.dropped_frames,
@@ -73,18 +73,18 @@ class Service:
         }
 
     def config(self) -> dict[str, Any]:
-        """Return the configuration in force: the scene's settings, and those of the service under `http`."""
+        """Return the present configuration: the scene's settings, and those of the service under `http`."""
         return {**self.run.settings_mapping(), "http": asdict(self.settings)}
 
     def etag(self) -> str:
-        """Return the entity tag of the configuration in force."""
+        """Return the entity tag of the present configuration."""
         return etag_of(self.config())
 
     def configure(self, wanted: Mapping[str, Any], if_match: str) -> tuple[int, str]:
-        """Put a whole configuration in force, or nothing of it; return the cycle it begins with, and its tag."""
+        """Apply a configuration, as a whole or not at all; return its first cycle and its entity tag."""
         with self._writing:
             if if_match not in ("*", self.etag()):
-                raise ProblemError(412, "it is not the one of If-Match; get it again")
+                raise ProblemError(412, "the configuration is not that of If-Match; get it again")
             scene = dict(wanted)
             refuse_other_names(self.run.settings_mapping(), scene)
             http = self._http(scene.pop("http", None))
@@ -97,32 +97,32 @@ class Service:
             return cycle, self.etag()
 
     def launch(self, block: Mapping[str, Any]) -> dict[str, Any]:
-        """Add a launch to the run and return the answer to who asked."""
+        """Add a launch to the run and return the answer."""
         refuse_names(block)
         try:
-            taken = self.run.launch(block)
+            launched = self.run.launch(block)
         except OpirError as error:
             raise problem_of(error) from error
         return {
-            "id": taken.target_id,
-            "time_s": taken.time_s,
-            "timestamp": self._timestamp(round(taken.time_s * 1e9)),
-            "cycle": taken.cycle,
+            "id": launched.target_id,
+            "time_s": launched.time_s,
+            "timestamp": self._timestamp(round(launched.time_s * 1e9)),
+            "cycle": launched.cycle,
         }
 
     def is_ready(self) -> tuple[bool, list[str]]:
-        """Return whether the service does its work, and what keeps it from it."""
-        told = self.run.status()
-        reasons = [] if told.state in ("running", "ended") else [f"the run has {told.state}"]
-        for sink in told.sinks:
+        """Return whether the service is ready, and the reasons if not."""
+        live = self.run.status()
+        reasons = [] if live.state in ("running", "ended") else [f"the run has {live.state}"]
+        for sink in live.sinks:
             if sink.state == "failed":
                 reasons.append(f"the sink {sink.path} has failed")
             elif self._grows(sink):
-                reasons.append(f"what waits for the sink {sink.path} grows")
+                reasons.append(f"the backlog of the sink {sink.path} grows")
         return not reasons, reasons
 
     def _grows(self, sink: SinkStatus) -> bool:
-        """Return whether what waits for a sink has grown at the last looks, and has not shrunk since."""
+        """Return whether the backlog of a sink has grown at the last checks, without shrinking between them."""
         waiting, now_s = sink.spooled + sink.queued_windows, time.monotonic()
         before, looked_s, rises = self._waiting.get(sink.path, (waiting, now_s, 0))
         if now_s - looked_s >= LOOK_S:
@@ -133,10 +133,10 @@ class Service:
         return rises >= _RISES
 
     def _http(self, wanted: Any) -> HttpSettings:
-        """Return settings of the service that may be put in force."""
+        """Return the service's new settings; raises `ProblemError` if they are invalid or need a restart."""
         ours = asdict(self.settings)
         if not isinstance(wanted, Mapping) or set(wanted) != set(ours):
-            raise ProblemError(422, "http has other keys than it needs", (("http", f"needs {', '.join(ours)}"),))
+            raise ProblemError(422, "http has missing or unknown keys", (("http", f"needs {', '.join(ours)}"),))
         errors = []
         for attribute in fields(HttpSettings):
             try:
@@ -152,26 +152,26 @@ class Service:
             raise ProblemError(409, "some settings need a restart", fixed)
         return HttpSettings(**wanted)
 
-    def _sensors(self, told: LiveStatus) -> list[dict[str, Any]]:
+    def _sensors(self, live: LiveStatus) -> list[dict[str, Any]]:
         plan = self.run.plan
-        moment = np.array([told.time_ns * 1e-9])
+        time_s = np.array([live.time_ns * 1e-9])
         rows = []
-        for sensor, done in zip(plan.sensors, told.sensors, strict=True):
-            position = sensor.orbit.position_ecef_m(moment)[0]
+        for sensor, counts in zip(plan.sensors, live.sensors, strict=True):
+            position = sensor.orbit.position_ecef_m(time_s)[0]
             period_s = sensor.scan.period_ns * 1e-9
-            last_s = done.last_detection_s
-            sees = last_s is not None and told.time_ns * 1e-9 - last_s <= 2.0 * period_s + 0.5
+            last_s = counts.last_detection_s
+            is_detecting = last_s is not None and live.time_ns * 1e-9 - last_s <= 2.0 * period_s + 0.5
             rows.append(
                 {
                     "sensor_id": sensor.id,
                     "sensor_type": sensor.type,
-                    "state": "detecting" if sees else "searching",
+                    "state": "detecting" if is_detecting else "searching",
                     "scan_period_ms": sensor.scan.period_ns * 1e-6,
                     "position_ecef_m": [round(axis, 1) for axis in position.tolist()],
                     "field_of_regard_half_angle_deg": round(
                         float(np.degrees(sensor.field_of_regard_half_angle_rad)), 4
                     ),
-                    "detections": done.detections,
+                    "detections": counts.detections,
                     "last_detection": None if last_s is None else self._timestamp(round(last_s * 1e9)),
                 }
             )
@@ -182,32 +182,32 @@ class Service:
 
 
 class Answers:
-    """Answers by idempotency key, of a bounded number of keys; a key is taken while its request is being answered."""
+    """Answers by idempotency key, for a bounded number of keys; a key is reserved while its request is processed."""
 
     def __init__(self) -> None:
-        self._known: OrderedDict[str, tuple[str, dict[str, Any] | None]] = OrderedDict()
+        self._answers: OrderedDict[str, tuple[str, dict[str, Any] | None]] = OrderedDict()
 
     def begin(self, key: str, body: bytes) -> dict[str, Any] | None:
-        """Return the answer that a key has, or None where its request is to be answered."""
+        """Return the answer of a key; None reserves the key for this request."""
         mark = hashlib.sha256(body).hexdigest()
-        known = self._known.get(key)
-        if known is None:
-            self._known[key] = mark, None
-            while len(self._known) > _KEYS:
-                self._known.popitem(last=False)
+        previous = self._answers.get(key)
+        if previous is None:
+            self._answers[key] = mark, None
+            while len(self._answers) > _KEYS:
+                self._answers.popitem(last=False)
             return None
-        if known[0] != mark:
-            raise ProblemError(422, "the Idempotency-Key came before, with another body")
-        if known[1] is None:
-            raise ProblemError(409, "the request with this Idempotency-Key is being answered")
-        return known[1]
+        if previous[0] != mark:
+            raise ProblemError(422, "the Idempotency-Key was used before, with another body")
+        if previous[1] is None:
+            raise ProblemError(409, "the request with this Idempotency-Key is being processed")
+        return previous[1]
 
     def end(self, key: str, answer: dict[str, Any] | None) -> None:
-        """Keep the answer to a key, or, where there is none, let it be used again."""
+        """Keep the answer of a key; without an answer, release the key."""
         if answer is None:
-            self._known.pop(key, None)
-        elif key in self._known:
-            self._known[key] = self._known[key][0], answer
+            self._answers.pop(key, None)
+        elif key in self._answers:
+            self._answers[key] = self._answers[key][0], answer
 
 
 def etag_of(config: Mapping[str, Any]) -> str:
@@ -217,12 +217,12 @@ def etag_of(config: Mapping[str, Any]) -> str:
 
 
 def _lag(sink: SinkStatus) -> int:
-    """Return how many events a sink was given, or found in its spool, that are not accounted for yet."""
+    """Return the number of events of a sink, of this and earlier runs, that are still on their way."""
     return max(0, sink.given + sink.recovered - sink.delivered - sink.dropped - sink.withheld)
 
 
 def _checked(attribute: Any, value: Any) -> None:
-    """Raise `ValueError` or `TypeError` where a value does not fit an attribute of the settings."""
+    """Raise `ValueError` or `TypeError` if a value is invalid for an attribute of the settings."""
     kinds = {bool: (bool,), int: (int,), float: (int, float), str: (str,)}
     if not isinstance(value, kinds[attribute.type]) or (attribute.type is not bool and isinstance(value, bool)):
         raise TypeError(f"is not {attribute.type.__name__}")

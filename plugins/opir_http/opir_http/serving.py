@@ -1,4 +1,4 @@
-"""`opir serve`: a scene live behind HTTP until it is told to stop."""
+"""`opir serve`: a live run with its HTTP server, until a signal stops it."""
 
 import argparse
 import asyncio
@@ -22,10 +22,10 @@ from opir_http.server import Server, bound
 from opir_http.service import Service
 from opir_http.settings import HttpSettings
 
-#: Where the bearer token is looked for, where no file is named.
+#: Environment variable of the bearer token, if no file is given.
 TOKEN_VARIABLE = "OPIR_HTTP_TOKEN"
 
-#: How long after it is asked to stop, s, the sinks may still take what is queued; the process has ended by 5 s.
+#: Time, s, after the stop signal for the sinks to empty their queues; the process ends within 5 s.
 STOP_S = 4.0
 
 _LEAST_S = 1.0
@@ -33,13 +33,13 @@ _SHORTEST_TOKEN = 16
 
 
 class ServeError(OpirError):
-    """A service that cannot be started as asked."""
+    """A service that cannot be started with these arguments."""
 
     exit_code = 2
 
 
 def serve(arguments: argparse.Namespace) -> int:
-    """Run the service; return the exit code when it has been told to stop."""
+    """Run the service until a signal stops it; return the exit code."""
     token = token_of(arguments)
     service = service_of(arguments)
     with _bound(arguments) as listening:
@@ -52,7 +52,7 @@ def serve(arguments: argparse.Namespace) -> int:
             service.feed.stop()
             passed_s = 0.0 if asked_at_s is None else time.monotonic() - asked_at_s
             status = service.run.stop(within_s=max(_LEAST_S, STOP_S - passed_s))
-    sys.stdout.write(told(status))
+    sys.stdout.write(final_report(status))
     if service.run.status().error:
         raise ModelError(f"the run failed: {service.run.status().error}")
     return 0
@@ -85,7 +85,7 @@ def service_of(arguments: argparse.Namespace, host: Host | None = None) -> Servi
 
 
 def token_of(arguments: argparse.Namespace) -> str | None:
-    """Return the bearer token, from the file named or from the environment; required where others may connect."""
+    """Return the bearer token of the file or the environment; required unless only this machine can connect."""
     token = os.environ.get(TOKEN_VARIABLE)
     if arguments.token_file is not None:
         try:
@@ -96,13 +96,14 @@ def token_of(arguments: argparse.Namespace) -> str | None:
         raise ServeError(f"the bearer token needs at least {_SHORTEST_TOKEN} printable ASCII characters")
     if token is None and arguments.host not in LOOPBACK:
         raise ServeError(
-            f"--host {arguments.host}: others could connect; give a bearer token in {TOKEN_VARIABLE} or by --token-file"
+            f"--host {arguments.host}: other machines can connect; give a bearer token in {TOKEN_VARIABLE} or with"
+            " --token-file"
         )
     return token
 
 
-def told(status: LiveStatus) -> str:
-    """Return what is printed at the end: how far it came, and what became of the events."""
+def final_report(status: LiveStatus) -> str:
+    """Return the text printed at the end: scene time, cycles, detections, and the event counts of each sink."""
     head = (
         f"opir: stopped at {status.time_ns * 1e-9:.3f} s of scene time, after {status.cycle} cycles:"
         f" {status.detections} detections of {status.targets_launched} targets\n"
@@ -126,20 +127,20 @@ def _bound(arguments: argparse.Namespace) -> socket.socket:
 
 
 async def _served(service: Service, token: str | None, listening: socket.socket, host: str) -> float | None:
-    """Serve until asked to stop; return when that was, of the steady clock."""
+    """Serve until a signal; return its time on the monotonic clock, s."""
     name = f"[{host}]" if ":" in host else host
 
-    def tell() -> None:
+    def print_address() -> None:
         sys.stdout.write(f"opir: http://{name}:{listening.getsockname()[1]}\n")
         sys.stdout.flush()
 
-    server = server_of(service, token, tell)
+    server = server_of(service, token, print_address)
     await server.serve(sockets=[listening])
     return server.asked_at_s
 
 
 def server_of(service: Service, token: str | None, on_start: Callable[[], None] = lambda: None) -> Server:
-    """Return the server of a service, to be run on the event loop at hand."""
+    """Return the server of a service, for the running event loop."""
     service.feed.start(asyncio.get_running_loop())
     app: Any = application(service)
 

@@ -1,33 +1,39 @@
-"""The settings of the service. Those that a running service may change are in `LIVE`."""
+"""The settings of the service."""
 
 from attrs import frozen
 
 from opir_core.scene.fields import flag, number, text
 
-#: Settings that take effect while the service runs.
+#: Settings that can change while the service runs.
 LIVE = ("maximum_targets", "maximum_viewers", "writes_per_s")
 
-#: The largest body of a request, bytes.
+#: Maximum size of a request body, bytes.
 MAXIMUM_BODY_BYTES = 64 * 1024
-#: How long a request's headers, and then its body, may take to arrive, s.
+#: Time, s, in which the headers of a request, and then its body, must arrive.
 HEADERS_S = 10.0
 BODY_S = 10.0
-#: The most connections at a time.
+#: Maximum number of connections.
 MAXIMUM_CONNECTIONS = 1024
-#: The most detections on a page of GET /detections.
+#: Maximum number of detections on a page of GET /detections.
 MAXIMUM_PAGE = 1000
 
 
 @frozen(kw_only=True)
 class HttpSettings:
-    """How the service is reached, and what it bears."""
+    """Address and limits of the service."""
 
-    host: str = text(default="127.0.0.1", help="address that is bound")
-    port: int = number(default=8000, minimum=0, maximum=65535, help="port that is bound")
+    host: str = text(default="127.0.0.1", help="address to bind")
+    port: int = number(default=8000, minimum=0, maximum=65535, help="port to bind")
     config_writes: bool = flag(default=True, help="whether PUT /config is allowed")
-    history: int = number(default=10_000, minimum=100, maximum=1_000_000, help="detections kept for GET /detections")
-    maximum_targets: int = number(default=1_000, minimum=1, maximum=50_000, help="targets in the run at a time")
-    maximum_viewers: int = number(default=256, minimum=1, maximum=1_000, help="clients of the stream at a time")
+    history: int = number(
+        default=10_000, minimum=100, maximum=1_000_000, help="number of detections kept for GET /detections"
+    )
+    maximum_targets: int = number(default=1_000, minimum=1, maximum=50_000, help="maximum number of targets in the run")
+    maximum_viewers: int = number(default=256, minimum=1, maximum=1_000, help="maximum number of clients of the stream")
     writes_per_s: float = number(
-        default=20.0, unit="1/s", above=0.0, maximum=10_000.0, help="POST and PUT requests a client may make, sustained"
+        default=20.0,
+        unit="1/s",
+        above=0.0,
+        maximum=10_000.0,
+        help="maximum sustained rate of POST and PUT requests of a client",
     )

@@ -1,4 +1,4 @@
-"""The latest estimate of each track, as clients see it."""
+"""The latest estimate of each track, as JSON documents."""
 
 import math
 from collections import OrderedDict
@@ -14,36 +14,36 @@ from opir_core.output.events.estimates import burnout_texts, point_texts, state_
 from opir_core.output.events.text import timestamp_text, writable_unix_microseconds
 from opir_core.scene.scene import REPORTED_TYPES
 
-#: Tracks that are kept; those not updated for longest give way.
+#: Maximum number of tracks; those not updated for longest are removed.
 KEPT = 1000
 
 Document = dict[str, Any]
 
 
-class TrackBook:
-    """Keeps the latest estimate of each track, of a bounded number of tracks."""
+class LatestTracks:
+    """The latest estimate of each track, for a bounded number of tracks."""
 
     def __init__(self, epoch_us: int) -> None:
         self._epoch_us = epoch_us
-        self._known: OrderedDict[int, Document] = OrderedDict()
+        self._documents_by_track: OrderedDict[int, Document] = OrderedDict()
 
     def __len__(self) -> int:
-        return len(self._known)
+        return len(self._documents_by_track)
 
     def take(self, tracks: Tracks) -> Document:
-        """Take estimates, sorted by tick; return the document of those that are each track's last."""
+        """Add estimates, sorted by tick; return the document with the last one of each track."""
         last = {number: row for row, number in enumerate(tracks.track.tolist())}
-        told = self._documents(tracks.take(list(last.values())))
-        for document in told:
-            self._known[document["track_id"]] = document
-            self._known.move_to_end(document["track_id"])
-        while len(self._known) > KEPT:
-            self._known.popitem(last=False)
-        return {"tracks": told}
+        documents = self._documents(tracks.take(list(last.values())))
+        for document in documents:
+            self._documents_by_track[document["track_id"]] = document
+            self._documents_by_track.move_to_end(document["track_id"])
+        while len(self._documents_by_track) > KEPT:
+            self._documents_by_track.popitem(last=False)
+        return {"tracks": documents}
 
     def latest(self, limit: int) -> list[Document]:
-        """Return the tracks updated last, newest first."""
-        return list(reversed(tuple(self._known.values())))[:limit]
+        """Return the documents of the tracks updated last, newest first."""
+        return list(reversed(tuple(self._documents_by_track.values())))[:limit]
 
     def _documents(self, tracks: Tracks) -> list[Document]:
         place = ecef_to_geodetic(tracks.state[:, :3])

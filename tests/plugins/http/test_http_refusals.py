@@ -14,7 +14,7 @@ from opir_http.openapi import document
     [
         ("/detections?limit=0", "limit"),
         ("/detections?limit=1001", "limit"),
-        ("/detections?limit=1&limit=2", "twice"),
+        ("/detections?limit=1&limit=2", "duplicate"),
         ("/detections?min_confidence=nan", "min_confidence"),
         ("/detections?since=yesterday", "since"),
         ("/detections?after=%FF", "read"),
@@ -75,7 +75,7 @@ def test_no_launch_has_a_file_of_the_machine_read(stand: Stand, body: Any) -> No
     answer = stand.ask("POST", "/trigger", body)
     assert answer.status == 422
     assert b"root:" not in answer.body
-    assert answer.json["errors"][0]["message"] == "a request names no file and no variable; a scene may"
+    assert answer.json["errors"][0]["message"] == "only a scene may name files and variables"
 
 
 OUTPUT = """

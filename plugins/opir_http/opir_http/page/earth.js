@@ -1,4 +1,4 @@
-// Places on the WGS 84 ellipsoid: where satellites stand above, and where lines of sight meet it.
+// Positions on the WGS 84 ellipsoid: subsatellite points, line-of-sight intersections, circles and ellipses.
 const A = 6378137, F = 1 / 298.257223563, E2 = F * (2 - F), DEG = Math.PI / 180;
 
 export function geodetic([x, y, z]) {
@@ -11,8 +11,8 @@ export function geodetic([x, y, z]) {
   return { lat: lat / DEG, lon: Math.atan2(y, x) / DEG };
 }
 
-// The first point where a line of sight meets the ellipsoid, or null where it passes by.
-export function seenFrom(position, azimuthDeg, elevationDeg) {
+// The first intersection of a line of sight with the ellipsoid, or null if there is none.
+export function groundPoint(position, azimuthDeg, elevationDeg) {
   const here = geodetic(position), lat = here.lat * DEG, lon = here.lon * DEG;
   const az = azimuthDeg * DEG, el = elevationDeg * DEG;
   const e = Math.cos(el) * Math.sin(az), n = Math.cos(el) * Math.cos(az), u = Math.sin(el);
@@ -25,7 +25,7 @@ export function seenFrom(position, azimuthDeg, elevationDeg) {
   return geodetic(position.map((axis, index) => axis + range * way[index]));
 }
 
-// The circle on a sphere that a satellite sees, by its horizon or its field of regard, whichever is narrower.
+// The circle on a sphere that a satellite sees: its horizon or its field of regard, whichever is narrower.
 export function footprint(position, halfAngleDeg) {
   const radius = Math.hypot(...position), centre = geodetic(position);
   const horizon = Math.acos(Math.min(1, A / radius)), half = halfAngleDeg * DEG;
@@ -43,8 +43,8 @@ export function circle(centre, reach, points) {
   return ring;
 }
 
-// The great circle from one place to another, both with lat_deg and lon_deg.
-export function between(one, other, points = 64) {
+// The great circle from one position to another, both with lat_deg and lon_deg.
+export function greatCircle(one, other, points = 64) {
   const unit = ({ lat_deg: lat, lon_deg: lon }) => [Math.cos(lat * DEG) * Math.cos(lon * DEG), Math.cos(lat * DEG) * Math.sin(lon * DEG), Math.sin(lat * DEG)];
   const a = unit(one), b = unit(other), angle = Math.acos(Math.max(-1, Math.min(1, dot(a, b)))), way = [];
   for (let step = 0; step <= points && Math.sin(angle) > 1e-6; step += 1) {

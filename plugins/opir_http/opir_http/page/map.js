@@ -1,8 +1,8 @@
-// The world map: an equirectangular canvas, the coast drawn once, everything else on each frame.
-import { between, ellipse, footprint, geodetic, seenFrom } from "/page/earth.js";
+// The world map: an equirectangular canvas; coasts are drawn once, everything else in each frame.
+import { ellipse, footprint, geodetic, greatCircle, groundPoint } from "/page/earth.js";
 
 const SHOWN_MS = 6000, GONE_MS = 20000, MOST_HITS = 1500;
-// An ellipse beyond this says no more than that the place is not known yet.
+// Larger ellipses are not drawn.
 const WIDEST_M = 2.5e6;
 
 export class WorldMap {
@@ -22,14 +22,14 @@ export class WorldMap {
 
   hit(event) {
     const place = event.latitude_deg === null
-      ? seenFrom(event.sensor_position_ecef_m, event.azimuth_deg, event.elevation_deg)
+      ? groundPoint(event.sensor_position_ecef_m, event.azimuth_deg, event.elevation_deg)
       : { lat: event.latitude_deg, lon: event.longitude_deg };
     if (place) this.centre(place.lon);
     if (place) this.hits.push({ ...place, at: performance.now(), sensor: event.sensor_id });
     if (this.hits.length > MOST_HITS) this.hits.splice(0, this.hits.length - MOST_HITS);
   }
 
-  // The map is cut in the Pacific, or, where the first detection is there, along the meridian of Greenwich.
+  // The map is cut in the Pacific, or along the Greenwich meridian if the first detection is in the Pacific.
   centre(lon) {
     if (this.isCentred) return;
     this.isCentred = true;
@@ -71,7 +71,7 @@ export class WorldMap {
     return ground;
   }
 
-  // A ring that crosses 180 degrees goes on beyond it; drawn a turn to each side, both ends are on the map.
+  // A ring that crosses 180 degrees continues beyond it; drawn once more to each side, it is complete on the map.
   drawRing(pen, ring, turn) {
     let before = ring[0], shift = turn * 10;
     pen.beginPath();
@@ -122,7 +122,7 @@ export class WorldMap {
     this.labels(pen);
   }
 
-  // Names where there is room for them; the timeline below has them all.
+  // Sensor names where there is room; the timeline has all names.
   labels(pen) {
     if (this.scale < 1.6) return;
     pen.font = `${11 * this.unit}px system-ui, sans-serif`; pen.textAlign = "center"; pen.fillStyle = this.colour.soft;
@@ -146,7 +146,7 @@ export class WorldMap {
       const { launch_point: launch, impact_point: impact } = track, age = performance.now() - track.at;
       pen.globalAlpha = age < GONE_MS ? 1 : 0.35;
       pen.lineWidth = 1.5 * this.unit;
-      if (launch && impact) this.drawCourse(pen, launch, impact);
+      if (launch && impact) this.drawGroundTrack(pen, launch, impact);
       if (impact) this.drawImpact(pen, impact, track.track_id);
       if (launch) this.drawLaunch(pen, launch);
       if (track.latitude_deg !== null && age < GONE_MS) this.drawNow(pen, track);
@@ -154,10 +154,10 @@ export class WorldMap {
     pen.globalAlpha = 1;
   }
 
-  drawCourse(pen, launch, impact) {
+  drawGroundTrack(pen, launch, impact) {
     const alpha = pen.globalAlpha;
     pen.strokeStyle = this.colour.ink; pen.globalAlpha = 0.4 * alpha; pen.setLineDash([3 * this.unit, 4 * this.unit]);
-    this.path(pen, between(launch, impact));
+    this.path(pen, greatCircle(launch, impact));
     pen.setLineDash([]); pen.globalAlpha = alpha;
   }
 

@@ -1,4 +1,4 @@
-// The panels around the map. Text goes in as text, never as markup.
+// The panels around the map. Text is inserted as text, never as markup.
 const whole = new Intl.NumberFormat("en");
 const byId = (id) => document.getElementById(id);
 
@@ -7,7 +7,7 @@ export function showStatus(status) {
   byId("scene").textContent = status.scene;
   setState(status.state);
   byId("clock").textContent = clock.timestamp.replace("T", " ").slice(0, 21) + " Z";
-  const speed = clock.speed === null ? "as fast as it goes" : `${clock.speed}×`;
+  const speed = clock.speed === null ? "unpaced" : `${clock.speed}×`;
   byId("pace").textContent = clock.late_s > 0.5 ? `${speed}, ${clock.late_s.toFixed(1)} s late` : speed;
   byId("detections").textContent = whole.format(counts.detections);
   byId("targets").textContent = `${counts.targets} of ${counts.targets_launched}`;
@@ -15,14 +15,14 @@ export function showStatus(status) {
   rows("sink-rows", status.sinks.map((sink) => [sink.name, sink.error || sink.state, whole.format(sink.delivered), whole.format(sink.lag)]), status.sinks.map((sink) => sink.state === "failed"), "None");
 }
 
-export function setState(word) {
+export function setState(name) {
   const state = byId("state");
-  if (state.textContent !== word) { state.textContent = word; state.className = word; }
+  if (state.textContent !== name) { state.textContent = name; state.className = name; }
 }
 
 export function showTracks(tracks) {
-  const told = [...tracks.values()].sort((one, other) => other.at - one.at).slice(0, 30);
-  rows("track-rows", told.map((track) => [`${track.track_id}`, place(track.launch_point), place(track.impact_point), reach(track.impact_point)]), [], "None yet");
+  const newest = [...tracks.values()].sort((one, other) => other.at - one.at).slice(0, 30);
+  rows("track-rows", newest.map((track) => [`${track.track_id}`, position(track.launch_point), position(track.impact_point), semiMajorKm(track.impact_point)]), [], "None yet");
 }
 
 const latest = [];
@@ -32,28 +32,28 @@ export function showLatest(events) {
   rows("latest", latest.map((event) => [event.timestamp.slice(11, 22), event.sensor_id, event.target_type, event.confidence.toFixed(2)]), [], "None yet");
 }
 
-function place(point) {
+function position(point) {
   if (!point) return "–";
   const lat = `${Math.abs(point.lat_deg).toFixed(1)}° ${point.lat_deg < 0 ? "S" : "N"}`;
   return `${lat}, ${Math.abs(point.lon_deg).toFixed(1)}° ${point.lon_deg < 0 ? "W" : "E"}`;
 }
 
-// The half length of the ellipse that holds the place in 95 of 100 cases, km.
-function reach(point) {
+// The semi-major axis of the 95 % ellipse, km.
+function semiMajorKm(point) {
   return point && point.ellipse ? whole.format(Math.round(point.ellipse.semi_major_m / 1000)) : "–";
 }
 
 function rows(id, table, bad, none) {
-  const made = table.map((cells, row) => {
+  const lines = table.map((cells, row) => {
     const line = document.createElement("tr");
     cells.forEach((text) => { const cell = line.insertCell(); cell.textContent = text; if (bad[row]) cell.className = "bad"; });
     return line;
   });
-  if (!made.length) { const line = document.createElement("tr"); const cell = line.insertCell(); cell.colSpan = 4; cell.textContent = none; made.push(line); }
-  byId(id).replaceChildren(...made);
+  if (!lines.length) { const line = document.createElement("tr"); const cell = line.insertCell(); cell.colSpan = 4; cell.textContent = none; lines.push(line); }
+  byId(id).replaceChildren(...lines);
 }
 
-// Two minutes of detections by sensor, in seconds of the scene.
+// Detections per sensor and second of scene time, for two minutes.
 const SECONDS = 120;
 export class Timeline {
   constructor(element) { this.element = element; this.bars = new Map(); this.now = 0; }

@@ -1,4 +1,4 @@
-// Requests to the service, with the bearer token where one is needed, and its stream of events.
+// Requests to the service, with the bearer token if it needs one, and the stream of events.
 let token = sessionStorage.getItem("opir-token") || "";
 
 export async function ask(path, options = {}) {
@@ -6,11 +6,11 @@ export async function ask(path, options = {}) {
     const headers = { ...(options.headers || {}), ...(token ? { Authorization: `Bearer ${token}` } : {}) };
     const answer = await fetch(path, { ...options, headers });
     if (answer.status !== 401) return answer;
-    await tokenAsked();
+    await tokenEntered();
   }
 }
 
-function tokenAsked() {
+function tokenEntered() {
   const dialog = document.getElementById("ask");
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {
@@ -22,13 +22,13 @@ function tokenAsked() {
   });
 }
 
-// Calls `on(event, data)` for each server-sent event; starts again when the stream breaks.
+// Calls `on(event, data)` for each server-sent event; reconnects when the stream breaks.
 export async function follow(path, on) {
   for (;;) {
     try {
       const answer = await ask(path);
       if (answer.ok) await read(answer.body.getReader(), on);
-    } catch { /* told below, as for a stream that ended */ }
+    } catch { /* reported below, as for a stream that ended */ }
     on("lost", {});
     await new Promise((resolve) => setTimeout(resolve, 2000));
   }

@@ -1,4 +1,4 @@
-"""Documents that many ask for: made off the event loop, at most so often, once for all who ask at a time."""
+"""Cached documents: made off the event loop, at a limited rate, once for all concurrent requests."""
 
 import asyncio
 import time
@@ -8,8 +8,8 @@ from typing import Generic, TypeVar
 Made = TypeVar("Made")
 
 
-class Fresh(Generic[Made]):
-    """What `make` returns, made anew in a thread where it is older than `for_s`; used from one event loop."""
+class Cached(Generic[Made]):
+    """The result of `make`, called in a thread when the last one is older than `for_s`; for one event loop."""
 
     def __init__(self, make: Callable[[], Made], for_s: float) -> None:
         self._make = make
@@ -18,7 +18,7 @@ class Fresh(Generic[Made]):
         self._making: asyncio.Task[Made] | None = None
 
     async def get(self) -> Made:
-        """Return it; waits for its making where it is too old."""
+        """Return the result; waits for a new one if it is too old."""
         if self._made is not None and time.monotonic() - self._made[0] < self._for_s:
             return self._made[1]
         if self._making is None:
@@ -27,7 +27,7 @@ class Fresh(Generic[Made]):
         return await asyncio.shield(self._making)
 
     def forget(self) -> None:
-        """Make it anew for whoever asks next; what is being made is for those who asked before."""
+        """Make a new result for the next request; the one in progress is for earlier requests."""
         self._made = self._making = None
 
     def _keep(self, making: "asyncio.Task[Made]") -> None:
