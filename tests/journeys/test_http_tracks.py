@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from http_service import serving
 from opir_http.openapi import document
-from opir_http.tracks import LatestTracks
+from opir_http.tracks import TrackDocuments
 
 from opir_core.testing.doubles import stub_estimates
 
@@ -57,7 +57,7 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
         impact_sigmas=np.array([0.75, 1.5, 2.75]),
         state_sigmas=np.array([1.5, 3.0, 4.25]),
     )
-    (track,) = json.loads(msgspec.json.encode(LatestTracks(0).take(told)))["tracks"]
+    (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(told)))["tracks"]
     axes = [track["impact_point"][name]["semi_major_m"] for name in ("ellipse_50", "ellipse_90", "ellipse")]
     assert axes == [1500.0, 3000.0, 5500.0]
     assert track["launch_point"]["ellipse_50"]["semi_major_m"] == 2354.82

@@ -16,7 +16,7 @@ from opir_core.live.running import LiveWindow
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import unix_microseconds
 from opir_http.history import History
-from opir_http.tracks import LatestTracks
+from opir_http.tracks import TrackDocuments
 
 #: Maximum number of windows waiting to be encoded, and of frames waiting for one viewer.
 QUEUED_WINDOWS = 256
@@ -119,7 +119,7 @@ class Feed:
 
     def __init__(self, sensors: tuple[Sensor, ...], epoch_us: int, history: int, status: Callable[[], Any]) -> None:
         self.history = History(history)
-        self.tracks = LatestTracks(epoch_us)
+        self.tracks = TrackDocuments(epoch_us)
         self.sensors, self.epoch_us = sensors, epoch_us
         self._status = status
         self._encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=epoch_us))

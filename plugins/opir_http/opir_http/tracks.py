@@ -20,7 +20,7 @@ KEPT = 1000
 Document = dict[str, Any]
 
 
-class LatestTracks:
+class TrackDocuments:
     """The latest estimate of each track, for a bounded number of tracks."""
 
     def __init__(self, epoch_us: int) -> None:
