@@ -145,5 +145,5 @@ def test_coefficients():
     np.testing.assert_allclose(table(dop853.POSITION_WEIGHTS, 16), tableau @ tableau, rtol=0.0, atol=1e-13)
     np.testing.assert_array_equal(dop853.NODES, theirs.C)
     np.testing.assert_allclose(table([dop853.ERROR_3, dop853.ERROR_5], 13), [theirs.E3, theirs.E5], rtol=0, atol=1e-15)
-    np.testing.assert_array_equal(table(dop853.EXTENSION_VELOCITY, 16), theirs.D)
-    np.testing.assert_allclose(table(dop853.EXTENSION_POSITION, 16), theirs.D @ tableau, rtol=0.0, atol=1e-11)
+    np.testing.assert_array_equal(table(dop853.DENSE_VELOCITY, 16), theirs.D)
+    np.testing.assert_allclose(table(dop853.DENSE_POSITION, 16), theirs.D @ tableau, rtol=0.0, atol=1e-11)
