@@ -1,4 +1,4 @@
-"""How many Gauss-Legendre nodes the panels of `opir_core.detection.quick_gates` need.
+"""How many Gauss-Legendre nodes the panels of `opir_core.detection.gate_integrals` need.
 
     python docs/design/gate_nodes.py
 
@@ -10,8 +10,8 @@ is, for each number of nodes, the width up to which no panel's integral is furth
 
 import numpy as np
 
-from opir_core.detection import quick_gates
-from opir_core.detection.ratio_gates import RatioGates
+from opir_core.detection import gate_integrals
+from opir_core.detection.band_rules import RatioGates
 
 TRIES, LOOKS, ERROR = 300, 400, 1e-11
 
@@ -46,14 +46,14 @@ def main() -> None:
     for attempt in range(TRIES):
         rule = random_rule(dice, 1 + attempt % 2)
         snr, noise = random_looks(dice, rule)
-        near = rule.margins(snr, noise)[:, 1:] < quick_gates._FAR
-        panels = quick_gates.panels_of(quick_gates.looks_of(rule, snr, noise, near))
-        exact = quick_gates.integrals(rule, panels, 96)
+        near = rule.margins(snr, noise)[:, 1:] < gate_integrals._FAR
+        panels = gate_integrals.panels_of(gate_integrals.looks_of(rule, snr, noise, near))
+        exact = gate_integrals.integrals(rule, panels, 96)
         widths.append(panels.width)
-        errors.append([np.abs(quick_gates.integrals(rule, panels, count) - exact) for count in quick_gates.NODES])
+        errors.append([np.abs(gate_integrals.integrals(rule, panels, count) - exact) for count in gate_integrals.NODES])
     width, error = np.concatenate(widths), np.concatenate(errors, axis=1)
     print(f"{len(width)} panels, the widest {width.max():.1f}")
-    for count, own in zip(quick_gates.NODES, error, strict=True):
+    for count, own in zip(gate_integrals.NODES, error, strict=True):
         far = width[own > ERROR].min(initial=np.inf)
         print(f"{count:3} nodes: within {ERROR:g} up to a width of {far:.2f}")
 

@@ -1,1 +1,1 @@
-"""Types inferred from what bands measure: imagined launches and hot sources, their densities, and the posterior."""
+"""Target types from measured band intensities: synthetic looks, their densities, and the posterior."""

@@ -1,4 +1,4 @@
-"""What a scene may set of the classifier `spectral`. Nothing heavy is imported here."""
+"""Settings of the classifier `spectral`; imports nothing heavy."""
 
 import math
 from collections.abc import Mapping
@@ -9,7 +9,7 @@ from attrs import Factory, frozen
 from opir_core.scene.fields import nested, number
 from opir_core.scene.scene import REPORTED_TYPES
 
-#: How far the sum of the prior may be from 1.
+#: Tolerance of the sum of the prior.
 PRIOR_SUM_TOLERANCE = 1e-9
 
 
@@ -26,9 +26,9 @@ def _prior_complaint(prior: Mapping[str, Any]) -> str | None:
 
 @frozen(kw_only=True)
 class SpectralConfig:
-    """What a scene may set of the classifier `spectral`."""
+    """Settings of the classifier `spectral`."""
 
-    #: It judges by measured irradiances, so the test bench runs it with a detection model that measures them.
+    #: The conformance tests run it with a detection model that measures irradiances.
     needs_irradiance: ClassVar[bool] = True
 
     confidence: float = number(
@@ -70,7 +70,7 @@ class SpectralConfig:
         help="the same of each band by itself",
     )
     launches: int = number(
-        default=96, minimum=8, maximum=10_000, unit="1", source="cost", help="imagined launches of each class profile"
+        default=96, minimum=8, maximum=10_000, unit="1", source="cost", help="synthetic launches of each class profile"
     )
 
     def __attrs_post_init__(self) -> None:

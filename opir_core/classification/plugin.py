@@ -1,7 +1,4 @@
-"""Core's plugin of classification by measured light; imported for scenes that name it.
-
-What it offers is listed in `opir_core.plugin.discovery.CORE_PLUGINS`.
-"""
+"""The core's plugin of the classifier `spectral`, imported for scenes that name it; see `CORE_PLUGINS`."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING

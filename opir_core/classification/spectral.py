@@ -1,4 +1,4 @@
-"""The classifier `spectral`: types as a posterior from what bands measure; see docs/explanation/classification.md."""
+"""The classifier `spectral`: type posteriors from measured band intensities; see docs/explanation/classification.md."""
 
 from typing import Any, NamedTuple
 
@@ -7,20 +7,27 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.classification.bank import TypeDensities, bank_of, canonical_radius_m, elevation_bin, imagination
 from opir_core.classification.configs import SpectralConfig
-from opir_core.classification.mixture import log_shares, log_sum
+from opir_core.classification.gaussian_mixture import log_shares, log_sum
+from opir_core.classification.type_densities import (
+    TypeDensities,
+    canonical_radius_m,
+    elevation_bin,
+    looks_by_radius,
+    type_densities,
+)
+from opir_core.detection.snr import SnrDetection
 from opir_core.errors import ModelError
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.protocols import RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 
-#: Rows that are judged at once.
+#: Rows classified at once.
 _ROWS = 256
 
-#: The chance that a count tells nothing: of another object, or of a sensor that looked away.
-_ASTRAY = 0.01
+#: Probability that a detection count is uninformative (another object, a gap in visibility).
+_UNINFORMATIVE = 0.01
 
 
 class TypeEvidence(NamedTuple):
@@ -32,7 +39,7 @@ class TypeEvidence(NamedTuple):
 
 @frozen(eq=False)
 class SpectralClassifier:
-    """Bayes' rule over imagined launches and hot sources; `bank_of_sensor` (sensors,) says whose bank is whose."""
+    """Bayes' rule with densities from synthetic launches and hot sources; sensor k has `banks[bank_of_sensor[k]]`."""
 
     banks: tuple[TypeDensities, ...]
     bank_of_sensor: IntArray
@@ -45,16 +52,16 @@ class SpectralClassifier:
         return None
 
     def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
-        """Return codes (n,) into `REPORTED_TYPES`; no dice are thrown."""
+        """Return codes (n,) into `REPORTED_TYPES`; no random numbers are drawn."""
         return self.reported(self.log_posterior(sightings))
 
     def log_posterior(self, sightings: ClassifierInputs) -> FloatArray:
-        """Return ln P (n, 4) over `REPORTED_TYPES`, UNKNOWN standing for what is no missile."""
+        """Return ln P (n, 4) over `REPORTED_TYPES`; UNKNOWN is anything but a missile."""
         evidence = self.evidence(sightings)
         return log_posterior(evidence, self.log_prior)
 
     def revised(self, log_posterior: FloatArray, type_probability: FloatArray) -> FloatArray:
-        """Return posteriors (n, 4) with those of tracks, (n, 4), in the place of the prior; nan rows change nothing."""
+        """Return posteriors (n, 4) with the prior replaced by those of tracks, (n, 4); nan rows change nothing."""
         with np.errstate(divide="ignore"):
             turned = np.log(type_probability[:, :UNKNOWN_TYPE]) - self.log_prior[:UNKNOWN_TYPE]
         split = log_posterior[:, :UNKNOWN_TYPE] + turned
@@ -65,39 +72,39 @@ class SpectralClassifier:
         return revised
 
     def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
-        """Return codes (n,): the likeliest type where it is likely enough, and the plume as well; else UNKNOWN."""
+        """Return codes (n,): the most probable type if it and the plume are probable enough, else UNKNOWN."""
         best = np.argmax(log_posterior[:, :UNKNOWN_TYPE], axis=1).astype(np.uint8)
         chance = np.exp(np.take_along_axis(log_posterior, best[:, None].astype(np.int64), axis=1)[:, 0])
-        is_told = (chance >= self.confidence) & (self.log_ratio(log_posterior) >= self.least_log_ratio)
-        return np.where(is_told, best, np.uint8(UNKNOWN_TYPE))
+        is_reported = (chance >= self.confidence) & (self.log_ratio(log_posterior) >= self.least_log_ratio)
+        return np.where(is_reported, best, np.uint8(UNKNOWN_TYPE))
 
     def log_ratio(self, log_posterior: FloatArray) -> FloatArray:
-        """Return ln of the likelihood ratio (n,), a plume over anything else, that posteriors (n, 4) come from."""
+        """Return ln of the likelihood ratio (n,), plume over anything else, of posteriors (n, 4)."""
         odds = log_sum(self.log_prior[:UNKNOWN_TYPE]) - self.log_prior[UNKNOWN_TYPE]
         ratio: FloatArray = log_sum(log_posterior[:, :UNKNOWN_TYPE]) - log_posterior[:, UNKNOWN_TYPE] - odds
         return ratio
 
     def evidence(self, sightings: ClassifierInputs) -> TypeEvidence:
-        """Return what measured intensities and counts say; each row by itself."""
+        """Return the evidence of measured intensities and counts, row by row."""
         if sightings.band_noise_w_m2.shape != sightings.band_irradiance_w_m2.shape:
-            raise ModelError("the detection model does not say how noisy its irradiances are; spectral needs that")
+            raise ModelError("the detection model has no noise of its irradiances, which spectral needs")
         ratio, split = np.empty(len(sightings)), np.empty((len(sightings), len(TARGET_TYPES)))
-        whose = self.bank_of_sensor[sightings.sensor]
-        for number in np.unique(whose).tolist():
-            rows = np.flatnonzero(whose == number)
+        bank = self.bank_of_sensor[sightings.sensor]
+        for number in np.unique(bank).tolist():
+            rows = np.flatnonzero(bank == number)
             for start in range(0, len(rows), _ROWS):
                 block = rows[start : start + _ROWS]
-                ratio[block], split[block] = self._judged(self.banks[number], sightings, block)
+                ratio[block], split[block] = self._evidence(self.banks[number], sightings, block)
         return TypeEvidence(ratio, split)
 
-    def _judged(self, bank: TypeDensities, seen: ClassifierInputs, rows: IntArray) -> TypeEvidence:
-        """Return the evidence of sightings that one bank is for; intensities are apparent, as if through no air."""
+    def _evidence(self, bank: TypeDensities, seen: ClassifierInputs, rows: IntArray) -> TypeEvidence:
+        """Return the evidence of rows of one bank, from apparent intensities: irradiance times range²."""
         place, area = elevation_bin(seen.elevation_sine[rows]), np.square(seen.range_m[rows])[:, None]
         intensity = seen.band_irradiance_w_m2[rows, : bank.width] * area
         variance = np.square(seen.band_noise_w_m2[rows, : bank.width] * area)
         columns = place, intensity, variance, seen.detection_count[rows].astype(np.float64)
         density, counted = bank.plumes.log_densities(*columns)
-        counted = np.maximum(counted, np.log(_ASTRAY / bank.most_looks))
+        counted = np.maximum(counted, np.log(_UNINFORMATIVE / bank.most_looks))
         prior = self.log_prior[:UNKNOWN_TYPE]
         plume = log_sum(bank.plumes.by_class(density) + prior) - log_sum(bank.log_seen_s[place] + prior)
         split = bank.plumes.by_class(density + counted) + prior
@@ -113,11 +120,11 @@ def log_posterior(evidence: TypeEvidence, log_prior: FloatArray) -> FloatArray:
 
 
 def spectral_classifier(config: SpectralConfig, context: ModelContext) -> SpectralClassifier:
-    """Return the classifier `spectral`; raises `ModelError` beside a detection model that reckons without light."""
-    detection: Any = context.detection
-    if not (hasattr(detection, "scenery") and hasattr(detection, "response")):
+    """Return the classifier `spectral`; raises `ModelError` for detection models without measured irradiances."""
+    detection = context.detection
+    if not isinstance(detection, SnrDetection):
         raise ModelError(
-            "classification: spectral judges by measured band intensities, which the scene's detection model does not"
+            "classification: spectral uses measured band intensities, which the scene's detection model does not"
             " measure; choose detection: snr, or classification: paper"
         )
     keys = [_key(detection, number, sensor) for number, sensor in enumerate(context.sensors)]
@@ -125,9 +132,9 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     for number, key in enumerate(keys):
         number_of.setdefault(key, number)
     chosen = list(number_of.values())
-    imagined = imagination(detection.scenery.bands, config.launches)
+    looks = looks_by_radius(detection.environment.bands, config.launches)
     return SpectralClassifier(
-        banks=tuple(bank_of(detection, number, context.sensors[number], config, imagined) for number in chosen),
+        banks=tuple(type_densities(detection, number, context.sensors[number], config, looks) for number in chosen),
         bank_of_sensor=np.array([chosen.index(number_of[key]) for key in keys], dtype=np.int64),
         log_prior=np.log([config.prior[name] for name in REPORTED_TYPES]),
         confidence=config.confidence,
@@ -135,8 +142,8 @@ def spectral_classifier(config: SpectralConfig, context: ModelContext) -> Spectr
     )
 
 
-def _key(detection: Any, number: int, sensor: Sensor) -> tuple[Any, ...]:
-    """Return what sensors share that one bank is for."""
+def _key(detection: SnrDetection, number: int, sensor: Sensor) -> tuple[Any, ...]:
+    """Return a key that is equal for sensors with equal densities."""
     return (
         detection.receivers[number].kind,
         sensor.scan.period_ns,

@@ -7,8 +7,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from opir_core.detection.band_rules import RatioGates
     from opir_core.detection.latency import cumulative_probability, latency_cdf, latency_mean, latency_quantile
-    from opir_core.detection.ratio_gates import RatioGates
     from opir_core.detection.threshold import (
         false_alarm_probability,
         log_probability_of_detection,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #: The module of each name, by which it is imported when it is first used.
 _HOMES = {
     "latency": "cumulative_probability latency_cdf latency_mean latency_quantile",
-    "ratio_gates": "RatioGates",
+    "band_rules": "RatioGates",
     "threshold": (
         "false_alarm_probability log_probability_of_detection m_of_n_probability probability_of_detection "
         "required_snr threshold_sigma"

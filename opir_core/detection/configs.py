@@ -1,4 +1,4 @@
-"""What a scene may set of the detection model `snr`. Nothing heavy is imported here."""
+"""Settings of the detection model `snr`; imports nothing heavy."""
 
 from attrs import frozen
 
@@ -9,7 +9,7 @@ CALIBRATIONS = ("none", "paper")
 
 @frozen(kw_only=True)
 class SnrConfig:
-    """What a scene may set of the detection model `snr`."""
+    """Settings of the detection model `snr`."""
 
     calibrate: str = text(
         default="none",

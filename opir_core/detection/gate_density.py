@@ -1,11 +1,8 @@
-"""Where the detections of a rule of ratio gates lie: their density over the signal y of the reference band.
+"""Density of detections by ratio gates over the signal y of the reference band, and its integrals.
 
-It is the normal density of y about the signal expected, times the chance that every other band falls through the gate
-that y opens. The product is log-concave: it has one peak, and falls faster than the normal density on either side.
-
-Gauss-Legendre panels laid over intervals, one interval a row, and the inverse of what they integrate.
-
-Integrals of densities that are given by their logarithms, over the panels of rules of ratio gates.
+The density is the normal density of y about the expected signal, times the probability of every other band to pass the
+gate that y opens. It is log-concave: it has one peak, and decreases faster than the normal density on either side.
+Integrals and their inverses are evaluated on Gauss-Legendre panels, one interval per row, from logarithms of densities.
 """
 
 from collections.abc import Iterator
@@ -13,20 +10,21 @@ from collections.abc import Iterator
 import numpy as np
 from attrs import frozen
 from numpy.polynomial import legendre
+from scipy.special import log_ndtr
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.detection.quick_gates import Gates
+from opir_core.detection.gate_integrals import Gates
 
-#: Nodes in a panel.
+#: Nodes per panel.
 ORDER = 16
 
 _NODES, _WEIGHTS = legendre.leggauss(ORDER)
 
-#: From values at the nodes to Legendre coefficients: exact for polynomials up to the panel's order.
+#: Values at the nodes to Legendre coefficients: exact for polynomials up to the panel's order.
 _TO_COEFFICIENTS = np.array(
     [legendre.legval(_NODES, unit) * _WEIGHTS * (k + 0.5) for k, unit in enumerate(np.eye(ORDER))]
 )
-#: From values at the nodes to the coefficients of the integral from the panel's start.
+#: Values at the nodes to the coefficients of the integral from the panel's start.
 _TO_INTEGRAL = np.array([legendre.legint(column, lbnd=-1.0) for column in _TO_COEFFICIENTS.T]).T
 
 _BISECTIONS = 52
@@ -40,7 +38,7 @@ class Panels:
 
     @classmethod
     def over(cls, start: FloatArray, stop: FloatArray, count: int, kinks: FloatArray) -> "Panels":
-        """Return `count` panels over intervals (n,), cut once more at each of the kinks (n, k)."""
+        """Return `count` equal panels over intervals (n,), divided further at the kinks (n, k)."""
         equal = start[:, None] + (stop - start)[:, None] * (np.arange(count + 1) / count)
         inside = np.clip(kinks, start[:, None], stop[:, None])
         return cls(np.sort(np.concatenate([equal, inside], axis=1), axis=1))
@@ -52,7 +50,7 @@ class Panels:
         return nodes.reshape(len(self.edges), -1)
 
     def integral(self, values: FloatArray) -> FloatArray:
-        """Return the integrals (n,) of what has these values (n, panels · ORDER) at the nodes."""
+        """Return the integrals (n,) of functions with values (n, panels · ORDER) at the nodes."""
         parts = self._of_panels(values)
         total = parts[:, 0].copy()
         for panel in range(1, parts.shape[1]):
@@ -60,7 +58,7 @@ class Panels:
         return total
 
     def inverse(self, values: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return where (n,) the integral of non-negative values has grown to shares (n,) of the whole."""
+        """Return the points (n,) up to which the integral of non-negative values is the share `uniforms` (n,)."""
         passed = np.cumsum(self._of_panels(values), axis=1)
         wanted = uniforms * passed[:, -1]
         panel = np.minimum((wanted[:, None] >= passed).sum(axis=1), passed.shape[1] - 1)
@@ -70,8 +68,8 @@ class Panels:
         start, width = self.edges[rows, panel], self.edges[rows, panel + 1] - self.edges[rows, panel]
         with np.errstate(invalid="ignore", divide="ignore"):
             place = _solved(inside, (wanted - before) / (0.5 * width))
-        found: FloatArray = start + width * 0.5 * (place + 1.0)
-        return found
+        point: FloatArray = start + width * 0.5 * (place + 1.0)
+        return point
 
     def _of_panels(self, values: FloatArray) -> FloatArray:
         shaped = values.reshape(len(values), -1, ORDER)
@@ -83,7 +81,7 @@ class Panels:
 
 
 def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return where in [-1, 1] the integral from -1 of what has these values (n, ORDER) is as wanted (n,)."""
+    """Return the points in [-1, 1] up to which the integral of values (n, ORDER) is `wanted` (n,)."""
     low, high = np.full(len(wanted), -1.0), np.ones(len(wanted))
     coefficients = (inside[:, None, :] * _TO_INTEGRAL[None, :, :]).sum(axis=2).T
     for _ in range(_BISECTIONS):
@@ -94,16 +92,16 @@ def _solved(inside: FloatArray, wanted: FloatArray) -> FloatArray:
     return place
 
 
-#: Beyond so many standard deviations a normal tail is below the last bit of 1.
+#: Standard deviations beyond which a normal tail is below the last bit of 1.
 FAR = 9.0
-#: Panels for gates no steeper than the noise, and how often they are doubled for steep ones.
+#: Panels for gates no steeper than the noise, and most doublings for steeper ones.
 _PANELS, _MOST_DOUBLINGS = 3, 5
 MOST_PANELS = _PANELS << _MOST_DOUBLINGS
 LOG_HALF = float(np.log(0.5))
 
 
 def by_steepness(steepest: FloatArray) -> Iterator[tuple[IntArray, int]]:
-    """Yield rows with the number of panels that follows their steepest gate."""
+    """Yield rows with the number of panels for their steepest gate."""
     doublings = np.clip(np.ceil(np.log2(steepest)), 0, _MOST_DOUBLINGS).astype(np.int64)
     for times in range(_MOST_DOUBLINGS + 1):
         rows = np.flatnonzero(doublings == times)
@@ -112,7 +110,7 @@ def by_steepness(steepest: FloatArray) -> Iterator[tuple[IntArray, int]]:
 
 
 def log_integral(panels: Panels, log_values: FloatArray) -> FloatArray:
-    """Return logarithms of the integrals of values given by theirs."""
+    """Return the logarithms (n,) of integrals of values given by their logarithms."""
     peak = log_values.max(axis=1)
     scale = np.where(np.isfinite(peak), peak, 0.0)
     with np.errstate(divide="ignore"):
@@ -122,8 +120,6 @@ def log_integral(panels: Panels, log_values: FloatArray) -> FloatArray:
 
 def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     """Return ln(Q(low) - Q(high)), of normal tails; -inf where low >= high."""
-    from scipy.special import log_ndtr
-
     result = np.where(low < high, 0.0, -np.inf)
     near_edge = np.nonzero((low < high) & ((low > -FAR) | (high < FAR)))
     low, high = low[near_edge], high[near_edge]
@@ -138,21 +134,21 @@ def log_between(low: FloatArray, high: FloatArray) -> FloatArray:
     return result
 
 
-#: By so much, in the exponent, a density may fall before what follows is nothing.
+#: Decrease of a density's logarithm beyond which the rest is negligible.
 _DROP = 39.0
-#: So many panels are no finer for steeper gates, which are cut where they open and shut, at these margins.
+#: Largest number of panels; then panels are divided at gate crossings, at these margins in standard deviations.
 _FINEST, _CROSSING = MOST_PANELS, np.arange(-9.0, 10.0, 3.0)
-#: Steps of the search for the peak, each by the golden section; the second number goes where it is sought far and wide.
+#: Golden-section steps of the search for the peak; the second number for wide search intervals.
 _SECTIONS, _MOST_SECTIONS, _WIDE = 36, 80, 100.0
 _GOLDEN = (5.0**0.5 - 1.0) / 2.0
-#: So often is the way halved that a density takes to fall to nothing.
+#: Halvings of the distance within which a density becomes negligible.
 _REACHES = 40
 _LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
 
 
 @frozen(eq=False)
 class GateDensity:
-    """The densities of looks with expected signals `snr` (n, B) in noise (n, B), W/m²; `rule` says which detect."""
+    """Densities of detections by a `rule`, for looks with expected signals `snr` (n, B) in noise (n, B), W/m²."""
 
     rule: Gates
     snr: FloatArray
@@ -163,7 +159,7 @@ class GateDensity:
         return GateDensity(self.rule, self.snr[rows], self.noise[rows])
 
     def logarithms(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the logarithms of the normal density at nodes (n, m), and of the chance of passing the gates there."""
+        """Return the logarithms of the normal density at nodes (n, m) and of the probability to pass the gates."""
         log_gates = np.zeros_like(nodes)
         for band in self.rule.others:
             low, high = self.gate(nodes, band)
@@ -172,7 +168,7 @@ class GateDensity:
         return -0.5 * off * off - _LOG_ROOT_TWO_PI, log_gates
 
     def gate(self, reference: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
-        """Return between which signals of a band the gate is open, for signals of the reference band (n, …)."""
+        """Return the limits of the open gate of a band, for signals of the reference band (n, …)."""
         lower, upper = self.rule.lower[band], self.rule.upper[band]
         steep = self._steep(band).reshape(-1, *(1 for _ in reference.shape[1:]))
         with np.errstate(invalid="ignore"):
@@ -180,18 +176,18 @@ class GateDensity:
         return np.maximum(lower * steep * reference, self.rule.coincidence), high
 
     def panels(self, count: int, ajar: float) -> Panels:
-        """Return panels over all of y that matters.
+        """Return panels over all y of non-negligible density.
 
-        Gates shut by more than `ajar` standard deviations where they would be open first have their peak sought.
+        The peak is searched where gates are shut by more than `ajar` standard deviations at their first opening.
         """
         first = self._first_open()
         peak = np.maximum(self._expected, first)
         shut = np.flatnonzero(self._gate_margin(peak) < ajar)
         peak[shut] = self.take(shut)._peak()
-        # At the peak a normal density falls by exp(-_DROP) on this way; at the threshold it may be falling already.
+        # Distance of a decrease by exp(-_DROP); beyond the expected signal the density decreases from the start.
         falling = np.where(peak <= first, np.maximum(peak - self._expected, 0.0), 0.0)
         reach = 2.0 * _DROP / (np.sqrt(falling * falling + 2.0 * _DROP) + falling)
-        # Where gates have only just opened at the peak they fall too, and may do so much faster.
+        # Near the opening of the gates the density may decrease much faster.
         edge = shut[peak[shut] - first[shut] < reach[shut]]
         reach[edge] = self.take(edge)._fallen(peak[edge], reach[edge])
         start = np.maximum(first, peak - np.sqrt(2.0 * _DROP))
@@ -203,12 +199,12 @@ class GateDensity:
         return self.snr[:, self.rule.reference]
 
     def _steep(self, band: int) -> FloatArray:
-        """Return by how much (n,) a ratio of irradiances is steeper between signals, which are in units of noise."""
+        """Return the factors (n,) from a ratio of irradiances to a ratio of signals in units of noise."""
         steep: FloatArray = self.noise[:, self.rule.reference] / self.noise[:, band]
         return steep
 
     def _fallen(self, peak: FloatArray, reach: FloatArray) -> FloatArray:
-        """Return how far (n,) beyond their peaks densities have fallen to nothing, to a factor of 2, within `reach`."""
+        """Return the distances (n,) from the peak to negligible density, to a factor of 2, within `reach`."""
         ways = reach[:, None] * np.exp2(-np.arange(_REACHES))
         base, gates = self.logarithms(np.concatenate([peak[:, None], peak[:, None] + ways], axis=1))
         height = base + gates
@@ -217,35 +213,35 @@ class GateDensity:
         return fallen
 
     def _first_open(self) -> FloatArray:
-        """Return the least signal of the reference band, at the threshold or above, for which all gates are open."""
+        """Return the least signal (n,) of the reference band, at least the threshold, for which all gates are open."""
         least = np.full(len(self.noise), self.rule.threshold)
         for band in self.rule.others:
             least = np.maximum(least, self._where_coincident(self.rule.upper[band], band))
         return least
 
     def _kinks(self) -> FloatArray:
-        """Return where gates' lower sides turn from the coincidence threshold to the ratio, (n, others)."""
+        """Return the signals (n, others) at which lower sides change from the coincidence threshold to the ratio."""
         rule = self.rule
         return np.stack([self._where_coincident(rule.lower[band], band) for band in rule.others], axis=1)
 
     def _crossings(self) -> FloatArray:
-        """Return signals (n, k) of the reference band along which sides of gates open and shut."""
-        found = []
+        """Return signals (n, k) of the reference band around which sides of gates open and shut."""
+        signals = []
         for band in self.rule.others:
             sides = (self.rule.lower[band], self.rule.upper[band])
             bounds = [bound for bound in sides if np.isfinite(bound) and bound > 0.0]
             steep = self._steep(band)
-            found += [(self.snr[:, band, None] + _CROSSING) / (bound * steep)[:, None] for bound in bounds]
-        return np.concatenate(found, axis=1)
+            signals += [(self.snr[:, band, None] + _CROSSING) / (bound * steep)[:, None] for bound in bounds]
+        return np.concatenate(signals, axis=1)
 
     def _where_coincident(self, bound: float, band: int) -> FloatArray:
-        """Return at which signal of the reference band a bound on a ratio meets the coincidence threshold, or -inf."""
+        """Return the reference signals (n,) at which a ratio bound equals the coincidence threshold, or -inf."""
         if not (np.isfinite(bound) and bound > 0.0):
             return np.full(len(self.noise), -np.inf)
         return self.rule.coincidence * self.noise[:, band] / (self.noise[:, self.rule.reference] * bound)
 
     def _gate_margin(self, reference: FloatArray) -> FloatArray:
-        """Return by how much expected signals lie inside the gates that signals of the reference band open."""
+        """Return the margins (n,) of expected signals inside the gates, for signals of the reference band."""
         margin = np.full(len(reference), np.inf)
         for band in self.rule.others:
             low, high = self.gate(reference, band)
@@ -253,7 +249,7 @@ class GateDensity:
         return margin
 
     def _peak(self) -> FloatArray:
-        """Return where the density of detections is highest, by golden section: it has one peak."""
+        """Return the peak (n,) of the density, by golden section."""
         low = self._first_open()
         high = np.maximum(self._expected, low) + 1.0
         for band in self.rule.others:
@@ -273,9 +269,9 @@ class GateDensity:
         return peak
 
     def _narrowed(self, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the part of the stretches (n,) that still has the peak."""
+        """Return the parts of the intervals (n,) that contain the peak."""
         inner, outer = high - (high - low) * _GOLDEN, low + (high - low) * _GOLDEN
         base, gates = self.logarithms(np.stack([inner, outer], axis=1))
-        # Where gates are shut beyond all logarithms, the wider y is the better one.
+        # If both logarithms are -inf, the larger y is the better one.
         is_rising = ~(base[:, 0] + gates[:, 0] > base[:, 1] + gates[:, 1])
         return np.where(is_rising, inner, low), np.where(is_rising, high, outer)

@@ -1,8 +1,7 @@
-"""Sensors as the detection model `snr` needs them: their bands, their noise, and the rule over their bands.
+"""Receivers of the detection model `snr`: a sensor's bands, noise, and rule over its bands.
 
-Noise at the aperture: the detector's, that of the background's photons, and what clutter leaves; all in W/m².
-
-Calibration: the one factor on a sensor's noise with which it detects the reference target as often as wanted.
+Noise at the aperture, W/m²: of the detector, of the background's photons, and residual clutter. Calibration: the factor
+on a sensor's noise with which it detects the reference target with a given probability.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,11 +10,11 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 from numpy.typing import ArrayLike
+from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.detection.any_band import AnyBand
+from opir_core.detection.band_rules import AnyBand, RatioGates
 from opir_core.detection.configs import SnrConfig
-from opir_core.detection.ratio_gates import RatioGates
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band, Radiometer, Sensor
@@ -24,20 +23,20 @@ from opir_core.planning.environment import RadiometricEnvironment
 #: Planck's constant times the speed of light, J µm (exact in the SI of 2019).
 _PHOTON_J_UM = 6.62607015e-34 * 299_792_458.0 * 1e6
 
-#: Noise below it, W/m², is taken for it: a sensor without any would divide by zero.
+#: Least noise, W/m²: no division by zero for a sensor without noise.
 LEAST_NOISE_W_M2 = 1e-60
 
 
 def photon_energy_j(band: Band) -> float:
-    """Return the energy of a photon in the middle of a band, J."""
+    """Return the photon energy at the centre of a band, J."""
     return _PHOTON_J_UM / (0.5 * (band.lower_um + band.upper_um))
 
 
 def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> FloatArray:
-    """Return the standard deviation of an irradiance got by counting photons: sqrt(E · hc/λ / (A η t)), W/m².
+    """Return the photon noise of an irradiance E: sqrt(E · hc/λ / (A η t)), W/m².
 
-    `count_w_m2` is that of one count, hc/λ / (A η t), of aperture, efficiency and integration time. The number of
-    counts is E over it, its variance the number itself (Poisson).
+    `count_w_m2` is the irradiance of one count, hc/λ / (A η t), of aperture, efficiency and integration time. Counts
+    are Poisson distributed.
     """
     noise: FloatArray = np.sqrt(
         np.asarray(irradiance_w_m2, dtype=np.float64) * np.asarray(count_w_m2, dtype=np.float64)
@@ -46,11 +45,8 @@ def photon_noise_w_m2(irradiance_w_m2: ArrayLike, count_w_m2: ArrayLike) -> Floa
 
 
 def noise_w_m2(detector_w_m2: ArrayLike, photons_w_m2: ArrayLike = 0.0, clutter_w_m2: ArrayLike = 0.0) -> FloatArray:
-    """Return the standard deviation of independent noises together, at least `LEAST_NOISE_W_M2`.
-
-    Noises may be as large as 1e150 W/m²; what of them is below 1e-160 is nothing beside the least.
-    """
-    # Squares cost a tenth of what `numpy.hypot` does, which is for numbers that have none.
+    """Return the standard deviation of the sum of independent noises, at least `LEAST_NOISE_W_M2`, up to 1e150 W/m²."""
+    # A tenth of the time of `numpy.hypot`.
     whole = np.square(np.asarray(detector_w_m2, dtype=np.float64))
     whole = whole + np.square(np.asarray(photons_w_m2, dtype=np.float64))
     whole = whole + np.square(np.asarray(clutter_w_m2, dtype=np.float64))
@@ -60,23 +56,21 @@ def noise_w_m2(detector_w_m2: ArrayLike, photons_w_m2: ArrayLike = 0.0, clutter_
 #: The reference range, m: opir-simulator paper (2026), section 2.4.
 REFERENCE_RANGE_M = 3.6e7
 
-#: The factor is sought within so many powers of ten of 1.
+#: Search range of the factor: powers of ten on either side of 1.
 _DECADES = 20.0
 _HALVINGS = 64
-#: Chances nearer to 0 or 1 than this are far from any that is wanted.
+#: Accuracy of probabilities during the search.
 _SLACK = 1e-13
 
 
 def calibrated(
     radiometer: Radiometer, rule: AnyBand | RatioGates, intensity_w_sr: FloatArray, wanted: float, owner: str
 ) -> Radiometer:
-    """Return a radiometer whose noise is scaled so that the reference target is detected with a probability.
+    """Return a radiometer with noise scaled so that the reference target is detected with the probability `wanted`.
 
-    `intensity_w_sr` (B,) are the reference target's in the sensor's bands. Raises `ModelError`, which names the sensor
-    as `owner` does, where no factor does it.
+    `intensity_w_sr` (B,) are those of the reference target in the sensor's bands. Raises `ModelError`, with the sensor
+    as `owner`, if there is no such factor.
     """
-    from scipy.special import ndtri
-
     signal = intensity_w_sr / REFERENCE_RANGE_M**2
     quantile = float(ndtri(wanted))
 
@@ -85,9 +79,9 @@ def calibrated(
         return float(probit(*rule.log_chances(signal[None, :] / noise, noise, _SLACK))[0]) < quantile
 
     if not misses(_DECADES) or misses(-_DECADES):
-        told = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
+        values = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
         raise ModelError(
-            f"{owner}: calibrate: paper finds no noise with which the reference ICBM, {told} W/sr in the sensor's"
+            f"{owner}: calibrate: paper finds no noise with which the reference ICBM, {values} W/sr in the sensor's"
             f" bands, is detected with probability {wanted:g}; give it bands and plausible_ratios that do not leave"
             " the ICBM out, or calibrate: none"
         )
@@ -96,7 +90,7 @@ def calibrated(
 
 
 def _turn(misses: Callable[[float], bool]) -> float:
-    """Return where a condition turns from false to true, by halving."""
+    """Return the point at which a condition becomes true, by bisection."""
     low, high = -_DECADES, _DECADES
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
@@ -109,7 +103,7 @@ Rule = AnyBand | RatioGates
 
 @frozen(eq=False)
 class Receiver:
-    """A sensor as the model needs it: the numbers of its bands in the scenery, its noise and its rule."""
+    """A sensor's band numbers in the radiometric environment, its radiometer and its rule."""
 
     bands: IntArray
     radiometer: Radiometer
@@ -118,16 +112,16 @@ class Receiver:
 
     @property
     def kind(self) -> tuple[Any, ...]:
-        """Return what receivers share whose noise crosses equally often."""
+        """A key that is equal for receivers with equal noise and rule."""
         return (self.radiometer, type(self.rule), *self.bands.tolist())
 
     @property
     def nei_w_m2(self) -> FloatArray:
-        """Return the noise-equivalent irradiances (B,)."""
+        """The noise-equivalent irradiances (B,)."""
         return np.array(self.radiometer.nei_w_m2, dtype=np.float64)
 
     def count_w_m2(self, place: int) -> float:
-        """Return the irradiance that one photon counted in one of its bands stands for; 0 beyond them."""
+        """Return the irradiance, W/m², of one photon counted in a band; 0 beyond the sensor's bands."""
         return self.photon_j[place] / self.radiometer.collection_m2_s if place < len(self.photon_j) else 0.0
 
     def chances(self, snr: FloatArray, noise: FloatArray, slack: float) -> tuple[FloatArray, FloatArray]:
@@ -135,34 +129,34 @@ class Receiver:
         return self.rule.log_chances(snr, noise, slack)
 
     def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
-        """Return the standard normal quantiles of P_d (n,); with a slack P_d may be off by as much."""
+        """Return the standard normal quantiles of P_d (n,), to within a slack of P_d."""
         return self.rule.quantile(snr, noise, slack) if slack else probit(*self.chances(snr, noise, 0.0))
 
 
 def noise_chance(receiver: Receiver) -> float:
-    """Return the logarithm of the chance that noise alone detects, in one resolution cell and look."""
+    """Return the logarithm of the false-alarm probability per resolution cell and look."""
     nothing = np.zeros((1, len(receiver.bands)))
     return float(receiver.chances(nothing, noise_w_m2(receiver.nei_w_m2)[None, :], 0.0)[0][0])
 
 
-def receivers_of(sensors: Sequence[Sensor], scenery: RadiometricEnvironment, config: SnrConfig) -> list[Receiver]:
-    """Return all receivers; those of one kind are calibrated once."""
+def receivers_of(sensors: Sequence[Sensor], environment: RadiometricEnvironment, config: SnrConfig) -> list[Receiver]:
+    """Return the receivers of sensors; those of one kind are calibrated once."""
     receivers, known = list[Receiver](), dict[tuple[Any, ...], Radiometer]()
     for sensor in sensors:
-        receiver = _receiver(sensor, scenery)
+        receiver = _receiver(sensor, environment)
         if config.calibrate == "paper":
             wanted = _wanted(sensor)
             kind = (*receiver.kind, wanted)
             if kind not in known:
                 owner = f"sensor {sensor.id} ({sensor.type})"
-                intensity = scenery.reference_intensity_w_sr[receiver.bands]
+                intensity = environment.reference_intensity_w_sr[receiver.bands]
                 known[kind] = calibrated(receiver.radiometer, receiver.rule, intensity, wanted, owner)
             receiver = evolve(receiver, radiometer=known[kind])
         receivers.append(receiver)
     return receivers
 
 
-def _receiver(sensor: Sensor, scenery: RadiometricEnvironment) -> Receiver:
+def _receiver(sensor: Sensor, environment: RadiometricEnvironment) -> Receiver:
     radiometer = sensor.radiometer
     if radiometer is None:
         raise ModelError(
@@ -170,7 +164,7 @@ def _receiver(sensor: Sensor, scenery: RadiometricEnvironment) -> Receiver:
             " detection: snr needs; choose another sensor model, or detection: constant"
         )
     return Receiver(
-        bands=np.array([scenery.bands.index(band) for band in sensor.bands]),
+        bands=np.array([environment.bands.index(band) for band in sensor.bands]),
         radiometer=radiometer,
         rule=rule_of(sensor, radiometer),
         photon_j=tuple(photon_energy_j(band) for band in sensor.bands),
@@ -178,7 +172,7 @@ def _receiver(sensor: Sensor, scenery: RadiometricEnvironment) -> Receiver:
 
 
 def rule_of(sensor: Sensor, radiometer: Radiometer) -> Rule:
-    """Return how a sensor combines its bands: by its `spectral_discrimination`."""
+    """Return the rule over a sensor's bands, by its `spectral_discrimination`."""
     if sensor.spectral_discrimination == "none":
         return AnyBand(radiometer.threshold)
     lower, upper = np.array(radiometer.ratios, dtype=np.float64).T
@@ -196,7 +190,7 @@ def _wanted(sensor: Sensor) -> float:
 
 
 def by_number(numbers: IndexArray, count: int) -> "Sequence[tuple[int, slice | IntArray]]":
-    """Return each number that occurs with its rows: a slice of them where they stand in order."""
+    """Return each number that occurs with its rows: a slice if `numbers` are sorted."""
     counts = np.bincount(numbers, minlength=count)
     present = np.flatnonzero(counts).tolist()
     if np.all(numbers[1:] >= numbers[:-1]):

@@ -2,13 +2,22 @@
 
 Source: S. M. Kay, Fundamentals of Statistical Signal Processing II: Detection Theory (1998), section 4.3. Tails are
 computed by logarithms: no probability, however near 0 or 1, is obtained by subtraction. The normal distribution and its
-inverse are SciPy's (`scipy.special`), imported where they are used. Arguments of all functions broadcast.
+inverse are SciPy's. Arguments of all functions broadcast.
 """
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray
+
+
+def _special() -> Any:
+    """Return `scipy.special`, imported when it is first used: sensors without a false-alarm probability need none."""
+    from scipy import special
+
+    return special
 
 
 def threshold_sigma(false_alarm_probability: ArrayLike) -> FloatArray:
@@ -17,9 +26,7 @@ def threshold_sigma(false_alarm_probability: ArrayLike) -> FloatArray:
     `false_alarm_probability` is per look and resolution cell, in (0, 1), down to the least double; `nan` outside. The
     result has its shape.
     """
-    from scipy.special import ndtri
-
-    threshold: FloatArray = -ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
+    threshold: FloatArray = -_special().ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
     return threshold
 
 
@@ -34,17 +41,17 @@ def probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray
     `snr` is the signal in standard deviations of the noise (an amplitude ratio, not dB), `threshold` is T in the same
     unit. The result has their common shape; `nan` where an argument is.
     """
-    from scipy.special import ndtr
-
-    probability: FloatArray = ndtr(np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64))
+    probability: FloatArray = _special().ndtr(
+        np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
+    )
     return probability
 
 
 def log_probability_of_detection(snr: ArrayLike, threshold: ArrayLike) -> FloatArray:
     """Return ln P_d = ln Q(T - SNR), exact where P_d itself is too small for a double; arguments as above."""
-    from scipy.special import log_ndtr
-
-    logarithm: FloatArray = log_ndtr(np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64))
+    logarithm: FloatArray = _special().log_ndtr(
+        np.asarray(snr, dtype=np.float64) - np.asarray(threshold, dtype=np.float64)
+    )
     return logarithm
 
 
@@ -53,17 +60,15 @@ def required_snr(probability: ArrayLike, threshold: ArrayLike) -> FloatArray:
 
     Units and shapes as in `probability_of_detection`, which this inverts; `nan` outside the domain.
     """
-    from scipy.special import ndtri
-
-    snr: FloatArray = np.asarray(threshold, dtype=np.float64) + ndtri(np.asarray(probability, dtype=np.float64))
+    snr: FloatArray = np.asarray(threshold, dtype=np.float64) + _special().ndtri(
+        np.asarray(probability, dtype=np.float64)
+    )
     return snr
 
 
 def probit(log_hit: FloatArray, log_miss: FloatArray) -> FloatArray:
     """Return the standard normal quantiles of probabilities given by their logarithm and that of their complement."""
-    from scipy.special import ndtri_exp
-
-    quantile: FloatArray = np.where(log_hit < log_miss, ndtri_exp(log_hit), -ndtri_exp(log_miss))
+    quantile: FloatArray = np.where(log_hit < log_miss, _special().ndtri_exp(log_hit), -_special().ndtri_exp(log_miss))
     return quantile
 
 
@@ -73,12 +78,10 @@ def m_of_n_probability(probability: ArrayLike, needed: int, looks: int) -> Float
     `probability` is P_d of one look, in [0, 1]; the result has its shape. The upper tail of the binomial distribution,
     by the incomplete beta function: 1 for `needed` <= 0, 0 for more needed than looks.
     """
-    from scipy.special import betainc
-
     chance = np.asarray(probability, dtype=np.float64)
     if needed <= 0:
         return np.ones_like(chance)
     if needed > looks:
         return np.zeros_like(chance)
-    result: FloatArray = betainc(needed, looks - needed + 1, chance)
+    result: FloatArray = _special().betainc(needed, looks - needed + 1, chance)
     return result

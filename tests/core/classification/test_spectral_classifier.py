@@ -13,11 +13,11 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
 import opir_core as opir
-from opir_core.classification.bank import TypeDensities, elevation_bin
 from opir_core.classification.configs import SpectralConfig
-from opir_core.classification.imagined import evenly_spread
-from opir_core.classification.mixture import Components, Mixture
+from opir_core.classification.gaussian_mixture import Components, Mixture
 from opir_core.classification.spectral import SpectralClassifier
+from opir_core.classification.synthetic_looks import low_discrepancy_points
+from opir_core.classification.type_densities import TypeDensities, elevation_bin
 from opir_core.errors import ModelError
 from opir_core.interfaces.records import ClassifierInputs, Tracks
 from opir_core.output.events import detection_schema
@@ -217,7 +217,7 @@ def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burn
 
 
 def test_points_fill_the_cube_evenly() -> None:
-    points = evenly_spread(2000, 5)
+    points = low_discrepancy_points(2000, 5)
     assert np.all((points > 0.0) & (points < 1.0))
     shares: NDArray[np.float64] = np.array([np.histogram(column, 10, (0.0, 1.0))[0] for column in points.T]) / 2000
     assert np.all(np.abs(shares - 0.1) < 0.005)

@@ -5,9 +5,13 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
-from opir_core.detection.any_band import AnyBand
-from opir_core.detection.ratio_gates import RatioGates
-from opir_core.detection.redrawing import LEAST_PASSING, measured_to_pass, tail_normals, truncated_normals
+from opir_core.detection.band_rules import AnyBand, RatioGates
+from opir_core.detection.rejection_sampling import (
+    LEAST_PASSING,
+    accepted_draws,
+    tail_normals,
+    truncated_normals,
+)
 
 INF = np.inf
 TRIPLE = RatioGates(5.0, 3.0, 0, np.array([-INF, 0.3, 0.01]), np.array([INF, 3.0, 0.5]))
@@ -118,7 +122,7 @@ def test_proposals_until_one_passes_follow_the_law_of_the_inverse(snr: list[floa
     rows = np.tile(snr, (len(ones), 1))
     chance = np.full(len(ones), np.exp(TRIPLE.log_chances(rows[:1], ones[:1])[0][0]))
     assert least < TRIPLE.passing(rows[:1], chance[:1])[0] < most
-    drawn = measured_to_pass(TRIPLE, rows, ones, chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64))
+    drawn = accepted_draws(TRIPLE, rows, ones, chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64))
     inverse = TRIPLE.conditional(rows, ones, rng.random((len(ones), 4)))
     assert TRIPLE.passes(drawn, ones).all()
     for band in range(3):
@@ -151,7 +155,7 @@ def test_few_proposals_are_made_for_a_row_where_thresholds_are_the_hurdle() -> N
     # A faint source of the right colour: free draws would take thousands of tries each.
     snr = np.array([1.6, 2.4]) * rng.uniform(0.9, 1.1, (len(ones), 1))
     chance = np.exp(rule.log_chances(snr, ones)[0])
-    drawn = measured_to_pass(rule, snr, ones, chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64))
+    drawn = accepted_draws(rule, snr, ones, chance, rng.integers(0, 2**64, len(ones), dtype=np.uint64))
     assert rule.passes(drawn, ones).all()
     assert np.mean(1.0 / chance) > 3_000
     assert sum(proposed) < 2 * len(ones)
@@ -161,9 +165,9 @@ def test_a_row_is_drawn_alike_whoever_is_drawn_with_it() -> None:
     rng = np.random.default_rng(7)
     snr, seeds = rng.uniform(3.0, 9.0, (500, 3)), rng.integers(0, 2**64, 500, dtype=np.uint64)
     chance = np.exp(TRIPLE.log_chances(snr, np.ones((500, 3)))[0])
-    whole = measured_to_pass(TRIPLE, snr, np.ones((500, 3)), chance, seeds)
+    whole = accepted_draws(TRIPLE, snr, np.ones((500, 3)), chance, seeds)
     part = slice(100, 137)
-    assert np.array_equal(measured_to_pass(TRIPLE, snr[part], np.ones((37, 3)), chance[part], seeds[part]), whole[part])
+    assert np.array_equal(accepted_draws(TRIPLE, snr[part], np.ones((37, 3)), chance[part], seeds[part]), whole[part])
 
 
 def _shares(count: int) -> np.ndarray:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from opir_core.arrays import FloatArray
-from opir_core.detection import quick_gates
-from opir_core.detection.quick_gates import NODES, WIDTHS, looks_of, panels_of, quick_chances
-from opir_core.detection.ratio_gates import RatioGates
+from opir_core.detection import gate_integrals
+from opir_core.detection.band_rules import RatioGates
+from opir_core.detection.gate_integrals import NODES, WIDTHS, fast_probability, looks_of, panels_of
 
 PAPER = RatioGates(5.0, 2.0, 0, np.array([0.0, 0.8, 0.01]), np.array([np.inf, 4.0, 0.5]))
 
@@ -33,40 +33,40 @@ def test_steep_or_flat_it_is_within_what_it_says(others: int) -> None:
         upper = np.where(rng.random(others) < 0.8, 1.5 * lower + 10.0 ** rng.uniform(-0.5, 1.5, others), np.inf)
         rule = RatioGates(rng.uniform(3.0, 7.0), 2.5, 0, np.array([0.0, *lower]), np.array([np.inf, *upper]))
         snr, noise = on_edges(rng, rule, 150)
-        quick = quick_chances(rule, snr, noise, rule.margins(snr, noise))
+        quick = fast_probability(rule, snr, noise, rule.margins(snr, noise))
         assert np.abs(quick - np.exp(rule.log_chances(snr, noise)[0])).max() <= 1e-10
 
 
 def test_the_same_look_has_the_same_chance_in_any_company() -> None:
     snr, noise = on_edges(np.random.default_rng(5), PAPER, 600)
     margins = PAPER.margins(snr, noise)
-    together = quick_chances(PAPER, snr, noise, margins)
+    together = fast_probability(PAPER, snr, noise, margins)
     for rows in (slice(0, 1), slice(7, 8), slice(100, 350)):
-        assert np.array_equal(quick_chances(PAPER, snr[rows], noise[rows], margins[rows]), together[rows])
+        assert np.array_equal(fast_probability(PAPER, snr[rows], noise[rows], margins[rows]), together[rows])
 
 
 def test_a_look_costs_few_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[int, int]] = []
-    density = quick_gates._density
+    density = gate_integrals._density
 
     def counted(nodes: FloatArray, *rest: Any) -> FloatArray:
         asked.append((len(nodes), nodes.size))
         return density(nodes, *rest)
 
-    monkeypatch.setattr(quick_gates, "_density", counted)
+    monkeypatch.setattr(gate_integrals, "_density", counted)
     snr, noise = on_edges(np.random.default_rng(6), PAPER, 4000)
-    quick_chances(PAPER, snr, noise, PAPER.margins(snr, noise))
+    fast_probability(PAPER, snr, noise, PAPER.margins(snr, noise))
     assert sum(size for _, size in asked) <= 40 * len(snr)
     assert max(nodes for nodes, _ in asked) <= 64
     assert len(asked) <= 60
 
 
 def test_what_no_gate_touches_costs_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(quick_gates, "_density", None)
+    monkeypatch.setattr(gate_integrals, "_density", None)
     snr, noise = np.array([[6.0, 12.0, 2.5], [40.0, 70.0, 3.1]]), np.ones((2, 3))
     margins = np.full((2, 7), 9.0)
     margins[:, 0], margins[:, 4] = snr[:, 0] - 5.0, snr[:, 2] - 2.0
-    chance = quick_chances(PAPER, snr, noise, margins)
+    chance = fast_probability(PAPER, snr, noise, margins)
     from scipy.special import ndtr
 
     assert chance == pytest.approx(ndtr(snr[:, 0] - 5.0) * ndtr(snr[:, 2] - 2.0), abs=1e-11)

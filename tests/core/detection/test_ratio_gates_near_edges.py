@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from scipy.special import log_ndtr, ndtr
 
-from opir_core.detection.any_band import AnyBand
-from opir_core.detection.ratio_gates import RatioGates
-from opir_core.detection.redrawing import measured_to_pass
+from opir_core.detection.band_rules import AnyBand, RatioGates
+from opir_core.detection.rejection_sampling import accepted_draws
 
 INF = np.inf
 SHARES = np.array([1e-6, 1e-3, 0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 0.999, 1.0 - 1e-6])
@@ -148,7 +147,7 @@ def test_what_is_drawn_again_has_the_law_of_free_draws_that_pass(rule: AnyBand |
     rows = len(kept)
     chance = np.full(rows, np.exp(rule.log_chances(np.array([snr]), ones[:1])[0][0]))
     seeds = rng.integers(0, 1 << 64, size=rows, dtype=np.uint64)
-    drawn = measured_to_pass(rule, np.tile(snr, (rows, 1)), ones[:rows], chance, seeds)
+    drawn = accepted_draws(rule, np.tile(snr, (rows, 1)), ones[:rows], chance, seeds)
     assert rule.passes(drawn, ones[:rows]).all()
     for band in range(len(snr)):
         edges = np.quantile(np.concatenate([kept[:, band], drawn[:, band]]), np.linspace(0.0, 1.0, 41)[1:-1])

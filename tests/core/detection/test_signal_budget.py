@@ -32,7 +32,7 @@ def test_snr_is_irradiance_over_the_noises_together(sky: str) -> None:
     plan = opir.compile_plan(opir.scene_from_mapping(mapping))
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair[::7], looks.scan[::7])
-    found, chain = plan.detection.response(exposed), plan.detection.scenery
+    found, chain = plan.detection.response(exposed), plan.detection.environment
     compared, noisy = 0, 0
     for number, sensor in enumerate(plan.sensors):
         rows = np.flatnonzero(exposed.sensor == number)

@@ -131,9 +131,13 @@ def test_a_window_is_measured_at_once_drawn_again_once_a_kind_and_has_one_geomet
     plan = opir.compile_plan(scene(detection={"model": "snr", "calibrate": "paper"}, duration_s=220))
     whole = Engine(plan).advance(plan.end_ns)
     measured, again, placed = [], [], []
-    inner, to_pass, directions = type(plan.detection).measure_response, snr.measured_to_pass, false_alarms._directions
+    inner, to_pass, directions = (
+        type(plan.detection).measure_response,
+        snr.accepted_draws,
+        false_alarms._directions,
+    )
     monkeypatch.setattr(type(plan.detection), "measure_response", lambda *g: measured.append(len(g[2])) or inner(*g))
-    monkeypatch.setattr(snr, "measured_to_pass", lambda *given: again.append(len(given[1])) or to_pass(*given))
+    monkeypatch.setattr(snr, "accepted_draws", lambda *given: again.append(len(given[1])) or to_pass(*given))
     monkeypatch.setattr(false_alarms, "_directions", lambda *given: placed.append(len(given[0])) or directions(*given))
     monkeypatch.setattr("opir_core.planning.looks.BLOCK_ROWS", 100)
     parted = Engine(plan).advance(plan.end_ns)
@@ -171,7 +175,7 @@ def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_t
     receiver, rng = model.receivers[2], np.random.default_rng(int(signal))
     noise = np.tile(model.dark_noise_w_m2[2], (rows, 1))
     # The colour of a plume, which lies within the gates.
-    colour = model.scenery.reference_intensity_w_sr[receiver.bands] / model.dark_noise_w_m2[2]
+    colour = model.environment.reference_intensity_w_sr[receiver.bands] / model.dark_noise_w_m2[2]
     snr = np.tile(signal * colour / colour[0], (rows, 1))
     log_chance = receiver.rule.log_chances(snr[:1], noise[:1])[0]
     response = Response(np.full(rows, norm.ppf(np.exp(log_chance[0]))), snr, noise)
@@ -197,7 +201,7 @@ def test_calibrated_sensors_see_the_reference_as_the_paper_says(plan: Any) -> No
     model = plan.detection
     for number, wanted in enumerate((0.6, 0.8, 0.95)):
         receiver = model.receivers[number]
-        signal = model.scenery.reference_intensity_w_sr[receiver.bands] / 3.6e7**2
+        signal = model.environment.reference_intensity_w_sr[receiver.bands] / 3.6e7**2
         noise = receiver.nei_w_m2
         chance = np.exp(receiver.rule.log_chances((signal / noise)[None, :], noise[None, :])[0][0])
         assert chance == pytest.approx(wanted, abs=1e-12)

@@ -111,7 +111,7 @@ def test_what_is_known_is_moved_seldom_and_heights_are_those_of_geodesy(monkeypa
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair[::53], looks.scan[::53])
     true_m = ecef_to_geodetic(exposed.target_ecef_m).height_m
-    assert np.abs(plan.detection.scenery.paths(exposed).height_m - true_m).max() < 3e-8
+    assert np.abs(plan.detection.environment.paths(exposed).height_m - true_m).max() < 3e-8
 
 
 def test_pitch_over_is_told_beside_what_plumes_and_air_tell() -> None:
@@ -131,21 +131,21 @@ def test_pitch_over_is_told_beside_what_plumes_and_air_tell() -> None:
 @pytest.mark.parametrize("sky", [{}, AIR], ids=["empty space", "air"])
 def test_what_models_say_of_all_bands_at_once_they_say_of_each(sky: dict[str, Any]) -> None:
     plan = planned("none", sky)
-    looks, scenery = Looks.between(plan.pairs, 0, plan.end_ns), plan.detection.scenery
+    looks, environment = Looks.between(plan.pairs, 0, plan.end_ns), plan.detection.environment
     every = slice(None, None, 97)
     exposed = plan.look_geometry().exposures(looks.pair[every], looks.scan[every])
-    view, path, aspect = scenery.views(exposed), scenery.paths(exposed), scenery.aspect_rad(exposed)
-    bands = list(range(len(scenery.bands)))
-    radiance, clutter = radiances_and_clutter_w_m2_sr(scenery.background, bands, view)
-    passed = transmittances(scenery.atmosphere, bands, path)
+    view, path, aspect = environment.views(exposed), environment.paths(exposed), environment.aspect_rad(exposed)
+    bands = list(range(len(environment.bands)))
+    radiance, clutter = radiances_and_clutter_w_m2_sr(environment.background, bands, view)
+    passed = transmittances(environment.atmosphere, bands, path)
     since_s = exposed.emission_time_s - plan.targets.ignition_s[exposed.target]
-    columns = (scenery.place[exposed.target], since_s, path.height_m, aspect)
-    intensity = intensities_w_sr(scenery.signatures[0], bands, *columns)
+    columns = (environment.place[exposed.target], since_s, path.height_m, aspect)
+    intensity = intensities_w_sr(environment.signatures[0], bands, *columns)
     for band in bands:
-        assert np.array_equal(radiance[band], scenery.background.radiance_w_m2_sr(band, view))
-        assert np.array_equal(clutter[band], scenery.background.clutter_w_m2_sr(band, view))
-        assert np.array_equal(passed[band], scenery.atmosphere.transmittance(band, path))
-        assert np.array_equal(intensity[band], scenery.signatures[0].intensity_w_sr(band, *columns))
+        assert np.array_equal(radiance[band], environment.background.radiance_w_m2_sr(band, view))
+        assert np.array_equal(clutter[band], environment.background.clutter_w_m2_sr(band, view))
+        assert np.array_equal(passed[band], environment.atmosphere.transmittance(band, path))
+        assert np.array_equal(intensity[band], environment.signatures[0].intensity_w_sr(band, *columns))
         assert intensity[band].max() > 0.0
         assert (radiance[band].max() > 0.0) == bool(sky)
 

@@ -1,22 +1,20 @@
-"""Measurements conditional on a detection, proposed again and again until they pass a sensor's rule.
+"""Measurements conditional on a detection, by rejection sampling; and truncated normal numbers.
 
-A rule proposes measurements that have met some of its conditions already, and by the law they follow under these; what
-passes the others first follows the law of free draws given that they pass, exactly. How often proposals pass is known
-beforehand, for the probability of detection is. Rows of which hardly any would pass, and those of which none has after
-all their tries, are drawn by the rule's own inverse, which has the same law. All numbers of a row come from one seed of
-its own.
-
-Normal numbers within bounds, by the inverse of the distribution, exact far out in the tails.
+A rule proposes measurements from the distribution conditional on some of its conditions; the first proposal that also
+meets the others has the exact conditional distribution. The acceptance rate follows from P_d. Rows with a very low
+rate, and rows without an accepted proposal, are drawn by the rule's inverse, which has the same distribution. All
+random numbers of a row come from a seed of its own.
 """
 
 from typing import Protocol
 
 import numpy as np
+from scipy.special import log_ndtr, ndtr, ndtri, ndtri_exp
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray, WordArray
 from opir_core.random_streams.philox import further_words, uniforms_of
 
-#: Up to there a normal tail is a double with all its bits.
+#: Largest argument at which a normal tail is a double of full precision.
 _PLAIN = 36.0
 _LEAST_LEVEL = 2.0**-54
 
@@ -24,10 +22,8 @@ _LEAST_LEVEL = 2.0**-54
 def tail_normals(lower: FloatArray, uniforms: FloatArray) -> FloatArray:
     """Return standard normal numbers (n,) conditional on being at least `lower`, from numbers (n,) in [0, 1).
 
-    The same law as of `truncated_normals` without an upper bound, for a third of the time.
+    As `truncated_normals` without an upper bound, in a third of the time.
     """
-    from scipy.special import ndtr, ndtri
-
     drawn: FloatArray = np.maximum(-ndtri(np.maximum(uniforms, _LEAST_LEVEL) * ndtr(-lower)), lower)
     far = np.flatnonzero(lower > _PLAIN)
     if len(far):
@@ -38,12 +34,10 @@ def tail_normals(lower: FloatArray, uniforms: FloatArray) -> FloatArray:
 def truncated_normals(lower: FloatArray, upper: FloatArray, uniforms: FloatArray) -> FloatArray:
     """Return standard normal numbers (n,) conditional on lying in [lower, upper], from numbers (n,) in [0, 1).
 
-    Bounds may be infinite and as far out as 1e100; where lower >= upper the lower bound is returned.
+    Bounds may be infinite, or as large as 1e100; if lower >= upper the lower bound is returned.
     """
-    from scipy.special import log_ndtr, ndtri_exp
-
     is_high = lower > 0.0
-    # Bounds above zero are mirrored, so that probabilities are those of lower tails, which have logarithms.
+    # Positive bounds are mirrored, so that probabilities are lower tails, which have logarithms.
     low, high = np.where(is_high, -upper, lower), np.where(is_high, -lower, upper)
     log_high = log_ndtr(high)
     share = np.exp(np.minimum(log_ndtr(low) - log_high, 0.0))
@@ -54,21 +48,21 @@ def truncated_normals(lower: FloatArray, upper: FloatArray, uniforms: FloatArray
     return np.where(lower < upper, within, lower)
 
 
-#: Rows of whose proposals fewer pass than this are inverted at once: it costs about as much as so many proposals.
+#: Acceptance rate below which the inverse is used: it costs about as much as 2048 proposals.
 LEAST_PASSING = 1.0 / 2048.0
 
-#: Tries in one turn: so many over the share that passes; after all turns one row in exp(_TRIES · _TURNS) is left.
+#: Tries per round times the acceptance rate, and rounds; one row in exp(_TRIES · _TURNS) is left after all.
 _TRIES, _TURNS = 0.75, 24
 
-#: Proposals made at once.
+#: Most proposals at once.
 _MOST_AT_ONCE = 1 << 15
 
-#: Where in a row's sequence the numbers of the inverse stand.
+#: First number of the inverse in a row's sequence.
 _INVERSE_AT = 1 << 32
 
 
 class Rule(Protocol):
-    """What a rule over bands does with measured signals (n, B), in standard deviations of the noise (n, B)."""
+    """A rule over bands, for measured signals (n, B) in standard deviations of the noise (n, B)."""
 
     def passes(self, measured: FloatArray, noise: FloatArray) -> BoolArray:
         """Return which measurements detect."""
@@ -77,17 +71,17 @@ class Rule(Protocol):
         """Return measurements (n, B) that meet some of the conditions, from numbers (n, B + 1) in [0, 1)."""
 
     def passing(self, snr: FloatArray, probability: FloatArray) -> FloatArray:
-        """Return which share (n,) of proposals detects, of looks that free draws detect with probabilities (n,)."""
+        """Return the shares (n,) of proposals that detect, for looks with P_d (n,)."""
 
     def conditional(self, snr: FloatArray, noise: FloatArray, uniforms: FloatArray) -> FloatArray:
-        """Return measurements conditional on a detection from numbers (n, B + 1) in [0, 1)."""
+        """Return measurements (n, B) conditional on a detection, from numbers (n, B + 1) in [0, 1)."""
 
 
-def measured_to_pass(
+def accepted_draws(
     rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: WordArray
 ) -> FloatArray:
-    """Return measurements (n, B) that detect, of looks that free draws detect with probabilities (n,)."""
-    # Most rows pass at once, and need no word of how many would.
+    """Return measurements (n, B) that detect, of looks with P_d (n,)."""
+    # Most rows pass at once, without an acceptance rate.
     measured = rule.proposed(snr, _uniforms(seeds, np.zeros(len(seeds), dtype=np.int64), snr.shape[1] + 1))
     left = np.flatnonzero(~rule.passes(measured, noise))
     if len(left):
@@ -99,7 +93,7 @@ def measured_to_pass(
 def _until_one_passes(
     rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: WordArray
 ) -> FloatArray:
-    """Return measurements (n, B) that detect of looks whose first proposal does not."""
+    """Return measurements (n, B) that detect, for looks with a rejected first proposal."""
     measured = np.empty(snr.shape)
     share = rule.passing(snr, probability)
     likely = share >= LEAST_PASSING
@@ -122,7 +116,7 @@ def _until_one_passes(
 
 
 def _portions(rows: IntArray, tries: IntArray) -> list[IntArray]:
-    """Return rows cut into portions of not many more tries than are made at once; none of no rows."""
+    """Return rows divided into portions of about `_MOST_AT_ONCE` tries."""
     ends = np.cumsum(tries[rows])
     edges = np.searchsorted(ends, np.arange(_MOST_AT_ONCE, ends[-1] if len(ends) else 0, _MOST_AT_ONCE))
     return [part for part in np.split(rows, np.unique(edges)) if len(part)]
@@ -131,7 +125,7 @@ def _portions(rows: IntArray, tries: IntArray) -> list[IntArray]:
 def _turn(
     rule: Rule, snr: FloatArray, noise: FloatArray, seeds: WordArray, tries: IntArray, turn: int
 ) -> tuple[BoolArray, FloatArray]:
-    """Return which rows (n,) pass in so many tries, and the first of each that does, (passed, B)."""
+    """Return which rows (n,) pass within their `tries`, and the first passing proposal of each, (passed, B)."""
     ends = np.cumsum(tries)
     row = np.repeat(np.arange(len(tries)), tries)
     number = np.arange(len(row)) + np.repeat(1 + turn * tries - (ends - tries), tries)
@@ -145,7 +139,7 @@ def _turn(
 
 
 def _uniforms(seeds: WordArray, number: IntArray, count: int) -> FloatArray:
-    """Return numbers (n, count) in [0, 1) of tries with these numbers (n,)."""
+    """Return numbers (n, count) in [0, 1) of the tries `number` (n,) of seeds (n,)."""
     uniforms = np.empty((count, len(seeds)))
     for each in range(count):
         uniforms[each] = uniforms_of(further_words(seeds, (number * count + each).view(np.uint64)))

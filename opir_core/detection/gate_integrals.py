@@ -1,9 +1,9 @@
-"""The chance of a rule of ratio gates to within 1e-10, many times as fast as to the last bit.
+"""P_d of ratio gates to within 1e-10, many times faster than to the last bit.
 
-The integral over the signal y of the reference band is cut wherever a side of a gate begins or ceases to matter: a
-side that passes or fails oftener than all but 1e-11 stands still, and where none moves the integral is a normal one.
-Between the cuts the integrand is smooth on a scale that the slopes of the moving sides say, and Gauss-Legendre nodes
-are as many as that asks for (docs/design/gate_nodes.py). Nothing is kept by logarithms.
+The integral over the signal y of the reference band is divided where a side of a gate begins or ceases to matter: a
+side with a pass probability within 1e-11 of 0 or 1 is constant, and the integral with constant sides is a normal one.
+Between the cuts the integrand is smooth on the scale of the slopes of the other sides, which determines the number of
+Gauss-Legendre nodes (docs/design/gate_nodes.py). No logarithms are used.
 """
 
 from functools import cache
@@ -11,13 +11,14 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.polynomial import legendre
+from scipy.special import ndtr
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 
-#: So many standard deviations are left out of a tail, of 1e-11.
+#: Standard deviations beyond which a tail, of 1e-11, is omitted.
 _FAR = 6.8
 
-#: Gauss-Legendre nodes, and the widths of panels up to which they are enough; the last is for rules of four bands.
+#: Numbers of Gauss-Legendre nodes, and the panel widths up to which they suffice; the last is for four bands.
 NODES = np.array([12, 20, 32, 64])
 WIDTHS = np.array([5.4, 9.8, 17.7])
 
@@ -26,7 +27,7 @@ _BLOCK_NODES = 16384
 
 
 class Gates(Protocol):
-    """A rule of ratio gates: see `opir_core.detection.ratio_gates.RatioGates`."""
+    """A rule of ratio gates: see `opir_core.detection.RatioGates`."""
 
     @property
     def threshold(self) -> float:
@@ -54,9 +55,9 @@ class Gates(Protocol):
 
 
 class GateLooks(NamedTuple):
-    """Expected signals (n,) and (others, n); slopes of the gates' sides (others, n), and where each moves (others, n).
+    """Expected signals (n,) and (others, n); slopes of the gates' sides (others, n), and their varying ranges.
 
-    A lower side moves from `low_from` on, an upper one up to `high_until`; slopes are 0 of sides that never matter.
+    A lower side varies from `low_from` on, an upper one up to `high_until`; the slope of constant sides is 0.
     """
 
     reference: FloatArray
@@ -70,9 +71,9 @@ class GateLooks(NamedTuple):
 
 
 class GatePanels(NamedTuple):
-    """Panels (p,) of looks: whose they are, from where to where, and which sides (2 · others, p) move, lower first.
+    """Panels (p,) of looks: row of the look, limits, and which sides (2 · others, p) vary, lower sides first.
 
-    `width` is the length over the scale on which the integrand bends.
+    `width` is the length in units of the scale of the integrand.
     """
 
     looks: GateLooks
@@ -83,15 +84,15 @@ class GatePanels(NamedTuple):
     width: FloatArray
 
     def take(self, rows: IntArray) -> "GatePanels":
-        """Return some panels."""
+        """Return some of the panels."""
         own = (self.row[rows], self.first[rows], self.last[rows], self.moves[:, rows], self.width[rows])
         return GatePanels(self.looks, *own)
 
 
-def quick_chances(rule: Gates, snr: FloatArray, noise: FloatArray, margins: FloatArray) -> FloatArray:
-    """Return P_d (n,) for signals (n, B) in noise (n, B) that meet their conditions by margins (n, 1 + 3 · others)."""
+def fast_probability(rule: Gates, snr: FloatArray, noise: FloatArray, margins: FloatArray) -> FloatArray:
+    """Return P_d (n,) for signals (n, B) in noise (n, B) with margins (n, 1 + 3 · others)."""
     panels = panels_of(looks_of(rule, snr, noise, margins[:, 1:] < _FAR))
-    # Where no side moves there is nothing to be integrated, however wide it is.
+    # Panels without a varying side need no quadrature.
     size = np.searchsorted(WIDTHS, panels.width) * panels.moves.any(axis=0)
     code = (1 << np.arange(len(panels.moves))) @ panels.moves * len(NODES) + size
     part = np.empty(len(code))
@@ -105,7 +106,7 @@ def quick_chances(rule: Gates, snr: FloatArray, noise: FloatArray, margins: Floa
 
 
 def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -> GateLooks:
-    """Return looks with the stretches over which the sides of their gates move; `near` (n, 3 · others)."""
+    """Return looks with the ranges over which the sides of their gates vary; `near` (n, 3 · others)."""
     others = rule.others
     reference, expected = snr[:, rule.reference], snr[:, others].T
     steep = noise[:, rule.reference] / noise[:, others].T
@@ -116,7 +117,7 @@ def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -
     low_from, low_until = _met(shut, low, np.inf), _met(open_, low, np.inf)
     high_from, high_until = _met(shut, high, -np.inf), _met(open_, high, -np.inf)
     start = np.maximum(np.maximum(rule.threshold, reference - _FAR), high_from.max(axis=0, initial=-np.inf))
-    # Behind a threshold beyond the expected signal the density falls faster than a normal one does from its peak.
+    # Above a threshold beyond the expected signal the density decreases faster than from its peak.
     falling = np.maximum(start - reference, 0.0)
     stop = np.maximum(reference, start) + _FAR * _FAR / (np.sqrt(falling * falling + _FAR * _FAR) + falling)
     stop = np.maximum(np.minimum(stop, low_until.min(axis=0, initial=np.inf)), start)
@@ -124,13 +125,13 @@ def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -
 
 
 def _met(level: FloatArray, slope: FloatArray, never: float) -> FloatArray:
-    """Return where lines of these slopes reach levels; `never` where the slope is 0."""
+    """Return the points at which lines through 0 reach levels; `never` for a slope of 0."""
     is_sloped = slope > 0.0
     return np.where(is_sloped, level / np.where(is_sloped, slope, 1.0), never)
 
 
 def panels_of(looks: GateLooks) -> GatePanels:
-    """Return the panels of looks, cut where sides begin or cease to move."""
+    """Return the panels of looks, divided where sides begin or cease to vary."""
     cuts = np.clip(np.concatenate([looks.low_from, looks.high_until]), looks.start, looks.stop)
     edges = np.sort(np.concatenate([looks.start[None], cuts, looks.stop[None]]), axis=0)
     panel, row = np.nonzero(edges[1:] > edges[:-1])
@@ -142,7 +143,7 @@ def panels_of(looks: GateLooks) -> GatePanels:
 
 
 def integrals(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
-    """Return the integrals (p,) over panels, all by the same number of nodes."""
+    """Return the integrals (p,) over panels, with the same number of nodes."""
     part = np.empty(len(panels.row))
     for moves in np.unique(panels.moves, axis=1).T:
         these = np.flatnonzero(np.all(panels.moves == moves[:, None], axis=0))
@@ -151,9 +152,7 @@ def integrals(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
 
 
 def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
-    """Return the integrals (p,) over panels in which the same sides move."""
-    from scipy.special import ndtr
-
+    """Return the integrals (p,) over panels in which the same sides vary."""
     first, last, reference = panels.first, panels.last, panels.looks.reference[panels.row]
     passing = ndtr(panels.looks.expected[:, panels.row] - rule.coincidence)
     is_moving = panels.moves[:, 0].reshape(2, -1).any(axis=0)
@@ -170,9 +169,7 @@ def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
 
 
 def _density(nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> FloatArray:
-    """Return the density (m, p) of signals at nodes (m, p) with all others in those gates of which a side moves."""
-    from scipy.special import ndtr
-
+    """Return the density (m, p) at nodes (m, p) of signals with other bands inside the gates with a varying side."""
     looks, row = panels.looks, panels.row
     off = nodes - looks.reference[row]
     density: FloatArray = np.exp(-0.5 * off * off) * (0.5 / np.pi) ** 0.5
@@ -187,7 +184,7 @@ def _density(nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> Floa
 
 
 def _summed(values: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return weighted sums (n,) over nodes (m, n), added node by node: the order does not hang on how many rows."""
+    """Return weighted sums (n,) over nodes (m, n), added node by node: the order does not depend on the rows."""
     total: FloatArray = values[0] * weight[0]
     for one, share in zip(values[1:], weight[1:].tolist(), strict=True):
         total += one * share

@@ -1,8 +1,8 @@
-"""Launches and hot sources that a sensor may come to see: places, courses and brightness drawn from stated priors.
+"""Synthetic launches and hot sources: positions, trajectories and brightness drawn from stated priors.
 
-None of it is the scene's: the draws are those of a sequence that fills space evenly (Kronecker's, of the generalised
-golden ratio), the same in every scene, about a satellite of the sensor's height over the equator, all longitudes
-alike. What a sensor would measure of them goes through the scene's own air, before its own background.
+They are independent of the scene: draws are from a low-discrepancy sequence (Kronecker's, of the generalised golden
+ratio), the same in every scene, for a satellite of the sensor's radius over the equator, uniform in longitude. Their
+measurements use the scene's own atmosphere and background.
 """
 
 import math
@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from attrs import frozen
+from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.flight.aiming import aim
@@ -32,24 +33,24 @@ _RADIUS_M = 6.371e6
 PROFILES = tuple(name for kind in TARGET_TYPES for name in PROFILES_BY_TYPE[kind])
 PROFILE_TYPE = np.array([code for code, kind in enumerate(TARGET_TYPES) for _ in PROFILES_BY_TYPE[kind]])
 
-#: How many profiles, all flown alike often, the type of each profile has.
+#: Number of profiles of the type of each profile; all are equally frequent.
 _PROFILES_OF_TYPE = np.bincount(PROFILE_TYPE)[PROFILE_TYPE]
 
-#: Moments of each burn that are looked at; a launch is told from the count of those before.
+#: Looks per burn.
 MOMENTS = 40
 
-#: How often each launch is imagined with another brightness.
+#: Brightness draws per launch.
 DRAWS = 4
 
-#: The least sine of the elevation under which anything is imagined, and the farthest aim, m.
+#: Least sine of the elevation, and longest range of a launch, m.
 _LOWEST_SINE, _FARTHEST_M = 0.02, 1.5e7
 
-#: How far inside its limits a profile's range is kept: places are those of a sphere.
+#: Margin of ranges inside a profile's limits, since positions are on a sphere.
 _WITHIN = 1.01
 
 
-class ImaginedKind(NamedTuple):
-    """A kind of hot source that is no missile: a grey body; `area_m2` is emissivity times area, the median of many."""
+class SourceKind(NamedTuple):
+    """A kind of hot source other than missiles: a grey body; `area_m2` is the median of emissivity times area."""
 
     name: str
     coldest_k: float
@@ -63,16 +64,16 @@ class ImaginedKind(NamedTuple):
 #: Temperatures and areas are about the source models' defaults (`opir_core.radiometry.source_configs`), with notional
 #: spreads. A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s.
 KINDS = (
-    ImaginedKind("fire", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0),
-    ImaginedKind("flare", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0),
-    ImaginedKind("glint", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0),
-    ImaginedKind("bolide", 3000.0, 6000.0, 30.0, 2.0, 30e3, 90e3),
+    SourceKind("fire", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0),
+    SourceKind("flare", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0),
+    SourceKind("glint", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0),
+    SourceKind("bolide", 3000.0, 6000.0, 30.0, 2.0, 30e3, 90e3),
 )
 
 
 @frozen(eq=False)
-class ImaginedPlumes:
-    """Plumes of launches (n,) as bright as their class profiles are, seen along their courses."""
+class SyntheticPlumes:
+    """Plumes of launches (n,) with the intensities of their class profiles, along their trajectories."""
 
     plumes: Signatures
     profile: IndexArray
@@ -91,7 +92,7 @@ class ImaginedPlumes:
         return self.plumes.intensity_w_sr(band, *columns)
 
     def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
-        """Return the angles (n,) between the direction of flight and the sensor; at rest it points up."""
+        """Return the angles (n,) between the direction of flight and the sensor, rad; at rest the direction is up."""
         _, velocity = self.path.state(target.astype(np.int64), time_s)
         length = np.sqrt(np.square(velocity).sum(axis=1))
         moves = length > 0.0
@@ -101,8 +102,8 @@ class ImaginedPlumes:
 
 
 @frozen(eq=False)
-class ImaginedSources:
-    """Hot sources (n,): in-band intensities (bands, n), the same to all sides and at all times."""
+class SyntheticSources:
+    """Hot sources (n,): in-band intensities (bands, n), W/sr, isotropic and constant."""
 
     peak_w_sr: FloatArray
 
@@ -115,20 +116,18 @@ class ImaginedSources:
         aspect_rad: FloatArray,
     ) -> FloatArray:
         """Return radiant intensities (n,), W/sr."""
-        found: FloatArray = self.peak_w_sr[band][target]
-        return found
+        intensity: FloatArray = self.peak_w_sr[band][target]
+        return intensity
 
     def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
-        """Return zeros (n,): all sides are alike."""
+        """Return zeros (n,): sources are isotropic."""
         return np.zeros(len(target))
 
 
 @frozen(eq=False)
-class ImaginedLooks:
-    """Looks at what is imagined, with its signatures, and of each its number among profiles or kinds, and its share.
-
-    `share` (n,) is how often such a look happens beside others of its number; looks at launches come launch by launch,
-    `MOMENTS` each, in order of time.
+class SyntheticLooks:
+    """Synthetic looks with signatures; `number` (n,) is the profile or kind, `share` (n,) the relative frequency of a
+    look among those of its number. Looks at launches are launch by launch, `MOMENTS` each, in order of time.
     """
 
     exposures: Exposures
@@ -139,10 +138,10 @@ class ImaginedLooks:
     step_s: FloatArray
 
 
-def imagined_launches(radius_m: float, plumes: Signatures, launches: int) -> ImaginedLooks:
-    """Return looks at launches of every profile below satellites at a distance from the Earth's centre."""
+def synthetic_launches(radius_m: float, plumes: Signatures, launches: int) -> SyntheticLooks:
+    """Return looks at launches of every profile from satellites at a distance from the Earth's centre, m."""
     profiles = [boost_profile(name) for name in PROFILES for _ in range(launches)]
-    drawn = evenly_spread(len(profiles), 5)
+    drawn = low_discrepancy_points(len(profiles), 5)
     sensor_m, site = _sites(radius_m, drawn[:, :3])
     flight = aim(site, _aims(site, profiles, drawn[:, 3:5]), 0.0, profiles)
     good = np.flatnonzero(flight.converged)
@@ -151,9 +150,9 @@ def imagined_launches(radius_m: float, plumes: Signatures, launches: int) -> Ima
     step_s = flight.burnout_s[launch] / MOMENTS
     time_s = (np.tile(np.arange(MOMENTS), len(good)) + 0.5) * step_s
     flown = np.bincount(profile[good], minlength=len(PROFILES)) * _PROFILES_OF_TYPE
-    return ImaginedLooks(
+    return SyntheticLooks(
         exposures=_exposures(launch, time_s, flight.path.state(launch, time_s)[0], sensor_m[launch]),
-        signatures=ImaginedPlumes(
+        signatures=SyntheticPlumes(
             plumes=plumes,
             profile=profile,
             path=flight.path,
@@ -166,22 +165,18 @@ def imagined_launches(radius_m: float, plumes: Signatures, launches: int) -> Ima
 
 
 def brightness(launches: int, width: int, log_sigma: float, colour_log_sigma: float) -> FloatArray:
-    """Return factors (DRAWS, launches, width) on the signals of a sensor's bands: all alike, and each by itself.
+    """Return brightness factors (DRAWS, launches, width) of a sensor's bands: common to all bands, times one per band.
 
-    They belong to the places of bands in the sensor, whatever other sensors there are.
+    They depend on the position of a band in its sensor only, not on other sensors.
     """
-    from scipy.special import ndtri
-
-    normal = ndtri(evenly_spread(DRAWS * launches, 1 + MAXIMUM_BANDS)).reshape(DRAWS, launches, -1)
+    normal = ndtri(low_discrepancy_points(DRAWS * launches, 1 + MAXIMUM_BANDS)).reshape(DRAWS, launches, -1)
     factors: FloatArray = np.exp(log_sigma * normal[:, :, :1] + colour_log_sigma * normal[:, :, 1 : 1 + width])
     return factors
 
 
-def imagined_sources(radius_m: float, bands: Sequence[Band], count: int) -> ImaginedLooks:
+def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> SyntheticLooks:
     """Return looks at hot sources of every kind, `count` of each."""
-    from scipy.special import ndtri
-
-    drawn = evenly_spread(len(KINDS) * count, 6)
+    drawn = low_discrepancy_points(len(KINDS) * count, 6)
     number = np.repeat(np.arange(len(KINDS)), count)
     columns = np.array([kind[1:] for kind in KINDS], dtype=np.float64)[number].T
     coldest, hottest, area, sigma, lowest, highest = columns
@@ -192,9 +187,9 @@ def imagined_sources(radius_m: float, bands: Sequence[Band], count: int) -> Imag
     peak = [shown_m2 * band_radiance(temperature_k, band.lower_um, band.upper_um) for band in bands]
     place_m = geodetic_to_ecef(site.latitude_rad, site.longitude_rad, height_m)
     rows, none = np.arange(len(number)), np.zeros(len(number))
-    return ImaginedLooks(
+    return SyntheticLooks(
         exposures=_exposures(rows, none, place_m, sensor_m),
-        signatures=ImaginedSources(np.maximum(np.array(peak).reshape(len(bands), -1), 0.0)),
+        signatures=SyntheticSources(np.maximum(np.array(peak).reshape(len(bands), -1), 0.0)),
         targets=_targets(len(number)),
         number=number,
         share=np.full(len(number), 1.0 / count),
@@ -202,8 +197,8 @@ def imagined_sources(radius_m: float, bands: Sequence[Band], count: int) -> Imag
     )
 
 
-def evenly_spread(count: int, dimensions: int) -> FloatArray:
-    """Return points (count, dimensions) that fill (0, 1)^dimensions evenly: Kronecker's sequence.
+def low_discrepancy_points(count: int, dimensions: int) -> FloatArray:
+    """Return points (count, dimensions) of Kronecker's low-discrepancy sequence in (0, 1)^dimensions.
 
     Its steps are powers of 1/φ, with φ the positive root of x^(d+1) = x + 1.
     """
@@ -216,7 +211,7 @@ def evenly_spread(count: int, dimensions: int) -> FloatArray:
 
 
 def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
-    """Return satellites over the equator (n, 3), and places on the ground that see them at all elevations alike."""
+    """Return satellites over the equator (n, 3), and ground points uniform in the sine of the satellite's elevation."""
     turn = 2.0 * np.pi * drawn[:, 0]
     up = vector(np.cos(turn), np.sin(turn), np.zeros(len(turn)))
     east = vector(-np.sin(turn), np.cos(turn), np.zeros(len(turn)))
@@ -230,7 +225,7 @@ def _sites(radius_m: float, drawn: FloatArray) -> tuple[FloatArray, Geodetic]:
 
 
 def _aims(site: Geodetic, profiles: Sequence[BoostProfile], drawn: FloatArray) -> Geodetic:
-    """Return aim points: in all directions alike, the logarithm of the range even within the profile's limits."""
+    """Return aim points: uniform in direction and in the logarithm of range, within the profile's limits."""
     least = np.array([_WITHIN * profile.minimum_range_m for profile in profiles])
     most = np.array([min(profile.maximum_range_m, _FARTHEST_M) / _WITHIN for profile in profiles])
     angle = least * (most / least) ** drawn[:, 0] / _RADIUS_M
@@ -272,7 +267,7 @@ def _exposures(target: IntArray, time_s: FloatArray, place_m: FloatArray, sensor
 
 
 def _targets(count: int) -> Targets:
-    """Return the columns of targets that a scenery asks for, all ignited at 0."""
+    """Return the columns of targets that a radiometric environment needs, all ignited at 0."""
     zeros, none = np.zeros(count), np.zeros(count, dtype=np.int32)
     code = np.full(count, len(EMITTER_TYPES) - 1, dtype=np.uint8)
     return Targets((), code, zeros, np.full(count, math.inf), np.full(count, math.inf), (), none, none)

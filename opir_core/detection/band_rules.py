@@ -1,35 +1,123 @@
-"""The rules `dual-band-ratio` and `triple-coincidence`: a reference band crosses the threshold, the others fit it.
+"""Rules over the bands of a sensor: which measured signals are a detection.
 
-With y the measured signal of the reference band and x_b those of the others, each in standard deviations of its own
-noise, a look detects where y >= T and, for every other band, x_b >= C and lower_b <= (x_b · noise_b) / (y · noise_r) <=
-upper_b. Given y the other bands are independent, so the probability is one integral over y, of the normal density times
-the chance of each band to fall through its gate; it is evaluated on Gauss-Legendre panels. Where the chances of each
-condition alone already fix the probability, no integral is evaluated.
+`AnyBand`: the signal crosses the threshold in at least one band.
+
+`RatioGates` (`dual-band-ratio` and `triple-coincidence`): y is the measured signal of the reference band, x_b those of
+the others, each in standard deviations of its own noise. A look detects if y >= T and, for every other band, x_b >= C
+and lower_b <= (x_b · noise_b) / (y · noise_r) <= upper_b. Given y the other bands are independent, so P_d is one
+integral over y, of the normal density times the probability of each band to pass its gate, on Gauss-Legendre panels. No
+integral is evaluated if the probabilities of the single conditions determine P_d.
 """
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp, ndtr, ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.detection.gate_density import FAR, LOG_HALF, GateDensity, by_steepness, log_integral
-from opir_core.detection.quick_gates import quick_chances
-from opir_core.detection.redrawing import tail_normals, truncated_normals
+from opir_core.detection.gate_integrals import fast_probability
+from opir_core.detection.rejection_sampling import tail_normals, truncated_normals
 from opir_core.detection.threshold import probit
 
-#: From such a slack on, the quick way is near enough.
+#: 1 - exp(x) is -x to the last bit for x above it.
+_LINEAR = -1e-17
+#: Slack of P_d from which the fast integral is accurate enough.
 LEAST_SLACK = 1e-9
-#: With gates shut by no more than this, the density is still all but within the panels about where it would be open.
+#: Gate margin, in standard deviations, from which the peak of the density is near the point where gates open.
 _AJAR = -2.0
-#: A chance so small that what it divides counts for nothing.
+#: Least divisor of a probability.
 _NEVER = 1e-290
 #: Rows integrated at once.
 _ROWS = 2048
 
 
 @frozen(eq=False)
+class AnyBand:
+    """A detection in any band is one; signals and the threshold are in standard deviations of each band's noise."""
+
+    threshold: float
+
+    def log_chances(self, snr: FloatArray, _noise: FloatArray, _slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B)."""
+        log_miss = _row_sum(log_ndtr(self.threshold - snr))
+        with np.errstate(divide="ignore"):
+            log_hit = np.log(-np.expm1(log_miss))
+        tiny = np.flatnonzero(log_miss > _LINEAR)
+        # The probability of a union of such rare events is their sum.
+        log_hit[tiny] = logsumexp(log_ndtr(snr[tiny] - self.threshold), axis=1)
+        return np.minimum(log_hit, 0.0), log_miss
+
+    def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
+        """Return the standard normal quantiles of P_d (n,): of one band, SNR - T."""
+        one: FloatArray = snr[:, 0] - self.threshold
+        return one if snr.shape[1] == 1 else probit(*self.log_chances(snr, noise, slack))
+
+    def passes(self, measured: FloatArray, _noise: FloatArray) -> BoolArray:
+        """Return which measurements (n, B) detect."""
+        passed: BoolArray = measured[:, 0] >= self.threshold
+        for band in range(1, measured.shape[1]):
+            passed |= measured[:, band] >= self.threshold
+        return passed
+
+    def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
+        """Return masks (n,) of the confirming bands of measurements (n, B) that detect."""
+        bands = np.zeros(len(measured), dtype=np.uint8)
+        for band in range(measured.shape[1]):
+            bands |= (measured[:, band] >= self.threshold).view(np.uint8) << np.uint8(band)
+        return bands
+
+    def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return measurements (n, B) that detect, from numbers (n, B + 1) in [0, 1)."""
+        return self.conditional(snr, snr, uniforms)
+
+    def passing(self, _snr: FloatArray, probability: FloatArray) -> FloatArray:
+        """Return the shares (n,) of proposals that detect: 1."""
+        return np.ones(len(probability))
+
+    def conditional(self, snr: FloatArray, _noise: FloatArray, uniforms: FloatArray) -> FloatArray:
+        """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1).
+
+        The first band above the threshold is drawn from its distribution; bands before it are below the threshold,
+        bands after it are free.
+        """
+        first = self._first_crossing(snr, uniforms[:, -1])
+        measured = np.empty_like(snr)
+        for band in range(snr.shape[1]):
+            edge = self.threshold - snr[:, band]
+            is_before = band < first
+            # The part below a bound is the mirror image of a part above.
+            least = np.where(band == first, edge, np.where(is_before, -edge, -np.inf))
+            drawn = tail_normals(least, uniforms[:, band])
+            measured[:, band] = snr[:, band] + np.where(is_before, -drawn, drawn)
+        # Rounding may move a crossing signal below the threshold.
+        rows = np.arange(len(first))
+        measured[rows, first] = np.maximum(measured[rows, first], self.threshold)
+        return measured
+
+    def _first_crossing(self, snr: FloatArray, uniform: FloatArray) -> IntArray:
+        if snr.shape[1] == 1:
+            return np.zeros(len(snr), dtype=np.int64)
+        log_below = log_ndtr(self.threshold - snr)
+        before = np.cumsum(log_below, axis=1) - log_below
+        weight = log_ndtr(snr - self.threshold) + before
+        share = np.exp(weight - weight.max(axis=1, keepdims=True))
+        passed = np.cumsum(share, axis=1)
+        first: IntArray = np.minimum((uniform[:, None] * passed[:, -1:] >= passed).sum(axis=1), snr.shape[1] - 1)
+        return first
+
+
+def _row_sum(columns: FloatArray) -> FloatArray:
+    """Return the sums of rows, added band by band: the order does not depend on the number of rows."""
+    total = columns[:, 0].copy()
+    for band in range(1, columns.shape[1]):
+        total += columns[:, band]
+    return total
+
+
+@frozen(eq=False)
 class RatioGates:
-    """`lower` and `upper` (B,) bound the irradiance of each band over that of `reference`; nothing bounds itself."""
+    """`lower` and `upper` (B,) bound the ratio of each band's irradiance to that of the band `reference`."""
 
     threshold: float
     coincidence: float
@@ -39,22 +127,20 @@ class RatioGates:
 
     @property
     def others(self) -> list[int]:
-        """Return the bands beside the reference."""
+        """The numbers of the other bands."""
         return [band for band in range(len(self.lower)) if band != self.reference]
 
     def log_chances(self, snr: FloatArray, noise: FloatArray, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) in noise (n, B), W/m².
 
-        With a `slack`, the integral is left out where each condition's own chance says P_d to within it.
+        With a `slack`, the integral is omitted where the single conditions determine P_d to within it.
         """
-        from scipy.special import log_ndtr
-
         margins = self.margins(snr, noise)
         least = margins.min(axis=1)
         open_ = _undecided(margins, least, slack)
         log_hit, log_miss = log_ndtr(least), log_ndtr(-least)
         if slack >= LEAST_SLACK:
-            chance = quick_chances(self, snr[open_], noise[open_], margins[open_])
+            chance = fast_probability(self, snr[open_], noise[open_], margins[open_])
             with np.errstate(divide="ignore"):
                 log_hit[open_], log_miss[open_] = np.log(chance), np.log1p(-chance)
             return log_hit, log_miss
@@ -66,14 +152,12 @@ class RatioGates:
 
     def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
         """Return the standard normal quantiles of P_d (n,), to within a slack of P_d."""
-        from scipy.special import ndtri
-
         if slack < LEAST_SLACK:
             return probit(*self.log_chances(snr, noise, slack))
         margins = self.margins(snr, noise)
         quantile: FloatArray = margins.min(axis=1)
         open_ = _undecided(margins, quantile, slack)
-        quantile[open_] = ndtri(quick_chances(self, snr[open_], noise[open_], margins[open_]))
+        quantile[open_] = ndtri(fast_probability(self, snr[open_], noise[open_], margins[open_]))
         return quantile
 
     def passes(self, measured: FloatArray, noise: FloatArray) -> BoolArray:
@@ -91,7 +175,7 @@ class RatioGates:
         return passed
 
     def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
-        """Return masks (n,) of the bands that confirm, in measurements (n, B) that detect: all do."""
+        """Return masks (n,) of the confirming bands of measurements (n, B) that detect: all."""
         return np.full(len(measured), (1 << measured.shape[1]) - 1, dtype=np.uint8)
 
     def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
@@ -104,9 +188,7 @@ class RatioGates:
         return measured
 
     def passing(self, snr: FloatArray, probability: FloatArray) -> FloatArray:
-        """Return which share (n,) of proposals detects: the ratios are all they have still to meet."""
-        from scipy.special import ndtr
-
+        """Return the shares (n,) of proposals that detect: those that also meet the ratios."""
         proposed = np.ones(len(snr))
         for band in range(snr.shape[1]):
             proposed *= ndtr(snr[:, band] - self._least(band))
@@ -131,7 +213,7 @@ class RatioGates:
         return measured
 
     def margins(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return by how many standard deviations each condition (n, 1 + 3 · others) is met: all are linear."""
+        """Return the margins (n, 1 + 3 · others) of the linear conditions, in standard deviations."""
         reference = snr[:, self.reference]
         margins = [reference - self.threshold]
         for band in self.others:
@@ -148,7 +230,7 @@ class RatioGates:
         return self.threshold if band == self.reference else self.coincidence
 
     def _steepest(self, margins: FloatArray, noise: FloatArray) -> FloatArray:
-        """Return the slope (n,) of the steepest side of a gate that is neither open nor shut for sure."""
+        """Return the slope (n,) of the steepest side of a gate that may be open or shut."""
         steepest = np.ones(len(noise))
         for place, band in enumerate(self.others):
             steep = noise[:, self.reference] / noise[:, band]
@@ -178,24 +260,20 @@ class RatioGates:
         return hit, left if slack else np.where(hit < LOG_HALF, left, self._missed(log_missed, snr))
 
     def _missed(self, log_shut: FloatArray, snr: FloatArray) -> FloatArray:
-        """Return ln(1 - P_d): gates that are shut, or a signal of the reference band below the threshold."""
-        from scipy.special import log_ndtr
-
+        """Return ln(1 - P_d): a gate is shut, or the reference band is below the threshold."""
         added: FloatArray = np.logaddexp(log_ndtr(self.threshold - snr[:, self.reference]), log_shut)
         return np.minimum(added, 0.0)
 
 
 def _undecided(margins: FloatArray, least: FloatArray, slack: float) -> IntArray:
-    """Return the rows of which the conditions' own chances do not say P_d to within a slack."""
-    from scipy.special import ndtr, ndtri
-
+    """Return the rows whose P_d the single conditions do not determine to within a slack."""
     rows = np.flatnonzero((least < FAR) & (least >= (ndtri(slack) if slack else -np.inf)))
     if not slack:
         return rows
     failing = ndtr(-margins[rows, 0])
     for condition in range(1, margins.shape[1]):
         failing += ndtr(-margins[rows, condition])
-    # P_d is at most the chance of the condition nearest to failing, and all fail less often than their sum.
-    sure = (failing - ndtr(-least[rows]) <= slack) & (failing < 1.0)
-    undecided: IntArray = rows[~sure]
+    # P_d is at most the least probability of a condition; the probability of any failure is at most the sum.
+    is_known = (failing - ndtr(-least[rows]) <= slack) & (failing < 1.0)
+    undecided: IntArray = rows[~is_known]
     return undecided

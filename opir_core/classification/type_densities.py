@@ -1,4 +1,4 @@
-"""What a sensor expects to measure of each type, and of anything else: densities, made when a scene is compiled."""
+"""Densities of a sensor's measurements for each type and for other sources, computed when a scene is compiled."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -9,57 +9,58 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.classification.configs import SpectralConfig
-from opir_core.classification.imagined import (
+from opir_core.classification.gaussian_mixture import Components, Mixture, cell_moments
+from opir_core.classification.synthetic_looks import (
     KINDS,
     MOMENTS,
     PROFILE_TYPE,
-    ImaginedLooks,
+    SyntheticLooks,
     brightness,
     class_plumes,
-    imagined_launches,
-    imagined_sources,
+    synthetic_launches,
+    synthetic_sources,
 )
-from opir_core.classification.mixture import Components, Mixture, gathered
+from opir_core.detection.receivers import noise_chance
+from opir_core.detection.snr import SnrDetection
 from opir_core.interfaces.columns import names_of
 from opir_core.interfaces.protocols import Band, Sensor
 from opir_core.planning.visibility import visible_now
 from opir_core.scene.scene import TARGET_TYPES
 
-#: Densities are kept for parts of the sky, by the sine of the elevation under which a sensor stands there.
+#: Edges of the elevation bins: sines of the sensor's elevation above the source's horizon.
 _EDGES = np.array([0.15, 0.35, 0.65])
 
-#: A part of the sky with fewer looks than this at a type takes the looks at all of the sky.
+#: Least number of looks at a type in an elevation bin; with fewer, all elevations are used.
 _FEW = 50
 
-#: A burn is cut into so many stretches, and brightness into steps of so much in its logarithm: each is one component.
+#: Parts of a burn, and step of the logarithm of brightness: each combination is one component.
 _STRETCHES, _STEP_LOG = 8, 0.7
 
-#: A component's spread is that of its looks and of so many more as wide as the class is.
+#: Weight of the class's spread in a component's covariance, in looks.
 _SMOOTHING = 4.0
 
-#: Hot sources of each kind; types and kinds are detected at least so often, or their share would rest on nothing.
+#: Hot sources of each kind; least probability of detection of types and kinds.
 _SOURCES, _LEAST_CHANCE = 768, 1e-6
 
-#: Steps, in the logarithm, that heights of satellites are rounded to: those of one fleet share their densities.
+#: Rounding step of the logarithm of satellite radii: satellites of one fleet share their densities.
 _HEIGHT_STEP = 0.05
 
-#: P_d of imagined looks is right to this.
+#: Slack of P_d of synthetic looks.
 _SLACK = 1e-3
 
 _NS_PER_S = 1e9
 
-#: By distance from the Earth's centre, m: launches and sources.
-Imagination = Callable[[float], tuple[ImaginedLooks, ImaginedLooks]]
+#: Looks at launches and at sources, by the satellite's distance from the Earth's centre, m.
+LooksByRadius = Callable[[float], tuple[SyntheticLooks, SyntheticLooks]]
 
 
 @frozen(eq=False)
 class TypeDensities:
-    """Densities of apparent intensities, W/sr, irradiance times range², for each part of the sky.
+    """Densities of apparent intensities (irradiance times range²), W/sr, for each elevation bin.
 
-    Weights of `plumes` are seconds of a launch of their type, and `log_seen_s` (parts, types) logarithms of the sums of
-    these, each times its probability of detection: a type that is seen longer and more surely makes more of the
-    detections. Weights of `others` are, kind by kind and noise among them, an equal share of detections over the
-    probability of detection: that is what a density given a detection is.
+    Weights of `plumes` are seconds of a launch of their type; `log_seen_s` (bins, types) are logarithms of the sums of
+    these times P_d, since types that are visible longer make more of the detections. Weights of `others` (kinds of
+    sources, and noise) are equal shares of detections divided by P_d: a density given a detection.
     """
 
     width: int
@@ -71,7 +72,7 @@ class TypeDensities:
 
 @frozen(eq=False)
 class _Samples:
-    """Imagined looks as a sensor measures them: apparent intensities (n, B), counts and their variance, chances."""
+    """Synthetic looks as measured by a sensor: apparent intensities (n, B), counts and their variance, P_d."""
 
     signal: FloatArray
     brightness: FloatArray
@@ -88,38 +89,38 @@ class _Samples:
 
 
 def elevation_bin(elevation_sine: FloatArray) -> IntArray:
-    """Return the part of the sky (n,) that elevations belong to."""
+    """Return the elevation bins (n,)."""
     return np.searchsorted(_EDGES, elevation_sine).astype(np.int64)
 
 
 def canonical_radius_m(sensor: Sensor) -> float:
-    """Return the distance from the Earth's centre that stands for a sensor's: the median of a day, rounded."""
+    """Return a sensor's median distance from the Earth's centre over a day, m, rounded."""
     position = sensor.orbit.position_ecef_m(np.linspace(0.0, 86_400.0, 97))
     median = float(np.median(np.sqrt(np.square(position).sum(axis=1))))
     return float(np.exp(np.round(np.log(median) / _HEIGHT_STEP) * _HEIGHT_STEP))
 
 
-def imagination(bands: Sequence[Band], launches: int) -> Imagination:
-    """Return what gives, by a satellite's distance from the Earth's centre, launches and sources; made once each."""
+def looks_by_radius(bands: Sequence[Band], launches: int) -> LooksByRadius:
+    """Return a function of a satellite's distance from the Earth's centre to looks at launches and sources, cached."""
     plumes = class_plumes(bands)
 
     @cache
-    def imagined(radius_m: float) -> tuple[ImaginedLooks, ImaginedLooks]:
-        return imagined_launches(radius_m, plumes, launches), imagined_sources(radius_m, bands, _SOURCES)
+    def looks(radius_m: float) -> tuple[SyntheticLooks, SyntheticLooks]:
+        return synthetic_launches(radius_m, plumes, launches), synthetic_sources(radius_m, bands, _SOURCES)
 
-    return imagined
+    return looks
 
 
-def bank_of(
-    detection: Any, number: int, sensor: Sensor, config: SpectralConfig, imagined: Imagination
+def type_densities(
+    detection: SnrDetection, number: int, sensor: Sensor, config: SpectralConfig, looks: LooksByRadius
 ) -> TypeDensities:
-    """Return a sensor's bank: what the scene's own chain of light makes of what is imagined before it."""
+    """Return a sensor's densities: synthetic looks, measured through the scene's own atmosphere and background."""
     spread = config.brightness_log_sigma, config.colour_log_sigma
-    flown, shining = imagined(canonical_radius_m(sensor))
+    flown, shining = looks(canonical_radius_m(sensor))
     factors = brightness(len(flown.targets.type_code), len(sensor.bands), *spread)
     launches = _measured(detection, number, sensor, flown, factors)
     sources = _measured(detection, number, sensor, shining, np.ones((1, len(shining.targets.type_code), 1)))
-    log_false = _log_noise_chance(detection, number)
+    log_false = noise_chance(detection.receivers[number])
     places = range(len(_EDGES) + 1)
     types = [launches.take(PROFILE_TYPE[launches.number] == code) for code in range(len(TARGET_TYPES))]
     kinds = [sources.take(sources.number == kind) for kind in range(len(KINDS))]
@@ -133,7 +134,7 @@ def bank_of(
 
 
 def _others(kinds: list[_Samples], spread: tuple[float, float], log_false: float) -> list[Components]:
-    """Return the components of all kinds of sources and of noise, which have equal shares of detections."""
+    """Return the components of all kinds of sources and of noise, with equal shares of detections."""
     even = -float(np.log(len(kinds) + 1.0))
     size = kinds[0].signal.shape[1] + 1
     noise = Components(np.array([even - log_false]), np.zeros((1, size)), np.zeros((1, size, size)))
@@ -144,19 +145,21 @@ def _log_chance(samples: _Samples) -> float:
     return float(np.log(np.maximum(np.sum(samples.share * samples.chance), _LEAST_CHANCE * np.sum(samples.share))))
 
 
-def _measured(detection: Any, number: int, sensor: Sensor, looks: ImaginedLooks, factors: FloatArray) -> _Samples:
-    """Return what a sensor would measure of looks that see their object, for brightness (draws, objects, B or 1)."""
+def _measured(
+    detection: SnrDetection, number: int, sensor: Sensor, looks: SyntheticLooks, factors: FloatArray
+) -> _Samples:
+    """Return a sensor's measurements of visible looks, for brightness factors (draws, objects, B or 1)."""
     exposures = evolve(looks.exposures, sensor=np.full(len(looks.exposures), number, dtype=np.int32))
-    nobody = np.zeros(len(looks.targets.type_code), dtype=np.int32)
-    scenery = evolve(
-        detection.scenery,
+    none = np.zeros(len(looks.targets.type_code), dtype=np.int32)
+    environment = evolve(
+        detection.environment,
         targets=looks.targets,
         signatures=(looks.signatures,),
-        group=nobody,
-        place=np.arange(len(nobody), dtype=np.int32),
+        group=none,
+        place=np.arange(len(none), dtype=np.int32),
     )
     seen = visible_now(sensor, exposures.sensor_ecef_m, exposures.target_ecef_m)
-    response, width = evolve(detection, scenery=scenery).response(exposures, slack=_SLACK), len(sensor.bands)
+    response, width = evolve(detection, environment=environment).response(exposures, slack=_SLACK), len(sensor.bands)
     noise, area = response.noise_w_m2[:, :width], np.square(exposures.range_m)[:, None]
     place, stretch = elevation_bin(exposures.elevation_sine), _stretch(looks)
     parts = list[_Samples]()
@@ -169,21 +172,21 @@ def _measured(detection: Any, number: int, sensor: Sensor, looks: ImaginedLooks,
     return _Samples(*(np.concatenate([getattr(part, name) for part in parts]) for name in names_of(_Samples)))
 
 
-def _stretch(looks: ImaginedLooks) -> IntArray:
-    """Return the stretch of the burn (n,) that looks at launches fall in; 0 for sources."""
+def _stretch(looks: SyntheticLooks) -> IntArray:
+    """Return the part of the burn (n,) of looks at launches; 0 for sources."""
     burns = np.arange(len(looks.exposures)) % MOMENTS * _STRETCHES // MOMENTS
     return burns if looks.step_s.any() else np.zeros_like(burns)
 
 
 def _counts(chance: FloatArray, step_s: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return mean and variance (n,) of how often an object has been detected when it is, this time included."""
+    """Return mean and variance (n,) of the detection count of an object at a detection, this one included."""
     if not step_s.any():
         return np.ones_like(chance), np.ones_like(chance)
     looks = (step_s / period_s).reshape(-1, MOMENTS)
     hit = chance.reshape(-1, MOMENTS)
     mean, variance = looks * hit, looks * hit * (1.0 - hit)
     before = [np.cumsum(column, axis=1) - 0.5 * column for column in (mean, variance)]
-    # The first look falls anywhere in a period, and a look anywhere in its step of the burn.
+    # The first look is uniform over a period, a look uniform over its step of the burn.
     blur = np.square(looks * hit) / 12.0 + 1.0 / 12.0
     return 1.0 + before[0].ravel(), (before[1] + blur).ravel()
 
@@ -194,10 +197,10 @@ def _of_place(samples: _Samples, place: int) -> _Samples:
 
 
 def _components(samples: _Samples, spread: tuple[float, float], log_scale: float) -> Components:
-    """Return the components of a type or kind, whose weights are their looks' shares times exp(log_scale)."""
+    """Return the components of a type or kind; weights are shares of looks times exp(log_scale)."""
     step = np.floor(np.log(np.maximum(samples.brightness, 1e-3)) / _STEP_LOG).astype(np.int64)
     cell = (samples.number * _STRETCHES + samples.stretch) * 1000 + step - step.min(initial=0)
-    weight, mean, covariance = gathered(samples.signal, samples.count, samples.share, cell)
+    weight, mean, covariance = cell_moments(samples.signal, samples.count, samples.share, cell)
     _, row, times = np.unique(cell, return_inverse=True, return_counts=True)
     covariance = _smoothed(covariance, mean, times, spread)
     covariance[:, -1, -1] += np.bincount(row, samples.share * samples.count_variance) / weight
@@ -205,7 +208,7 @@ def _components(samples: _Samples, spread: tuple[float, float], log_scale: float
 
 
 def _smoothed(covariance: FloatArray, mean: FloatArray, times: IntArray, spread: tuple[float, float]) -> FloatArray:
-    """Return covariances of few looks as if some more had been there, spread as the class's brightness is."""
+    """Return covariances regularised by the spread of the class's brightness, for components of few looks."""
     signal = mean[:, :-1]
     wide = np.zeros_like(covariance)
     wide[:, :-1, :-1] = min(spread[0], _STEP_LOG) ** 2 * signal[:, :, None] * signal[:, None, :] / 12.0
@@ -214,9 +217,3 @@ def _smoothed(covariance: FloatArray, mean: FloatArray, times: IntArray, spread:
     wide[:, -1, -1] = np.square(mean[:, -1] / _STRETCHES)
     share = (_SMOOTHING / (times + _SMOOTHING))[:, None, None]
     return (1.0 - share) * covariance + share * wide
-
-
-def _log_noise_chance(detection: Any, number: int) -> float:
-    from opir_core.detection.receivers import noise_chance
-
-    return noise_chance(detection.receivers[number])

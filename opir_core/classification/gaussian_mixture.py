@@ -1,8 +1,8 @@
-"""Mixtures of normal densities, in the log domain: of measurements in independent noise, and of one number beside.
+"""Gaussian mixtures in the log domain: of signals measured in independent noise, and of a count.
 
-A component is normal in x = (s, m): in-band signals s (B,) and one more quantity m, a count, which is measured without
-noise. A measurement y = s + noise, with variances v (B,) of its own, then has the density N(mean_s, C_ss + diag v), and
-the count given y that of a normal number too. Both come out of one elimination by bands, element by element.
+A component is normal in x = (s, m): in-band signals s (B,) and a count m without noise. A measurement y = s + noise,
+with variances v (B,), has the density N(mean_s, C_ss + diag v); the count given y is normal too. Both follow from one
+elimination by bands, element by element.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IntArray
 
-#: The least variance, in squared units of the signals: no band without signal and noise makes a density singular.
+#: Least variance, in squared units of the signals: no singular density without signal and noise.
 _LEAST_VARIANCE = 1e-12
 
 _LOG_TWO_PI = float(np.log(2.0 * np.pi))
@@ -29,9 +29,9 @@ class Components:
 
 @frozen(eq=False)
 class Mixture:
-    """Components for each of several places: weights (places, K), means (D, places, K), covariances (D, D, places, K).
+    """Components for each elevation bin: weights (bins, K), means (D, bins, K), covariances (D, D, bins, K).
 
-    Components `edges[c]` to `edges[c + 1]` are those of class c; what a class has too few of has the weight 0.
+    Components `edges[c]` to `edges[c + 1]` are those of class c, padded with components of weight 0.
     """
 
     log_weight: FloatArray
@@ -41,7 +41,7 @@ class Mixture:
 
     @classmethod
     def of(cls, places: Sequence[Sequence[Components]]) -> "Mixture":
-        """Return the mixture of the classes' components at each place."""
+        """Return the mixture of the classes' components in each bin."""
         widths = [max(1, *(len(part.log_weight) for part in parts)) for parts in zip(*places, strict=True)]
         edges = np.cumsum([0, *widths])
         size = places[0][0].mean.shape[1]
@@ -61,7 +61,7 @@ class Mixture:
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln weight · p(y) and ln p(count | y), (n, K) each.
 
-        `place` (n,) says where each row belongs; signals and variances are (n, B), counts (n,).
+        `place` (n,) are the bins; signals and variances are (n, B), counts (n,).
         """
         bands, size = signal.shape[1], signal.shape[1] + 1
         work = np.empty((size, size + 1, len(signal), self.log_weight.shape[1]))
@@ -75,7 +75,7 @@ class Mixture:
         return log_density, self._eliminated(work, bands)
 
     def _eliminated(self, work: FloatArray, row: int) -> FloatArray:
-        """Return the log density of one number given those before it, and take it out of those after it."""
+        """Return the log density of one variable given those before it, and condition those after it on it."""
         pivot, residual = np.maximum(work[row, row], _LEAST_VARIANCE), work[row, -1]
         factors = work[row + 1 :, row] / pivot
         work[row + 1 :, row + 1 :] -= factors[:, None] * work[row, row + 1 :]
@@ -92,29 +92,26 @@ class Mixture:
 
 
 def log_sum(values: FloatArray) -> FloatArray:
-    """Return ln Σ exp (n,) of rows (n, m), m > 0; -inf of what is all -inf."""
+    """Return ln Σ exp (n,) of rows (n, m), m > 0; -inf if all values are."""
     most = values.max(axis=-1)
     at = np.where(most > -np.inf, most, 0.0)
-    # The largest is 1 here: a sum below it is one of nothing.
+    # The largest term is 1: a smaller sum has no terms.
     total: FloatArray = most + np.log(np.maximum(np.exp(values - at[..., None]).sum(axis=-1), 1.0))
     return total
 
 
 def log_shares(values: FloatArray) -> FloatArray:
-    """Return the logarithms (n, m) of shares that exp(values) have of their row; however large values are, they add up.
-
-    A row that is all -inf is nan.
-    """
+    """Return the log softmax (n, m) of rows, without overflow; a row of -inf is nan."""
     with np.errstate(invalid="ignore"):
         off = values - values.max(axis=-1, keepdims=True)
     shares: FloatArray = off - np.log(np.exp(off).sum(axis=-1, keepdims=True))
     return shares
 
 
-def gathered(
+def cell_moments(
     signal: FloatArray, count: FloatArray, weight: FloatArray, cell: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the weights (K,), means (K, B + 1) and covariances (K, B + 1, B + 1) of samples (n,) cell by cell."""
+    """Return weights (K,), means (K, B + 1) and covariances (K, B + 1, B + 1) of samples (n,), by cells."""
     x = np.concatenate([signal, count[:, None]], axis=1)
     _, row = np.unique(cell, return_inverse=True)
     total = np.bincount(row, weight).astype(np.float64)
