@@ -35,7 +35,7 @@ from opir_trackers.profile.report import Basis, report
 from opir_trackers.profile.strain import OffModelFilters
 from result_files import write_csv
 
-from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
+from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
 from opir_core.scene.scene import TARGET_TYPES
 from opir_core.scoring.consistency import nees, on_normal_scale
 
@@ -45,7 +45,7 @@ def held(square: np.ndarray, sigmas: np.ndarray, weight: np.ndarray, degrees: in
     from scipy.stats import chi2
 
     scaled = on_normal_scale(square, np.repeat(sigmas[None], len(square), axis=0), degrees)
-    inside = scaled[:, None] <= chi2.ppf(TOLD_CONTAINMENTS, degrees)
+    inside = scaled[:, None] <= chi2.ppf(TRACK_CONTAINMENTS, degrees)
     return [*(weight @ inside).tolist(), float(weight @ square) / degrees]
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from opir_core.simulation.refinement import FOURTH_SHARE, MISSED_SHARE, THIRD_SHARE, Curves, judged_terms
+from opir_core.simulation.refinement import FOURTH_SHARE, MISSED_SHARE, THIRD_SHARE, Curves, error_terms
 
 LENGTH = 4000
 BENDS: dict[str, Callable[[np.ndarray, int], np.ndarray]] = {
@@ -35,7 +35,7 @@ def main() -> None:
             error = np.abs(_through(half, values, every) - bent(every, bend)).max()
             if error < 1e-9:
                 continue
-            third, fourth = judged_terms(half.astype(np.float64), values)
+            third, fourth = error_terms(half.astype(np.float64), values)
             judged.append(error / max(third[0] / THIRD_SHARE, fourth[0] / FOURTH_SHARE))
             missed.append(
                 error / np.abs(_through(whole, bent(whole, bend), new) - bent(new, bend)).max() * MISSED_SHARE

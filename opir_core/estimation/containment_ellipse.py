@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray
-from opir_core.interfaces.records import TOLD_CONTAINMENTS
+from opir_core.interfaces.records import TRACK_CONTAINMENTS
 
 #: The probability that a point lies in its ellipse, where none is named.
 CONTAINMENT = 0.95
@@ -35,7 +35,7 @@ def _radii(containment: float, reported: FloatArray | None) -> FloatArray | floa
     normal = sigmas(containment)
     if reported is None:
         return normal
-    column = reported[:, TOLD_CONTAINMENTS.index(containment)]
+    column = reported[:, TRACK_CONTAINMENTS.index(containment)]
     return np.where((column >= 0.0) & np.isfinite(column), column, normal)
 
 
@@ -45,7 +45,7 @@ def containment_ellipse(
 ) -> Ellipse:
     """Return the ellipses of east-north covariances (n, 2, 2), m², that hold the point with this probability.
 
-    Where the point is not normally distributed, `reported_sigmas` (n, 3) are the radii for `TOLD_CONTAINMENTS`, in
+    Where the point is not normally distributed, `reported_sigmas` (n, 3) are the radii for `TRACK_CONTAINMENTS`, in
     standard deviations; nan means normal. The ellipse is nan where the covariance is unknown or not one.
 
     Source: Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation, section 3.7.4

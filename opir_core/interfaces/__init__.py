@@ -1,1 +1,1 @@
-"""What parts owe one another: protocols, contexts, and the records of columns that flow between them."""
+"""Interfaces between parts: protocols, contexts, and records of columns."""

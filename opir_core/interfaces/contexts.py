@@ -1,4 +1,4 @@
-"""What components are built with: each kind's context, which `build` is given beside the configuration."""
+"""The contexts of components: the second argument of `build`, after the configuration."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @frozen(kw_only=True)
 class SensorContext:
-    """What a sensor model is built with."""
+    """The context of a sensor model."""
 
     id: str
     epoch_us: int
@@ -23,11 +23,11 @@ class SensorContext:
 
 @frozen(kw_only=True)
 class TargetContext:
-    """What a target model is built with: the ids and scene paths of its targets, row by row with the configurations.
+    """The context of a target model: the ids and scene paths of its targets, one per configuration.
 
-    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, whose drag has the ballistic coefficient of
-    targets that do not bring their own. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01.
-    With `free_flight` a sensor follows targets after burnout: a model that can gives them `FreeFlight` to impact.
+    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, with the default ballistic coefficient of
+    targets. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01. With `free_flight` a sensor
+    follows targets after burnout: the model returns `FreeFlight` trajectories if it can.
     """
 
     ids: tuple[str, ...]
@@ -39,10 +39,9 @@ class TargetContext:
 
 @frozen(kw_only=True)
 class ModelContext:
-    """What detection models are built with and, with the built `detection`, those of classification and confidence.
+    """The context of detection models and, with the built `detection`, of classifiers and confidence models.
 
-    `make_environment` returns the `opir_core.planning.environment.RadiometricEnvironment`; it is built when a model
-    first asks for it.
+    `make_environment` builds the `opir_core.planning.environment.RadiometricEnvironment`.
     """
 
     sensors: tuple[Sensor, ...]
@@ -53,9 +52,9 @@ class ModelContext:
 
 @frozen(kw_only=True)
 class TrackerContext:
-    """What trackers are built with: no targets, for a tracker sees detections alone.
+    """The context of a tracker; it has no targets.
 
-    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. `light_time` says whether light takes its time.
+    `forces` act in free flight: "kepler", or `opir_core.flight.Forces`. Without `light_time` light is instantaneous.
     """
 
     sensors: tuple[Sensor, ...]
@@ -67,7 +66,7 @@ class TrackerContext:
 
 @frozen(kw_only=True)
 class EncoderContext:
-    """What encoders are built with."""
+    """The context of an encoder."""
 
     sensors: tuple[Sensor, ...]
     epoch_us: int
@@ -75,11 +74,10 @@ class EncoderContext:
 
 @frozen(kw_only=True)
 class SinkContext:
-    """What sinks are built with.
+    """The context of a sink.
 
-    `make_encoder` returns the encoder that the output's block names (`encoder: NAME`); what it needs is imported only
-    then, so a sink that never encodes never asks. `resumes` is true where a spool may hold events of an earlier run:
-    what is already at the sink's place is to be added to, not overwritten.
+    `make_encoder` builds the encoder of the output's block (`encoder: NAME`) and imports what it needs. `resumes` is
+    true if a spool may hold events of an earlier run: the sink must append to its output, not overwrite it.
     """
 
     make_encoder: Callable[[], Encoder]

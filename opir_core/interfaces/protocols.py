@@ -34,12 +34,12 @@ class Band:
 
 @frozen
 class Radiometer:
-    """How a sensor measures light, band by band in the order of its `bands`.
+    """Radiometric properties of a sensor, by band in the order of its `bands`.
 
     `nei_w_m2` are noise-equivalent irradiances per look; `ifov_rad` is the angle across a resolution cell;
-    `collection_m2_s` the product of aperture, efficiency and integration time that turns irradiance into photons. A
-    look detects above `threshold` standard deviations of its noise; `coincidence` is the threshold of the other bands
-    where bands are compared, and `ratios` bound their irradiance over that of the first.
+    `collection_m2_s` the product of aperture area, efficiency and integration time, which gives photons from
+    irradiance. A look detects above `threshold` standard deviations of its noise; for rules over several bands
+    `coincidence` is the threshold of the other bands, and `ratios` bound their irradiance over that of the first.
     """
 
     nei_w_m2: tuple[float, ...]
@@ -51,7 +51,7 @@ class Radiometer:
 
 
 class Orbit(Protocol):
-    """Where a satellite is."""
+    """The orbit of a satellite."""
 
     @property
     def is_stationary(self) -> bool:
@@ -62,31 +62,31 @@ class Orbit(Protocol):
 
 
 class ScanPattern(Protocol):
-    """When, within its period, a sensor looks at a direction."""
+    """The scan of a sensor: times of looks within its period."""
 
     @property
     def period_ns(self) -> int:
-        """Time between two looks at one target, ns (a positive integer, so that look times are exact)."""
+        """Time between two looks at one target, ns: a positive integer, so that look times are exact."""
 
     def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> IntArray:
         """Return offsets (n,) in [0, period) of the looks at targets (n, 3); scan k looks at phase + k · period.
 
-        `uniform` is this sensor's own random number in [0, 1), for patterns whose start is random.
+        `uniform` is a random number of the sensor in [0, 1), for patterns with a random start.
         """
 
 
 @frozen(eq=False, kw_only=True)
 class Sensor:
-    """A sensor as the engine needs it: what a sensor model builds from a scene's block.
+    """A sensor, built by a sensor model from a scene's block.
 
-    `detection_probability` is the chance of detection per look, by target type, that constant models use; `confusion`
-    gives, by true type, the chances of each reported type, or is empty. `minimum_elevation_rad` bounds the sensor's
-    elevation above the target's horizon and is -pi/2 where anything unobstructed is seen. `settings` is what the
-    sensor's block came to, for `opir explain` and the manifest.
+    `detection_probability` is P_d per look, by target type, for models with constant P_d; `confusion` gives, by true
+    type, the probabilities of each reported type, or is empty. `minimum_elevation_rad` is the least elevation of the
+    sensor above the target's horizon, -pi/2 for no limit. `settings` are the complete settings of the sensor's block,
+    for `opir explain` and the manifest.
 
-    `line_of_sight_sigma_rad` is the spread of single lines of sight, per axis. `line_of_sight_bias_sigma_rad` is that
-    of the one bias, per axis, that a sensor has throughout a run (`opir_core.planning.sensor_states`). A sensor that
-    `follows_bodies` goes on looking at targets after burnout, to impact.
+    `line_of_sight_sigma_rad` is the standard deviation of single lines of sight, per axis,
+    `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run
+    (`opir_core.planning.sensor_states`). A sensor that `follows_bodies` observes targets after burnout, up to impact.
     """
 
     id: str
@@ -109,7 +109,7 @@ class Sensor:
 
 
 class Trajectories(Protocol):
-    """All targets of one model; made of files, it has these in `files`, mappings of `path` and `sha256`, too."""
+    """The trajectories of all targets of one model."""
 
     @property
     def type_code(self) -> NDArray[np.uint8]:
@@ -127,7 +127,7 @@ class Trajectories(Protocol):
         """Return positions (m, 3) of targets (m,) at scene times (m,); nan before ignition and after the end."""
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target, of plain values, for the truth file."""
+        """Return one mapping of plain values per target, for the truth file."""
 
 
 class RandomDraws(Protocol):
@@ -146,12 +146,12 @@ class RandomDraws(Protocol):
         """Return (rows, words) numbers in [0, 1), the same for all scans of a sensor and a target."""
 
     def take(self, rows: Any) -> "RandomDraws":
-        """Return the dice of some of the rows."""
+        """Return the random draws of some of the rows."""
 
 
 @frozen(eq=False)
 class Measured(Columns):
-    """What looks that detected measured, as in `Detections`; None for a sensor's own sigma, or where not measured."""
+    """Measurements of looks that detected, as in `Detections`; None for the sensor's own sigma, or if not measured."""
 
     bands: NDArray[np.uint8]
     snr: FloatArray
@@ -168,27 +168,27 @@ class DetectionProbability(Protocol):
         """Whether `probability` reads the geometry columns of its exposures."""
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
-        """Return probabilities (n,) that hold for all looks of the pairs, or None where they vary from look to look."""
+        """Return P_d (n,) of all looks of the pairs, or None if it varies from look to look."""
 
     def probability(self, exposures: Exposures) -> FloatArray:
         """Return the probability of detection of each look, in [0, 1]."""
 
     def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
-        """Return what is measured in the looks that detected."""
+        """Return the measurements of looks that detected."""
 
 
 class Classifier(Protocol):
     """Measurements to the reported target type."""
 
     def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
-        """Return codes (n,) that hold for all detections of the pairs, or None where they vary; rows are pairs."""
+        """Return codes (n,) of all detections of the pairs, or None if they vary; rows are pairs."""
 
     def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
 
 
 class Confidence(Protocol):
-    """Detections and their history to confidence."""
+    """Detections and detection counts to confidence."""
 
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return confidences (n,) in [0, 1]."""

@@ -1,7 +1,6 @@
-"""The columns that flow through a run: numpy arrays of one length, one row a look, a detection or a track.
+"""The columns of a run: numpy arrays of one length, one row per look, detection or track.
 
-Records are `eq=False` and their arrays are to be read, not written: a record that leaves the engine has read-only
-buffers.
+Arrays are read-only in records that leave the engine.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,10 +19,10 @@ if TYPE_CHECKING:
 
 @frozen(eq=False)
 class Exposures(Columns):
-    """Looks at radiating, visible targets, as a detection model sees them; one row a look.
+    """Looks at radiating, visible targets: the input of detection models; one row per look.
 
-    `sensor` and `target` are indices into the plan's sensors and targets. Geometry columns are filled where the model
-    has `needs_geometry`, else they are empty arrays: `range_m` from sensor to target, `elevation_sine` of the sensor
+    `sensor` and `target` are indices into the plan's sensors and targets. Geometry columns are empty for models without
+    `needs_geometry`: `range_m` from sensor to target, `elevation_sine` of the sensor
     above the target's horizon, `target_ecef_m` the target at the time of emission, `sensor_ecef_m` the sensor at the
     time of the look.
     """
@@ -46,13 +45,13 @@ class Exposures(Columns):
 
 @frozen(eq=False)
 class ClassifierInputs(Columns):
-    """Looks that detected, as classifiers and confidence models see them; one row a detection.
+    """Looks that detected: the input of classifiers and confidence models; one row per detection.
 
     `sensor` and `target` are indices into the plan's sensors and targets; `elevation_sine` is of the sensor's elevation
-    above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is how often this sensor
-    has detected this target so far, this one included; `snr` is nan where the detection model has none;
-    `band_irradiance_w_m2` (n, B) as in `Detections`, and `band_noise_w_m2` its standard deviation, of no account beyond
-    the sensor's own bands, (n, 0) where the detection model does not say it or the scene's classifier goes by pairs.
+    above the target's horizon; `band_count` of `band_total` bands confirm; `detection_count` is the number of
+    detections of this target by this sensor so far, this one included; `snr` is nan if the detection model has none;
+    `band_irradiance_w_m2` (n, B) is as in `Detections`, and `band_noise_w_m2` its standard deviation, undefined beyond
+    the sensor's own bands, (n, 0) if the detection model has none or the classifier goes by pairs.
     """
 
     time_s: FloatArray
@@ -76,24 +75,23 @@ class ClassifierInputs(Columns):
 
 @frozen(eq=False)
 class Detections(Columns):
-    """What sensors report; one row a detection, sorted by time, then sensor, then look. No truth is in it.
+    """Reports of sensors; one row per detection, sorted by time, then sensor, then look. They contain no truth.
 
     `time_ns` is the scene time of the look, exact; `sensor` an index into the run's sensors; `scan` counts the sensor's
     scans from the scene's epoch; `detection_id` (n, 2) holds the two 64-bit halves of a UUID; `reported_type` is a code
-    into `REPORTED_TYPES`; `bands` a bit mask over the sensor's bands; `detection_count` how often this sensor has
-    detected this object so far; `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object;
-    `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan where the model has none; `track` is the track's number
-    or -1; `estimate` the row of the window's `estimates` that holds the track's state at the last tick before the
+    into `REPORTED_TYPES`; `bands` a bit mask over the sensor's bands; `detection_count` the number of detections of
+    this object by this sensor so far; `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object;
+    `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan if the model has none; `track` is the track's number or
+    -1; `estimate` the row of the window's `estimates` that holds the track's state at the last tick before the
     detection, or -1.
 
-    `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis across it, apart from
-    the bias that all lines of sight of a sensor share. `band_irradiance_w_m2` (n, B) is measured at the aperture, nan
-    beyond the sensor's own bands; B is the largest number of bands of the run's sensors where the detection model
-    measures irradiance, and 0 where it does not or where there are no rows. `type_log_probability` (n, 4) is over
-    `REPORTED_TYPES`, (n, 0) where the classifier gives no probabilities.
+    `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis across it, without
+    the bias common to all lines of sight of a sensor. `band_irradiance_w_m2` (n, B) is measured at the aperture, nan
+    beyond the sensor's own bands; B is the largest number of bands of the run's sensors, or 0 if the detection model
+    measures no irradiance or there are no rows. `type_log_probability` (n, 4) is over `REPORTED_TYPES`, (n, 0) if the
+    classifier has no probabilities.
 
-    `time_s`, `azimuth_rad` and `elevation_rad` are not stored: each is computed anew whenever it is asked for, so a run
-    that never asks never pays. Who wants both angles asks once, for `angles()`.
+    `time_s`, `azimuth_rad` and `elevation_rad` are computed at each access; for both angles call `angles()` once.
     """
 
     time_ns: IntArray
@@ -138,7 +136,7 @@ class Detections(Columns):
     def angles(self) -> "AzimuthElevation":
         """Return the measured lines of sight as azimuth in [0, 2 pi) and elevation, (n,) rad; computed at each call.
 
-        Azimuth is clockwise from true north, elevation above the geodetic horizontal, both at the sensor; nan where the
+        Azimuth is clockwise from true north, elevation above the geodetic horizontal, both at the sensor; nan if the
         direction or the sensor's position is.
         """
         from opir_core.interfaces.viewpoints import Viewpoints
@@ -153,11 +151,11 @@ class Detections(Columns):
 
 @frozen(eq=False)
 class DetectionTruth(Columns):
-    """What was really seen, row by row beside `Detections`: kept apart from it, and never encoded into an event.
+    """The truth of `Detections`, row by row: kept separate, and never encoded into an event.
 
-    `target` is an index into the run's targets, or -1 where noise alone crossed the threshold; `emission_time_s` when
-    the detected light left it; `range_m` the true distance; `target_elevation_sine` of the sensor's elevation above the
-    target's horizon; `probability` the look's probability of detection. Where there is no target these are nan.
+    `target` is an index into the run's targets, or -1 for a false alarm; `emission_time_s` the emission time of the
+    light; `range_m` the true distance; `target_elevation_sine` the sine of the sensor's elevation above the target's
+    horizon; `probability` P_d of the look. For false alarms these are nan.
     """
 
     target: IndexArray
@@ -177,21 +175,21 @@ class DetectionTruth(Columns):
         return _no_rows(cls, _TRUTH_SHAPES)
 
 
-#: The probabilities with which states and impacts lie in the ellipsoids and ellipses whose radii tracks tell.
-TOLD_CONTAINMENTS = (0.5, 0.9, 0.95)
+#: Probabilities of the containment ellipsoids and ellipses of states and impacts in tracks.
+TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 
 
 @frozen(eq=False)
 class Tracks(Columns):
-    """Estimates of a tracker, one row a track and tick, sorted by tick, then track.
+    """Estimates of a tracker, one row per track and tick, sorted by tick, then track.
 
     Unknown quantities are nan. `launch` and `impact` (n, 3) are latitude_rad, longitude_rad and time_s;
     `launch_covariance` and `impact_covariance` (n, 3, 3) are over east, north (m) and time (s); `state` (n, 6) is ECEF
     position and velocity at the tick, `state_covariance` (n, 6, 6) its covariance; `burnout` (n, 7) is ECEF position
     and velocity at the end of the burn and its time_s, with `burnout_covariance` (n, 7, 7); `type_probability` (n, 4)
-    is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the ellipses that hold the impact with the
-    probabilities `TOLD_CONTAINMENTS`, in standard deviations of its covariance, and `state_sigmas` (n, 3) those of the
-    ellipsoids that hold the state; nan says those of a normal distribution.
+    is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the ellipses that contain the impact with the
+    probabilities `TRACK_CONTAINMENTS`, in standard deviations of its covariance, and `state_sigmas` (n, 3) those of the
+    ellipsoids that contain the state; nan for those of a normal distribution.
     """
 
     tick_s: FloatArray
@@ -216,10 +214,10 @@ class Tracks(Columns):
 
 @frozen(eq=False)
 class Window:
-    """What happened in a slice of scene time [start_s, end_s).
+    """The results of a slice of scene time [start_s, end_s).
 
-    `truth` lies row by row beside `detections`; `tracks` are the rows of the ticks in the window; `estimates` the rows
-    in force that `detections.estimate` points to.
+    `truth` has the rows of `detections`; `tracks` are the rows of the ticks in the window; `estimates` those to which
+    `detections.estimate` refers.
     """
 
     start_s: float

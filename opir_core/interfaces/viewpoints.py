@@ -1,4 +1,4 @@
-"""The places that rows of detections were made from, and the angles seen from them."""
+"""Sensor positions of detections, and azimuth and elevation from them."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from opir_core.geometry import azimuth_elevation_range_in_axes, local_axes
 class AzimuthElevation(NamedTuple):
     """Azimuth in [0, 2 pi) clockwise from true north, and elevation in [-pi/2, pi/2], (n,), rad.
 
-    Both are in the geodetic horizon of the place the sensor is at (docs/reference/angles.md).
+    Both are in the geodetic horizon at the sensor's position (docs/reference/angles.md).
     """
 
     azimuth_rad: FloatArray
@@ -21,16 +21,16 @@ class AzimuthElevation(NamedTuple):
 
 @frozen(eq=False)
 class Viewpoints:
-    """The places (m, 3) that rows of detections were made from, ECEF, m, and each row's index (n,) into them."""
+    """The distinct sensor positions (m, 3) of detections, ECEF, m, and each row's index (n,) into them."""
 
     position_ecef_m: FloatArray
     of_row: IntArray
 
     @classmethod
     def of(cls, sensor: IndexArray, sensor_ecef_m: FloatArray) -> "Viewpoints":
-        """Return the viewpoints of sensors (n,), indices from 0 on, that are at positions (n, 3), ECEF, m.
+        """Return the viewpoints of sensors (n,), indices from 0 on, at positions (n, 3), ECEF, m.
 
-        A sensor has one place for all its rows that lie where one of them does, and one more for each other row.
+        A sensor has one position for all rows equal to its last one, and one for each other row.
         """
         known = np.zeros(int(sensor.max(initial=-1)) + 1, dtype=np.int64)
         known[sensor] = np.arange(len(sensor))
@@ -43,7 +43,7 @@ class Viewpoints:
     def angles(self, line_of_sight_ecef: FloatArray) -> AzimuthElevation:
         """Return azimuth and elevation of directions (n, 3), ECEF, seen from the rows' viewpoints.
 
-        The axes are computed once a viewpoint. What is no direction, or seen from no position, is nan.
+        The axes are computed once per viewpoint. Without a direction or a position the angles are nan.
         """
         of_viewpoint = local_axes(self.position_ecef_m).reshape(-1, 9)
         columns = np.ascontiguousarray(of_viewpoint.T).take(self.of_row, axis=1)

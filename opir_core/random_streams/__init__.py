@@ -1,1 +1,1 @@
-"""Counter-based random streams: one seed, one stream for each named purpose."""
+"""Counter-based random streams: one seed, one stream per named purpose."""

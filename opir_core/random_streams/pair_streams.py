@@ -1,4 +1,4 @@
-"""The random numbers of a window's looks: one stream a pair and purpose, read in bulk, handed out by row."""
+"""Random numbers of a window's looks: one stream per pair and purpose, read in bulk, returned by row."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -13,8 +13,8 @@ from opir_core.random_streams.philox import Reader, further_words, normal_pairs,
 class PairStreams:
     """The streams of all pairs of a run, keyed when first read.
 
-    `names` are each pair's sensor and target ids; a pair's streams are keyed by the seed, these and a purpose. Those of
-    its scans go by `scan_names`, where these differ.
+    `names` are each pair's sensor and target ids; streams are keyed by the seed, these and a purpose. Streams of scans
+    use `scan_names` instead, if given.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class PairStreams:
         self._constants: dict[tuple[str, int], FloatArray] = {}
 
     def words(self, purpose: str, words: int, pairs: IntArray, first_scan: IntArray, scans: IntArray) -> WordArray:
-        """Return (sum of scans · words,) raw words: in turn those of each pair's `scans` from `first_scan` on."""
+        """Return (sum of scans · words,) raw words: of each pair in turn, for `scans` scans from `first_scan` on."""
         into = np.empty((int(scans.sum()), words), dtype=np.uint64)
         self.fill(into, purpose, pairs, first_scan, scans, np.cumsum(scans) - scans)
         return into.reshape(-1)
@@ -36,7 +36,7 @@ class PairStreams:
     def fill(
         self, into: WordArray, purpose: str, pairs: IntArray, first_scan: IntArray, scans: IntArray, at: IntArray
     ) -> None:
-        """Write raw words into rows (…, words): of each pair's `scans` from `first_scan` on, from the row `at` on."""
+        """Write raw words into rows (…, words): each pair's `scans` from `first_scan` on, starting at the row `at`."""
         keys, words = self._keys.setdefault(purpose, {}), into.shape[1]
         flat = into.reshape(-1)
         columns = (pairs, first_scan * words, scans * words, at * words)
@@ -47,7 +47,7 @@ class PairStreams:
             flat[start : start + count] = self._reader.words(key, first, count)
 
     def constants(self, purpose: str, words: int) -> FloatArray:
-        """Return (pairs, words) numbers, one row for all scans of a pair."""
+        """Return (pairs, words) numbers in [0, 1), one row for all scans of a pair."""
         key = (purpose, words)
         if key not in self._constants:
             keys = [stream_key(self._seed, *names, f"{purpose}:pair") for names in self._names]
@@ -56,21 +56,21 @@ class PairStreams:
         return self._constants[key]
 
     def of_pairs(self) -> "RowDraws":
-        """Return the dice of the pairs themselves, one row each, which have no scans."""
-        everyone, none = np.arange(len(self._names)), np.zeros(0, dtype=np.int64)
-        return RowDraws(WindowNumbers(self, none, none, none), self, none, everyone)
+        """Return random draws of the pairs, one row each, without scans."""
+        pairs, none = np.arange(len(self._names)), np.zeros(0, dtype=np.int64)
+        return RowDraws(WindowNumbers(self, none, none, none), self, none, pairs)
 
     def forget(self, pairs: IntArray) -> None:
-        """Let go of the keys of pairs that have no more looks."""
+        """Release the keys of pairs without further looks."""
         for keys in self._keys.values():
             for pair in pairs.tolist():
                 keys.pop(pair, None)
 
 
 class WindowNumbers:
-    """The numbers of all looks of a window, by purpose: a pair's are drawn when one of its looks is first asked for.
+    """The random numbers of all looks of a window, by purpose; a pair's numbers are drawn when first needed.
 
-    The looks are those of the `active` pairs laid end to end, `scans` of each from `first_scan` on.
+    The looks are those of the `active` pairs end to end, `scans` of each from `first_scan` on.
     """
 
     def __init__(self, streams: PairStreams, active: IntArray, first_scan: IntArray, scans: IntArray) -> None:
@@ -80,7 +80,7 @@ class WindowNumbers:
         self._drawn: dict[tuple[str, int], tuple[WordArray, BoolArray]] = {}
 
     def words(self, purpose: str, pairs: BoolArray | None = None) -> WordArray:
-        """Return (looks,) raw words, drawn anew at each call; 0 where only some `pairs` (active,) are asked for."""
+        """Return (looks,) raw words, drawn at each call; 0 for pairs not in the mask `pairs` (active,), if given."""
         if pairs is None:
             return self._streams.words(purpose, 1, self._active, self._first_scan, self._scans)
         words = np.zeros(int(self._ends[-1]) if len(self._ends) else 0, dtype=np.uint64)
@@ -88,9 +88,9 @@ class WindowNumbers:
         return words
 
     def of_rows(self, purpose: str, words: int, rows: IntArray, pair: IntArray) -> WordArray:
-        """Return (rows, words) raw words of some of the looks, which are those of pairs (rows,).
+        """Return (rows, words) raw words of some of the looks, which are of pairs (rows,).
 
-        Rows in the order of the window are read where they stand; others from what is drawn of whole pairs and kept.
+        Sorted rows are read directly; otherwise all looks of a pair are drawn and kept.
         """
         if np.all(rows[1:] > rows[:-1]):
             return self._in_order(purpose, words, rows)
@@ -98,17 +98,17 @@ class WindowNumbers:
         if key not in self._drawn:
             looks = int(self._ends[-1]) if len(self._ends) else 0
             self._drawn[key] = np.empty((looks, words), dtype=np.uint64), np.zeros(len(self._active), dtype=np.bool_)
-        drawn, known = self._drawn[key]
-        if not known.all():
-            asked = np.zeros(int(self._active[-1]) + 1, dtype=np.bool_)
-            asked[pair] = True
-            missing = asked[self._active] & ~known
+        drawn, is_drawn = self._drawn[key]
+        if not is_drawn.all():
+            needed = np.zeros(int(self._active[-1]) + 1, dtype=np.bool_)
+            needed[pair] = True
+            missing = needed[self._active] & ~is_drawn
             self._draw(drawn, purpose, missing)
-            known |= missing
+            is_drawn |= missing
         return drawn.take(rows, axis=0)
 
     def _in_order(self, purpose: str, words: int, rows: IntArray) -> WordArray:
-        """Return (rows, words) raw words of looks in order: of each pair those from its first row to its last."""
+        """Return (rows, words) raw words of sorted looks: of each pair from its first row to its last."""
         behind = np.searchsorted(rows, self._ends)
         count = np.diff(behind, prepend=0)
         chosen = np.flatnonzero(count)
@@ -122,7 +122,7 @@ class WindowNumbers:
         return read if len(read) == len(rows) else read.take(rows + np.repeat(at - first, count), axis=0)
 
     def of(self, rows: IntArray, pair: IntArray, seeds: WordArray | None = None) -> "RowDraws":
-        """Return the dice of some of the looks; `pair` is each row's pair, `seeds` a random word of each, if known."""
+        """Return random draws of some of the looks, of pairs `pair`; `seeds` are random words of the rows, if known."""
         return RowDraws(self, self._streams, rows, pair, seeds)
 
     def _draw(self, into: WordArray, purpose: str, pairs: BoolArray) -> None:
@@ -134,9 +134,9 @@ class WindowNumbers:
 
 @frozen(eq=False)
 class RowDraws:
-    """The dice of a batch of rows, as `opir_core.interfaces.protocols.RandomDraws` promises them.
+    """Random draws of a batch of rows: a `RandomDraws`.
 
-    Rows that have `seeds`, raw words of their looks, spin their normal numbers from these: no stream is read again.
+    With `seeds`, raw words of the looks, normal numbers are derived from these without reading a stream.
     """
 
     numbers: WindowNumbers
@@ -150,7 +150,7 @@ class RowDraws:
         return uniforms_of(self.numbers.of_rows(purpose, words, self.rows, self.pair))
 
     def normals(self, purpose: str, count: int = 1) -> FloatArray:
-        """Return (rows, count) standard normal numbers, fresh for each scan: two of each raw word."""
+        """Return (rows, count) standard normal numbers, fresh for each scan: two per raw word."""
         columns = np.empty((count, len(self.rows)))
         for place, words in enumerate(self._words(purpose, (count + 1) // 2)):
             pair = normal_pairs(words)
@@ -158,7 +158,7 @@ class RowDraws:
         return columns.T
 
     def _words(self, purpose: str, count: int) -> Iterable[WordArray]:
-        """Return so many columns (rows,) of raw words."""
+        """Return `count` columns (rows,) of raw words."""
         if self.seeds is None:
             return self.numbers.of_rows(purpose, count, self.rows, self.pair).T
         numbers = purpose_number(purpose) + np.arange(count, dtype=np.uint64)
@@ -170,6 +170,6 @@ class RowDraws:
         return chosen
 
     def take(self, rows: Any) -> "RowDraws":
-        """Return the dice of some of the rows."""
+        """Return the random draws of some of the rows."""
         seeds = None if self.seeds is None else self.seeds[rows]
         return RowDraws(self.numbers, self.streams, self.rows[rows], self.pair[rows], seeds)

@@ -1,11 +1,11 @@
-"""Named randomness: one seed, one counter-based stream for each named purpose, addressed by scan.
+"""Random streams: one seed, one counter-based stream per named purpose, addressed by scan.
 
 A stream is Philox4x64-10 (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC11) as numpy implements it,
 with the 128-bit key blake2b(seed, names) and the counter as address: word w of scan k is output k · W + w of the
-stream, where W is the number of words a scan has. So a number depends on the seed, the names and the scan alone; which
-other streams exist, in which order they are read and in what slices changes nothing. What a look that detects needs
-besides is spun from the word of its direction by SplitMix64, a place in the sequence for each purpose: reading another
-stream of every pair would cost four times as much.
+stream, where W is the number of words a scan has. So a number depends on the seed, the names and the scan alone, not
+on other streams or the order of reading. Further numbers of a detection are derived from the word of its direction by
+SplitMix64, with one part of the sequence per purpose: reading another stream of every pair would take four times as
+long.
 """
 
 from functools import cache
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray
 
-#: How the manifest names this scheme; it changes when any number would.
+#: Name of this scheme in the manifest; it changes if any number changes.
 SCHEME = (
     "philox4x64-10, key blake2b-128(seed, names), counter scan; uniforms 53 bits; normals of detections splitmix64 of"
     " the word of their direction"
@@ -34,7 +34,7 @@ _DIRECTION_MASK = np.uint64((1 << 12) - 1)
 _WEYL = np.uint64(0x9E3779B97F4A7C15)
 _MIXING = ((np.uint64(30), np.uint64(0xBF58476D1CE4E5B9)), (np.uint64(27), np.uint64(0x94D049BB133111EB)))
 _LAST_SHIFT = np.uint64(31)
-#: Words that normal numbers are made of at once: few enough for all that it takes to stay near the processor.
+#: Words converted to normal numbers at once: all columns stay in the processor's cache.
 _AT_ONCE = 8192
 _REST_RAD = 2.0 * np.pi * 2.0**-24
 _COSINES = np.cos(2.0 * np.pi * 2.0**-12 * np.arange(1 << 12))
@@ -42,24 +42,24 @@ _SINES = np.sin(2.0 * np.pi * 2.0**-12 * np.arange(1 << 12))
 
 
 def stream_key(seed: int, *names: str) -> int:
-    """Return the 128-bit key of the stream of these names under a seed."""
+    """Return the 128-bit key of the stream with these names and seed."""
     text = _SEPARATOR.join([str(seed).encode(), *(name.encode() for name in names)])
     return int.from_bytes(blake2b(text, digest_size=16).digest(), "little")
 
 
 @cache
 def purpose_number(purpose: str) -> np.uint64:
-    """Return where in a look's own sequence the words of a purpose begin: far from those of any other."""
+    """Return the first number of a purpose in a look's SplitMix64 sequence, far from those of other purposes."""
     return np.uint64(int.from_bytes(blake2b(purpose.encode(), digest_size=8).digest(), "little"))
 
 
 class Reader:
-    """Reads words of any stream from anywhere: one generator that is sent there, for a thirtieth of what one costs."""
+    """Reads words of any stream at any position, by repositioning one generator: 30 times faster than a new one."""
 
     def __init__(self) -> None:
         self._generator = np.random.Philox(key=0)
         self._place: dict[str, tuple[int, ...]] = {}
-        # An emptied buffer: the next word is the first of the block behind the counter.
+        # An empty buffer: the next word is the first of the block after the counter.
         self._state: Any = {
             "bit_generator": "Philox",
             "state": self._place,
@@ -70,7 +70,7 @@ class Reader:
         }
 
     def words(self, key: int, first: int, count: int) -> NDArray[np.uint64]:
-        """Return `count` raw words of the stream with a 128-bit key, from number `first` on."""
+        """Return `count` raw words of the stream with a 128-bit key, from word `first` on."""
         block, skipped = divmod(first, _WORDS_PER_BLOCK)
         self._place["key"] = (key & _HALF_MASK, key >> 64)
         self._place["counter"] = (block & _HALF_MASK, block >> 64, 0, 0)
@@ -80,7 +80,7 @@ class Reader:
 
 
 class Stream:
-    """One stream of uniform numbers, `words` of them a scan."""
+    """One stream of raw words, `words` of them per scan."""
 
     def __init__(self, key: int, words: int = 1) -> None:
         self._key = key
@@ -88,12 +88,12 @@ class Stream:
         self._reader = Reader()
 
     def words(self, first_scan: int, scans: int) -> NDArray[np.uint64]:
-        """Return the (scans · words,) raw words of `first_scan`, then those of the next, and so on."""
+        """Return the (scans · words,) raw words of `scans` scans from `first_scan` on."""
         return self._reader.words(self._key, first_scan * self._words, scans * self._words)
 
 
 def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
-    """Return numbers in [0, 1) from the upper 53 bits of raw words, which are overwritten."""
+    """Return numbers in [0, 1) from the upper 53 bits of raw words; overwrites the words."""
     words >>= _LOW_BITS
     numbers = _floats(words)
     numbers *= _UNIT
@@ -101,7 +101,7 @@ def uniforms_of(words: NDArray[np.uint64]) -> FloatArray:
 
 
 def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Return word number (n,), or (1,), of the sequence that each seed (n,) starts: seeds are random words themselves.
+    """Return the words number (n,), or (1,), of the sequences of seeds (n,), which are random words themselves.
 
     SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014), read anywhere.
     """
@@ -114,12 +114,11 @@ def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDA
 
 
 def normal_pairs(words: NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
-    """Return two independent standard normal columns (n,) from one raw word (n,) a row.
+    """Return two independent standard normal columns (n,) from one raw word per row (n,).
 
-    Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words a row, so that rows stay addressable. The radius
-    has the upper 40 bits, which reach out to 7.4 sigma. The angle has the other 24, steps of 4e-7 rad: one of 4096
-    directions from a table, turned by the rest, whose series are right to 3e-13; that takes half the time of a sine
-    and a cosine.
+    Box and Muller (Ann. Math. Stat. 29, 1958): a fixed number of words per row, so that rows are addressable. The
+    radius uses the upper 40 bits, up to 7.4 sigma. The angle uses the other 24, steps of 4e-7 rad: one of 4096
+    directions from a table, rotated by the rest with series accurate to 3e-13, in half the time of a sine and a cosine.
     """
     cosine, sine = np.empty(len(words)), np.empty(len(words))
     for start in range(0, len(words), _AT_ONCE):
@@ -149,7 +148,7 @@ def _write_pairs(words: NDArray[np.uint64], cosine: FloatArray, sine: FloatArray
 
 
 def _turn(cosine: FloatArray, sine: FloatArray, by_rad: FloatArray) -> None:
-    """Turn directions by angles below 2e-3 rad, in place: fresh memory would cost more than the sums."""
+    """Rotate directions by angles below 2e-3 rad, in place."""
     level = by_rad * by_rad
     rise = level * (-1.0 / 6.0)
     rise += 1.0
@@ -165,5 +164,5 @@ def _turn(cosine: FloatArray, sine: FloatArray, by_rad: FloatArray) -> None:
 
 
 def _floats(words: NDArray[np.uint64]) -> FloatArray:
-    """Return words below 2**63 as floats: processors convert signed whole numbers several times faster."""
+    """Return words below 2**63 as floats; signed integers are converted several times faster."""
     return words.view(np.int64).astype(np.float64)

@@ -18,7 +18,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
 from opir_core.estimation.lines_of_sight import along, axes_across
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
+from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
 from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force
 
 #: Nominal containments of a containment curve.
@@ -92,13 +92,13 @@ def containment(values: FloatArray, freedom: int, nominal: float) -> tuple[float
 def on_normal_scale(values: FloatArray, told_sigmas: FloatArray, freedom: int = 2) -> FloatArray:
     """Return NEES values (n,) of points on the ground, or of other freedom, as if these were normally distributed.
 
-    `told_sigmas` (n, 3) are the radii of ellipses told of `TOLD_CONTAINMENTS`, nan of a normal distribution. An error
+    `told_sigmas` (n, 3) are the radii of ellipses told of `TRACK_CONTAINMENTS`, nan of a normal distribution. An error
     on one of these ellipses comes to the χ² quantile of its containment; between them the scale is linear, and beyond
     the largest it goes on in proportion. So `containment` and `consistency` judge the ellipses that are told.
     """
     from scipy.stats import chi2
 
-    usual = np.sqrt(chi2.ppf(TOLD_CONTAINMENTS, freedom))
+    usual = np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom))
     is_told = np.asarray(np.isfinite(told_sigmas).all(axis=1))
     told = np.where(is_told[:, None], told_sigmas, usual)
     at = np.column_stack([np.zeros(len(told)), told])

@@ -1,12 +1,10 @@
-"""Looks that share their reckoning: detection models are asked at knots along each pair's looks, and not between them.
+"""P_d interpolated between looks: the detection model is evaluated at knots along each pair's looks only.
 
-Signals vary slowly along a track, but for moments at which plumes or the air bend them, which models may know
-(`opir_core.interfaces.optional.WithBreakpoints`). Pieces between these have five knots each
-(`opir_core.simulation.refinement`), or three where all that they have is certain or hopeless: through
-them goes the quantile of the probability of detection, a polynomial over the number of the scan; each band's signal and
-noise are straight lines from knot to knot. A piece is halved until what the curve is judged to miss would cost the
-tolerance at most wherever in the piece the density is highest; where quantiles jump, halving ends at neighbouring
-scans, which are exact. Knots belong to pairs and scans, so no slicing of time moves them.
+Signals vary slowly along a track, except at breakpoints that models may know (`WithBreakpoints`). Between these, pieces
+have five knots (`opir_core.simulation.refinement`), or three if P_d is 0 or 1 throughout. The quantile of P_d is a
+polynomial over the scan number through the knots; each band's signal and noise are linear between knots. A piece is
+halved until the error of the curve is within the tolerance of P_d; at jumps of the quantile halving ends at adjacent
+scans, which are exact. Knots belong to pairs and scans, so they do not depend on the windows.
 """
 
 from typing import NamedTuple
@@ -25,30 +23,30 @@ from opir_core.simulation.refinement import (
     GridRefiner,
     Intervals,
     RefinedGrid,
-    judged_terms,
-    sure_beyond,
+    certain_beyond,
+    error_terms,
 )
 
 #: Rows whose curves are evaluated at once.
 _ROWS = 8192
 
 
-class _Stretches(NamedTuple):
-    """Stretches of pairs' looks, sorted by pair and scan: pairs, first scans, and the scans behind the last ones."""
+class _LookIntervals(NamedTuple):
+    """Intervals of pairs' looks, sorted by pair and scan: pairs, first scans, and scans after the last ones."""
 
     pair: IntArray
     first: IntArray
     behind: IntArray
 
     @classmethod
-    def of(cls, last_scan: IntArray, pair: IntArray, first: IntArray) -> "_Stretches":
-        """Return stretches, sorted, each of which ends where the pair's next one begins."""
+    def of(cls, last_scan: IntArray, pair: IntArray, first: IntArray) -> "_LookIntervals":
+        """Return sorted intervals, each ending at the start of the pair's next one."""
         is_last = np.diff(pair, append=-1) != 0
         behind = np.where(is_last, last_scan[pair] + 1, np.append(first[1:], 0))
         return cls(pair, first, behind)
 
     def rows(self, looks: Looks) -> tuple[IntArray, IntArray]:
-        """Return the row of a window's looks at which each stretch starts, and how many looks it has there."""
+        """Return the row of each interval's first look in a window, and its number of looks there."""
         most = max(int(self.pair.max(initial=0)), int(looks.active.max(initial=0))) + 1
         first_scan, scans, offset = (np.zeros(most, dtype=np.int64) for _ in range(3))
         first_scan[looks.active], scans[looks.active] = looks.first_scan, looks.scans
@@ -61,92 +59,92 @@ class _Stretches(NamedTuple):
 
 @frozen(eq=False)
 class ProbabilityInterpolant:
-    """Curves of quantiles, one a piece, and straight lines of signals, one a stretch from knot to knot.
+    """Interpolated P_d quantiles, one curve per piece, and signals and noise, one line per interval between knots.
 
-    `model` is who was asked; `sure` (p,) is the probability of pieces whose looks are certain or hopeless, nan of
-    others. `at` and `rise` (2 B, k) are signals and noise at a stretch's first scan, and by how much they rise a scan.
+    `certain` (p,) is the P_d, 0 or 1, of pieces without a curve, nan for others. `at` and `rise` (2 B, k) are signals
+    and noise at an interval's first scan, and their increase per scan.
     """
 
     model: SignalModel
-    pieces: _Stretches
+    pieces: _LookIntervals
     curves: Curves
-    sure: FloatArray
-    stretches: _Stretches
+    certain: FloatArray
+    intervals: _LookIntervals
     at: FloatArray
     rise: FloatArray
 
     @classmethod
     def of(cls, geometry: LookGeometry, model: SignalModel, tolerance: float) -> "ProbabilityInterpolant":
-        """Return the knots of all pairs that have looks."""
+        """Return the interpolant of all pairs with looks."""
         grid = GridRefiner(geometry, model, tolerance).refined()
         last_scan = geometry.pairs.last_scan
-        pieces, curves, sure = _curved(last_scan, grid, sure_beyond(tolerance))
+        pieces, curves, certain = _curved(last_scan, grid, certain_beyond(tolerance))
         lines = Intervals.joined([_lines(grid.settled), _lines(grid.curved)])
         lines = lines.take(_in_order(lines.pair, lines.scan[0]))
         light = grid.values[1:]
         at = light.take(lines.row[0], axis=1)
         rise = (light.take(lines.row[1], axis=1) - at) / np.maximum(lines.scan[1] - lines.scan[0], 1)
-        stretches = _Stretches.of(last_scan, lines.pair, lines.scan[0])
-        return cls(model, pieces, curves, sure, stretches, at, rise)
+        intervals = _LookIntervals.of(last_scan, lines.pair, lines.scan[0])
+        return cls(model, pieces, curves, certain, intervals, at, rise)
 
     def over(self, looks: Looks) -> "WindowInterpolant":
-        """Return which pieces and stretches a window's looks fall in."""
+        """Return the interpolant of a window's looks."""
         return WindowInterpolant(self, looks)
 
 
 class WindowInterpolant:
-    """The knots of a window's looks."""
+    """The interpolant of a window's looks."""
 
-    def __init__(self, knots: ProbabilityInterpolant, looks: Looks) -> None:
-        self._knots, self._looks = knots, looks
-        start, count = knots.stretches.rows(looks)
+    def __init__(self, whole: ProbabilityInterpolant, looks: Looks) -> None:
+        self._whole, self._looks = whole, looks
+        start, count = whole.intervals.rows(looks)
         self._used = np.flatnonzero(count)
         self._ends = (start + count)[self._used]
-        start, count = knots.pieces.rows(looks)
+        start, count = whole.pieces.rows(looks)
         self._pieces = np.flatnonzero(count)
         self._starts, self._counts = start[self._pieces], count[self._pieces]
 
     def probability(self) -> FloatArray:
         """Return the probability of detection (n,) of each look."""
-        sure = self._knots.sure[self._pieces]
-        probability = np.repeat(sure, self._counts)
-        open_ = np.flatnonzero(np.isnan(sure))
+        certain = self._whole.certain[self._pieces]
+        probability = np.repeat(certain, self._counts)
+        open_ = np.flatnonzero(np.isnan(certain))
         passed = np.cumsum(self._counts[open_])
         edges = np.searchsorted(passed, np.arange(0, passed[-1] if len(passed) else 0, _ROWS), side="right")
         for part in np.split(open_, np.unique(edges[1:])):
             times = self._counts[part]
             row = np.arange(times.sum()) + np.repeat(self._starts[part] - (np.cumsum(times) - times), times)
-            probability[row] = ndtr(self._knots.curves.at(self._pieces[part], times, self._looks.scan[row]))
+            probability[row] = ndtr(self._whole.curves.at(self._pieces[part], times, self._looks.scan[row]))
         return probability
 
     def undecided(self) -> BoolArray:
-        """Return of which active pairs a look of the window may go either way."""
+        """Return which active pairs have a look in the window with P_d between 0 and 1."""
         undecided = np.zeros(len(self._looks.active), dtype=np.bool_)
-        open_ = self._pieces[np.isnan(self._knots.sure[self._pieces])]
-        undecided[np.searchsorted(self._looks.active, self._knots.pieces.pair[open_])] = True
+        open_ = self._pieces[np.isnan(self._whole.certain[self._pieces])]
+        undecided[np.searchsorted(self._looks.active, self._whole.pieces.pair[open_])] = True
         return undecided
 
     def measured(self, row: IntArray, sensor: IndexArray, dice: RandomDraws, probability: FloatArray) -> Measured:
-        """Return what is measured in looks (n,) that detected, given by their rows in the window, in order."""
-        return self._knots.model.measure_response(self.response(row), sensor, dice, probability)
+        """Return the measurements of looks (n,) that detected, given by their rows in the window, in order."""
+        return self._whole.model.measure_response(self.response(row), sensor, dice, probability)
 
     def response(self, row: IntArray) -> Response:
         """Return the signals and noise of looks (n,), given by their rows in the window, in order."""
-        knots = self._knots
+        whole = self._whole
         first, last = np.searchsorted(self._ends, row[[0, -1]], side="right")
         used = self._used[first : last + 1]
         times = np.diff(np.searchsorted(row, self._ends[first : last + 1]), prepend=0)
         used, times = used[times > 0], times[times > 0]
-        since = (self._looks.scan[row] - np.repeat(knots.stretches.first[used], times)).astype(np.float64)
-        at, rise = knots.at.take(used, axis=1), knots.rise.take(used, axis=1)
+        since = (self._looks.scan[row] - np.repeat(whole.intervals.first[used], times)).astype(np.float64)
+        at, rise = whole.at.take(used, axis=1), whole.rise.take(used, axis=1)
         width = len(at) // 2
         return Response(
-            None, *(_drawn_out(at[half], rise[half], times, since).T for half in (slice(width), slice(width, None)))
+            None, *(_lines_at(at[half], rise[half], times, since).T for half in (slice(width), slice(width, None)))
         )
 
 
-def _drawn_out(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArray) -> FloatArray:
-    """Return lines (B, m), so many `times` (m,) each, at scans (n,) since their starts; what stands still is a view."""
+def _lines_at(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArray) -> FloatArray:
+    """Return lines (B, m), `times` (m,) each, at scans (n,) since their starts; constant columns are views."""
     moving = np.flatnonzero(rise.any(axis=1) | (at != at[:, :1]).any(axis=1))
     if not len(moving):
         return np.broadcast_to(at[:, :1], (len(at), len(since)))
@@ -158,12 +156,12 @@ def _drawn_out(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatAr
     return columns
 
 
-def _curved(last_scan: IntArray, grid: RefinedGrid, beyond: float) -> tuple[_Stretches, Curves, FloatArray]:
-    """Return pieces with their curves and what is sure of them; where all looks are knots, lines from look to look."""
+def _curved(last_scan: IntArray, grid: RefinedGrid, beyond: float) -> tuple[_LookIntervals, Curves, FloatArray]:
+    """Return pieces with curves and certain P_d; lines from look to look where all looks are knots."""
     settled, quantile = grid.settled, grid.values[0]
     is_dense = np.all(np.diff(grid.curved.scan, axis=0) <= 1, axis=0)
     dense, smooth = _lines(grid.curved.take(is_dense)), grid.curved.take(~is_dense)
-    # What is settled has no curve but its sureness: a line stands in for one.
+    # Settled pieces need no curve: a line fills the row.
     straight = Intervals.joined([dense, settled.knots(slice(0, 3, 2))])
     inner, ends = quantile[smooth.row], quantile[straight.row]
     pair = np.concatenate([smooth.pair, straight.pair])
@@ -171,20 +169,20 @@ def _curved(last_scan: IntArray, grid: RefinedGrid, beyond: float) -> tuple[_Str
     order = _in_order(pair, first)
     through = Curves.through(smooth.scan, inner)
     curves = through.joined(Curves.straight(straight.scan, ends, KNOTS), order)
-    judged = sum(judged_terms(smooth.scan.astype(np.float64), inner))
-    least = np.concatenate([inner.min(axis=0) - judged, ends.min(axis=0)])[order]
-    most = np.concatenate([inner.max(axis=0) + judged, ends.max(axis=0)])[order]
-    sure = np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
-    return _Stretches.of(last_scan, pair[order], first[order]), curves, sure
+    error = sum(error_terms(smooth.scan.astype(np.float64), inner))
+    least = np.concatenate([inner.min(axis=0) - error, ends.min(axis=0)])[order]
+    most = np.concatenate([inner.max(axis=0) + error, ends.max(axis=0)])[order]
+    certain = np.where(least > beyond, 1.0, np.where(most < -beyond, 0.0, np.nan))
+    return _LookIntervals.of(last_scan, pair[order], first[order]), curves, certain
 
 
 def _in_order(pair: IntArray, scan: IntArray) -> IntArray:
-    """Return the order by pair, then scan: of one number, and stably, for what comes in long runs."""
+    """Return the order by pair, then scan; stable sorting is fast for long runs."""
     return np.argsort(pair * (int(scan.max(initial=0)) + 1) + scan, kind="stable")
 
 
 def _lines(pieces: Intervals) -> Intervals:
-    """Return the lines from knot to knot, as pieces of two knots; one of a lone look."""
+    """Return the lines from knot to knot, as pieces of two knots; one line for a single look."""
     long = np.diff(pieces.scan, axis=0) > 0
     long[-1, ~long.any(axis=0)] = True
     piece, place = np.nonzero(long.T)

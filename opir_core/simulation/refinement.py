@@ -1,4 +1,4 @@
-"""Laying knots: all pairs together, where their looks bend, and one halving of all that need it at a time."""
+"""Refinement of the interpolation grid: pieces of pairs' looks are halved until P_d is within the tolerance."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -10,30 +10,30 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.optional import SignalModel, WithBreakpoints
 from opir_core.planning.looks import LookGeometry, blocks, look_times_s
 
-#: Pieces that smooth stretches are cut into at first: no longer than this, s, but no more of them than that.
+#: First pieces of smooth intervals: longest duration, s, and largest number.
 FIRST_PIECE_S, MOST_FIRST_PIECES = 16.0, 64
 
-#: How far signals and noise may be off midway between neighbouring knots, as a share of them or in deviations of noise.
+#: Tolerance of signals and noise midway between neighbouring knots: relative, or in standard deviations of noise.
 SIGNAL_SHARE, SIGNAL_SIGMA = 0.01, 0.05
 
-#: By how much signals may change, as a share, on pieces that are not looked at more closely.
+#: Largest relative change of signals on pieces with three knots.
 STEADY_SHARE = 0.3
 
-#: Of the tolerance, what single evaluations may be off.
+#: Slack of single evaluations, as a share of the tolerance.
 _SLACK_SHARE = 1e-5
 
-#: Of the tolerance, what the terms of third and of fourth order may be that a curve has and a parabola has not; or what
-#: both may be together where the curve of a piece twice as long misses new knots by no more than the last share. With a
-#: bend anywhere between its five knots a curve is then off by less than the tolerance (docs/design/knots_judged.py).
-THIRD_SHARE, FOURTH_SHARE, _FORETOLD_SHARE, MISSED_SHARE = 0.25, 0.08, 1.0, 0.03
+#: Largest terms of third and of fourth order of a curve, as shares of the tolerance; or of both together, if the curve
+#: of the piece twice as long predicts the new knots to within the last share. With a bend anywhere between its five
+#: knots the error of a curve is then below the tolerance (docs/design/knots_judged.py).
+THIRD_SHARE, FOURTH_SHARE, _PREDICTED_SHARE, MISSED_SHARE = 0.25, 0.08, 1.0, 0.03
 
-#: Quantiles are held within it; beyond 8.3 a probability is 1 to the last bit, and below -38 no double.
+#: Limit of quantiles: beyond 8.3 a probability is 1 to the last bit, below -38 it is no double.
 FARTHEST = 40.0
 
-#: Of the tolerance, what may be lost by taking a look for certain, or for hopeless.
-SURE_SHARE = 1e-4
+#: Error of P_d of looks with P_d rounded to 0 or 1, as a share of the tolerance.
+CERTAIN_SHARE = 1e-4
 
-#: Knots of a piece, and those of them that tell first whether it is settled.
+#: Knots of a piece, and those evaluated first.
 KNOTS, _SPARE = 5, slice(0, 5, 2)
 
 
@@ -96,10 +96,9 @@ def _scaled(scan: IntArray) -> tuple[FloatArray, FloatArray]:
 
 
 class Intervals(NamedTuple):
-    """Pieces of pairs' looks: pairs (k,), scans (m, k) of their knots, and the knots' rows (m, k) among all asked.
+    """Pieces of pairs' looks: pairs (k,), scans (m, k) of their knots, and the knots' rows (m, k) in the values.
 
-    `predicted` (2, k) is what the curve through the piece that one was halved from says of the quantiles at its second
-    and fourth knots; nan where there is none.
+    `predicted` (2, k) are the quantiles at the second and fourth knots by the curve before halving, or nan.
     """
 
     pair: IntArray
@@ -108,7 +107,7 @@ class Intervals(NamedTuple):
     predicted: FloatArray
 
     def take(self, rows: Any) -> "Intervals":
-        """Return some of the pieces: those of a slice, of a mask, or of numbers."""
+        """Return some of the pieces, by a slice, a mask or numbers."""
         if isinstance(rows, slice):
             return Intervals(self.pair[rows], self.scan[:, rows], self.row[:, rows], self.predicted[:, rows])
         numbers = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
@@ -116,7 +115,7 @@ class Intervals(NamedTuple):
         return Intervals(self.pair.take(numbers), scan, row, self.predicted.take(numbers, axis=1))
 
     def knots(self, places: Any) -> "Intervals":
-        """Return the pieces with some of their knots."""
+        """Return the pieces with some of their knots only."""
         return Intervals(self.pair, self.scan[places], self.row[places], self.predicted)
 
     @classmethod
@@ -126,7 +125,7 @@ class Intervals(NamedTuple):
 
 
 class RefinedGrid(NamedTuple):
-    """Pieces of three knots that are certain or hopeless, pieces of five that curves go through, and what was asked.
+    """Pieces of three knots with P_d 0 or 1, pieces of five knots with curves, and the values at the knots.
 
     `values` (1 + 2 B, knots) are quantile, signals and noise.
     """
@@ -137,22 +136,22 @@ class RefinedGrid(NamedTuple):
 
 
 class GridRefiner:
-    """Lays the knots of a plan."""
+    """Refines the interpolation grid of all pairs: each round evaluates new knots of all open pieces at once."""
 
     def __init__(self, geometry: LookGeometry, model: SignalModel, tolerance: float) -> None:
         self._geometry, self._model, self._tolerance = geometry, model, tolerance
-        self._sure = sure_beyond(tolerance)
+        self._certain = certain_beyond(tolerance)
         self._known, self._count = np.empty((1, 0)), 0
 
     def refined(self) -> RefinedGrid:
-        """Return the pieces, and what was asked."""
+        """Return the refined grid."""
         pieces = self._first_pieces()
         settled, curved = [pieces.take(slice(0, 0)).knots(_SPARE)], [pieces.take(slice(0, 0))]
         while len(pieces.pair):
             is_settled = self._is_settled(pieces.knots(_SPARE))
             settled.append(pieces.take(is_settled).knots(_SPARE))
             pieces = self._filled(pieces.take(~is_settled))
-            # Between neighbouring scans there is nothing to be judged.
+            # Pieces of neighbouring scans are exact.
             fine = np.all(np.diff(pieces.scan, axis=0) <= 1, axis=0)
             open_ = np.flatnonzero(~fine)
             fine[open_] = self._is_fine(pieces.take(open_))
@@ -161,8 +160,8 @@ class GridRefiner:
         return RefinedGrid(Intervals.joined(settled), Intervals.joined(curved), self._values())
 
     def _first_pieces(self) -> Intervals:
-        """Return the first pieces, with their first, middle and last knots asked."""
-        pair, first, last = _smooth_stretches(self._geometry, self._model)
+        """Return the first pieces, with first, middle and last knots evaluated."""
+        pair, first, last = _smooth_intervals(self._geometry, self._model)
         period_s = self._geometry.pairs.period_ns[pair] * 1e-9
         wanted = np.ceil((last - first) * period_s / FIRST_PIECE_S)
         count = np.clip(wanted, 1, np.minimum(MOST_FIRST_PIECES, np.maximum(last - first, 1))).astype(np.int64)
@@ -175,7 +174,7 @@ class GridRefiner:
         return Intervals(pair, scan, row, np.full((2, len(pair)), np.nan))
 
     def _filled(self, pieces: Intervals) -> Intervals:
-        """Return pieces with their second and fourth knots asked, where these are scans of their own."""
+        """Return pieces with second and fourth knots evaluated, where these are distinct scans."""
         lower, own = pieces.scan[0:3:2], pieces.scan[1::2]
         new = np.nonzero(own != lower)
         row = pieces.row[0:3:2].copy()
@@ -184,16 +183,16 @@ class GridRefiner:
         return pieces
 
     def _rows(self, pair: IntArray, scan: IntArray) -> IntArray:
-        """Return the rows of looks (…), evaluated once where they are the same, among all evaluated."""
+        """Return the rows of the values of looks (…); equal looks are evaluated once."""
         most = int(scan.max(initial=0)) + 1
         looks, row = np.unique(pair * most + scan, return_inverse=True)
         first = self._count
-        self._ask(looks // most, looks % most)
+        self._evaluate(looks // most, looks % most)
         rows: IntArray = first + row.reshape(scan.shape)
         return rows
 
-    def _ask(self, pair: IntArray, scan: IntArray) -> None:
-        """Evaluate looks, sorted by pair."""
+    def _evaluate(self, pair: IntArray, scan: IntArray) -> None:
+        """Evaluate looks, sorted by pair, and append their values."""
         slack = self._tolerance * _SLACK_SHARE
         for rows in blocks(len(pair)):
             exposed = self._geometry.exposures(pair[rows], scan[rows])
@@ -203,10 +202,10 @@ class GridRefiner:
             self._keep(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T]))
 
     def _keep(self, values: FloatArray) -> None:
-        """Append what looks (n,) came to, (1 + 2 B, n), to what is known."""
+        """Append the values (1 + 2 B, n) of looks (n,)."""
         count = self._count + values.shape[1]
         if count > self._known.shape[1]:
-            # Twice the room, so that what is known is seldom moved.
+            # Twice the room: values are seldom copied.
             wider = np.empty((len(values), 2 * count))
             wider[:, : self._count] = self._known[:, : self._count]
             self._known = wider
@@ -217,45 +216,47 @@ class GridRefiner:
         return self._known[:, : self._count]
 
     def _is_settled(self, pieces: Intervals) -> BoolArray:
-        """Return which pieces of three knots are certain or hopeless throughout, with lines as near as they must be."""
+        """Return which pieces of three knots have P_d 0 or 1 throughout, and lines within the tolerance."""
         values = self._values()
         quantile = values[0].take(pieces.row)
         bend = np.abs(quantile[1] - 0.5 * (quantile[0] + quantile[2]))
-        settled: BoolArray = (quantile.max(axis=0) + bend < -self._sure) | (quantile.min(axis=0) - bend > self._sure)
+        settled: BoolArray = (quantile.max(axis=0) + bend < -self._certain) | (
+            quantile.min(axis=0) - bend > self._certain
+        )
         certain = np.flatnonzero(settled & (quantile[0] > 0.0))
         settled[certain] = self._is_steady(pieces.take(certain), values)
         return settled
 
     def _is_steady(self, pieces: Intervals, values: FloatArray) -> BoolArray:
-        """Return which pieces have signals that three knots are enough for: near to lines, and not changing much."""
+        """Return which pieces have signals that are nearly linear and change little: three knots suffice."""
         signals = values[1 : 1 + (len(values) - 1) // 2].take(pieces.row, axis=1)
         change = np.ptp(signals, axis=1) <= np.maximum(STEADY_SHARE * signals.max(axis=1), SIGNAL_SIGMA)
         steady: BoolArray = np.all(change, axis=0) & self._is_straight(pieces, values)
         return steady
 
     def _is_fine(self, pieces: Intervals) -> BoolArray:
-        """Return which pieces are said to within the tolerance by curves and lines through their knots."""
+        """Return which pieces are interpolated to within the tolerance by curves and lines through their knots."""
         values = self._values()
-        at = _places(pieces)
+        at = _positions(pieces)
         quantile = values[0].take(pieces.row)
-        third, fourth = judged_terms(at, quantile)
-        judged = third + fourth
-        # Probabilities differ by the quantiles' difference times a density, which is highest nearest to the quantile 0.
+        third, fourth = error_terms(at, quantile)
+        error = third + fourth
+        # The error of P_d is that of the quantile times the normal density, which is highest nearest to quantile 0.
         nearest = np.maximum(
-            np.where(quantile.min(axis=0) * quantile.max(axis=0) > 0.0, np.abs(quantile).min(axis=0), 0.0) - judged, 0.0
+            np.where(quantile.min(axis=0) * quantile.max(axis=0) > 0.0, np.abs(quantile).min(axis=0), 0.0) - error, 0.0
         )
         density = np.exp(-0.5 * nearest * nearest) / np.sqrt(2.0 * np.pi)
         missed = np.abs(quantile[1::2] - pieces.predicted).max(axis=0)
         allowed = self._tolerance / np.maximum(density, 1e-300)
         near = (third <= THIRD_SHARE * allowed) & (fourth <= FOURTH_SHARE * allowed)
-        fine: BoolArray = near | ((judged <= _FORETOLD_SHARE * allowed) & (missed <= MISSED_SHARE * allowed))
-        seen = np.flatnonzero(fine & (quantile.max(axis=0) + judged >= -self._sure))
+        fine: BoolArray = near | ((error <= _PREDICTED_SHARE * allowed) & (missed <= MISSED_SHARE * allowed))
+        seen = np.flatnonzero(fine & (quantile.max(axis=0) + error >= -self._certain))
         fine[seen] = self._is_straight(pieces.take(seen), values)
         return fine
 
     def _is_straight(self, pieces: Intervals, values: FloatArray) -> BoolArray:
-        """Return of which pieces signals and noise are near enough to lines between their knots."""
-        width, at = (len(values) - 1) // 2, _places(pieces)
+        """Return which pieces have signals and noise that are linear between knots, to within the tolerance."""
+        width, at = (len(values) - 1) // 2, _positions(pieces)
         straight = np.ones(len(pieces.pair), dtype=np.bool_)
         for band in range(width):
             for of_look, least in ((values[1 + band], SIGNAL_SIGMA), (values[1 + width + band], 0.0)):
@@ -265,19 +266,19 @@ class GridRefiner:
         return straight
 
 
-def sure_beyond(tolerance: float) -> float:
-    """Return beyond which quantiles a look is taken for certain, or for hopeless: either costs its share of P_d."""
-    return -float(ndtri(SURE_SHARE * tolerance))
+def certain_beyond(tolerance: float) -> float:
+    """Return the quantile beyond which P_d is rounded to 1, and below minus which to 0."""
+    return -float(ndtri(CERTAIN_SHARE * tolerance))
 
 
-def _places(pieces: Intervals) -> FloatArray:
-    """Return where knots (m, k) lie between the first and the last of their piece."""
-    places: FloatArray = (pieces.scan - pieces.scan[0]) / np.maximum(pieces.scan[-1] - pieces.scan[0], 1)
-    return places
+def _positions(pieces: Intervals) -> FloatArray:
+    """Return the positions (m, k) of knots in [0, 1] between the first and the last of their piece."""
+    positions: FloatArray = (pieces.scan - pieces.scan[0]) / np.maximum(pieces.scan[-1] - pieces.scan[0], 1)
+    return positions
 
 
 def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
-    """Return both halves of pieces, all first halves, then all second ones, whose second and fourth knots are open."""
+    """Return the first halves of pieces, then the second halves, with second and fourth knots open."""
     halves = []
     distinct = np.all(np.diff(pieces.scan, axis=0) > 0, axis=0)
     curves = Curves.through(pieces.scan[:, distinct], quantile.take(pieces.row[:, distinct]))
@@ -291,11 +292,11 @@ def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
     return Intervals.joined(halves)
 
 
-def judged_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the terms of third and of fourth order (k,) of curves through values (5, k) at places (5, k).
+def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the terms of third and of fourth order (k,) of curves through values (5, k) at positions (5, k).
 
-    The parabola through the first, middle and last value misses the two others: half of what these misses differ by,
-    and half of their sum. Together they are what a curve is judged to miss; of a smooth one it is many times the error.
+    From the deviations of the second and fourth value from the parabola through the others: half of their difference,
+    and half of their sum. Their sum bounds the error of a curve; for a smooth one it is many times the error.
     """
     start, middle, stop = values[0], values[2], values[4]
     early = (middle - start) / np.maximum(at[2] - at[0], 1e-300)
@@ -306,14 +307,14 @@ def judged_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatA
 
 
 def _off_neighbours(at: FloatArray, values: FloatArray) -> FloatArray:
-    """Return how far inner values (5, k) are off the lines between their neighbours, (3, k)."""
+    """Return the deviations (3, k) of inner values (5, k) from the lines between their neighbours."""
     share = (at[1:-1] - at[:-2]) / np.maximum(at[2:] - at[:-2], 1e-300)
     off: FloatArray = np.abs(values[1:-1] - (values[:-2] + share * (values[2:] - values[:-2])))
     return off
 
 
-def _smooth_stretches(geometry: LookGeometry, model: SignalModel) -> tuple[IntArray, IntArray, IntArray]:
-    """Return stretches of looks in which the model says that nothing jumps or bends: pairs, first and last scans."""
+def _smooth_intervals(geometry: LookGeometry, model: SignalModel) -> tuple[IntArray, IntArray, IntArray]:
+    """Return intervals of looks between breakpoints of the model: pairs, first and last scans."""
     pairs = geometry.pairs
     looking = np.flatnonzero(pairs.looks > 0)
     first, last = pairs.first_scan[looking], pairs.last_scan[looking]
@@ -328,12 +329,12 @@ def _smooth_stretches(geometry: LookGeometry, model: SignalModel) -> tuple[IntAr
 
 
 def _scans_from(geometry: LookGeometry, pair: IntArray, emission_s: FloatArray) -> IntArray:
-    """Return the first scans (n, k) of pairs (n,) that see light of these moments (n, k), or later; 0 for nan."""
+    """Return the first scans (n, k) of pairs (n,) that see light emitted at or after times (n, k); 0 for nan."""
     pairs = geometry.pairs
     pair = np.repeat(pair, emission_s.shape[1])
     left_s = np.nan_to_num(emission_s.ravel(), nan=-1e9)
     first_s = look_times_s(pairs, pair, pairs.first_scan[pair])
-    # Light times change little in the time that light takes.
+    # The change of the light time within itself is negligible.
     near_s = np.clip(left_s, first_s, look_times_s(pairs, pair, pairs.last_scan[pair]))
     travel_s = geometry.sightlines.place(pair, near_s).interpolated(geometry.sightlines.travel_s)
     seen_ns = (left_s + travel_s) * 1e9 - pairs.phase_ns[pair]

@@ -8,7 +8,7 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
-from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks, Window
+from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks, Window
 from opir_core.output.events.text import (
     METRE_DECIMALS,
     RATIO_DECIMALS,
@@ -54,7 +54,7 @@ class TrackState(msgspec.Struct):
 
     The covariance is of x, y, z and their rates, at burnout also of its time, s: the lower triangle, row by row.
     `ellipsoid_sigmas` are the radii, in standard deviations, of the ellipsoids that contain the state with the
-    probabilities `TOLD_CONTAINMENTS`; None for a normal distribution.
+    probabilities `TRACK_CONTAINMENTS`; None for a normal distribution.
     """
 
     timestamp: str | None
@@ -131,7 +131,7 @@ def state_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
 
 def burnout_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
     """Return the states at burnout as JSON, `null` if unknown."""
-    radii = np.full((len(tracks), len(TOLD_CONTAINMENTS)), np.nan)
+    radii = np.full((len(tracks), len(TRACK_CONTAINMENTS)), np.nan)
     return _state_texts(tracks.burnout[:, :6], tracks.burnout[:, 6], tracks.burnout_covariance, radii, epoch_us)
 
 

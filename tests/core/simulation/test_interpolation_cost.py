@@ -15,7 +15,7 @@ from opir_core.radiometry.lowtran import LowtranAtmosphere
 from opir_core.radiometry.plume import PlumeSignatures
 from opir_core.radiometry.protocols import intensities_w_sr, radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.simulation.interpolation import ProbabilityInterpolant
-from opir_core.simulation.refinement import KNOTS, GridRefiner, sure_beyond
+from opir_core.simulation.refinement import KNOTS, GridRefiner, certain_beyond
 
 AIR = {"atmosphere": "lowtran", "background": "earth"}
 
@@ -79,7 +79,7 @@ def test_pieces_that_are_certain_have_three_knots_and_no_more() -> None:
     assert len(grid.settled.scan) == 3
     assert len(grid.curved.scan) == KNOTS
     assert len(grid.settled.pair) > 0.5 * len(grid.curved.pair)
-    assert np.all(np.abs(grid.values[0].take(grid.settled.row)) > sure_beyond(1e-4))
+    assert np.all(np.abs(grid.values[0].take(grid.settled.row)) > certain_beyond(1e-4))
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4])

@@ -12,7 +12,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.records import TOLD_CONTAINMENTS
+from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_trackers.profile.end import DEVIATES
 from opir_trackers.profile.flight import Moments, off_ground, on_ground
 
@@ -71,14 +71,14 @@ class ContainingArcs(Columns):
 
 
 def containing_sigmas(arcs: ContainingArcs, weight: FloatArray, row: IntArray, told: Moments) -> FloatArray:
-    """Return the radii (count, 3) of ellipses of told impacts that hold `TOLD_CONTAINMENTS` of what they stand for.
+    """Return the radii (count, 3) of ellipses of told impacts that hold `TRACK_CONTAINMENTS` of what they stand for.
 
     They are in standard deviations of the told covariances (count, 3, 3). Hypotheses (n,) of one `row` of what is told
     make a mixture of these weights. nan where no impact is told, and where it has a normal distribution: one
     hypothesis, whose burn's end is not open.
     """
     count = len(told)
-    found = np.full((count, len(TOLD_CONTAINMENTS)), np.nan)
+    found = np.full((count, len(TRACK_CONTAINMENTS)), np.nan)
     is_told = np.isfinite(told.mean).all(axis=1) & np.isfinite(told.covariance).all(axis=(1, 2))
     is_known = np.isfinite(arcs.place[:, :, 0]).any(axis=1)
     parts, opens = (np.bincount(row[mine], minlength=count) for mine in (is_known, is_known & arcs.is_open))
@@ -169,15 +169,15 @@ def _inverse(factor: FloatArray) -> FloatArray:
 
 
 def _quantiles(value: FloatArray, share: FloatArray) -> FloatArray:
-    """Return the quantiles (n, 3) of values (n, m) below which `TOLD_CONTAINMENTS` of their shares (n, m) are."""
+    """Return the quantiles (n, 3) of values (n, m) below which `TRACK_CONTAINMENTS` of their shares (n, m) are."""
     order = np.argsort(value, axis=1)
     value, share = (np.take_along_axis(each, order, axis=1) for each in (value, share))
     upto = np.cumsum(share, axis=1)
     # A point stands in the middle of its share.
     below = (upto - 0.5 * share) / upto[:, -1:]
-    found = np.empty((len(value), len(TOLD_CONTAINMENTS)))
+    found = np.empty((len(value), len(TRACK_CONTAINMENTS)))
     row, last = np.arange(len(value)), value.shape[1] - 1
-    for column, containment in enumerate(TOLD_CONTAINMENTS):
+    for column, containment in enumerate(TRACK_CONTAINMENTS):
         after = np.clip(np.count_nonzero(below < containment, axis=1), 1, last)
         low, high = below[row, after - 1], below[row, after]
         part = np.clip((containment - low) / np.maximum(high - low, 1e-300), 0.0, 1.0)

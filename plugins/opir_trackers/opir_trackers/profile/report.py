@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.interfaces.records import TOLD_CONTAINMENTS, Tracks
+from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
 from opir_trackers.profile import flight
 from opir_trackers.profile.containing import ContainingArcs, containing_sigmas
 from opir_trackers.profile.family import EAST, LIFT, NORTH, RADIUS_M, START, Family, Priors
@@ -87,7 +87,7 @@ _LEAST_CORRELATION = 1e-12
 
 
 def holding_sigmas(parts: Moments, weight: FloatArray, row: IntArray, told: Moments) -> FloatArray:
-    """Return the radii (count, 3) of ellipsoids of told states that hold `TOLD_CONTAINMENTS` of their parts' mixture.
+    """Return the radii (count, 3) of ellipsoids of told states that hold `TRACK_CONTAINMENTS` of their parts' mixture.
 
     They are in standard deviations of the told covariances (count, d, d); parts (n,) belong to the told ones of `row`
     (n,), with weights (n,). nan where there is one part, which is normally distributed, or one that is not known.
@@ -95,7 +95,7 @@ def holding_sigmas(parts: Moments, weight: FloatArray, row: IntArray, told: Mome
     from scipy.special import gammainc
 
     count = len(told)
-    found = np.full((count, len(TOLD_CONTAINMENTS)), np.nan)
+    found = np.full((count, len(TRACK_CONTAINMENTS)), np.nan)
     known = [
         np.isfinite(each.mean).all(axis=1) & np.isfinite(each.covariance).all(axis=(1, 2)) for each in (parts, told)
     ]
@@ -112,7 +112,7 @@ def holding_sigmas(parts: Moments, weight: FloatArray, row: IntArray, told: Mome
     np.add.at(total, row[used], weight[used, None] * held)
     share = np.bincount(row[used], weight[used], count)
     for mine in np.flatnonzero(mixed).tolist():
-        found[mine] = np.interp(TOLD_CONTAINMENTS, total[mine] / share[mine], np.sqrt(_SQUARES))
+        found[mine] = np.interp(TRACK_CONTAINMENTS, total[mine] / share[mine], np.sqrt(_SQUARES))
     return found
 
 
@@ -227,7 +227,7 @@ def _falling(number: IntArray, blend: _Blend, basis: Basis) -> tuple[Moments, Fl
     if basis.falls is None:
         return _fallen(blend, basis)
     count, tracks = len(number), np.flatnonzero(np.isin(number, basis.falls))
-    impact, sigmas = Moments.unknown(count, 3), np.full((count, len(TOLD_CONTAINMENTS)), np.nan)
+    impact, sigmas = Moments.unknown(count, 3), np.full((count, len(TRACK_CONTAINMENTS)), np.nan)
     if len(tracks):
         found, sigmas[tracks] = _fallen(blend.of(tracks, basis.priors), basis)
         impact.overwrite(tracks, found)

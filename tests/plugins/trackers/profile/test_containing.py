@@ -12,12 +12,12 @@ from opir_trackers.profile.flight import Moments, off_ground
 
 from examples import examples
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.records import TOLD_CONTAINMENTS
+from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.testing import stub_sensor
 from opir_core.testing.doubles import stub_estimates, stub_window
 
-SHARES = np.array(TOLD_CONTAINMENTS)
+SHARES = np.array(TRACK_CONTAINMENTS)
 USUAL = np.sqrt(-2.0 * np.log1p(-SHARES))
 
 #: What ellipses over the lattice's points may be off by: its own statement.

@@ -7,10 +7,10 @@ from opir_trackers.profile.flight import Moments
 from opir_trackers.profile.report import holding_sigmas
 from scipy.stats import chi2, kstest, ncx2
 
-from opir_core.interfaces.records import TOLD_CONTAINMENTS
+from opir_core.interfaces.records import TRACK_CONTAINMENTS
 from opir_core.scoring.consistency import nees, on_normal_scale
 
-SHARES = np.array(TOLD_CONTAINMENTS)
+SHARES = np.array(TRACK_CONTAINMENTS)
 
 #: Metres and metres a second, as states have them.
 SCALE = np.array([1e4, 2e4, 5e3, 100.0, 300.0, 50.0])
