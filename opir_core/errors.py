@@ -1,6 +1,6 @@
-"""Every complaint opir makes to a user: one class a cause, one exit code a class.
+"""The errors that opir reports to users: one class per cause, one exit code per class.
 
-A message names the place (a scene path, a component and whose it is, a sink) and the way out.
+A message names the place (a scene path, a component and its owner, a sink) and the remedy.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,14 +13,14 @@ from attrs import frozen
 
 
 class OpirError(Exception):
-    """The parent of all of opir's own errors; `exit_code` is what the command line returns for it."""
+    """The base class of opir's own errors; `exit_code` is the exit code of the command line."""
 
     exit_code = 1
 
 
 @frozen
 class Problem:
-    """One thing wrong with a scene: where (`targets[0].launch.lat_deg`, or "" for the file) and what."""
+    """One error in a scene: its path (`targets[0].launch.lat_deg`, "" for the file) and message."""
 
     path: str
     message: str
@@ -31,7 +31,7 @@ class Problem:
 
 
 class SceneError(OpirError):
-    """A scene that cannot be read or cannot be meant; it carries all its problems, not only the first."""
+    """An invalid scene, with all its problems."""
 
     exit_code = 2
 
@@ -43,45 +43,45 @@ class SceneError(OpirError):
         super().__init__("\n".join([head, *(f"  {problem}" for problem in self.problems)]))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return how the error is made anew in another process."""
+        """Return how to unpickle the error in another process."""
         return partial(SceneError, source=self.source), (self.problems,)
 
 
 class PluginError(OpirError):
-    """A component that is missing, claimed twice, or broken; the message says whose it is."""
+    """A component that is missing, ambiguous or broken; the message names its owner."""
 
     exit_code = 3
 
 
 class ModelError(OpirError):
-    """A model that returned what its contract forbids (a wrong shape, a probability outside [0, 1])."""
+    """A model that returned invalid values (a wrong shape, a probability outside [0, 1])."""
 
     exit_code = 4
 
 
 class SinkError(OpirError):
-    """An output that could not take events; the message says how many were delivered before."""
+    """An output that failed; the message gives the number of events delivered before."""
 
     exit_code = 5
 
 
 def unwritable(what: str, path: Path, error: OSError) -> SinkError:
-    """Return the complaint about a file beside the events that the system does not let be written."""
+    """Return the error of a file that cannot be written."""
     return SinkError(f"{what} {path} cannot be written: {reason_of(error)}; {way_to_write(error, path)}")
 
 
 def reason_of(error: OSError) -> str:
-    """Return the system's own words for what failed, as they stand within a sentence."""
+    """Return the system's error text, in lower case."""
     return (error.strerror or str(error)).lower()
 
 
 def way_to_write(error: OSError, path: Path) -> str:
-    """Return what to do where a file cannot be opened or written."""
+    """Return the remedy for a file that cannot be opened or written."""
     if isinstance(error, FileNotFoundError):
-        return f"make the folder {str(path.parent)!r} or give another path"
+        return f"create the folder {str(path.parent)!r} or give another path"
     if isinstance(error, IsADirectoryError):
         return "give the path of a file in it"
-    return "make room, or give a path on another disk" if error.errno == ENOSPC else "give a path that may be written"
+    return "make room, or give a path on another disk" if error.errno == ENOSPC else "give a writable path"
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

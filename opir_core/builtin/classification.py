@@ -106,7 +106,7 @@ def _refuse_strangers(config: ConfusionConfig, context: ModelContext) -> None:
     types = {sensor.type for sensor in context.sensors}
     for stranger in sorted(config.matrices.keys() - types):
         raise ModelError(
-            f"classification: matrices.{stranger} is for sensors of type {stranger}, of which the scene has none"
+            f"classification: matrices.{stranger} is for sensors of type {stranger}, and the scene has none"
             f"{nearest(stranger, types)}; the scene's sensors are of type {', '.join(sorted(types))}"
         )
 

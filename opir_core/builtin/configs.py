@@ -31,7 +31,7 @@ class ConstantConfig:
         default=1.0,
         minimum=0.0,
         maximum=1.0,
-        help="chance that each band of the sensor confirms a detection, independently; if none would, the first does",
+        help="probability that each band confirms a detection, independently; if none does, the first confirms",
     )
 
 
@@ -43,8 +43,8 @@ class ConfusionConfig:
         default=Factory(dict),
         check=_matrices_complaint,
         source="by default each sensor's own confusion matrix",
-        help="by sensor type and true target type the probabilities of each reported type; a row given here takes the"
-        " place of the sensor's own",
+        help="probabilities of each reported type, by sensor type and true target type; a row given here replaces the"
+        " sensor's own row",
     )
 
 
@@ -53,10 +53,14 @@ class WeightedConfig:
     """What a scene may set of the confidence model `weighted`; the weights sum to 1."""
 
     band: float = number(
-        default=0.4, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the share of bands that confirm"
+        default=0.4,
+        minimum=0.0,
+        maximum=1.0,
+        source=PAPER_CONFIDENCE,
+        help="weight of the fraction of bands that confirm",
     )
     count: float = number(
-        default=0.3, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the number of detections so far"
+        default=0.3, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the number of detections"
     )
     geometry: float = number(
         default=0.3, minimum=0.0, maximum=1.0, source=PAPER_CONFIDENCE, help="weight of the sine of the elevation"
@@ -78,7 +82,7 @@ class LaunchConfig:
         default=0.0, unit="m", minimum=-500.0, maximum=9000.0, help="height above the WGS 84 ellipsoid"
     )
     time_s: float = number(
-        default=0.0, unit="s", minimum=0.0, maximum=31_557_600.0, help="ignition, after the scene's epoch"
+        default=0.0, unit="s", minimum=0.0, maximum=31_557_600.0, help="ignition time, in scene time"
     )
 
 
@@ -98,20 +102,20 @@ class BallisticConfig:
     """What a scene may set of a target of the model `ballistic`."""
 
     type: str = text(choices=TARGET_TYPES, help="target type")
-    launch: LaunchConfig = nested(help="where and when it lifts off")
-    aim: AimConfig = nested(help="where it comes down")
+    launch: LaunchConfig = nested(help="launch point and time")
+    aim: AimConfig = nested(help="aim point")
     profile: str | None = text(
-        default=None, help="name of the class profile of its boost; by default the type's for the range to the aim"
+        default=None, help="boost profile; default: that of the target type for the range to the aim point"
     )
     burn_time_s: float | None = number(
-        default=None, unit="s", minimum=10.0, maximum=1000.0, help="burn time; by default the profile's"
+        default=None, unit="s", minimum=10.0, maximum=1000.0, help="burn time; default: the profile's"
     )
     ballistic_coefficient_kg_m2: float | None = number(
         default=None,
         unit="kg/m²",
         minimum=1.0,
         maximum=1e6,
-        help="m/(C_d A) in free flight, where the scene's forces have drag; by default the scene's",
+        help="m/(C_d A) in free flight with drag; default: the scene's",
     )
 
 
@@ -129,14 +133,14 @@ class TableConfig:
         unit="s",
         minimum=0.0,
         maximum=31_557_600.0,
-        help="scene time of a CSV file's time 0; 0 by default",
+        help="scene time of time 0 of a CSV file; default 0",
     )
-    object: str | None = text(default=None, help="OBJECT_NAME or OBJECT_ID in an OEM of several objects")
+    object: str | None = text(default=None, help="OBJECT_NAME or OBJECT_ID, for an OEM with several objects")
     ignition_s: float | None = number(
-        default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; by default what the file says"
+        default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; default: from the file"
     )
     burnout_s: float | None = number(
-        default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; by default what the file says"
+        default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; default: from the file"
     )
 
 

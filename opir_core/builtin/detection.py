@@ -93,8 +93,8 @@ def _refuse_sources(needed: Sequence[str]) -> None:
     unknown = [name for name in needed if name not in TARGET_TYPES]
     if unknown:
         raise ModelError(
-            f"detection: constant has no probability of detection for a {unknown[0]}: choose a detection model that"
-            " knows radiometry (detection: snr), or leave sources out"
+            f"detection: constant has no probability of detection for the source type {unknown[0]}: choose"
+            " a radiometric detection model (detection: snr), or omit the sources"
         )
 
 

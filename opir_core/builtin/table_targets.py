@@ -89,7 +89,7 @@ def _content(file: str) -> bytes:
     except OSError as error:
         raise BadTableError(f"cannot be read: {error.strerror or error}") from error
     if len(content) > _LARGEST_FILE_BYTES:
-        raise BadTableError(f"is larger than {_LARGEST_FILE_BYTES} bytes; leave out what does not burn")
+        raise BadTableError(f"is larger than {_LARGEST_FILE_BYTES} bytes; keep only the burn")
     return content
 
 
@@ -101,12 +101,10 @@ def _table(content: bytes, config: TableConfig, epoch_us: int) -> Table:
         raise BadTableError(f"line {line}: is not UTF-8 text") from error
     if next(keywords(text), "").startswith(FIRST_KEYWORD):
         if config.start_s is not None:
-            raise BadTableError("an OEM has its own times; leave start_s out")
+            raise BadTableError("an OEM has its own times; omit start_s")
         return oem_table(text, epoch_us, config.object)
     if config.object is not None:
-        raise BadTableError(
-            f"is a CSV file, which has no object; leave object out (an OEM begins with {FIRST_KEYWORD})"
-        )
+        raise BadTableError(f"is a CSV file, which has no object; omit object (an OEM begins with {FIRST_KEYWORD})")
     return csv_table(text, config.start_s or 0.0)
 
 

@@ -1,7 +1,7 @@
-"""Fields of configuration classes: each says its unit, its range, its meaning and where its default comes from.
+"""Fields of configuration classes, with unit, range, meaning and source of the default.
 
-A configuration class is a frozen attrs class whose attributes are made here. The scene reader, the error messages
-and the generated reference all read the same `FieldInfo`, so they cannot disagree.
+The attributes of a configuration class, a frozen attrs class, are made here. The scene reader, the error messages and
+the generated reference read the same `FieldInfo`.
 """
 
 import math
@@ -11,17 +11,17 @@ from typing import Any, TypeVar
 
 from attrs import NOTHING, Attribute, Converter, evolve, field, fields, fields_dict, frozen
 
-#: Where attrs metadata keeps a field's `FieldInfo`.
+#: The key of a field's `FieldInfo` in attrs metadata.
 METADATA_KEY = "opir"
 
 
 @frozen
 class FieldInfo:
-    """What a user is told about one configuration field.
+    """The description of a configuration field: meaning, unit, source of the default, allowed values.
 
-    A field that may be none can tell what another tells in another way, as in another unit: it is `instead_of` that
-    one, which stands before it, and has its value unless it is none. A scene's block, or Python, sets one of the two,
-    not both; what it sets comes before what presets, constellations and classes set in either way.
+    A field that may be none can be an alternative to an earlier one, for example in another unit: it is `instead_of`
+    that field, and replaces it unless it is none. A scene's block, or Python, sets one of the two, not both; that takes
+    precedence over presets, constellations and classes.
     """
 
     help: str
@@ -36,7 +36,7 @@ class FieldInfo:
 
     @property
     def interval(self) -> str:
-        """Return the allowed interval in the usual notation, `[0, 1]` or `(0, inf)`; "" where any number will do."""
+        """Return the allowed interval, `[0, 1]` or `(0, inf)`; "" for any number."""
         low, high = _bound(self.minimum, self.above), _bound(self.maximum, self.below)
         if low is None and high is None:
             return ""
@@ -46,7 +46,7 @@ class FieldInfo:
 
     @property
     def requirement(self) -> str:
-        """Return what the field is to hold, in one line; "" where nothing is known of it."""
+        """Return meaning, unit and allowed values in one line; "" without any."""
         parts = (self.help, self.unit, self.interval, " or ".join(self.choices))
         return ", ".join(part for part in parts if part)
 
@@ -75,7 +75,7 @@ def number(
 ) -> Any:
     """Return an attrs field for a finite number (annotate it `float`, `int`, or either `| None`)."""
     info = FieldInfo(help, unit, source, minimum, maximum, above, below, instead_of=instead_of)
-    once = Converter(_told_once, takes_self=True, takes_field=True) if instead_of else None
+    once = Converter(_set_once, takes_self=True, takes_field=True) if instead_of else None
     return field(
         default=default, converter=once, validator=_validate_number, metadata={METADATA_KEY: info}, kw_only=True
     )
@@ -88,7 +88,7 @@ def text(
     choices: tuple[str, ...] = (),
     source: str = "notional",
 ) -> Any:
-    """Return an attrs field for a string, one of `choices` where these are given."""
+    """Return an attrs field for a string, one of `choices` if given."""
     info = FieldInfo(help, source=source, choices=choices)
     return field(default=default, validator=_validate_text, metadata={METADATA_KEY: info}, kw_only=True)
 
@@ -110,8 +110,8 @@ def nested(
 ) -> Any:
     """Return an attrs field for another configuration class, a tuple or a mapping.
 
-    `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns a complaint about the value as a
-    whole, or None.
+    `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns the error of the whole value, or
+    None.
     """
     info = FieldInfo(help, unit, source, minimum, maximum)
     validators = [_validate_numbers_inside, *([_from_check(check)] if check else [])]
@@ -119,7 +119,7 @@ def nested(
 
 
 def info_of(attribute: "Attribute[Any]") -> FieldInfo:
-    """Return what is known of a configuration attribute; a bare attrs field has an empty help text."""
+    """Return the description of a configuration attribute; a bare attrs field has an empty help text."""
     found = attribute.metadata.get(METADATA_KEY)
     return found if isinstance(found, FieldInfo) else FieldInfo("", source="")
 
@@ -130,41 +130,41 @@ def field_infos(config_class: type) -> dict[str, FieldInfo]:
 
 
 @frozen
-class TwoWays:
-    """The names of two settings that tell the same; `other` has its value unless it is none."""
+class Alternatives:
+    """The names of two settings of one quantity; `other` replaces `plain` unless it is none."""
 
     plain: str
     other: str
-    #: Whether a class tells it the other way where nothing else tells it.
+    #: Whether the class's default is that of `other`.
     is_other_default: bool
 
 
 @cache
-def two_ways(config_class: type) -> tuple[TwoWays, ...]:
-    """Return what a configuration class lets scenes tell in two ways."""
+def alternatives(config_class: type) -> tuple[Alternatives, ...]:
+    """Return the pairs of settings of one quantity in a configuration class."""
     return tuple(
-        TwoWays(info_of(one).instead_of, one.name, one.default not in (None, NOTHING))
+        Alternatives(info_of(one).instead_of, one.name, one.default not in (None, NOTHING))
         for one in fields(config_class)
         if info_of(one).instead_of
     )
 
 
-def told_twice(plain: str) -> str:
-    """Return the complaint about a setting that stands beside `plain`, which tells the same."""
-    return f"tells the same as {plain}, which is set beside it; leave one of the two out"
+def error_of_both(plain: str) -> str:
+    """Return the error of a setting that is given beside `plain`, which sets the same quantity."""
+    return f"sets the same quantity as {plain}, which is also set; omit one of the two"
 
 
-def _told_once(value: Any, config: Any, attribute: "Attribute[Any]") -> Any:
-    """Return what a configuration tells in another way: nothing where it is the class that does, and Python plainly.
+def _set_once(value: Any, config: Any, attribute: "Attribute[Any]") -> Any:
+    """Return the value of an alternative field; None if only the class sets it and Python sets the plain field.
 
-    What is left out is the very object that is its field's default; a number that is set is another, were it equal.
+    A field that is not set holds the default object itself; a number that is set is a different object, even if equal.
     """
     plain = fields_dict(type(config))[info_of(attribute).instead_of]
     if value is None or getattr(config, plain.name) is plain.default:
         return value
     if value is attribute.default:
         return None
-    raise ValueError(f"{attribute.name} {told_twice(plain.name)}, or set {attribute.name} to None")
+    raise ValueError(f"{attribute.name} {error_of_both(plain.name)}, or set {attribute.name} to None")
 
 
 def _bound(closed: float | None, opened: float | None) -> float | None:
@@ -177,7 +177,7 @@ def _validate_number(_instance: Any, attribute: "Attribute[Any]", value: Any) ->
         return
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{value!r} is not a number")
-    _complain_unless_inside(info, value)
+    _require_inside(info, value)
 
 
 def _validate_text(_instance: Any, attribute: "Attribute[Any]", value: Any) -> None:
@@ -191,7 +191,7 @@ def _validate_text(_instance: Any, attribute: "Attribute[Any]", value: Any) -> N
 def _validate_numbers_inside(_instance: Any, attribute: "Attribute[Any]", value: Any) -> None:
     info = info_of(attribute)
     for leaf in _numbers_inside(value):
-        _complain_unless_inside(info, leaf)
+        _require_inside(info, leaf)
 
 
 def _numbers_inside(value: Any) -> list[float]:
@@ -203,7 +203,7 @@ def _numbers_inside(value: Any) -> list[float]:
     return [leaf for child in children for leaf in _numbers_inside(child)]
 
 
-def _complain_unless_inside(info: FieldInfo, value: float) -> None:
+def _require_inside(info: FieldInfo, value: float) -> None:
     if not _is_finite(value):
         raise ValueError(f"{value!r} is not a finite number")
     if not info.accepts(value):
@@ -217,7 +217,7 @@ def _is_finite(value: float) -> bool:
 
 
 def _figure(value: float) -> str:
-    """Return a bound as people write it."""
+    """Return a bound as text."""
     return str(int(value)) if float(value).is_integer() and abs(value) < _PLAIN_BELOW else f"{value:g}"
 
 

@@ -9,19 +9,19 @@ from opir_core.scene.fields import flag, nested, number, text
 #: The target types a scene may launch, in the order of their codes.
 TARGET_TYPES = ("ICBM", "IRBM", "SRBM")
 
-#: What else a scene may put on the ground or in the air that is hot; their codes follow those of `TARGET_TYPES`.
+#: The types of sources other than targets; their codes follow those of `TARGET_TYPES`.
 SOURCE_TYPES = ("fire", "flare", "glint", "bolide", "other")
 
-#: All that radiates, in the order of the codes of a plan's targets.
+#: All emitters, in the order of their codes in a plan.
 EMITTER_TYPES = (*TARGET_TYPES, *SOURCE_TYPES)
 
-#: What an event may report as its target type, in the order of their codes.
+#: The target types that an event can report, in the order of their codes.
 REPORTED_TYPES = (*TARGET_TYPES, "UNKNOWN")
 
-#: The code of "no answer" among `REPORTED_TYPES`.
+#: The code of UNKNOWN in `REPORTED_TYPES`.
 UNKNOWN_TYPE = REPORTED_TYPES.index("UNKNOWN")
 
-#: The signature model of a target whose block names none.
+#: The default signature model of targets.
 DEFAULT_SIGNATURE = "plume"
 
 
@@ -36,8 +36,8 @@ MAXIMUM_BANDS = 8
 class Choice:
     """A component chosen by name, with its configuration.
 
-    `hook` is the catalogue hook it came through, `path` where in the scene it stands (`sensors[2]`, `detection`).
-    `spool` is what an output's key of that name came to (`opir_core.output.spool.SpoolConfig`), or None.
+    `hook` is its catalogue hook, `path` its path in the scene (`sensors[2]`, `detection`). `spool` is the `SpoolConfig`
+    of an output, or None.
     """
 
     hook: str
@@ -67,7 +67,7 @@ class SceneTarget:
 
 @frozen
 class SceneSource:
-    """A block of emitters that are no targets: its id (unique in the scene) and its source model."""
+    """A block of sources: its id (unique in the scene) and its source model."""
 
     id: str
     model: Choice
@@ -75,10 +75,10 @@ class SceneSource:
 
 @frozen(kw_only=True)
 class ExponentialAir:
-    """Air whose density falls by e with every scale height."""
+    """Exponential air density."""
 
     density_kg_m3: float = number(unit="kg/m³", above=0.0, maximum=100.0, help="density at the base height")
-    scale_height_m: float = number(unit="m", minimum=100.0, maximum=1e6, help="height over which it falls by e")
+    scale_height_m: float = number(unit="m", minimum=100.0, maximum=1e6, help="scale height")
     base_height_m: float = number(
         default=0.0, unit="m", minimum=-5000.0, maximum=1e6, help="height above the WGS 84 ellipsoid"
     )
@@ -86,37 +86,37 @@ class ExponentialAir:
 
 @frozen(kw_only=True)
 class SceneDrag:
-    """How the air, which turns with the Earth, brakes what flies freely."""
+    """Drag in free flight, in air that rotates with the Earth."""
 
     ballistic_coefficient_kg_m2: float = number(
         default=5000.0,
         unit="kg/m²",
         minimum=1.0,
         maximum=1e6,
-        help="m/(C_d A) of every target whose block does not give its own",
+        help="m/(C_d A) of targets without their own value",
     )
     exponential: ExponentialAir | None = nested(
         default=None,
         source="U.S. Standard Atmosphere, 1976",
-        help="exponential air; by default that of the U.S. Standard Atmosphere, 1976, to 1000 km",
+        help="exponential density; default: U.S. Standard Atmosphere, 1976, up to 1000 km",
     )
 
 
 @frozen
 class SceneForces:
-    """What acts on targets in free flight beside the point mass: zonal harmonics by name, in order, and drag."""
+    """Forces in free flight besides the point mass: zonal harmonics by name, in order, and drag."""
 
     zonal: tuple[str, ...] = ()
     drag: SceneDrag | None = None
 
     @property
     def is_kepler(self) -> bool:
-        """Whether the point mass is all there is."""
+        """Whether only the point mass acts."""
         return not self.zonal and self.drag is None
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return what acts, as a scene names it."""
+        """Return the names of the forces, as in scenes."""
         return (*self.zonal, *(() if self.drag is None else ("drag",))) or ("kepler",)
 
 
@@ -124,8 +124,8 @@ class SceneForces:
 class Scene:
     """A whole scene.
 
-    `epoch_us` is the scene's zero of time, in microseconds of UTC since 1970-01-01 (no leap seconds). `light_time` says
-    whether light takes time from target to sensor.
+    `epoch_us` is the start of scene time, in microseconds of UTC since 1970-01-01 (no leap seconds). `light_time` is
+    whether light travels at finite speed.
     """
 
     name: str
@@ -147,7 +147,7 @@ class Scene:
 
     @property
     def choices(self) -> tuple[Choice, ...]:
-        """Return every component that the scene chose, in the order of the scene file."""
+        """Return every chosen component, in the order of the scene file."""
         signatures = (target.signature for target in self.targets)
         return (
             *(sensor.model for sensor in self.sensors),
@@ -171,29 +171,29 @@ _MIB = 1 << 20
 
 @frozen(kw_only=True)
 class SpoolConfig:
-    """Where events are kept until they are acknowledged, how many, and what gives way when there is no more room."""
+    """A spool: the file that keeps events until they are acknowledged, its size, and the policy when it is full."""
 
-    path: str = text(help="the spool's file (SQLite), made if it is not there, in a folder that exists", source="")
+    path: str = text(help="the spool's file (SQLite), created in an existing folder if missing", source="")
     max_bytes: int = number(
         default=1024 * _MIB,
         unit="bytes",
         minimum=_MIB,
         maximum=1 << 44,
-        help="the most that the file may grow to; SQLite's journal beside it takes a few MiB more",
+        help="maximum size of the file; SQLite's journal takes a few MiB more",
     )
     when_full: str = text(
         default=REFUSE,
         choices=(REFUSE, WAIT, DROP_OLDEST, DROP_NEWEST),
-        help="what gives way when the spool is full: refuse fails the output and keeps what is in the spool; wait holds"
-        " the run until there is room; drop-oldest and drop-newest lose events, and count them",
+        help="policy of a full spool: refuse fails the output and keeps the spooled events; wait holds"
+        " the run until there is room; drop-oldest and drop-newest drop events and count them",
     )
     wait_s: float = number(
-        default=60.0, unit="s", minimum=0.0, maximum=86_400.0, help="how long wait waits before it refuses"
+        default=60.0, unit="s", minimum=0.0, maximum=86_400.0, help="longest wait of the policy wait, then it refuses"
     )
     survives_power_cut: bool = flag(
         default=False,
-        help="whether each write waits for the disk itself; without it events survive the end of the process, however"
-        " it comes, but the last may be lost when the machine loses power",
+        help="whether each write waits for the disk; otherwise events survive the end of the process"
+        ", but the last may be lost in a power failure",
     )
 
     def __attrs_post_init__(self) -> None:

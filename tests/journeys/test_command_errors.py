@@ -9,6 +9,8 @@ import pytest
 from repository import EXAMPLES
 
 from opir_core.cli.main import main
+from opir_core.errors import ModelError, OpirError, PluginError, SceneError, SinkError
+from opir_core.plugin import discovery
 
 EXAMPLE = EXAMPLES / "first_light.yaml"
 
@@ -49,10 +51,10 @@ WRITING = [
     (("--out", "x", "--truth", "./x"), 2, "the truth would overwrite x, the path of the events"),
     (("--out", "x", "--truth", "y", "--manifest", "y"), 2, "the manifest would overwrite y, the path of the truth"),
     (("--out", "x", "--tracks", "y"), 2, "--tracks: the tracker none makes no tracks; omit this option"),
-    (("--out", "x", "--truth", "no/y"), 5, "the truth file no/y cannot be written: no such file or directory; make"),
+    (("--out", "x", "--truth", "no/y"), 5, "the truth file no/y cannot be written: no such file or directory; create"),
     (("--out", "x", "--truth", "folder"), 5, "the truth file folder cannot be written: is a directory; give"),
     (("--out", "x", "--truth", "/dev/full"), 5, "the truth file /dev/full cannot be written: no space left"),
-    (("--out", "x", "--manifest", "no/y"), 5, "the manifest no/y cannot be written: no such file or directory; make"),
+    (("--out", "x", "--manifest", "no/y"), 5, "the manifest no/y cannot be written: no such file or directory; create"),
 ]
 
 
@@ -141,3 +143,32 @@ def test_a_command_that_is_none_is_told_all_that_are(capsys: pytest.CaptureFixtu
         main(["srve"])
     assert left.value.code == 2
     assert "'serve'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "package"),
+    [
+        (("serve", "scene.yaml"), "opir-http"),
+        ((*RUN, "--sink", "kafka"), "opir-kafka"),
+        ((*RUN, "--tracker", "stereo-filter"), "opir-trackers"),
+        (("describe", "SBIRS-GEO"), "opir-sbirs"),
+    ],
+)
+def test_a_missing_package_of_this_project_is_named(
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    package: str,
+) -> None:
+    monkeypatch.setattr(discovery, "distributions_with", lambda groups: [])
+    message = told(capsys, *words, code=3)
+    assert f"{package} provides it: python -m pip install {package} (in a clone of opir: ./plugins/" in message
+
+
+def test_the_help_lists_the_exit_codes(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    listed = set(re.findall(r"^  (\d+)  +\w", capsys.readouterr().out, re.MULTILINE))
+    errors = (OpirError, SceneError, PluginError, ModelError, SinkError)
+    assert listed == {"0", "130", "141", *(str(error.exit_code) for error in errors)}

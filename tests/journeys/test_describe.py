@@ -25,8 +25,9 @@ def test_text_has_every_field_with_unit_range_default_meaning_and_source() -> No
         "confidence model weighted, of opir-core 0.1.0 (plugin builtin)",
         "weighted sum of confirming bands, number of detections and elevation (the paper's)",
     ]
-    assert "band: number, [0, 1], default 0.4\n    weight of the share of bands that confirm\n    default: opir-" in (
-        done.stdout
+    assert (
+        "band: number, [0, 1], default 0.4\n    weight of the fraction of bands that confirm\n    default: opir-"
+        in (done.stdout)
     )
 
 

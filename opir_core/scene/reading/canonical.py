@@ -1,4 +1,4 @@
-"""A scene's canonical form and its hash: what a manifest keeps so that a run can be repeated."""
+"""A scene's canonical form and its hash, for manifests, so that a run can be repeated."""
 
 from collections.abc import Mapping
 from itertools import groupby
@@ -6,7 +6,7 @@ from typing import Any
 
 from attrs import fields, has
 
-from opir_core.scene.fields import two_ways
+from opir_core.scene.fields import alternatives
 from opir_core.scene.reading.scene_schema import CHOICES, text_of_epoch_us
 from opir_core.scene.scene import Choice, Scene, SceneForces, SceneSensor, SceneTarget
 
@@ -34,7 +34,7 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
 def scene_hash(scene: Scene) -> str:
     """Return the SHA-256 (hexadecimal) of a scene's canonical form.
 
-    Scenes that mean the same have the same hash, however their files spell, order or comment them.
+    Scenes of equal content have the same hash, independent of spelling, order and comments of their files.
     """
     import json
     from hashlib import sha256
@@ -73,10 +73,10 @@ def _output_settings(choice: Choice) -> dict[str, Any]:
 
 
 def _settings(config: Any) -> dict[str, Any]:
-    """Return a configuration's fields; of what it may tell in two ways, the one in which it does."""
+    """Return a configuration's fields; of two alternatives, the one that is set."""
     kind: type = type(config)
     every = [attribute.name for attribute in fields(kind) if attribute.init]
-    silent = {pair.plain for pair in two_ways(kind) if getattr(config, pair.other) is not None}
+    silent = {pair.plain for pair in alternatives(kind) if getattr(config, pair.other) is not None}
     return {name: _plain(getattr(config, name)) for name in every if name not in silent}
 
 

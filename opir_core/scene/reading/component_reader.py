@@ -1,4 +1,4 @@
-"""Blocks to components: a name is looked up with the host, and its settings are read by its configuration class."""
+"""Blocks to components: the host looks up the name, the configuration class reads the settings."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -8,7 +8,7 @@ from attrs import Factory, frozen
 
 from opir_core.errors import PluginError
 from opir_core.plugin.host import Host
-from opir_core.scene.fields import TwoWays, told_twice, two_ways
+from opir_core.scene.fields import Alternatives, alternatives, error_of_both
 from opir_core.scene.reading.nodes import (
     Complaint,
     ErrorCollector,
@@ -32,17 +32,16 @@ from opir_core.scene.reading.structuring import (
 )
 from opir_core.scene.scene import Choice
 
-#: Keys that a scene keeps for itself, besides those that may stand in the block at hand.
+#: Keys reserved by scenes, besides those of the block.
 _KEPT = {"opir_sensor_models": ("id", "model", "constellation", "members"), "opir_sinks": ("spool",)}
 
 
 @frozen
 class Settings:
-    """What a scene writes of one component.
+    """The settings of one component in a scene.
 
-    `written` are the keys of its block that are settings (and `preset`), `block` is where they stand. `given` are
-    settings that the constellation `giver` brings; those written come before them. `other_keys` may stand beside
-    settings.
+    `written` are the settings in `block` (and `preset`). `given` are settings of the constellation `giver`; written
+    ones take precedence. `other_keys` are allowed beside settings.
     """
 
     block: Node
@@ -52,8 +51,8 @@ class Settings:
     other_keys: tuple[str, ...] = ("model", "preset")
 
 
-class Chooser:
-    """Looks up components with a host; keeps what plugins are to blame for until all of the scene has been read."""
+class ComponentReader:
+    """Looks up components with a host; collects the errors of plugins until the whole scene has been read."""
 
     def __init__(self, host: Host) -> None:
         self._host = host
@@ -61,7 +60,7 @@ class Chooser:
         self.failures: list[PluginError] = []
 
     def component(self, hook: str, name: str, path: str) -> Any:
-        """Return a component; where it cannot be had, keep why and refuse the node without another word."""
+        """Return a component; if it is missing, record the failure and raise an empty `InvalidNode`."""
         if (hook, name) not in self._found:
             self._found[hook, name] = None
             try:
@@ -74,7 +73,7 @@ class Chooser:
         return component
 
     def named(self, hook: str, node: Node, path: str) -> Choice:
-        """Return the choice of a node that is a component's name, or a block of `model` and settings."""
+        """Return the choice of a node: a component's name, or a block of `model` and settings."""
         if isinstance(node.value, str):
             return self.choice(hook, component_name(node), path, Settings(node))
         if not isinstance(node.value, dict):
@@ -95,13 +94,13 @@ class Chooser:
             raise self.blamed(component, path, f"its configuration fails: {type(error).__name__}: {error}") from error
 
     def blamed(self, component: Any, path: str, reason: str) -> InvalidNode:
-        """Keep that a plugin is at fault, and return the refusal of the node, without another word."""
+        """Record an error of a plugin, and return an empty `InvalidNode`."""
         owner = self._host.provenance(component.hook, component.name)
         self.failures.append(PluginError(f"{path}: {component.kind} {component.name!r} of {owner}: {reason}"))
         return InvalidNode()
 
     def _config(self, component: Any, path: str, settings: Settings) -> Any:
-        reader, pairs = self._reader(component, path, settings), two_ways(component.config)
+        reader, pairs = self._reader(component, path, settings), alternatives(component.config)
         written = dict(settings.written)
         preset = _preset(component, written.pop("preset")) if "preset" in written else {}
         givers = {**dict.fromkeys(preset, component), **dict.fromkeys(settings.given, settings.giver)}
@@ -118,7 +117,7 @@ class Chooser:
             raise InvalidNode(self._own_complaints(complaints, theirs, component, path)) from refused
 
     def home_elsewhere(self, key: str, is_near: bool) -> str:
-        """Return where in a scene a key would mean something; it is not looked for where a known one is like it."""
+        """Return where in a scene a key belongs; not looked up if a known key is similar."""
         from opir_core.scene.reading.misplaced_keys import home_elsewhere
 
         return "" if is_near else home_elsewhere(key, self._host)
@@ -132,13 +131,13 @@ class Chooser:
     def _own_complaints(
         self, complaints: list[Complaint], givers: Mapping[str, Any], component: Any, path: str
     ) -> Iterator[Complaint]:
-        """Yield the complaints about what the scene wrote; for the others, blame who gave the setting."""
+        """Yield the errors of settings in the scene; record the others as errors of the plugins that gave them."""
         for complaint in complaints:
             giver = givers.get(complaint.steps[0]) if complaint.steps else None
             if giver is None:
                 yield complaint
             else:
-                words = f"a setting of it does not fit {component.name}: {complaint.path}: {complaint.message}"
+                words = f"one of its settings does not fit {component.name}: {complaint.path}: {complaint.message}"
                 self.blamed(giver, path, words)
 
     def _reader(self, component: Any, path: str, settings: Settings) -> ClassReader:
@@ -148,12 +147,12 @@ class Chooser:
             raise self.blamed(component, path, str(error)) from error
         taken = sorted(reader.fields.keys() & {*settings.other_keys, *_KEPT.get(component.hook, ())})
         if taken:
-            raise self.blamed(component, path, f"its configuration has the field {taken[0]}, a key that scenes keep")
+            raise self.blamed(component, path, f"its configuration has the field {taken[0]}, a key reserved by scenes")
         return reader
 
 
 def component_name(node: Node) -> str:
-    """Return the name of a component; raises `InvalidNode` where the node is no text or empty."""
+    """Return the name of a component; raises `InvalidNode` if the node is empty or not text."""
     name = read_text(node)
     if not name:
         raise node.refused("a component's name is needed")
@@ -161,34 +160,34 @@ def component_name(node: Node) -> str:
 
 
 def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_keys: Sequence[str], home: Home) -> Any:
-    """Return a configuration, or raise all that is wrong with its block, what it tells twice included.
+    """Return a configuration, or raise all errors of its block, both of two alternatives being one.
 
-    What the block tells plainly its class's default does not tell otherwise.
+    A block that sets the plain field turns off the default of its alternative.
     """
-    gathering, silent = ErrorCollector(), {}
-    for pair in two_ways(reader.config_class):
-        told = _told(pair, block)
-        if told == [pair.plain] and pair.is_other_default:
+    collector, silent = ErrorCollector(), {}
+    for pair in alternatives(reader.config_class):
+        names = _set_names(pair, block)
+        if names == [pair.plain] and pair.is_other_default:
             silent[pair.other] = Node(None, place.place)
-        with gathering.at(key_step(pair.other)):
-            if len(told) > 1:
-                raise block[pair.other].refused(told_twice(pair.plain), at_key=True)
+        with collector.at(key_step(pair.other)):
+            if len(names) > 1:
+                raise block[pair.other].refused(error_of_both(pair.plain), at_key=True)
     node = Node({**block, **silent}, place.place)
-    if gathering.is_whole:
+    if collector.is_whole:
         return reader.made(node, other_keys, home)
-    with gathering.at():
-        reader.values(node, gathering, other_keys, home)
-    raise InvalidNode(gathering.complaints)
+    with collector.at():
+        reader.values(node, collector, other_keys, home)
+    raise InvalidNode(collector.complaints)
 
 
-def _laid_over(pairs: Iterable[TwoWays], lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings with nearer ones over them: what these tell, in either way, those no longer tell."""
-    gone = {name for pair in pairs if _told(pair, upper) for name in (pair.plain, pair.other)}
+def _laid_over(pairs: Iterable[Alternatives], lower: Mapping[str, Any], upper: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings with overriding ones laid over them; an overriding setting replaces both alternatives."""
+    gone = {name for pair in pairs if _set_names(pair, upper) for name in (pair.plain, pair.other)}
     return {**{key: value for key, value in lower.items() if key not in gone}, **upper}
 
 
-def _told(pair: TwoWays, block: Mapping[str, Any]) -> list[str]:
-    """Return by which of two names settings, nodes or plain values, tell what both tell."""
+def _set_names(pair: Alternatives, block: Mapping[str, Any]) -> list[str]:
+    """Return which of two alternatives are set, in nodes or plain values."""
     values = {name: block.get(name) for name in (pair.plain, pair.other)}
     return [name for name, one in values.items() if (one.value if isinstance(one, Node) else one) is not None]
 

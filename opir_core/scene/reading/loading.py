@@ -1,4 +1,4 @@
-"""Files and mappings to scenes, or to one error with everything that is wrong."""
+"""Files and mappings, with overrides, to scenes, or to one error with all problems."""
 
 import os
 import re
@@ -22,7 +22,7 @@ from opir_core.scene.reading.nodes import (
     shown_text,
 )
 from opir_core.scene.reading.plain_data import node_of_data
-from opir_core.scene.reading.scene_builder import Assembler
+from opir_core.scene.reading.scene_builder import SceneBuilder
 from opir_core.scene.reading.scene_schema import CHOICES
 from opir_core.scene.reading.strict_yaml import node_of_scalar, node_of_yaml
 from opir_core.scene.reading.structuring import block_of
@@ -36,8 +36,8 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = (), h
     """Return the scene of a YAML file.
 
     `overrides` (`sensors[0].scan_period_ms=50`) change it before it is checked. Components come from `host`, by default
-    from the installed plugins. Raises `SceneError` with every problem and its scene path, line and column; where the
-    scene is right, `PluginError` for components that cannot be had.
+    from the installed plugins. Raises `SceneError` with every problem and its scene path, line and column; if the
+    scene is valid, `PluginError` for missing components.
     """
     source = os.fspath(path)
     try:
@@ -50,7 +50,7 @@ def load_scene(path: str | os.PathLike[str], *, overrides: Sequence[str] = (), h
 def scene_from_mapping(
     mapping: Mapping[str, Any], *, overrides: Sequence[str] = (), host: Host | None = None, source: str = "scene"
 ) -> Scene:
-    """Return the scene of a mapping laid out as a scene file is; `source` is what messages call it.
+    """Return the scene of a mapping laid out as a scene file is; `source` is its name in messages.
 
     It is checked as a file is, and holds plain data only: mappings with text keys, lists, tuples, text, finite numbers,
     bools and None. Raises as `load_scene` does.
@@ -69,13 +69,13 @@ def _scene_of_node(root: Node, overrides: Sequence[str], host: Host | None, sour
         raise _scene_error([*complaints_inside(root), *refused.complaints], source) from None
     complaints = overridden(root, overrides, _DEFAULTS)
     complaints += complaints_inside(root)
-    assembler = Assembler(host or Host.discover())
-    scene = assembler.scene(root)
-    complaints += assembler.gathering.complaints
+    builder = SceneBuilder(host or Host.discover())
+    scene = builder.scene(root)
+    complaints += builder.collector.complaints
     if complaints:
         raise _scene_error(complaints, source)
     if scene is None:
-        raise _plugin_error(assembler.chooser.failures)
+        raise _plugin_error(builder.components.failures)
     return scene
 
 
@@ -128,7 +128,7 @@ _YAML = {"'": "'", '"': '"', "[": "]", "{": "}", "&": "", "*": "", "!": ""}
 
 
 def overridden(root: Node, overrides: Sequence[str], defaults: Mapping[str, str | None]) -> list[Complaint]:
-    """Apply overrides to a scene's nodes, one after the other, and return what is wrong with them.
+    """Apply overrides to a scene's nodes in order, and return their errors.
 
     A key that its block lacks is created, and so are blocks on the way to it; an item that its list lacks is not.
     `defaults` are the keys that choose a component, with the name chosen where the scene has none: a component named
@@ -156,7 +156,7 @@ def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> Non
 
 
 def _is_secret(path: str) -> bool:
-    """Return whether what a path sets is, or may by mistake be, a secret, which no message repeats."""
+    """Return whether a path may set a secret, which no message repeats."""
     return bool(_SECRET.search(path.rpartition(".")[2]))
 
 
@@ -186,7 +186,7 @@ def _value(text: str, shown: str) -> Node:
 
 
 def _open_choice(root: Node, steps: list[str | int], defaults: Mapping[str, str | None], shown: str) -> None:
-    """Make a block of the component that the first step leads to, where more steps follow and a name stands alone."""
+    """Turn the name of a component into a block, if the path leads to one of its settings."""
     key = steps[0]
     if len(steps) == 1 or not isinstance(key, str) or not isinstance(root.value, dict):
         return

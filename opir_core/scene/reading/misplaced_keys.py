@@ -1,4 +1,4 @@
-"""Where a key belongs that means nothing in its block; looked up when a scene is refused, and not before."""
+"""Where a key that is unknown in its block belongs; looked up only for error messages."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -11,7 +11,7 @@ from opir_core.plugin.host import Host
 from opir_core.scene.field_rows import field_rows
 from opir_core.scene.reading.scene_schema import CHOICES, SceneFile
 
-#: As many models as one message names.
+#: Maximum number of models that one message names.
 _MOST_NAMED = 5
 
 #: The block of a scene that components of each kind are set in.
@@ -27,7 +27,7 @@ _BLOCKS: Mapping[str, str] = {
 
 @frozen
 class Owners:
-    """A kind of component whose models know a key: their names, and the block inside theirs where it stands, or ""."""
+    """The models of one kind that have a key: their names, and the inner block of the key, or ""."""
 
     hook: str
     names: Sequence[str]
@@ -41,7 +41,7 @@ class Owners:
 
 
 def home_of(key: str, host: Host, component: Component, *, is_chosen: bool) -> str:
-    """Return in words where a component's block, or one of another model of its kind, has a key; "" if none has.
+    """Return where in a component's block, or in another model of its kind, a key belongs, as text; "" if nowhere.
 
     `is_chosen` says whether it is the block's `model` that chooses the component.
     """
@@ -56,21 +56,21 @@ def home_of(key: str, host: Host, component: Component, *, is_chosen: bool) -> s
 
 
 def home_elsewhere(key: str, host: Host) -> str:
-    """Return in words where in a scene a key would mean something; "" if nowhere."""
+    """Return where in a scene a key belongs, as text; "" if nowhere."""
     if any(key == attribute.name for attribute in fields(SceneFile)):
-        return "it belongs to the scene itself, not into a block"
+        return "it belongs to the top level of the scene"
     known = [owners for owners in (_owners(key, host, hook) for hook in _BLOCKS) if owners is not None]
     homes = [f"{owners} (in {_BLOCKS[owners.hook]})" for owners in known]
     return f"it belongs to {listed(homes, 'or')}" if homes else ""
 
 
 def listed(words: Sequence[str], last: str) -> str:
-    """Return words as a sentence lists them: `a`, `a or b`, `a, b or c`."""
+    """Return words as a list in a sentence: `a`, `a or b`, `a, b or c`."""
     return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def _owners(key: str, host: Host, hook: str) -> Owners | None:
-    """Return which models of a kind have a key, those that have it outermost if any do."""
+    """Return the models of a kind that have a key; those that have it in the outermost block, if any."""
     found = {component.name: list(_blocks_with(key, component)) for component in _usable(host, hook)}
     outermost = [name for name, blocks in found.items() if "" in blocks]
     if outermost:

@@ -1,7 +1,7 @@
-"""What was written, and where: the form in which a scene waits to be understood.
+"""Nodes: the values of a scene as written, with their places.
 
-A YAML file, a mapping and an override all become nodes, so one set of rules reads them all and every complaint can say
-where the thing complained of stands.
+A YAML file, a mapping and an override all become nodes, so one set of rules reads them all and every error message has
+a place.
 """
 
 import re
@@ -50,7 +50,7 @@ _LONGEST_SHOWN = 60
 
 
 class Unreadable(Enum):
-    """The value of a node that could not be read; why stands among its complaints."""
+    """The value of a node that could not be read; its complaints give the reason."""
 
     UNREADABLE = "unreadable"
 
@@ -66,14 +66,14 @@ class SwitchWord(str):
 
 @frozen
 class Complaint:
-    """One thing wrong: what, where in the text, and the steps to it (`.launch`, `[0]`) from the node complained of."""
+    """One error: message, place in the text, and steps (`.launch`, `[0]`) from the node."""
 
     message: str
     place: Place = None
     steps: tuple[str, ...] = ()
 
     def under(self, *steps: str) -> "Complaint":
-        """Return the complaint as seen from a node further up."""
+        """Return the complaint relative to a node further up."""
         return evolve(self, steps=(*steps, *self.steps))
 
     @property
@@ -83,14 +83,14 @@ class Complaint:
 
     @property
     def text(self) -> str:
-        """Return the message with the place, where that is known."""
+        """Return the message with the place, if known."""
         if self.place is None:
             return self.message
         return f"{self.message} ({place_text(self.place)})"
 
 
 class InvalidNode(Exception):  # noqa: N818 - never seen outside the reading package
-    """What is wrong with a node and the nodes in it; empty where the node complains of itself already."""
+    """The errors of a node and the nodes in it; empty if the node has its own complaints."""
 
     def __init__(self, complaints: Iterable[Complaint] = ()) -> None:
         super().__init__()
@@ -112,34 +112,34 @@ class Node:
     complaints: Sequence[Complaint] = ()
 
     def refused(self, message: str, *, at_key: bool = False) -> InvalidNode:
-        """Return the refusal of this node, or of its having been written at all (`at_key`)."""
+        """Return the error of this node, placed at its value or at its key (`at_key`)."""
         return InvalidNode([Complaint(message, self.key_place if at_key else self.place)])
 
 
 @define
 class ErrorCollector:
-    """Reads many things and keeps what is wrong with each, so that all of it can be told at once."""
+    """Collects the errors of several parts, so that all are reported at once."""
 
     complaints: list[Complaint] = Factory(list)
     is_whole: bool = True
 
     def at(self, *steps: str) -> "_Gather":
-        """Keep what is refused inside the `with` block, as seen from `steps` further up, and go on after it."""
+        """Collect the errors raised in the `with` block, under `steps`, and continue after it."""
         return _Gather(self, steps)
 
     def require_whole(self) -> None:
-        """Raise all that was refused, if anything was."""
+        """Raise all collected errors, if any."""
         if not self.is_whole:
             raise InvalidNode(self.complaints)
 
 
 class _Gather:
-    """The `with` block of `ErrorCollector.at`: a class, because a scene enters one for every value."""
+    """The `with` block of `ErrorCollector.at`; a class for speed, because a scene enters one for every value."""
 
-    __slots__ = ("_gathering", "_steps")
+    __slots__ = ("_collector", "_steps")
 
-    def __init__(self, gathering: ErrorCollector, steps: tuple[str, ...]) -> None:
-        self._gathering = gathering
+    def __init__(self, collector: ErrorCollector, steps: tuple[str, ...]) -> None:
+        self._collector = collector
         self._steps = steps
 
     def __enter__(self) -> None:
@@ -148,14 +148,14 @@ class _Gather:
     def __exit__(self, kind: object, error: object, trace: object) -> bool:
         if not isinstance(error, InvalidNode):
             return False
-        self._gathering.is_whole = False
-        self._gathering.complaints += [complaint.under(*self._steps) for complaint in error.complaints]
+        self._collector.is_whole = False
+        self._collector.complaints += [complaint.under(*self._steps) for complaint in error.complaints]
         return True
 
 
 @contextmanager
 def under(*steps: str) -> Iterator[None]:
-    """Let what is refused inside the `with` block be seen from `steps` further up."""
+    """Put the errors raised in the `with` block under `steps`."""
     try:
         yield
     except InvalidNode as refused:
@@ -163,7 +163,7 @@ def under(*steps: str) -> Iterator[None]:
 
 
 def place_text(place: tuple[int, int] | str) -> str:
-    """Return a place in words."""
+    """Return a place as text."""
     return place if isinstance(place, str) else f"line {place[0]}, column {place[1]}"
 
 
@@ -178,18 +178,18 @@ def index_step(index: int) -> str:
 
 
 def shown_text(text: str) -> str:
-    """Return text in quotes, cut short where it is long, with what cannot be printed escaped."""
+    """Return text in quotes, truncated, with unprintable characters escaped."""
     return repr(str(text)) if len(text) <= _LONGEST_SHOWN else f"{str(text)[:_LONGEST_SHOWN]!r}..."
 
 
 def unprintable_complaint(text: str) -> str | None:
-    """Return what is wrong with the characters of a text, or None."""
+    """Return the error in the characters of a text, or None."""
     found = _NOT_TEXT.search(text)
     return f"{shown_text(text)} contains U+{ord(found[0]):04X}, which is not text" if found else None
 
 
 def complaints_inside(node: Node) -> Iterator[Complaint]:
-    """Yield what the reader already found wrong with a node and the nodes in it."""
+    """Yield the complaints of a node and the nodes in it."""
     yield from node.complaints
     for step, child in _children(node.value):
         for complaint in complaints_inside(child):
@@ -197,12 +197,12 @@ def complaints_inside(node: Node) -> Iterator[Complaint]:
 
 
 def ordered(complaints: Iterable[Complaint]) -> list[Complaint]:
-    """Return complaints once each: those about the file by line and column, then the others as they came."""
+    """Return complaints without duplicates: those with a line by line and column, then the others in order."""
     return sorted(dict.fromkeys(complaints), key=lambda one: one.place if isinstance(one.place, tuple) else _LAST)
 
 
 def cut_short(complaints: list[Complaint]) -> list[Complaint]:
-    """Return as many complaints as one message takes, the last saying how many are left out."""
+    """Return the first complaints, and one with the number of those omitted."""
     left_out = len(complaints) - MAXIMUM_PROBLEMS
     if left_out <= 0:
         return complaints

@@ -43,58 +43,54 @@ class SceneFile:
 
     scene: str = nested(help="the scene's name", check=_name_complaint, source="")
     epoch: str = nested(
-        help="the scene's zero of time, RFC 3339 in UTC, of the years 1970 to 2099, to the microsecond at most",
+        help="start of scene time, RFC 3339 in UTC, years 1970 to 2099, microseconds at most",
         check=_epoch_complaint,
         source="",
     )
-    duration_s: float = number(
-        help="how long the scene lasts", unit="s", above=0.0, maximum=MAXIMUM_DURATION_S, source=""
-    )
-    seed: int = number(
-        help="what all random numbers come from", default=0, minimum=0, maximum=2**63 - 1, source="any will do"
-    )
+    duration_s: float = number(help="duration of the scene", unit="s", above=0.0, maximum=MAXIMUM_DURATION_S, source="")
+    seed: int = number(help="seed of all random numbers", default=0, minimum=0, maximum=2**63 - 1, source="arbitrary")
     light_time: bool = flag(
-        help="whether light takes time from target to sensor",
+        help="whether light travels at finite speed",
         default=True,
         source="physics: 0.12 s to geostationary height",
     )
     forces: Node | None = nested(
-        help="what acts in free flight: kepler (the point mass alone), or a list out of j2, j3, j4 and drag",
+        help="forces in free flight: kepler (point mass only), or a list of j2, j3, j4 and drag",
         default=None,
         source="opir-simulator paper (2026): two-body motion",
     )
     sensors: Node = nested(help="constellations and single sensors", source="")
     targets: Node | None = nested(help="launches", default=None, source="")
     sources: Node | None = nested(
-        help="emitters that are no targets: fires, flares, glints, bolides", default=None, source=""
+        help="emitters other than targets: fires, flares, glints, bolides", default=None, source=""
     )
     detection: Node | None = nested(
         help="detection model: its name, or a block of model and settings",
         default=None,
-        source="`constant` where none is named",
+        source="`constant` if none is named",
     )
     classification: Node | None = nested(
         help="classifier: its name, or a block of model and settings",
         default=None,
-        source="`paper` where none is named",
+        source="`paper` if none is named",
     )
     confidence: Node | None = nested(
         help="confidence model: its name, or a block of model and settings",
         default=None,
-        source="`weighted` where none is named",
+        source="`weighted` if none is named",
     )
     tracker: Node | None = nested(
-        help="tracker: its name, or a block of model and settings", default=None, source="`none` where none is named"
+        help="tracker: its name, or a block of model and settings", default=None, source="`none` if none is named"
     )
     atmosphere: Node | None = nested(
         help="atmosphere model: its name, or a block of model and settings",
         default=None,
-        source="`clear` where none is named",
+        source="`clear` if none is named",
     )
     background: Node | None = nested(
         help="background model: its name, or a block of model and settings",
         default=None,
-        source="`none` where none is named",
+        source="`none` if none is named",
     )
     outputs: Node | None = nested(
         help="sinks: a list of names, or of names with their settings", default=None, source=""

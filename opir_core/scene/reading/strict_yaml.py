@@ -132,10 +132,10 @@ _SYNTAX = (
     ("end of stream", "the quotes are not closed"),
     ("stream end", "the bracket is not closed"),
     ("expected ',' or '", "a ',' or a closing bracket is missing before this"),
-    ("expected key", "the keys of one block, and the '-' of one list, must begin in one column"),
-    ("block end", "the keys of one block, and the '-' of one list, must begin in one column"),
+    ("expected key", "the keys of one block, and the '-' of one list, must begin in the same column"),
+    ("block end", "the keys of one block, and the '-' of one list, must begin in the same column"),
     ("document start", "something follows after the end"),
-    ("'-' indicator", "the keys of one block, and the '-' of one list, must begin in one column"),
+    ("'-' indicator", "the keys of one block, and the '-' of one list, must begin in the same column"),
     ("node content", "a value is missing before this"),
     ("escape", "there is no such escape in double quotes; write '\\\\' for a backslash, or use single quotes"),
 )
@@ -155,7 +155,7 @@ def node_of_yaml(text: str, origin: str | None = None) -> Node:
     except yaml.MarkedYAMLError as error:
         composer.stop(*_syntax_message(error, origin is None))
     if composer.root is None:
-        raise InvalidNode([Complaint("there is nothing in it", origin)])
+        raise InvalidNode([Complaint("the document is empty", origin)])
     return composer.root
 
 
@@ -299,4 +299,4 @@ def _syntax_message(error: yaml.MarkedYAMLError, has_lines: bool) -> tuple[str, 
         return f"not YAML: {said}", mark
     if "expected ':'" in problem:
         return f"not YAML: {said}", begun
-    return f"not YAML: {said}, in what begins in line {begun.line + 1}", mark
+    return f"not YAML: {said}, in the block that begins in line {begun.line + 1}", mark

@@ -134,7 +134,7 @@ def _what_it_is(node: Node) -> str:
     if isinstance(value, list | dict):
         return "this is a list" if isinstance(value, list) else "this is a block"
     if value is None:
-        return "nothing is given"
+        return "the value is missing"
     if isinstance(value, SwitchWord):
         return f"{value} is a truth value to some YAML readers"
     if isinstance(value, str):
@@ -156,11 +156,11 @@ def _no_number(node: Node, needed: str) -> InvalidNode:
 
 def _all_read(parts: Iterable[tuple[str, Reader, Node]]) -> list[Any]:
     """Return what all parts come to, or raise the complaints of all parts."""
-    gathering, values = ErrorCollector(), []
+    collector, values = ErrorCollector(), []
     for step, reader, node in parts:
-        with gathering.at(step):
+        with collector.at(step):
             values.append(reader(node, None))
-    gathering.require_whole()
+    collector.require_whole()
     return values
 
 
@@ -211,9 +211,9 @@ class ClassReader:
 
         What the block leaves out is as in `base`, where one is given.
         """
-        gathering = ErrorCollector()
-        values = self.values(node, gathering, other_keys, home, base)
-        gathering.require_whole()
+        collector = ErrorCollector()
+        values = self.values(node, collector, other_keys, home, base)
+        collector.require_whole()
         try:
             return self.config_class(**{str(self.fields[name].attribute.alias): values[name] for name in values})
         except ValueError as error:
@@ -222,23 +222,23 @@ class ClassReader:
     def values(
         self,
         node: Node,
-        gathering: ErrorCollector,
+        collector: ErrorCollector,
         other_keys: Sequence[str] = (),
         home: Home | None = None,
         base: Any = None,
     ) -> dict[str, Any]:
-        """Return the values that can be read, by name; what is wrong goes to `gathering`.
+        """Return the values that can be read, by name; what is wrong goes to `collector`.
 
         `home` says where a key belongs that means nothing here; what the block leaves out is as in `base`.
         """
         known = (*other_keys, *self.fields)
         block = block_of(node, known)
         for key in [key for key in block if key not in self.fields]:
-            with gathering.at(key_step(key)):
+            with collector.at(key_step(key)):
                 raise unknown_key(key, block[key], known, home)
         values = {}
         for name, field in self.fields.items():
-            with gathering.at(key_step(name)):
+            with collector.at(key_step(name)):
                 if name in block:
                     values[name] = field.value(block[name])
                 elif base is not None:
@@ -276,7 +276,7 @@ def unknown_key(key: str, node: Node, known: Sequence[str], home: Home | None = 
     """Return the refusal of a key that means nothing here: the nearest known one, where it belongs, or all known."""
     near = nearest(key, known)
     if node.written == "" and ":" in key:
-        hint = "a blank is missing after its ':'"
+        hint = "a space is missing after its ':'"
     else:
         belongs = home(key, near is not None) if home else ""
         meant = f"did you mean {near}?{' Otherwise ' if belongs else ''}" if near else ""

@@ -1,16 +1,11 @@
-"""The targets of a scene, and the sources beside them that are no targets.
-
-Blocks that stand for one thing: its id, its model and the model's settings.
-
-The forces on targets in free flight: `kepler`, or a list of zonal harmonics and drag.
-"""
+"""The targets and sources of a scene, and the forces in free flight: `kepler`, or zonal harmonics and drag."""
 
 import re
 from collections.abc import Sequence
 
 from attrs import evolve
 
-from opir_core.scene.reading.component_reader import Chooser, Settings, component_name
+from opir_core.scene.reading.component_reader import ComponentReader, Settings, component_name
 from opir_core.scene.reading.nodes import (
     MAXIMUM_ID_LENGTH,
     MAXIMUM_SOURCES,
@@ -30,34 +25,36 @@ from opir_core.scene.scene import ZONAL_FORCES, Choice, SceneDrag, SceneForces, 
 _ID = re.compile(rf"[A-Za-z0-9._:-]{{1,{MAXIMUM_ID_LENGTH}}}")
 
 
-#: What an id is, in words.
+#: The rule for ids.
 ID_RULE = f"ids have 1 to {MAXIMUM_ID_LENGTH} characters, of A to Z, a to z, 0 to 9 and ._:-"
 
 
 class Identifier:
-    """Reads blocks of `id`, `model` and settings, for one kind of thing; no id is given twice."""
+    """Reads blocks of `id`, `model` and settings of one kind; ids are unique."""
 
-    def __init__(self, chooser: Chooser, hook: str, default_model: str | None = None) -> None:
-        self.chooser = chooser
+    def __init__(self, components: ComponentReader, hook: str, default_model: str | None = None) -> None:
+        self.components = components
         self.hook = hook
         self._default_model = default_model
         self._homes: dict[str, str] = {}
 
     def identified(self, node: Node, path: str, other_keys: tuple[str, ...], choice_path: str) -> tuple[str, Choice]:
-        """Return a block's id and its model; `choice_path` is the path that the model goes by."""
+        """Return a block's id and its model; `choice_path` is the path of the model in messages."""
         settings = dict(block_of(node, other_keys))
-        gathering = ErrorCollector()
-        with gathering.at(".id"):
+        collector = ErrorCollector()
+        with collector.at(".id"):
             found = required(settings, "id", node)
             given_id = self.claimed(read_text(found), path, found)
-        with gathering.at():
+        with collector.at():
             name = self._model(settings, node)
-            choice = self.chooser.choice(self.hook, name, choice_path, Settings(node, settings, other_keys=other_keys))
-        gathering.require_whole()
+            choice = self.components.choice(
+                self.hook, name, choice_path, Settings(node, settings, other_keys=other_keys)
+            )
+        collector.require_whole()
         return given_id, choice
 
     def claimed(self, text: str, path: str, node: Node) -> str:
-        """Return an id, which is `path`'s from there on; raises `InvalidNode` for a text that is none or is taken."""
+        """Return and record the id of `path`; raises `InvalidNode` for an invalid id or a duplicate."""
         if not is_id(text):
             raise node.refused(f"{shown_text(text)} is not an id; {ID_RULE}")
         home = self._homes.setdefault(text, path)
@@ -80,7 +77,7 @@ def is_id(text: object) -> bool:
 KEPLER = "kepler"
 _DRAG = "drag"
 _KNOWN = (*ZONAL_FORCES, _DRAG)
-_NEEDED = f"{KEPLER}, or a list out of {', '.join(_KNOWN)}, is needed"
+_NEEDED = f"{KEPLER}, or a list of {', '.join(_KNOWN)}, is needed"
 _ITEM_NEEDED = f"one of {', '.join(_KNOWN)}, or drag with its settings indented below it, is needed"
 
 
@@ -92,15 +89,15 @@ def read_forces(node: Node) -> SceneForces:
         hint = f": write [{node.value}]" if isinstance(node.value, str) and node.value in _KNOWN else ""
         raise refusal(node, f"{_NEEDED}{hint}")
     if not node.value:
-        raise node.refused(f"this list is empty; for the point mass alone, write {KEPLER}")
-    gathering, found = ErrorCollector(), dict[str, SceneDrag | None]()
+        raise node.refused(f"this list is empty; for the point mass only, write {KEPLER}")
+    collector, found = ErrorCollector(), dict[str, SceneDrag | None]()
     for index, item in enumerate(items_of(node)):
-        with gathering.at(index_step(index)):
+        with collector.at(index_step(index)):
             name, drag = _force(item)
             if name in found:
-                raise item.refused(f"{name} stands here twice")
+                raise item.refused(f"{name} occurs twice")
             found[name] = drag
-    gathering.require_whole()
+    collector.require_whole()
     return SceneForces(tuple(name for name in ZONAL_FORCES if name in found), found.get(_DRAG))
 
 
@@ -128,7 +125,7 @@ def _named(name: object, node: Node) -> str:
 
 def _unknown(name: str, node: Node) -> InvalidNode:
     if name == KEPLER:
-        return node.refused(f"{KEPLER} is the point mass alone: write it in the place of the list, or leave it out")
+        return node.refused(f"{KEPLER} is the point mass only: write it instead of the list, or leave it out")
     near = nearest(name, _KNOWN)
     return node.refused(f"there is no force {shown_text(name)}; {f'did you mean {near}?' if near else _ITEM_NEEDED}")
 
@@ -138,11 +135,11 @@ _SOURCE_KEYS = ("id", "model", "preset")
 
 
 class TargetReader:
-    """Reads the list of targets; `duration_s` is the scene's, where it is known."""
+    """Reads the list of targets; `duration_s` is the scene's, None if unknown."""
 
-    def __init__(self, chooser: Chooser, duration_s: float | None) -> None:
-        self._chooser = chooser
-        self._identifier = Identifier(chooser, "opir_target_models", DEFAULT_TARGET_MODEL)
+    def __init__(self, components: ComponentReader, duration_s: float | None) -> None:
+        self._components = components
+        self._identifier = Identifier(components, "opir_target_models", DEFAULT_TARGET_MODEL)
         self._duration_s = duration_s
 
     def targets(self, node: Node) -> tuple[SceneTarget, ...]:
@@ -150,29 +147,29 @@ class TargetReader:
         items = items_of(node)
         if len(items) > MAXIMUM_TARGETS:
             raise node.refused(f"there are {len(items)} targets; at most {MAXIMUM_TARGETS} are read")
-        gathering, targets = ErrorCollector(), list[SceneTarget]()
+        collector, targets = ErrorCollector(), list[SceneTarget]()
         for index, item in enumerate(items):
-            with gathering.at(index_step(index)):
+            with collector.at(index_step(index)):
                 path = f"targets[{index}]"
                 targets.append(self._target(item, path))
-        gathering.require_whole()
+        collector.require_whole()
         return tuple(targets)
 
     def _target(self, node: Node, path: str) -> SceneTarget:
         block = dict(block_of(node, _TARGET_KEYS))
-        gathering, signature = ErrorCollector(), None
+        collector, signature = ErrorCollector(), None
         if "signature" in block:
-            with gathering.at(".signature"):
+            with collector.at(".signature"):
                 named = block.pop("signature")
-                signature = self._chooser.named("opir_signature_models", named, f"{path}.signature")
-        with gathering.at():
+                signature = self._components.named("opir_signature_models", named, f"{path}.signature")
+        with collector.at():
             own_id, choice = self._identifier.identified(evolve(node, value=block), path, _TARGET_KEYS, path)
             self._refuse_late_launch(choice, node)
-        gathering.require_whole()
+        collector.require_whole()
         return SceneTarget(own_id, choice, signature)
 
     def _refuse_late_launch(self, choice: Choice, node: Node) -> None:
-        """Refuse a launch that the scene does not reach; models say `launch.time_s` where they have one."""
+        """Reject a launch after the end of the scene, for models with `launch.time_s`."""
         time_s = getattr(getattr(choice.config, "launch", None), "time_s", None)
         if not isinstance(time_s, float) or self._duration_s is None or time_s < self._duration_s:
             return
@@ -185,8 +182,8 @@ class TargetReader:
 class SourceReader:
     """Reads the list of sources; `targets` are the scene's."""
 
-    def __init__(self, chooser: Chooser, targets: Sequence[SceneTarget]) -> None:
-        self._identifier = Identifier(chooser, "opir_source_models")
+    def __init__(self, components: ComponentReader, targets: Sequence[SceneTarget]) -> None:
+        self._identifier = Identifier(components, "opir_source_models")
         self._target_ids = [target.id for target in targets]
 
     def sources(self, node: Node) -> tuple[SceneSource, ...]:
@@ -194,18 +191,18 @@ class SourceReader:
         items = items_of(node)
         if len(items) > MAXIMUM_SOURCES:
             raise node.refused(f"there are {len(items)} blocks of sources; at most {MAXIMUM_SOURCES} are read")
-        gathering, sources = ErrorCollector(), list[SceneSource]()
+        collector, sources = ErrorCollector(), list[SceneSource]()
         for index, item in enumerate(items):
-            with gathering.at(index_step(index)):
+            with collector.at(index_step(index)):
                 path = f"sources[{index}]"
                 own_id, choice = self._identifier.identified(item, path, _SOURCE_KEYS, path)
                 self._refuse_taken(own_id, item)
                 sources.append(SceneSource(own_id, choice))
-        gathering.require_whole()
+        collector.require_whole()
         return tuple(sources)
 
     def _refuse_taken(self, own_id: str, node: Node) -> None:
-        """Refuse an id that an emitter of the block, `ID-7`, would share with a target."""
+        """Reject an id with which an emitter of the block, `ID-7`, would share the id of a target."""
         for taken in self._target_ids:
             stem, dash, number = taken.rpartition("-")
             if taken == own_id or (stem == own_id and dash and number.isdecimal()):

@@ -137,7 +137,7 @@ def test_a_matrix_for_a_sensor_type_that_the_scene_has_not_is_refused():
     with pytest.raises(ModelError) as error:
         confusion_classifier(config, context_of(sensors, ["ICBM"]))
     assert str(error.value) == (
-        "classification: matrices.DPS is for sensors of type DPS, of which the scene has none; the nearest is 'DSP';"
+        "classification: matrices.DPS is for sensors of type DPS, and the scene has none; the nearest is 'DSP';"
         " the scene's sensors are of type DSP, LEO"
     )
 

@@ -124,10 +124,13 @@ def test_a_disk_that_fills_leaves_whole_lines_and_an_exact_count(tmp_path: Path)
 @pytest.mark.parametrize(
     ("path", "message"),
     [
-        ("missing/deeper/events.jsonl", "no such file or directory; make the folder '{folder}/missing/deeper' or give"),
+        (
+            "missing/deeper/events.jsonl",
+            "no such file or directory; create the folder '{folder}/missing/deeper' or give",
+        ),
         ("", "is a directory; give the path of a file in it"),
-        ("file/events.jsonl", "not a directory; give a path that may be written"),
-        ("x" * 300, "file name too long; give a path that may be written"),
+        ("file/events.jsonl", "not a directory; give a writable path"),
+        ("x" * 300, "file name too long; give a writable path"),
         ("nul\0.jsonl", "is no path"),
         ("half\ud800.jsonl", "is no path"),
     ],
@@ -144,7 +147,7 @@ def test_what_takes_no_bytes_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "socket"
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))
-        with pytest.raises(SinkError, match="no such device or address; give a path that may be written"):
+        with pytest.raises(SinkError, match="no such device or address; give a writable path"):
             sink("jsonl", path=str(path))
 
 

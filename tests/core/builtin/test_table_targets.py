@@ -173,9 +173,9 @@ GOOD_OEM = oem_text(np.array([0.0, 10.0]))
         (HEAD + "0,7e6,0\n", {}, "line 2: has 3 values; the first line names 4 columns"),
         (HEAD + "1,7e6,0,0\n0,7e6,0,0\n", {}, "line 3: its time does not follow that of line 2; sort the states"),
         (HEAD + "0,7e3,0,0\n1,7e3,0,0\n", {}, "line 2: the position is 7000 m from the Earth's centre"),
-        (GOOD_CSV, {"object": "ONE"}, "leave object out"),
+        (GOOD_CSV, {"object": "ONE"}, "omit object"),
         (GOOD_CSV, {"burnout_s": 2.0}, "a burn from 0 to 2 s does not fit: states go from 0 to 1 s"),
-        (GOOD_OEM, {"start_s": 1.0}, "an OEM has its own times; leave start_s out"),
+        (GOOD_OEM, {"start_s": 1.0}, "an OEM has its own times; omit start_s"),
         (GOOD_OEM, {"object": "TWO"}, "has no object 'TWO'; it has ONE"),
         (
             GOOD_OEM.replace("ITRF2014", "TOD"),

@@ -93,12 +93,12 @@ def test_a_sink_may_not_have_a_setting_named_spool() -> None:
 
     @frozen
     class Config:
-        spool: str = text(help="a key that scenes keep", default="")
+        spool: str = text(help="a key reserved by scenes", default="")
 
     class Plugin:
         @hookimpl
         def opir_sinks(self) -> list[SinkModel]:
             return [SinkModel(name="own", summary="its own", config=Config, build=lambda *_: None)]
 
-    with pytest.raises(PluginError, match="has the field spool, a key that scenes keep"):
+    with pytest.raises(PluginError, match="has the field spool, a key reserved by scenes"):
         load_scene(SCENE, overrides=["outputs=[own]"], host=Host.of(Plugin()))

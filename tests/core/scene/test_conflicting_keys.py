@@ -83,7 +83,7 @@ def test_both_in_one_block_is_one_error_with_its_place() -> None:
     with pytest.raises(SceneError) as caught:
         scene_of({"model": "EYE", "id": "A", **M, **CM, "slot_deg": "east"}, {"constellation": "EYES", **M, **CM})
     lines = [str(problem) for problem in caught.value.problems]
-    words = "noise_w_cm2: tells the same as noise_w_m2, which is set beside it; leave one of the two out"
+    words = "noise_w_cm2: sets the same quantity as noise_w_m2, which is also set; omit one of the two"
     assert [line for line in lines if "noise" in line] == [f"sensors[0].{words}", f"sensors[1].{words}"]
     assert any(line.startswith("sensors[0].slot_deg") for line in lines)
 
@@ -94,7 +94,7 @@ def test_one_of_them_set_to_none_is_not_told() -> None:
 
 
 def test_a_preset_that_tells_both_is_its_plugin_s_fault() -> None:
-    with pytest.raises(PluginError, match=r"EYE.*noise_w_cm2: tells the same as noise_w_m2"):
+    with pytest.raises(PluginError, match=r"EYE.*noise_w_cm2: sets the same quantity as noise_w_m2"):
         scene_of({"model": "EYE", "id": "A", "preset": "both"})
     assert effective_w_m2(model="EYE", preset="both", **CM) == 8e-12
 
@@ -110,7 +110,7 @@ def test_the_canonical_form_tells_one_of_them_and_repeats_the_scene() -> None:
 
 def test_python_tells_it_once_as_a_scene_does() -> None:
     """What is left out is the class's, also where the number set is the same as the class's."""
-    words = "noise_w_cm2 tells the same as noise_w_m2, which is set beside it; leave one of the two out, or set"
+    words = "noise_w_cm2 sets the same quantity as noise_w_m2, which is also set; omit one of the two, or set"
     for both in ({**M, **CM}, {**CM, "noise_w_m2": float("1e-12")}):
         with pytest.raises(ValueError, match=words):
             Eye(**both)
@@ -132,9 +132,9 @@ def test_python_s_setting_wins_over_the_class_in_either_way() -> None:
 @pytest.mark.parametrize("model", Host.discover().names("opir_sensor_models"))
 def test_the_installed_sensors_refuse_two_ways_in_python(model: str) -> None:
     config = Host.discover().component("opir_sensor_models", model).config
-    with pytest.raises(ValueError, match="nei_w_cm2 tells the same as nei_w_m2"):
+    with pytest.raises(ValueError, match="nei_w_cm2 sets the same quantity as nei_w_m2"):
         config(nei_w_m2=2e-12, nei_w_cm2=2e-16)
-    with pytest.raises(ValueError, match="false_alarm_probability tells the same as threshold_sigma"):
+    with pytest.raises(ValueError, match="false_alarm_probability sets the same quantity as threshold_sigma"):
         config(threshold_sigma=4.0, false_alarm_probability=1e-6)
 
 

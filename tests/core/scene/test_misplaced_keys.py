@@ -74,7 +74,7 @@ CASES = [
     ),
     (
         {"detection": {"model": "constant", "seed": 3}},
-        "detection.seed: unknown key; it belongs to the scene itself, not into a block",
+        "detection.seed: unknown key; it belongs to the top level of the scene",
     ),
     (
         {"outputs": [{"null": {"encoder": "flat"}}]},

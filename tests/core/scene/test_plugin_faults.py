@@ -92,7 +92,7 @@ class Reserved:
         (Unheard, "Unheard.when: scenes cannot hold a value of type set[int]"),
         (Unknown, "the field types of Unknown are not known: name 'Nowhere' is not defined"),
         (Crashing, "its configuration fails: KeyError: 'window'"),
-        (Reserved, "its configuration has the field model, a key that scenes keep"),
+        (Reserved, "its configuration has the field model, a key reserved by scenes"),
     ],
 )
 def test_a_configuration_class_that_cannot_be_read(config: type, words: str) -> None:

@@ -152,7 +152,7 @@ def test_complaints_of_nested_types_have_their_path() -> None:
         "tracker.derived: unknown key; known here: model, _private, bare, rows, table, places, named, maybe",
         "tracker.rows[0][1]: '2' is text; a whole number is needed: write 2 without quotes",
         "tracker.rows[1]: 3 is a number; a list is needed",
-        "tracker.table.a.b: nothing is given; a number is needed",
+        "tracker.table.a.b: the value is missing; a number is needed",
         "tracker.places[0].lat_deg: 91.0 is outside [-90, 90] deg",
         "tracker.places[0].lon_deg: is missing: longitude, deg, [-180, 180]",
     ]
