@@ -27,7 +27,7 @@ from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.stereo.tracker import stereo_filter
 
 import opir_core as opir
-from opir_core.estimation.lines_of_sight import axes_across
+from opir_core.estimation.lines_of_sight import tangent_axes
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections
 from opir_core.planning.plan import Plan, compile_plan
@@ -83,7 +83,7 @@ def with_false_alarms(
     number = rng.poisson(mean, (len(plan.sensors), scans))
     sensor, scan = (np.repeat(index, number[np.nonzero(number)]) for index in np.nonzero(number))
     place = np.stack([one.orbit.position_ecef_m(np.zeros(1))[0] for one in plan.sensors])[sensor]
-    axes = axes_across(-place / np.linalg.norm(place, axis=1)[:, None])
+    axes = tangent_axes(-place / np.linalg.norm(place, axis=1)[:, None])
     depth = 1.0 - rng.random(len(sensor)) * (1.0 - np.cos(DISC_RAD))
     turn, across = rng.uniform(0.0, 2.0 * np.pi, len(sensor)), np.sqrt(1.0 - depth**2)
     parts = np.stack([across * np.cos(turn), across * np.sin(turn), depth], axis=1)

@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 from opir_trackers.stereo.report import earth_fixed
-from opir_trackers.triangulation import meeting_points
+from opir_trackers.triangulation import triangulated
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, axes_across, emission_s, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, earth_rotated, emission_s, tangent_axes
 from opir_core.interfaces.records import Detections, Tracks
 
 #: How fast the acceleration wanders, m/s²/√s, and how surely the filter starts: m, m/s, m/s².
@@ -44,9 +44,9 @@ class FilterPyTracker:
 
         first = rays.take(np.unique(rays.sensor, return_index=True)[1])
         group = np.zeros(len(first), dtype=np.int64)
-        place = meeting_points(group, 1, first.origin_ecef_m, first.direction_ecef, first.sigma_rad).position_m
+        place = triangulated(group, 1, first.origin_ecef_m, first.direction_ecef, first.sigma_rad).position_m
         self._time_s = float(first.time_s.min())
-        inertial = turned(place, np.full(1, self._time_s))[0]
+        inertial = earth_rotated(place, np.full(1, self._time_s))[0]
         self._filter = ExtendedKalmanFilter(9, 2)
         self._filter.x = np.concatenate([inertial, np.cross([0.0, 0.0, 7.292115e-5], inertial), np.zeros(3)])
         self._filter.P = np.diag(START_SIGMA**2)
@@ -61,10 +61,10 @@ class FilterPyTracker:
         self._filter.predict()
 
     def _take_in(self, rays: LinesOfSight, row: int) -> None:
-        apart = turned(rays.origin_ecef_m[[row]], rays.time_s[[row]])[0] - self._filter.x[:3]
+        apart = earth_rotated(rays.origin_ecef_m[[row]], rays.time_s[[row]])[0] - self._filter.x[:3]
         left_s = emission_s(rays.time_s[[row]], np.array([np.sqrt(apart @ apart)]), True)
-        origin = turned(rays.origin_ecef_m[[row]], left_s)[0]
-        frame = axes_across(turned(rays.direction_ecef[[row]], left_s))[0]
+        origin = earth_rotated(rays.origin_ecef_m[[row]], left_s)[0]
+        frame = tangent_axes(earth_rotated(rays.direction_ecef[[row]], left_s))[0]
         self._predict(float(left_s[0]))
 
         def seen(state: FloatArray) -> FloatArray:

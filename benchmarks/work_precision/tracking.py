@@ -54,7 +54,7 @@ def coasted(case: Problem, cadence_s: float, burning: float = 0.0) -> tuple[np.n
     cuts = np.searchsorted(case.rays.time_s, np.arange(1, round(case.seconds / cadence_s) + 1) * cadence_s + 1e-9)
     start, before = time.process_time(), 0
     for number, cut in enumerate(cuts, start=1):
-        bank = filter_.moved(bank, cadence_s)
+        bank = filter_.predicted(bank, cadence_s)
         bank = filter_.updated(bank, number * cadence_s, everything.take(slice(before, cut)), cadence_s)
         before = cut
     taken = time.process_time() - start
@@ -128,10 +128,10 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
         cut = int(np.searchsorted(case.rays.time_s, end + 1e-9))
         rays, before = case.rays.take(slice(before, cut)), cut
         start = time.process_time()
-        now, owner = tracking.followed(now, end, rays)
-        now = evolve(now, roster=now.roster.seen(owner, rays.time_s, rays.sensor, np.full(len(owner), -1)))
+        now, owner = tracking.associated(now, end, rays)
+        now = evolve(now, table=now.table.with_detections(owner, rays.time_s, rays.sensor, np.full(len(owner), -1)))
         taken += time.process_time() - start
-        told.append((end, tracking.filter.moments(tracking.estimated(now))[0][:, :3]))
+        told.append((end, tracking.filter.moments(tracking.reported_estimates(now))[0][:, :3]))
     return told, taken
 
 
@@ -140,8 +140,8 @@ def begun(tracking: StereoTracking, case: Problem) -> TrackerState:
     number, bank = np.arange(len(case.prior)), first_bank(case.prior)
     roster = TrackTable.fresh(number, 0.0, len(_SLOTS))
     none = Histories.none()
-    histories = Histories(number, np.zeros(len(bank)), bank, none.sights, none.sensor)
-    return evolve(tracking.start(), bank=bank, roster=roster, histories=histories, next_number=len(bank))
+    histories = Histories(number, np.zeros(len(bank)), bank, none.measurements, none.sensor)
+    return evolve(tracking.start(), estimates=bank, table=roster, histories=histories, next_number=len(bank))
 
 
 _SLOTS = (("WEST", 10.0), ("EAST", 100.0))
@@ -168,7 +168,7 @@ def followed_known(case: Problem) -> list[tuple[float, np.ndarray]]:
     for second in range(1, case.seconds + 1):
         cut = int(np.searchsorted(everything.time_s, second + 1e-9))
         part, before = everything.take(slice(before, cut)), cut
-        bank = filter_.updated(filter_.moved(bank, 1.0), float(second), part, 1.0)
+        bank = filter_.updated(filter_.predicted(bank, 1.0), float(second), part, 1.0)
         told.append((float(second), filter_.moments(bank)[0][:, :3]))
     return told
 

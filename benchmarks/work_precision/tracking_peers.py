@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from tracking_problems import CHANCE, CLUTTER, KEPLER, PRIOR_M, PRIOR_M_S, SENSORS_M, SIGMA_RAD, Problem
 
-from opir_core.estimation.lines_of_sight import axes_across
+from opir_core.estimation.lines_of_sight import tangent_axes
 from opir_core.estimation.motion import COAST, Motion
 from opir_core.geometry import ecef_to_eci
 
@@ -121,7 +121,7 @@ def filterpy_filter(case: Problem) -> tuple[np.ndarray, float]:
 
     rays = case.rays
     origins = ecef_to_eci(rays.origin_ecef_m, rays.time_s)
-    axes = axes_across(ecef_to_eci(rays.direction_ecef, rays.time_s))
+    axes = tangent_axes(ecef_to_eci(rays.direction_ecef, rays.time_s))
     one = TwoBody(6, 2)
     one.x, one.P, one.R, one.Q = case.prior[0].copy(), PRIOR.copy(), np.eye(2) * SIGMA_RAD**2, np.zeros((6, 6))
     before, start = 0.0, time.process_time()

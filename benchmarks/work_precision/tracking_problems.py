@@ -7,8 +7,8 @@ from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 
 from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import LinesOfSight, Sights, axes_across, turned
-from opir_core.estimation.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.estimation.lines_of_sight import AngleMeasurements, LinesOfSight, earth_rotated, tangent_axes
+from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_eci, eci_to_ecef
@@ -65,7 +65,7 @@ def frame(points: np.ndarray, time_s: float, sensor: int, look: int, rng: np.ran
     """Return what one sensor measures of points at one time."""
     count = len(points)
     apart = points - ecef_to_eci(SENSORS_M[sensor], time_s)
-    axes = axes_across(apart / np.linalg.norm(apart, axis=1)[:, None])
+    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
     error = SIGMA_RAD * rng.normal(size=(count, 2))
     direction = axes[:, 2] + axes[:, 0] * error[:, :1] + axes[:, 1] * error[:, 1:]
     direction /= np.linalg.norm(direction, axis=1)[:, None]
@@ -94,11 +94,11 @@ def first_bank(prior: np.ndarray, burning: float = 0.0) -> ModeEstimates:
     return ModeEstimates(weight, mean, root, prior.copy(), root[:, :COAST, :COAST].copy(), np.ones((count, 3)))
 
 
-def known_sights(rays: LinesOfSight, track: np.ndarray) -> Sights:
+def known_sights(rays: LinesOfSight, track: np.ndarray) -> AngleMeasurements:
     """Return rays as sights of tracks that are known, without light time."""
-    origin, direction = turned(rays.origin_ecef_m, rays.time_s), turned(rays.direction_ecef, rays.time_s)
+    origin, direction = earth_rotated(rays.origin_ecef_m, rays.time_s), earth_rotated(rays.direction_ecef, rays.time_s)
     whitener = np.eye(2) / rays.sigma_rad[:, None, None]
-    return Sights(track, rays.time_s, origin, axes_across(direction), np.zeros((len(rays), 2)), whitener)
+    return AngleMeasurements(track, rays.time_s, origin, tangent_axes(direction), np.zeros((len(rays), 2)), whitener)
 
 
 def bound_m(case: Problem) -> np.ndarray:
@@ -111,11 +111,11 @@ def bound_m(case: Problem) -> np.ndarray:
     for second in range(1, case.seconds + 1):
         state, step = case.truth(float(second)), np.ones(len(case.start))
         middle = case.truth(second - 0.5)[:, :3]
-        root = square_root.moved(root, motion.transition(middle, -step), None)
+        root = square_root.time_update(root, motion.transition(middle, -step), None)
         mine = (case.rays.time_s > second - 1) & (case.rays.time_s <= second) & (case.target >= 0)
         sights = known_sights(case.rays.take(mine), case.target[mine])
-        weight = weights_at(sights.time_s - second)
-        _, slope = sights.residuals(followed(motion.taylor(state)[sights.track], weight))
+        weight = taylor_weights(sights.time_s - second)
+        _, slope = sights.residuals(taylor_positions(motion.taylor(state)[sights.track], weight))
         rows = (slope[:, :, None, :] * weight[:, None, :2, None]).reshape(-1, 2, COAST)
         gathered = root.transpose(0, 2, 1) @ root
         np.add.at(gathered, sights.track, rows.transpose(0, 2, 1) @ rows)

@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 
 from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import Sights, axes_across
-from opir_core.estimation.motion import COAST, Motion, followed, weights_at
+from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
+from opir_core.estimation.motion import COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 
 SIGMA_RAD, LOOKS = 2e-5, 10
@@ -29,23 +29,23 @@ PRIOR = np.repeat([20e3, 1000.0], 3)
 REGION = 7.814727903251179
 
 
-Way = Callable[[np.ndarray, Sights], tuple[np.ndarray, np.ndarray]]
+Way = Callable[[np.ndarray, AngleMeasurements], tuple[np.ndarray, np.ndarray]]
 
 
-def sights_of(target: np.ndarray, sensors: np.ndarray, rng: np.random.Generator) -> Sights:
+def sights_of(target: np.ndarray, sensors: np.ndarray, rng: np.random.Generator) -> AngleMeasurements:
     """Return a second of looks at one target, at times up to 0."""
     time_s = np.repeat(-np.arange(LOOKS) / LOOKS, len(sensors))
     origin = np.tile(sensors, (LOOKS, 1))
     motion = Motion(COAST, 0.0, KEPLER)
-    place = followed(np.repeat(motion.taylor(target[None]), len(time_s), axis=0), weights_at(time_s))
+    place = taylor_positions(np.repeat(motion.taylor(target[None]), len(time_s), axis=0), taylor_weights(time_s))
     apart = place - origin
-    axes = axes_across(apart / np.linalg.norm(apart, axis=1)[:, None])
+    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
     seen = SIGMA_RAD * rng.normal(size=(len(time_s), 2))
     whitener = np.tile(np.eye(2) / SIGMA_RAD, (len(time_s), 1, 1))
-    return Sights(np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener)
+    return AngleMeasurements(np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener)
 
 
-def linearised(mean: np.ndarray, sights: Sights, rounds: int) -> tuple[np.ndarray, np.ndarray]:
+def linearised(mean: np.ndarray, sights: AngleMeasurements, rounds: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate after so many linearisations."""
     motion = Motion(COAST, 0.0, KEPLER)
     point, root = mean[None], np.diag(1.0 / PRIOR)[None]
@@ -55,18 +55,18 @@ def linearised(mean: np.ndarray, sights: Sights, rounds: int) -> tuple[np.ndarra
 
 
 def once_more(
-    motion: Motion, mean: np.ndarray, point: np.ndarray, root: np.ndarray, sights: Sights
+    motion: Motion, mean: np.ndarray, point: np.ndarray, root: np.ndarray, sights: AngleMeasurements
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the update linearised at a point."""
-    weight = weights_at(sights.time_s)
-    residual, slope = sights.residuals(followed(np.repeat(motion.taylor(point), len(sights), axis=0), weight))
+    weight = taylor_weights(sights.time_s)
+    residual, slope = sights.residuals(taylor_positions(np.repeat(motion.taylor(point), len(sights), axis=0), weight))
     rows = (slope[:, :, None, :] * weight[:, None, :2, None]).reshape(-1, COAST)
     whole = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)[None]
-    upper, step, _ = square_root.updated(root, np.sum(root * (mean - point)[:, None, :], axis=2), whole)
+    upper, step, _ = square_root.measurement_update(root, np.sum(root * (mean - point)[:, None, :], axis=2), whole)
     return point + step, upper
 
 
-def unscented(mean: np.ndarray, sights: Sights) -> tuple[np.ndarray, np.ndarray]:
+def unscented(mean: np.ndarray, sights: AngleMeasurements) -> tuple[np.ndarray, np.ndarray]:
     """Return the estimate after an unscented update (kappa = 3 - d) of all looks at once."""
     motion, size = Motion(COAST, 0.0, KEPLER), COAST
     kappa = 3.0 - size
@@ -77,7 +77,7 @@ def unscented(mean: np.ndarray, sights: Sights) -> tuple[np.ndarray, np.ndarray]
     seen = []
     for point in points:
         path = np.repeat(motion.taylor(point[None]), len(sights), axis=0)
-        seen.append(-sights.residuals(followed(path, weights_at(sights.time_s)))[0].ravel())
+        seen.append(-sights.residuals(taylor_positions(path, taylor_weights(sights.time_s)))[0].ravel())
     told = np.array(seen)
     center = share @ told
     spread = (told - center).T @ ((told - center) * share[:, None]) + np.eye(told.shape[1])

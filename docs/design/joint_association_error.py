@@ -12,7 +12,7 @@ import argparse
 import time
 
 import numpy as np
-from opir_trackers.assignment import exact_marginals, propagated
+from opir_trackers.assignment import belief_propagation, exact_marginals
 
 
 def main() -> None:
@@ -29,7 +29,7 @@ def main() -> None:
             start = time.process_time()
             exact = exact_marginals(weight)[linked]
             middle = time.process_time()
-            near = propagated(8 * cluster + row, 8 * cluster + column, weight[linked])
+            near = belief_propagation(8 * cluster + row, 8 * cluster + column, weight[linked])
             times = [middle - start, time.process_time() - middle]
             error = np.abs(near - exact)
             figures = f"largest {error.max():.3f}, mean {error.mean():.4f}"

@@ -1,1 +1,1 @@
-"""What trackers and the bounds of scoring share: square-root filters, motion models and lines of sight."""
+"""Estimation shared by the trackers and the bounds of scoring: square-root filters, motion models, lines of sight."""

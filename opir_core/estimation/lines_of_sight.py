@@ -1,4 +1,4 @@
-"""Rays: the lines of sight of detections, and what each says about the track it is held against."""
+"""Lines of sight of detections, and the angle measurements that they give of tracks."""
 
 from typing import NamedTuple
 
@@ -11,21 +11,21 @@ from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.records import Detections
 
-#: Fewer rows than this are added up by numpy's reduction, more column by column: the same sums, each way sooner there.
-FEW = 80
+#: Row count below which a numpy reduction is faster than a sum column by column. Both give the same bits.
+FEW_ROWS = 80
 
-#: No line of sight is taken for better than this, rad: a metre from geostationary height. Of 0.01 µrad and less, what
-#: paths within a slice leave out is more than the error, and targets lose their tracks; of 0.03 µrad none does
-#: (measured, an ICBM that one or two scanners see).
+#: Lower bound on the standard deviation of a line of sight, rad: 1 m at geostationary range. At 0.01 µrad and below,
+#: the model error of the path within a slice exceeds the noise and tracks are lost; at 0.03 µrad none is (measured on
+#: an ICBM seen by one or two scanners).
 LEAST_SIGMA_RAD = 3e-8
 
 
 @frozen(eq=False)
 class LinesOfSight(Columns):
-    """Lines of sight, one row each: scene time of the look, sensor, its scan, where from and where to in ECEF, error.
+    """Lines of sight, one row each: scene time of the look, sensor, scan, origin and direction in ECEF, error.
 
-    `direction_ecef` (n, 3) are unit vectors; `sigma_rad` the standard deviation of each of two angles across, as a
-    tracker takes it: of detections never less than `LEAST_SIGMA_RAD`.
+    `direction_ecef` (n, 3) are unit vectors; `sigma_rad` is the standard deviation of each of the two angles across the
+    line, at least `LEAST_SIGMA_RAD`.
     """
 
     time_s: FloatArray
@@ -37,7 +37,7 @@ class LinesOfSight(Columns):
 
     @classmethod
     def of(cls, detections: Detections) -> "LinesOfSight":
-        """Return the rays of detections."""
+        """Return the lines of sight of detections."""
         return cls(
             detections.time_s,
             detections.sensor,
@@ -48,61 +48,61 @@ class LinesOfSight(Columns):
         )
 
     def of_instants(self) -> "LinesOfSight":
-        """Return the rays as if each instant of a sensor were a scan of its own."""
+        """Return the lines of sight with each instant of a sensor as a scan of its own."""
         scan = np.rint(self.time_s * 1e9).astype(np.int64)
         return LinesOfSight(self.time_s, self.sensor, scan, self.origin_ecef_m, self.direction_ecef, self.sigma_rad)
 
 
 @frozen(eq=False)
-class Sights(Columns):
-    """What rays say of tracks: two whitened residuals each, in the plane across a reference direction.
+class AngleMeasurements(Columns):
+    """Angle measurements of tracks in the tangent plane of a reference direction; two whitened residuals each.
 
-    A point p is seen at y = E (p - origin) / (z · (p - origin)), with E the first two rows of `axes` (n, 3, 3) and z
-    the third; the residuals are `whitener` (n, 2, 2) times (`seen` (n, 2) - y). `track` is a row of the bank, `time_s`
-    when the light left, and all vectors are inertial.
+    A point p projects to y = E (p - origin) / (z · (p - origin)), where E is the first two rows of `axes` (n, 3, 3) and
+    z the third. The residuals are `whitener` (n, 2, 2) times (`measured` (n, 2) - y). `track` is a row of the
+    estimates, `time_s` the time of emission; vectors are inertial.
     """
 
     track: IntArray
     time_s: FloatArray
     origin_m: FloatArray
     axes: FloatArray
-    seen: FloatArray
+    measured: FloatArray
     whitener: FloatArray
 
-    def placed(self, track: IntArray) -> "Sights":
-        """Return the sights as those of other rows of a bank."""
+    def with_track(self, track: IntArray) -> "AngleMeasurements":
+        """Return the measurements with other track rows."""
         return evolve(self, track=track)
 
-    def missed(self, position_m: FloatArray) -> FloatArray:
+    def whitened_residuals(self, position_m: FloatArray) -> FloatArray:
         """Return whitened residuals (n, 2) at positions (n, 3)."""
-        local = along(self.axes, position_m - self.origin_m)
-        return along(self.whitener, self.seen - local[:, :2] / local[:, 2:])
+        local = matvec(self.axes, position_m - self.origin_m)
+        return matvec(self.whitener, self.measured - local[:, :2] / local[:, 2:])
 
     def residuals(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return whitened residuals (n, 2) at positions (n, 3), and what y gains a metre there, whitened, (n, 2, 3)."""
+        """Return whitened residuals (n, 2) at positions (n, 3) and the whitened Jacobian (n, 2, 3) of y, 1/m."""
         return self.whitened().projected(position_m)[:2]
 
-    def whitened(self) -> "Planes":
-        """Return the planes of the sights in units of their errors."""
+    def whitened(self) -> "TangentPlanes":
+        """Return the tangent planes scaled to unit measurement noise."""
         axes, sharp = self.axes.copy(), self.whitener[:, 0, 0]
-        many = len(sharp) >= FEW and np.count_nonzero(self.whitener) == 2 * len(sharp)
+        many = len(sharp) >= FEW_ROWS and np.count_nonzero(self.whitener) == 2 * len(sharp)
         if many and np.array_equal(self.whitener[:, 1, 1], sharp):
             axes[:, :2] *= sharp[:, None, None]
-            return Planes(self.origin_m, axes, self.seen * sharp[:, None])
+            return TangentPlanes(self.origin_m, axes, self.measured * sharp[:, None])
         axes[:, :2] = self.whitener @ self.axes[:, :2]
-        return Planes(self.origin_m, axes, along(self.whitener, self.seen))
+        return TangentPlanes(self.origin_m, axes, matvec(self.whitener, self.measured))
 
 
-class Planes(NamedTuple):
-    """The planes of sights in units of their errors: the first two `axes` are E whitened, `aim` (n, 2) is `seen`."""
+class TangentPlanes(NamedTuple):
+    """Tangent planes scaled to unit noise: `axes` with E whitened, and `aim` (n, 2), `measured` whitened."""
 
     origin_m: FloatArray
     axes: FloatArray
     aim: FloatArray
 
     def projected(self, position_m: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return residuals and slopes as `Sights.residuals` does, and depths along z, m, at positions (..., n, 3)."""
-        local = along(self.axes, position_m - self.origin_m)
+        """Return residuals and Jacobians as `AngleMeasurements.residuals`, and depths, m, at positions (..., n, 3)."""
+        local = matvec(self.axes, position_m - self.origin_m)
         depth = local[..., 2]
         y = local[..., :2] / depth[..., None]
         slope = self.axes[:, :2] - y[..., None] * self.axes[:, 2:]
@@ -110,46 +110,48 @@ class Planes(NamedTuple):
         return self.aim - y, slope, depth
 
 
-def no_rays() -> LinesOfSight:
-    """Return the record of no rays."""
+def no_lines_of_sight() -> LinesOfSight:
+    """Return an empty record of lines of sight."""
     whole, none = np.empty(0, dtype=np.int64), np.empty((0, 3))
     return LinesOfSight(np.empty(0), np.empty(0, dtype=np.int32), whole, none, none, np.empty(0))
 
 
-def no_sights() -> Sights:
-    """Return the record of no sights."""
+def no_measurements() -> AngleMeasurements:
+    """Return an empty record of measurements."""
     none, square = np.empty((0, 3)), np.empty((0, 2, 2))
-    return Sights(np.empty(0, dtype=np.int64), np.empty(0), none, np.empty((0, 3, 3)), np.empty((0, 2)), square)
+    return AngleMeasurements(
+        np.empty(0, dtype=np.int64), np.empty(0), none, np.empty((0, 3, 3)), np.empty((0, 2)), square
+    )
 
 
 def emission_s(time_s: FloatArray, range_m: FloatArray | float, light_time: bool) -> FloatArray:
-    """Return when light seen at scene times (n,) left a distance (n,) away."""
+    """Return emission times (n,) of light received at scene times (n,) from a range (n,), m."""
     return time_s - range_m / SPEED_OF_LIGHT_M_S if light_time else time_s
 
 
-def turned(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return ECEF vectors (n, 3) in the inertial frame at scene times (n,)."""
+def earth_rotated(vectors: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return ECEF vectors (n, 3) in the inertial frame at scene times (n,); negative times give the inverse."""
     out = vectors.copy()
     plane = np.ascontiguousarray(out[:, :2])
-    plane.view(np.complex128)[:, 0] *= _spun(time_s)
+    plane.view(np.complex128)[:, 0] *= _rotation_factor(time_s)
     out[:, :2] = plane
     return out
 
 
-def both_turned(first: FloatArray, second: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return two vectors (n, 3) each in ECEF in the inertial frame at scene times (n,), as (2, n, 3)."""
+def both_earth_rotated(first: FloatArray, second: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return two sets of ECEF vectors (n, 3) in the inertial frame at scene times (n,), as (2, n, 3)."""
     out = np.empty((2, *first.shape))
     out[0], out[1] = first, second
     plane = np.ascontiguousarray(out[:, :, :2])
-    plane.view(np.complex128)[:, :, 0] *= _spun(time_s)
+    plane.view(np.complex128)[:, :, 0] *= _rotation_factor(time_s)
     out[:, :, :2] = plane
     return out
 
 
-def turn_slightly(vectors: FloatArray, later_s: FloatArray) -> None:
-    """Turn inertial vectors (k, n, 3) of places on Earth to what they are times (n,) later, in place.
+def rotate_slightly(vectors: FloatArray, later_s: FloatArray) -> None:
+    """Rotate inertial vectors (k, n, 3) of Earth-fixed points to times (n,) later, in place.
 
-    To first order: of a vector 4e-11 of its length is left in 0.1 s.
+    First order: the relative error is 4e-11 for 0.1 s.
     """
     angle = EARTH_ROTATION_RAD_S * later_s
     x, y = vectors[:, :, 0], vectors[:, :, 1]
@@ -158,18 +160,18 @@ def turn_slightly(vectors: FloatArray, later_s: FloatArray) -> None:
     y += aside
 
 
-def _spun(time_s: FloatArray) -> NDArray[np.complex128]:
-    """Return what x + i y in ECEF is multiplied by (n,) in the inertial frame at scene times (n,)."""
+def _rotation_factor(time_s: FloatArray) -> NDArray[np.complex128]:
+    """Return the complex factor (n,) that takes x + i y from ECEF to the inertial frame at scene times (n,)."""
     angle = EARTH_ROTATION_RAD_S * time_s
     factor = np.empty(angle.shape, dtype=np.complex128)
     factor.real, factor.imag = np.cos(angle), np.sin(angle)
     return factor
 
 
-def axes_across(direction: FloatArray) -> FloatArray:
-    """Return right-handed orthonormal axes (n, 3, 3) as rows whose third is the unit vectors (n, 3) given.
+def tangent_axes(direction: FloatArray) -> FloatArray:
+    """Return right-handed orthonormal axes (n, 3, 3) as rows, the third being the given unit vectors (n, 3).
 
-    Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017): smooth everywhere but across z = 0.
+    Duff et al., "Building an orthonormal basis, revisited", JCGT 6 (2017): smooth except across z = 0.
     """
     x, y, z = np.ascontiguousarray(direction.T)
     sign, low = np.copysign(1.0, z), np.abs(z)
@@ -187,20 +189,20 @@ def axes_across(direction: FloatArray) -> FloatArray:
     return axes
 
 
-def along(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
-    """Return the products (..., n, r) of matrices (n, r, c) and vectors (n, c), or some such (k, n, c)."""
-    if vectors.shape[-2] < FEW:
+def matvec(matrix: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Return the products (..., n, r) of matrices (n, r, c) with vectors (n, c) or (k, n, c)."""
+    if vectors.shape[-2] < FEW_ROWS:
         few: FloatArray = (matrix @ vectors[..., None])[..., 0]
         return few
     if vectors.ndim == 2:
         product: FloatArray = np.einsum("nrc,nc->nr", matrix, vectors)
         return product
-    return np.array([along(matrix, some) for some in vectors])
+    return np.array([matvec(matrix, some) for some in vectors])
 
 
 def dot(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the products (n,) of vectors (n, 2) or (n, 3), added up in order."""
-    if len(first) < FEW:
+    """Return the dot products (n,) of vectors (n, 2) or (n, 3), summed in order."""
+    if len(first) < FEW_ROWS:
         few: FloatArray = np.add.reduce(first * second, axis=1)
         return few
     total: FloatArray = first[:, 0] * second[:, 0]

@@ -1,13 +1,12 @@
-"""How targets move between looks: boost with a nearly constant jerk, and free flight, in the inertial frame.
+"""Motion models between looks, in the inertial frame: boost with nearly constant jerk, and free flight.
 
-A state of boost (12) is position, velocity, specific force a (all but gravity) and its rate; of coast (6) position and
-velocity. Both fall under the gravity of the scene's forces. White noise drives the rate of the specific force in boost,
-and the velocity in coast; drag on a free flight is added by `dragged_fall`. Units m, s; the inertial frame is ECEF
-frozen at the scene's epoch.
+A boost state (12) is position, velocity, specific force (all but gravity) and jerk; a coast state (6) is position and
+velocity. Gravity is that of the scene's forces. White noise drives the jerk in boost and the velocity in coast;
+`opir_trackers.filter.dynamics` adds drag to a free flight. Units m, s; the inertial frame is ECEF frozen at the scene
+epoch.
 
-What `motion` works out for columns of states, for one state's numbers: the same operations in the same order.
-
-So the bits are the same, and for a few states, where numpy's calls cost more than its arithmetic, they come far sooner.
+The `_one` functions compute a single state with plain numbers: the same operations in the same order, so the same bits,
+without numpy's overhead per call.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,16 +17,16 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray
-from opir_core.estimation.lines_of_sight import FEW, dot
+from opir_core.estimation.lines_of_sight import FEW_ROWS, dot
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import Gravity
 
-#: The acceleration of gravity at x, y and z, and a fourth number that is not asked for.
-Pull = Callable[[float, float, float], tuple[float, float, float, float]]
+#: Gravitational acceleration at x, y and z; the fourth number is not used.
+GravityFunction = Callable[[float, float, float], tuple[float, float, float, float]]
 
 
 def gradient_of_one(place: Sequence[float], mu_m3_s2: float) -> list[float]:
-    """Return the gradient of a point mass's gravity, three rows of three one after the other."""
+    """Return the gravity gradient of a point mass, 9 numbers by row."""
     x, y, z = place
     square = x * x + y * y + z * z
     scale = mu_m3_s2 / (square * sqrt(square))
@@ -37,7 +36,7 @@ def gradient_of_one(place: Sequence[float], mu_m3_s2: float) -> list[float]:
 
 
 def transition_of_one(place: Sequence[float], step: float, mu_m3_s2: float) -> list[float]:
-    "Return the transition_of_one matrix of a fall, six rows of six one after the other."
+    """Return the transition matrix of a free fall, 36 numbers by row."""
     bent = gradient_of_one(place, mu_m3_s2)
     rows, columns = (bent[:3], bent[3:6], bent[6:]), (bent[::3], bent[1::3], bent[2::3])
     second = step * (step / 2.0)
@@ -55,10 +54,10 @@ def transition_of_one(place: Sequence[float], step: float, mu_m3_s2: float) -> l
     return above + below
 
 
-def stepped_one(state: Sequence[float], step: float, pull: Pull, gravity: Sequence[float]) -> list[float]:
-    """Return a state of 6, or of 12 with a specific force and its rate, after one step of Nyström's method.
+def stepped_one(state: Sequence[float], step: float, pull: GravityFunction, gravity: Sequence[float]) -> list[float]:
+    """Return a state of 6, or of 12 with specific force and jerk, after one Nyström step.
 
-    `gravity` is what `pull` is where the step starts.
+    `gravity` is the value of `pull` at the start of the step.
     """
     half = 0.5 * step
     x, y, z, u, v, w = state[:6]
@@ -92,9 +91,9 @@ def stepped_one(state: Sequence[float], step: float, pull: Pull, gravity: Sequen
 
 
 def taylor_of_one(state: Sequence[float], gravity: Sequence[float], mu_m3_s2: float) -> list[float]:
-    """Return the derivatives of the position, from the zeroth to the fourth, of a state of 6 or of 12: 15 numbers.
+    """Return the position derivatives of order 0 to 4 of a state of 6 or 12, 15 numbers.
 
-    `gravity` is that at the state's position, as `Pull` says it.
+    `gravity` is the value at the state's position, as `GravityFunction` returns it.
     """
     x, y, z, u, v, w = state[:6]
     square = x * x + y * y + z * z
@@ -117,13 +116,13 @@ def taylor_of_one(state: Sequence[float], gravity: Sequence[float], mu_m3_s2: fl
     return [x, y, z, u, v, w, a, b, c, *rate, *bend]
 
 
-#: Sizes of the states.
+#: State sizes.
 BOOST, COAST = 12, 6
 
-#: For no more states than this gravity is worked out one by one: the same operations, sooner without numpy's calls.
-ALONE = 4
+#: State count up to which gravity is computed one by one: the same operations without numpy's overhead.
+FEW_STATES = 4
 
-#: The longest step, s: with a mean motion n, it leaves (n h)⁵ r / 120 < 0.1 mm in low orbits.
+#: Longest step, s: with mean motion n the error is (n h)⁵ r / 120 < 0.1 mm in low orbits.
 _LONGEST_STEP_S = 10.0
 
 _UNIT = np.eye(3)
@@ -131,9 +130,10 @@ _UNIT = np.eye(3)
 
 @frozen(eq=False)
 class Motion:
-    """The motion of one mode: the size of its state and the intensity of the noise, as a standard deviation per √s.
+    """The motion model of one mode: state size and noise intensity.
 
-    `noise` has the unit of the state's last derivative per √s: m/s³ for boost, m/s for coast.
+    `noise` is a standard deviation per √s in the unit of the last derivative of the state: m/s³ for boost, m/s for
+    coast.
     """
 
     #: States move alike however well they are known.
@@ -147,16 +147,16 @@ class Motion:
     )
 
     def gravity(self, position_m: FloatArray) -> FloatArray:
-        """Return the acceleration of gravity (n, 3), m/s², at positions (n, 3)."""
-        if len(position_m) <= ALONE:
+        """Return the gravitational acceleration (n, 3), m/s², at positions (n, 3)."""
+        if len(position_m) <= FEW_STATES:
             pull = self.field.alone_with_inverse_radius
             return np.array([pull(x, y, z)[:3] for x, y, z in position_m.tolist()]).reshape(-1, 3)
         down: FloatArray = np.ascontiguousarray(self.field(np.ascontiguousarray(position_m.T)).T)
         return down
 
     def gradient(self, position_m: FloatArray) -> FloatArray:
-        """Return the gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of it, is left out."""
-        if len(position_m) <= ALONE:
+        """Return the gravity gradient (n, 3, 3), 1/s², of the point mass; the zonal part, 1e-3 of it, is neglected."""
+        if len(position_m) <= FEW_STATES:
             mu = self.forces.gravity.mu_m3_s2
             return np.array([gradient_of_one(row, mu) for row in position_m.tolist()]).reshape(-1, 3, 3)
         square = dot(position_m, position_m)
@@ -167,7 +167,7 @@ class Motion:
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, d) after steps (n,), s."""
-        pieces = pieces_of(step_s, _LONGEST_STEP_S)
+        pieces = substeps(step_s, _LONGEST_STEP_S)
         if pieces > 1:
             step_s = step_s / pieces
         for _ in range(pieces):
@@ -175,8 +175,8 @@ class Motion:
         return state
 
     def stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return states after one step of Nyström's method of order 4 (Hairer, Norsett and Wanner, II.14)."""
-        if len(state) <= ALONE:
+        """Return states (n, d) after one Nyström step (n,), s."""
+        if len(state) <= FEW_STATES:
             pull, rows = self.field.alone_with_inverse_radius, zip(state.tolist(), step_s.tolist(), strict=True)
             alone = [stepped_one(row, step, pull, pull(*row[:3])) for row, step in rows]
             return np.array(alone).reshape(state.shape)
@@ -198,9 +198,9 @@ class Motion:
         return after
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, d, d) of steps (n,): the exponential series with a constant gradient.
+        """Return the transition matrices (n, d, d) of steps (n,): an exponential series with constant gradient.
 
-        Of the states (n, d or more than 2) that say where, the position counts alone.
+        Only the position of the states (n, d), or the positions (n, 3), are used.
         """
         if len(state) == 1 and self.size == COAST:
             numbers = transition_of_one(state[0, :3].tolist(), float(step_s[0]), self.forces.gravity.mu_m3_s2)
@@ -215,20 +215,20 @@ class Motion:
         return matrix.reshape(len(step_s), self.size, self.size)
 
     def noise_root(self, step_s: FloatArray, state: FloatArray | None = None) -> FloatArray | None:
-        """Return L (n, d, d) with L Lᵀ the covariance of the noise gathered in steps (n,); None where there is none.
+        """Return L (n, d, d) with L Lᵀ the process-noise covariance of steps (n,); None without noise.
 
-        It is the same whatever the states.
+        It does not depend on the states.
         """
         if self.noise == 0.0:
             return None
         if len(step_s) == 1:
             return _noise_alone(abs(float(step_s[0])), self.size // 3, self.noise)
-        whole = self.noise * noises(np.abs(step_s), self.size // 3)
+        whole = self.noise * noise_roots(np.abs(step_s), self.size // 3)
         return np.broadcast_to(whole, (len(step_s), self.size, self.size))
 
     def taylor(self, state: FloatArray) -> FloatArray:
-        """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
-        if len(state) <= ALONE:
+        """Return the position derivatives (n, 5, 3) of order 0 to 4."""
+        if len(state) <= FEW_STATES:
             pull, mu = self.field.alone_with_inverse_radius, self.forces.gravity.mu_m3_s2
             rows = [taylor_of_one(row, pull(*row[:3]), mu) for row in state.tolist()]
             return np.array(rows).reshape(-1, 5, 3)
@@ -251,16 +251,17 @@ class Motion:
         derivative[:, 4] = scale * ((3.0 * inward)[:, None] * position + (6.0 * share)[:, None] * velocity - fall)
         return derivative
 
-    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
-        """Return what whitened looks gain (m, 2, d) a unit of state, from what they gain a metre (m, 2, 3).
+    def measurement_rows(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return the whitened Jacobian (m, 2, d) by the state from that by the position (m, 2, 3), 1/m.
 
-        `weight` (m, 5) are those of the looks' times; how the gradient bends the path within a slice is left out.
+        `weight` (m, 5) are the Taylor weights of the look times; the bending of the path by the gravity gradient within
+        a slice is neglected.
         """
         rows: FloatArray = slope[:, :, None, :] * weight[:, None, : self.size // 3, None]
         return rows.reshape(len(slope), 2, self.size)
 
-    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return the spreads (n, 12, 12) of the position's first four derivatives from those of states, (n, d, d)."""
+    def derivative_roots(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return covariance roots (n, 12, 12) of four position derivatives from those of states, (n, d, d)."""
         if self.size == BOOST:
             return side
         out = np.zeros((len(side), BOOST, BOOST))
@@ -268,23 +269,23 @@ class Motion:
         return out
 
 
-def pieces_of(step_s: FloatArray, longest_s: float) -> int:
-    """Return in how many equal pieces none of the steps (n,) is longer than a limit."""
+def substeps(step_s: FloatArray, longest_s: float) -> int:
+    """Return the number of equal substeps with which no step (n,) exceeds a limit."""
     if len(step_s) == 1:
         return max(1, ceil(abs(float(step_s[0])) / longest_s))
     return max(1, ceil(float(np.abs(step_s).max(initial=0.0)) / longest_s))
 
 
-#: The power of time with which the unit matrix and the gradient enter the blocks of the exponential series; 5 for none.
+#: Powers of time with which the unit matrix and the gradient enter the blocks of the exponential series; 5 for none.
 _STRAIGHT = np.array([[0, 1, 2, 3], [5, 0, 1, 2], [5, 5, 0, 1], [5, 5, 5, 0]])
 _BENT = np.array([[2, 3, 4, 5], [1, 2, 3, 4], [5, 5, 5, 5], [5, 5, 5, 5]])
 
 
 def _tables(step_s: FloatArray, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what steps (n,) alone say of transition matrices; one row for all where the steps are the same."""
+    """Return the parts of the transition matrices that depend on steps (n,) only; one row if all steps are equal."""
     if len(step_s) == 1 or (len(step_s) and np.all(step_s == step_s[0])):
         return _tables_of_one(float(step_s[0]), blocks)
-    power = np.concatenate([weights_at(step_s), np.zeros((len(step_s), 1))], axis=1)
+    power = np.concatenate([taylor_weights(step_s), np.zeros((len(step_s), 1))], axis=1)
     straight, bent = (power[:, table[:blocks, :blocks]] for table in (_STRAIGHT, _BENT))
     return straight[:, :, None, :, None] * _UNIT[:, None, :], bent, power[:, 4, None, None]
 
@@ -292,11 +293,11 @@ def _tables(step_s: FloatArray, blocks: int) -> tuple[FloatArray, FloatArray, Fl
 @lru_cache(maxsize=64)
 def _tables_of_one(step_s: float, blocks: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     both = _tables(np.array([step_s, np.nan]), blocks)
-    return _kept(both[0][:1]), _kept(both[1][:1]), _kept(both[2][:1])
+    return _read_only(both[0][:1]), _read_only(both[1][:1]), _read_only(both[2][:1])
 
 
-def noises(step_s: FloatArray, blocks: int) -> FloatArray:
-    """Return roots of the covariance that unit noise gathers in steps (n,); one for all where they are the same."""
+def noise_roots(step_s: FloatArray, blocks: int) -> FloatArray:
+    """Return roots of the unit process-noise covariance of steps (n,); one row if all steps are equal."""
     if len(step_s) == 1 or (len(step_s) and np.all(step_s == step_s[0])):
         return _noise_of_one(float(step_s[0]), blocks)
     scale = step_s[:, None] ** (np.arange(blocks - 1, -1, -1) + 0.5)
@@ -306,22 +307,22 @@ def noises(step_s: FloatArray, blocks: int) -> FloatArray:
 
 @lru_cache(maxsize=64)
 def _noise_of_one(step_s: float, blocks: int) -> FloatArray:
-    return _kept(noises(np.array([step_s, np.nan]), blocks)[:1])
+    return _read_only(noise_roots(np.array([step_s, np.nan]), blocks)[:1])
 
 
 @lru_cache(maxsize=64)
 def _noise_alone(step_s: float, blocks: int, noise: float) -> FloatArray:
-    return _kept(np.asarray(noise * _noise_of_one(step_s, blocks)))
+    return _read_only(np.asarray(noise * _noise_of_one(step_s, blocks)))
 
 
-def _kept(array: FloatArray) -> FloatArray:
-    """Return an array that callers share, which none can write to."""
+def _read_only(array: FloatArray) -> FloatArray:
+    """Return an array, shared by callers, marked read-only."""
     array.flags.writeable = False
     return array
 
 
 def integrator_noise(blocks: int) -> FloatArray:
-    """Return the Cholesky factor of the covariance of a chain of integrators driven by unit noise for one second.
+    """Return the Cholesky factor of the covariance of a chain of integrators driven by unit noise for 1 s.
 
     Its elements are 1 / (a! b! (a + b + 1)) for the a-th and b-th integrals.
     """
@@ -333,10 +334,10 @@ def integrator_noise(blocks: int) -> FloatArray:
 _ORDERS = np.arange(1.0, 5.0)
 
 
-def weights_at(offset_s: FloatArray) -> FloatArray:
-    """Return 1, τ, τ²/2, τ³/6, τ⁴/24 for offsets (n,), as (n, 5)."""
-    if len(offset_s) >= FEW:
-        return _many_weights_at(offset_s)
+def taylor_weights(offset_s: FloatArray) -> FloatArray:
+    """Return the Taylor weights 1, τ, τ²/2, τ³/6, τ⁴/24 of offsets (n,), as (n, 5)."""
+    if len(offset_s) >= FEW_ROWS:
+        return _many_taylor_weights(offset_s)
     power = np.empty((len(offset_s), 5))
     power[:, 0] = 1.0
     np.divide(offset_s[:, None], _ORDERS, out=power[:, 1:])
@@ -344,8 +345,8 @@ def weights_at(offset_s: FloatArray) -> FloatArray:
     return powers
 
 
-def _many_weights_at(offset_s: FloatArray) -> FloatArray:
-    """Return what `weights_at` does, column by column."""
+def _many_taylor_weights(offset_s: FloatArray) -> FloatArray:
+    """Return `taylor_weights` computed column by column."""
     power = np.empty((5, len(offset_s)))
     power[0], power[1] = 1.0, offset_s
     for order in range(2, 5):
@@ -353,7 +354,7 @@ def _many_weights_at(offset_s: FloatArray) -> FloatArray:
     return power.T
 
 
-def followed(derivative: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return positions (n, 3) from derivatives (n, 5, 3) and the weights (n, 5) of the times."""
+def taylor_positions(derivative: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return positions (n, 3) from derivatives (n, 5, 3) and Taylor weights (n, 5)."""
     position: FloatArray = np.einsum("nk,nkc->nc", weight, derivative)
     return position

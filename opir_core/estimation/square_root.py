@@ -1,9 +1,9 @@
-"""Gaussian estimates as square roots of information, and the orthogonal array algorithms that move and update them.
+"""Gaussian estimates in square-root information form, with orthogonal time and measurement updates.
 
-An estimate of dimension d is a mean and an upper triangular R with Rᵀ R = P⁻¹. Everything is a QR decomposition of a
-stacked array (Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977, chapters V and VI), so
-covariances are symmetric and positive definite by construction and no normal equations are formed. All functions work
-on stacks (n, ...), one estimate each.
+An estimate of dimension d is a mean and an upper triangular R with Rᵀ R = P⁻¹. Each update is a QR decomposition of a
+stacked array (Bierman, "Factorization Methods for Discrete Sequential Estimation", 1977, chapters V and VI):
+covariances stay symmetric and positive definite, and no normal equations are formed. All functions work on stacks (n,
+...), one estimate each.
 """
 
 from functools import cache
@@ -16,7 +16,7 @@ from opir_core.arrays import FloatArray
 
 
 def triangular(rows: FloatArray) -> FloatArray:
-    """Return the upper triangular T (n, d, d) with Tᵀ T = AᵀA of arrays A (n, m, d), m at least d."""
+    """Return the upper triangular T (n, d, d) with Tᵀ T = AᵀA of arrays A (n, m, d), m ≥ d."""
     count, _, size = rows.shape
     if count == 1:
         factor = _lapack().dgeqrf(rows[0], lwork=size)[0][:size]
@@ -30,7 +30,7 @@ def triangular(rows: FloatArray) -> FloatArray:
 
 @cache
 def _lapack() -> Any:
-    """Return LAPACK itself: for one estimate numpy's way there costs several times the arithmetic."""
+    """Return LAPACK itself: for a single estimate numpy's overhead exceeds the arithmetic."""
     from scipy.linalg import lapack
 
     return lapack
@@ -38,14 +38,14 @@ def _lapack() -> Any:
 
 @cache
 def _above(rows: int, columns: int, order: Literal["C", "F"] = "C") -> FloatArray:
-    """Return 1 for the elements of an upper triangle, and 0 for the others; LAPACK's own order is F."""
+    """Return the mask of an upper triangle, 1 inside and 0 outside; LAPACK's order is F."""
     return np.array(1.0 - np.tri(rows, columns, -1), order=order)
 
 
-def spread(root: FloatArray) -> FloatArray:
-    """Return S = R⁻¹ (n, d, d), so that the covariance is S Sᵀ.
+def inverse_root(root: FloatArray) -> FloatArray:
+    """Return S = R⁻¹ (n, d, d); the covariance is S Sᵀ.
 
-    LU decomposition of an upper triangular matrix moves no row, so this is back substitution.
+    LU decomposition of an upper triangular matrix does not pivot, so this is back substitution.
     """
     if len(root) == 1:
         lone, singular = _lapack().dtrtri(root[0])
@@ -60,23 +60,23 @@ def spread(root: FloatArray) -> FloatArray:
 
 def covariance(root: FloatArray) -> FloatArray:
     """Return the covariance (n, d, d), exactly symmetric."""
-    return squared(spread(root))
+    return gram(inverse_root(root))
 
 
-def squared(side: FloatArray) -> FloatArray:
+def gram(side: FloatArray) -> FloatArray:
     """Return the products A Aᵀ (n, d, d) of arrays A (n, d, m), exactly symmetric."""
     product = side @ side.transpose(0, 2, 1)
     return 0.5 * (product + product.transpose(0, 2, 1))
 
 
-def root_of_spread(side: FloatArray) -> FloatArray:
-    """Return R (n, d, d) of estimates whose covariance is A Aᵀ, for A (n, d, m) with m at least d and of full rank."""
+def information_root(side: FloatArray) -> FloatArray:
+    """Return R (n, d, d) for the covariance A Aᵀ, with A (n, d, m), m ≥ d, of full rank."""
     upper = triangular(side.transpose(0, 2, 1))
-    return triangular(spread(upper).transpose(0, 2, 1))
+    return triangular(inverse_root(upper).transpose(0, 2, 1))
 
 
-def moved(root: FloatArray, back: FloatArray, noise: FloatArray | None) -> FloatArray:
-    """Return R after x → F x + L w, with `back` (n, d, d) = F⁻¹, `noise` (n, d, k) = L, w of unit variance, or None."""
+def time_update(root: FloatArray, back: FloatArray, noise: FloatArray | None) -> FloatArray:
+    """Return R after x → F x + L w, with `back` (n, d, d) = F⁻¹, `noise` (n, d, k) = L or None, w of unit variance."""
     carried = root @ back
     if noise is None:
         return triangular(carried)
@@ -89,11 +89,13 @@ def moved(root: FloatArray, back: FloatArray, noise: FloatArray | None) -> Float
     return triangular(rows)[:, width:, width:]
 
 
-def updated(root: FloatArray, owed: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def measurement_update(
+    root: FloatArray, owed: FloatArray, rows: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return R after a linear measurement, the step (n, d) to the new mean and the least sum of squares (n,).
 
-    `owed` (n, d) is R (prior mean - point of linearisation); `rows` (n, m, d + 1) are whitened rows [H | residual] at
-    that point. The step is from the point of linearisation.
+    `owed` (n, d) is R (prior mean - linearisation point); `rows` (n, m, d + 1) are whitened rows [H | residual] at that
+    point. The step starts at the linearisation point.
     """
     count, size = owed.shape
     stack = np.empty((count, size + rows.shape[1], size + 1))
@@ -123,8 +125,8 @@ def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
     return solution
 
 
-def log_determinants(root: FloatArray, other: FloatArray) -> FloatArray:
-    """Return log |det R| (n,) less that of others."""
+def log_determinant_ratio(root: FloatArray, other: FloatArray) -> FloatArray:
+    """Return log |det R / det R'| (n,) of two sets of roots."""
     if len(root) == 1:
         own, others = prod(root[0].diagonal().tolist()), prod(other[0].diagonal().tolist())
         return np.array([log(abs(own / others))])
@@ -133,12 +135,12 @@ def log_determinants(root: FloatArray, other: FloatArray) -> FloatArray:
     return total
 
 
-def mixed(
+def moment_matched(
     weight: FloatArray, mean: tuple[FloatArray, ...], root: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return mean (n, d) and R of mixtures of Gaussians with `weight` (n, k), by first and second moments."""
+    """Return mean (n, d) and R of Gaussian mixtures with weights `weight` (n, k), by moment matching."""
     center = sum((weight[:, [k]] * mean[k] for k in range(len(mean))), np.zeros_like(mean[0]))
     scale = np.sqrt(weight)
-    sides = [spread(root[k]) * scale[:, k, None, None] for k in range(len(mean))]
+    sides = [inverse_root(root[k]) * scale[:, k, None, None] for k in range(len(mean))]
     shifts = [((mean[k] - center) * scale[:, [k]])[:, :, None] for k in range(len(mean))]
-    return center, root_of_spread(np.concatenate([*sides, *shifts], axis=2))
+    return center, information_root(np.concatenate([*sides, *shifts], axis=2))

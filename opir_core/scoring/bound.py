@@ -12,9 +12,9 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_MU_M3_S2
-from opir_core.estimation.lines_of_sight import axes_across
-from opir_core.estimation.motion import BOOST, Motion, weights_at
-from opir_core.estimation.square_root import covariance, moved, triangular
+from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.estimation.motion import BOOST, Motion, taylor_weights
+from opir_core.estimation.square_root import covariance, time_update, triangular
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
 
@@ -33,7 +33,7 @@ _SLICE_S = 0.5
 _STEP_S = 1.0
 
 
-class SeenLooks(NamedTuple):
+class DetectedLooks(NamedTuple):
     """Looks (n,) that detected a target, in order of time.
 
     `target_ecef_m` and `sensor_ecef_m` (n, 3) are where target and sensor then stood, `sigma_rad` (n,) the standard
@@ -50,12 +50,12 @@ class SeenLooks(NamedTuple):
     @classmethod
     def unbiased(
         cls, look_s: FloatArray, target_ecef_m: FloatArray, sensor_ecef_m: FloatArray, sigma_rad: FloatArray
-    ) -> "SeenLooks":
+    ) -> "DetectedLooks":
         """Return looks of sensors without biases."""
         return cls(look_s, target_ecef_m, sensor_ecef_m, sigma_rad, np.zeros((len(look_s), 0, 3)))
 
 
-def state_bound(tick_s: FloatArray, seen: SeenLooks) -> FloatArray:
+def state_bound(tick_s: FloatArray, seen: DetectedLooks) -> FloatArray:
     """Return the bound's covariances (ticks, 6, 6) of inertial position and velocity at ticks.
 
     Source: Tichavský, Muravchik and Nehorai, IEEE Trans. Signal Processing 46 (1998), 1386, without process noise;
@@ -81,7 +81,7 @@ def state_bound(tick_s: FloatArray, seen: SeenLooks) -> FloatArray:
     return bounds
 
 
-def free_bound(tick_s: FloatArray, seen: SeenLooks) -> FloatArray:
+def free_bound(tick_s: FloatArray, seen: DetectedLooks) -> FloatArray:
     """Return the bound's covariances (ticks, 6, 6) at ticks where the thrust is not known.
 
     The posterior bound of Tichavský, Muravchik and Nehorai for a specific force whose rate is a random walk; biases are
@@ -101,10 +101,10 @@ def free_bound(tick_s: FloatArray, seen: SeenLooks) -> FloatArray:
             back = _widened(motion.transition(looks.near(row)[None], -step)[0], looks.biases)
             noise = motion.noise_root(step)
             wide = None if noise is None else np.pad(noise, ((0, 0), (0, looks.biases), (0, 0)))
-            weight = weights_at(looks.time_s[row:last] - end)[:, None, :4, None]
+            weight = taylor_weights(looks.time_s[row:last] - end)[:, None, :4, None]
             gained = (looks.slope[row:last, :, None, :] * weight).reshape(last - row, 2, BOOST)
             rows = np.concatenate([gained, looks.bias_slope[row:last]], axis=2).reshape(-1, root.shape[1])
-            root = triangular(np.concatenate([moved(root, back[None], wide)[0], rows])[None])
+            root = triangular(np.concatenate([time_update(root, back[None], wide)[0], rows])[None])
             now, row = end, last
         bounds[number] = covariance(root)[0, :6, :6]
     return bounds
@@ -122,7 +122,7 @@ class _Looks(NamedTuple):
     bias_slope: FloatArray
 
     @classmethod
-    def of(cls, seen: SeenLooks) -> "_Looks":
+    def of(cls, seen: DetectedLooks) -> "_Looks":
         target, sensor = (ecef_to_eci(place, seen.look_s) for place in (seen.target_ecef_m, seen.sensor_ecef_m))
         slope = _slopes(target - sensor, seen.sigma_rad)
         # A turn moves the direction, and so what is a metre off at the target's distance, across the line.
@@ -159,7 +159,7 @@ def _widened(transition: FloatArray, biases: int) -> FloatArray:
 def _slopes(line_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:
     """Return how directions along lines (n, 3) change with the position, in standard deviations a metre, (n, 2, 3)."""
     range_m = np.linalg.norm(line_m, axis=1)
-    across: FloatArray = axes_across(line_m / range_m[:, None])[:, :2] / (range_m * sigma_rad)[:, None, None]
+    across: FloatArray = tangent_axes(line_m / range_m[:, None])[:, :2] / (range_m * sigma_rad)[:, None, None]
     return across
 
 

@@ -17,7 +17,7 @@ from opir_core.plugin.host import Host
 from opir_core.scene.reading import load_scene
 from opir_core.scene.scene import Scene
 from opir_core.scoring.evidence import evidence_of_run
-from opir_core.scoring.scorecard import USUAL_SETTINGS, JudgedRun, Scorecard, ScoreSettings, judged_run, scorecard_of
+from opir_core.scoring.scorecard import USUAL_SETTINGS, Scorecard, ScoredRun, ScoreSettings, scorecard_of, scored_run
 from opir_core.simulation.run import run_of_plan
 
 
@@ -73,7 +73,7 @@ def compared(
     # All are read before any is run: what is wrong with the last is told at once.
     scenes = {name or scene.tracker.name: scene for name in named for scene in [_scene(path, name, overrides, host)]}
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
-    found, cards = _all_judged(tasks, workers, host), {}
+    found, cards = _scored_runs(tasks, workers, host), {}
     for label in scenes:
         judged = []
         for number in range(runs):
@@ -101,10 +101,10 @@ class _Task(NamedTuple):
     settings: ScoreSettings
 
 
-def _all_judged(tasks: Sequence[_Task], workers: int, host: Host) -> Iterator[JudgedRun]:
+def _scored_runs(tasks: Sequence[_Task], workers: int, host: Host) -> Iterator[ScoredRun]:
     """Yield what is found in runs, in their order, so many at once."""
     if min(workers, len(tasks)) < 2:
-        yield from (_judged(task, host) for task in tasks)
+        yield from (_scored(task, host) for task in tasks)
         return
     from concurrent.futures import ProcessPoolExecutor
     from concurrent.futures.process import BrokenProcessPool
@@ -113,14 +113,14 @@ def _all_judged(tasks: Sequence[_Task], workers: int, host: Host) -> Iterator[Ju
     # Not forked: other threads, such as a progress bar's, may hold locks.
     with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=get_context("spawn")) as pool:
         try:
-            yield from pool.map(_judged, tasks)
+            yield from pool.map(_scored, tasks)
         except BrokenProcessPool as error:
             words = "a worker's process ended before its run did, perhaps for want of memory; give fewer --workers"
             raise OpirError(words) from error
 
 
-def _judged(task: _Task, host: Host | None = None) -> JudgedRun:
+def _scored(task: _Task, host: Host | None = None) -> ScoredRun:
     plan = compile_plan(evolve(task.scene, seed=task.scene.seed + task.number), host)
     timed = TimedTracker(plan.make_tracker())
     run = run_of_plan(evolve(plan, make_tracker=lambda: timed))
-    return judged_run(evidence_of_run(run, plan, timed.seconds), task.settings)
+    return scored_run(evidence_of_run(run, plan, timed.seconds), task.settings)

@@ -16,7 +16,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import along, axes_across
+from opir_core.estimation.lines_of_sight import matvec, tangent_axes
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
 from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force
@@ -209,8 +209,8 @@ def _normalised(evidence: RunEvidence, rows: IntArray, told: Tracks) -> FloatArr
         expected = told.state[:, :3] + told.state[:, 3:] * after_s[:, None]
     apart = expected - origin
     range_m = np.sqrt(np.sum(apart * apart, axis=1))
-    axes = axes_across(apart / range_m[:, None])
-    seen = along(axes, evidence.direction_ecef[rows])
+    axes = tangent_axes(apart / range_m[:, None])
+    seen = matvec(axes, evidence.direction_ecef[rows])
     seen = seen[:, :2] / seen[:, 2:]
     slope = axes[:, :2] / range_m[:, None, None]
     slope = np.concatenate([slope, slope * after_s[:, None, None]], axis=2)

@@ -11,7 +11,7 @@ from opir_core.geometry import east_north_up_axes, geodesic_inverse, geodetic_to
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks
-from opir_core.scoring.bound import SeenLooks, free_bound, position_and_velocity, state_bound
+from opir_core.scoring.bound import DetectedLooks, free_bound, position_and_velocity, state_bound
 from opir_core.scoring.consistency import nees, on_normal_scale
 from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force, true_states
 
@@ -126,7 +126,7 @@ def _bounds(
     held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
     position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
     turns = bias_turns(plan.sensors, evidence.sensor[looks], sensor)
-    seen = SeenLooks(time_s, position, sensor, evidence.sigma_rad[looks], turns)
+    seen = DetectedLooks(time_s, position, sensor, evidence.sigma_rad[looks], turns)
     return position_and_velocity(state_bound(tick_s, seen)), position_and_velocity(free_bound(tick_s, seen))
 
 

@@ -23,7 +23,7 @@ from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring.evidence import RunEvidence
 
 
-class _Told(msgspec.Struct):
+class _TruthLine(msgspec.Struct):
     """A line of the truth; what is no detection has other keys."""
 
     record: str
@@ -105,7 +105,7 @@ def _targets(path: Path, plan: Plan) -> Mapping[str, int]:
     number = {id_: place for place, id_ in enumerate(plan.targets.ids)}
     owners: dict[str, int] = {}
     launches = []
-    for row in _lines(path, _Told, "what opir writes"):
+    for row in _lines(path, _TruthLine, "what opir writes"):
         if row.record == "target":
             launches.append(msgspec.structs.asdict(row))
         elif row.record == "detection":

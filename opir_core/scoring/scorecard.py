@@ -35,7 +35,7 @@ GEOMETRIES: Mapping[str, tuple[bool, bool]] = {
     "stereo_biased": (True, True),
 }
 #: Errors are held against bounds of the position below this, m: above, directions alone say little of the place.
-TOLD_M = 100e3
+LARGEST_BOUND_M = 100e3
 #: More targets than a scene can have.
 _MANY = 10**9
 
@@ -63,7 +63,7 @@ class Scorecard:
 
 
 @frozen(eq=False)
-class JudgedRun:
+class ScoredRun:
     """What was found in one run: errors row by row, and counts."""
 
     seed: int
@@ -83,10 +83,10 @@ class JudgedRun:
 
 def scorecard(evidences: Iterable[RunEvidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
     """Return the scorecard of runs of one scene and one tracker; runs are looked at one at a time."""
-    return scorecard_of([judged_run(evidence, settings) for evidence in evidences], settings)
+    return scorecard_of([scored_run(evidence, settings) for evidence in evidences], settings)
 
 
-def scorecard_of(judged: Sequence[JudgedRun], settings: ScoreSettings) -> Scorecard:
+def scorecard_of(judged: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecard:
     """Return the scorecard of runs that were judged, each with the same settings."""
     geometry = {name: _geometry(judged, *seen, settings) for name, seen in GEOMETRIES.items()}
     biased = any(each.is_biased for each in judged)
@@ -98,15 +98,15 @@ def scorecard_of(judged: Sequence[JudgedRun], settings: ScoreSettings) -> Scorec
             **_counts(judged),
             **geometry,
             "gospa": _gospa(judged, settings),
-            **_types_told(judged),
+            **_reported_types(judged),
         }
     )
 
 
-def judged_run(evidence: RunEvidence, settings: ScoreSettings) -> JudgedRun:
+def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
     """Return what is found in a run."""
     owners = ownership(evidence)
-    return JudgedRun(
+    return ScoredRun(
         seed=evidence.plan.scene.seed,
         is_biased=evidence.plan.bias is not None,
         states=state_errors(evidence, owners),
@@ -134,7 +134,7 @@ def _types(evidence: RunEvidence, owners: Ownership) -> FloatArray:
     return count
 
 
-def _counts(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+def _counts(judged: Sequence[ScoredRun]) -> dict[str, Any]:
     launches = sum(each.launches for each in judged)
     tracks, completeness, first_track_s = (
         np.concatenate([getattr(each.coverage, name) for each in judged])
@@ -153,13 +153,13 @@ def _counts(judged: Sequence[JudgedRun]) -> dict[str, Any]:
     }
 
 
-def _pace(judged: Sequence[JudgedRun], count: Sequence[int]) -> dict[str, Any]:
+def _pace(judged: Sequence[ScoredRun], count: Sequence[int]) -> dict[str, Any]:
     """Return the time of tracking a count, µs, over runs."""
     taken = np.array([each.tracking_s for each in judged])
     return mean(1e6 * taken / np.maximum(np.array(count), 1))
 
 
-def _geometry(judged: Sequence[JudgedRun], is_stereo: bool, is_biased: bool, settings: ScoreSettings) -> dict[str, Any]:
+def _geometry(judged: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, settings: ScoreSettings) -> dict[str, Any]:
     """Return the figures of the targets that one sensor saw, or several, none of them with a bias, or some."""
     states = StateErrors.concatenate(each.states for each in judged)
     points = PointErrors.concatenate(each.points for each in judged)
@@ -216,8 +216,8 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
 def _over_bounds(
     states: StateErrors, track: IntArray, name: str, position_m: FloatArray, velocity_m_s: FloatArray
 ) -> dict[str, Any]:
-    """Return bounds, and errors over them, at the ticks at which directions tell the place to `TOLD_M`."""
-    told = position_m < TOLD_M
+    """Return bounds, and errors over them, at the ticks at which directions tell the place to `LARGEST_BOUND_M`."""
+    told = position_m < LARGEST_BOUND_M
     figures = {}
     for what, unit, error, bound in (
         ("position", "m", states.position_m, position_m),
@@ -236,7 +236,7 @@ def _last_of_each(states: StateErrors) -> BoolArray:
     return np.append(changes, True)
 
 
-def _gospa(judged: Sequence[JudgedRun], settings: ScoreSettings) -> dict[str, Any]:
+def _gospa(judged: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, Any]:
     """Return the distances, averaged over the ticks of a run, and their parts, which are p-th powers."""
     means = np.array([mean_gospa(each.gospa_parts, settings.order) for each in judged]).reshape(-1, 5)
     names = ("mean_m", "a_target_m", "localisation_a_target", "missed_a_target", "false_a_target")
@@ -248,7 +248,7 @@ def _gospa(judged: Sequence[JudgedRun], settings: ScoreSettings) -> dict[str, An
     }
 
 
-def _types_told(judged: Sequence[JudgedRun]) -> dict[str, Any]:
+def _reported_types(judged: Sequence[ScoredRun]) -> dict[str, Any]:
     """Return the share of types told right, and the confusion matrix."""
     count = sum((each.confusion for each in judged), np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES))))
     right = sum(int(count[row, REPORTED_TYPES.index(true)]) for row, true in enumerate(TARGET_TYPES))

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_trackers.triangulation import information, meeting_points
+from opir_trackers.triangulation import information, triangulated
 from repository import DATA
 
 CASES = [
@@ -44,7 +44,7 @@ def test_meeting_points_reach_the_bound(case: dict[str, Any]) -> None:
     seen = truth + error
     seen /= np.linalg.norm(seen, axis=2)[:, :, None]
     group = np.repeat(np.arange(runs), len(origin))
-    fix = meeting_points(group, runs, np.tile(origin, (runs, 1)), seen.reshape(-1, 3), np.tile(sigma, runs))
+    fix = triangulated(group, runs, np.tile(origin, (runs, 1)), seen.reshape(-1, 3), np.tile(sigma, runs))
     rss = np.sqrt(np.mean(np.sum((fix.position_m - target) ** 2, axis=1)))
     assert rss == pytest.approx(case["expected"]["rss_m"], rel=5.0 / np.sqrt(2.0 * runs))
     assert fix.misfit.mean() == pytest.approx(2 * len(origin) - 3, rel=0.15)

@@ -11,7 +11,7 @@ import numpy as np
 from opir_trackers.filter.switching import ImmFilter
 
 from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
 from opir_core.estimation.motion import BOOST, Motion
 from opir_core.flight.forces import Forces, ZonalField
 
@@ -31,7 +31,7 @@ def looks(count: int) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray, n
         origin = SENSORS_M[number % 2]
         apart = target + rng.normal(size=3) * 700.0 - origin
         origins.append(origin)
-        axes.append(axes_across((apart / np.linalg.norm(apart))[None])[0])
+        axes.append(tangent_axes((apart / np.linalg.norm(apart))[None])[0])
         seen.append(np.zeros(2))
     prior = np.concatenate([start + rng.normal(size=3) * 2e3, rng.normal(size=9) * 10.0])
     sigma = np.repeat([3e3, 300.0, 20.0, 0.5], 3)
@@ -108,7 +108,7 @@ def test_forty_looks() -> None:
     for number, (origin, frame) in enumerate(zip(origins, axes, strict=True), start=1):
         state, root = switching._carried(motion, state, root, np.array([STEP_S]))
         time_s = number * STEP_S
-        sight = Sights(
+        sight = AngleMeasurements(
             np.zeros(1, dtype=np.int64),
             np.array([time_s]),
             origin[None],
@@ -116,7 +116,7 @@ def test_forty_looks() -> None:
             seen[number - 1][None],
             np.eye(2)[None] / SIGMA_RAD,
         )
-        state, root, _ = switching.taken_in(motion, state, root, time_s, sight)
+        state, root, _ = switching.mode_updated(motion, state, root, time_s, sight)
     mine = square_root.covariance(root)[0]
     sigma = np.sqrt(np.diag(mine))
     assert np.all(np.abs(state[0] - mean) < 1e-6 * sigma), "a millionth of a standard deviation"

@@ -14,8 +14,8 @@ import numpy as np
 from opir_trackers.filter.switching import ImmFilter
 
 from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import Sights, axes_across
-from opir_core.estimation.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
+from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 
 DIGITS = 50
@@ -111,11 +111,11 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
         after = motion.propagated(mean, step)
         back = motion.transition(0.5 * (mean[:, :3] + after[:, :3]), -step)
         noise = motion.noise_root(step)
-        mean, root = after, square_root.moved(root, back, noise)
+        mean, root = after, square_root.time_update(root, back, noise)
         reference.move(back[0], None if noise is None else noise[0])
         sights = looks(case, motion, truth, rng)
         before, start_root = mean, root
-        mean, root, _ = filter_.taken_in(motion, mean, root, 0.0, sights)
+        mean, root, _ = filter_.mode_updated(motion, mean, root, 0.0, sights)
         # The last point of linearisation is where the filter would have stopped: one more step from it changes nothing.
         mean, root, rows = one_more(motion, before, start_root, mean, sights)
         reference.take_in(rows, before[0], mean[0])
@@ -124,32 +124,32 @@ def samples(case: Case, every: int = 1) -> list[Sample]:
     return found
 
 
-def looks(case: Case, motion: Motion, truth: np.ndarray, rng: np.random.Generator) -> Sights:
+def looks(case: Case, motion: Motion, truth: np.ndarray, rng: np.random.Generator) -> AngleMeasurements:
     """Return the looks of a slice that ends at time 0, each sensor's at its own instants."""
     count = max(1, round(case.rate_hz * case.slice_s))
     sensors = len(case.sensors_m)
     time_s = np.repeat(-case.slice_s * np.arange(count) / count, sensors)
     origin = np.tile(case.sensors_m, (count, 1))
-    place = followed(np.repeat(motion.taylor(truth), len(time_s), axis=0), weights_at(time_s))
+    place = taylor_positions(np.repeat(motion.taylor(truth), len(time_s), axis=0), taylor_weights(time_s))
     apart = place - origin
-    axes = axes_across(apart / np.linalg.norm(apart, axis=1)[:, None])
+    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
     seen = rng.normal(size=(len(time_s), 2)) * case.sigma_rad
     whitener = np.tile(np.eye(2) / case.sigma_rad, (len(time_s), 1, 1))
-    return Sights(np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener)
+    return AngleMeasurements(np.zeros(len(time_s), dtype=np.int64), time_s, origin, axes, seen, whitener)
 
 
 def one_more(
-    motion: Motion, before: np.ndarray, root: np.ndarray, point: np.ndarray, sights: Sights
+    motion: Motion, before: np.ndarray, root: np.ndarray, point: np.ndarray, sights: AngleMeasurements
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the update linearised at a point, and its rows [H | residual + H point]."""
     path = np.repeat(motion.taylor(point), len(sights), axis=0)
-    weight = weights_at(sights.time_s)
-    residual, slope = sights.residuals(followed(path, weight))
+    weight = taylor_weights(sights.time_s)
+    residual, slope = sights.residuals(taylor_positions(path, weight))
     blocks = motion.size // 3
     rows = (slope[:, :, None, :] * weight[:, None, :blocks, None]).reshape(2 * len(sights), motion.size)
     whole = np.concatenate([rows, residual.reshape(-1, 1)], axis=1)
     owed = (root[0] @ (before - point)[0])[None]
-    after, step, _ = square_root.updated(root, owed, whole[None])
+    after, step, _ = square_root.measurement_update(root, owed, whole[None])
     return point + step, after, np.concatenate([whole, np.broadcast_to(step, (len(whole), motion.size))], axis=1)
 
 

@@ -38,7 +38,11 @@ class Heard:
 
     def __init__(self, inner):
         self._inner, self.told = inner, Tracks.empty()
-        self.associate, self.cadence_s, self.stray_shares = inner.associate, inner.cadence_s, inner.stray_shares
+        self.associate, self.cadence_s, self.outlier_fractions = (
+            inner.associate,
+            inner.cadence_s,
+            inner.outlier_fractions,
+        )
         self.owners = inner.owners
 
     def step(self, tick_s, detections):

@@ -17,7 +17,7 @@ from stonesoup.types.array import CovarianceMatrix, StateVector, StateVectors
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S, SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import turned
+from opir_core.estimation.lines_of_sight import earth_rotated
 from opir_core.estimation.motion import BOOST, Motion
 from opir_core.flight.forces import ForceModel, Forces, forces_of
 
@@ -149,7 +149,7 @@ def _inertial(size: int) -> FloatArray:
 
 def _earth_fixed(size: int, step_s: float) -> FloatArray:
     """Return the matrix (d, d) back to ECEF, of which that inertial frame was `step_s` ago."""
-    turn = turned(np.eye(3), np.full(3, -step_s)).T
+    turn = earth_rotated(np.eye(3), np.full(3, -step_s)).T
     matrix: FloatArray = np.zeros((size, size))
     for block in range(0, size, 3):
         matrix[block : block + 3, block : block + 3] = turn

@@ -5,13 +5,13 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
-from opir_trackers.initiation import TrackInitiator
+from opir_trackers.initiation import TrackCandidates
 from opir_trackers.track_priors import (
     FIRST_FORCE_M_S2,
     FIRST_FORCE_SIGMA_M_S2,
     FIRST_JERK_SIGMA_M_S3,
     prior_axes,
-    prior_sides,
+    prior_sigmas,
 )
 from opir_trackers.triangulation import FIRST_HEIGHT_M
 from ordered_set import OrderedSet
@@ -82,9 +82,9 @@ def has_hits(track: Any, needed: int) -> bool:
 
 def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray, FloatArray]:
     """Return mean (d, 1) and covariance (d, d) in ECEF of a target near the ground at a place (3,)."""
-    begun = TrackInitiator(place_ecef_m[None], np.zeros(1), _ONE)
+    begun = TrackCandidates(place_ecef_m[None], np.zeros(1), _ONE)
     axes = prior_axes(begun)[0]
-    sides, speed = prior_sides(begun)
+    sides, speed = prior_sigmas(begun)
     mean, covariance = np.zeros(ndim_state), np.zeros((ndim_state, ndim_state))
     mean[:3] = place_ecef_m
     covariance[:3, :3] = (axes.T * sides[0] ** 2) @ axes

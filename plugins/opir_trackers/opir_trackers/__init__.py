@@ -1,1 +1,1 @@
-"""opir's trackers: `kepler-arc`, `stereo-filter` and `boost-profile`."""
+"""Trackers for opir: `kepler-arc`, `stereo-filter` and `boost-profile`."""

@@ -1,20 +1,17 @@
-"""Global nearest neighbour: the cheapest one-to-one assignment on a sparse graph of gated pairs.
+"""One-to-one assignment on a sparse graph of gated pairs: nearest neighbour, and joint association probabilities.
 
-The graph falls into connected components that do not know of each other. Components of one row or one column are
-settled by a minimum, small ones by trying all permutations, many components at once; only what is left goes through
-`scipy.optimize.linear_sum_assignment`, a component at a time. So the cost grows with the gated pairs.
+The graph splits into independent connected components. The nearest-neighbour assignment takes a minimum in components
+of one row or column, tries all permutations in small ones, many components at once, and uses
+`scipy.optimize.linear_sum_assignment` for the rest. The cost grows with the number of gated pairs.
 
-Joint probabilistic association: how probable each gated pair is, with all one-to-one explanations weighed.
-
-The weight of an explanation is the product of the likelihood ratios of the pairs it uses. Clusters (connected
-components of the gated graph) are independent. They are summed exactly, many at once, by a forward and a backward pass
-over their rows, whose states are the sets of columns used so far: the merging of equal subproblems of efficient
-hypothesis management (Maskell, Briers and Wright, "Fast mutual exclusion", 2004; Horridge and Maskell, "Real-time
-tracking of hundreds of targets with efficient exact JPDAF implementation", Fusion 2006). Clusters of more than
-`EXACT_WIDTH` rows and columns are first approximated by loopy belief propagation (Williams and Lau, "Approximate
-evaluation of marginal association probabilities with belief propagation", IEEE Trans. AES 50(4), 2014); what is left of
-them once pairs that it hardly believes in are set aside is summed exactly where that has become narrow enough.
-docs/design/joint_association_error.py measures what both cost.
+Joint association (JPDA) sums over all one-to-one hypotheses; the weight of a hypothesis is the product of the
+likelihood ratios of its pairs. Clusters are summed exactly by a forward and a backward pass over their rows, whose
+states are the sets of columns used so far (efficient hypothesis management: Maskell, Briers and Wright, "Fast mutual
+exclusion", 2004; Horridge and Maskell, "Real-time tracking of hundreds of targets with efficient exact JPDAF
+implementation", Fusion 2006). Clusters wider than `EXACT_WIDTH` are first approximated by loopy belief propagation
+(Williams and Lau, "Approximate evaluation of marginal association probabilities with belief propagation", IEEE Trans.
+AES 50(4), 2014); without their improbable pairs they are summed exactly where they have become narrow enough.
+docs/design/joint_association_error.py measures the error of both.
 """
 
 from collections.abc import Iterator
@@ -26,27 +23,27 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 
-#: Numbers are ranked by a table of all that there could be, up to so many a number there is, and sorted beyond.
+#: Numbers are ranked by a table up to this many entries per number, and sorted beyond.
 _DENSE = 8
 
-#: Components up to this many rows and columns are settled by trying all permutations: 24 of them.
-_TRIED = 4
+#: Largest number of rows and columns for which all 24 permutations are tried.
+_PERMUTED = 4
 
 
 @frozen(eq=False)
 class Blocks:
-    """Connected components of one size class as dense arrays: (k, r, c) numbers of the pairs, -1 where there is none.
+    """Connected components of one shape as dense arrays (k, r, c) of pair numbers, -1 for no pair.
 
-    Row and column indices of the arrays are places within a component.
+    Row and column indices are local to the component.
     """
 
     pair: IntArray
 
 
 def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
-    """Return the component (n,) of each pair of a bipartite graph, and how many components there are.
+    """Return the component (n,) of each pair of a bipartite graph, and the number of components.
 
-    Rows and columns are any whole numbers from 0; components are numbered by their first pair.
+    Rows and columns are whole numbers from 0; components are numbered by their first pair.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import connected_components
@@ -70,7 +67,7 @@ def components(row: IntArray, column: IntArray) -> tuple[IntArray, int]:
 
 
 def ranks(value: IntArray) -> IntArray:
-    """Return the place (n,) of each whole number, from 0, among the different ones in order."""
+    """Return the rank (n,), from 0, of each whole number among the distinct ones."""
     top = int(value.max(initial=-1)) + 1
     if top > _DENSE * len(value):
         rank: IntArray = np.unique(value, return_inverse=True)[1].astype(np.int64)
@@ -81,24 +78,24 @@ def ranks(value: IntArray) -> IntArray:
     return place
 
 
-def different(value: IntArray) -> IntArray:
-    """Return the different ones, in order, of whole numbers from 0, none of which is many times their count."""
-    found: IntArray = np.flatnonzero(np.bincount(value))
-    return found
+def distinct(value: IntArray) -> IntArray:
+    """Return the sorted distinct values of whole numbers from 0, none of which is many times their count."""
+    kept: IntArray = np.flatnonzero(np.bincount(value))
+    return kept
 
 
-def lone(row: IntArray, column: IntArray) -> BoolArray:
-    """Return which pairs (n,) share neither their row nor their column with another."""
+def unambiguous(row: IntArray, column: IntArray) -> BoolArray:
+    """Return which pairs (n,) share neither row nor column with another pair."""
     if not len(row):
         return np.zeros(0, dtype=bool)
     single: BoolArray = (np.bincount(row)[row] == 1) & (np.bincount(column)[column] == 1)
     return single
 
 
-def places(component: IntArray, node: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the place of each pair's node within its component, by node, and the number of nodes of each component.
+def local_indices(component: IntArray, node: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the index of each pair's node within its component, and the number of nodes of each component.
 
-    A node is in one component alone.
+    A node belongs to one component.
     """
     node = ranks(node)
     group = np.empty(int(node.max(initial=-1)) + 1, dtype=np.int64)
@@ -111,9 +108,9 @@ def places(component: IntArray, node: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def blocks(row: IntArray, column: IntArray, group: IntArray, count: int) -> Iterator[Blocks]:
-    """Yield the components as dense arrays, those of one shape together."""
-    row_place, rows = places(group, row)
-    column_place, columns = places(group, column)
+    """Yield the components as dense arrays, grouped by shape."""
+    row_place, rows = local_indices(group, row)
+    column_place, columns = local_indices(group, column)
     shapes, shape_of = np.unique(np.stack([rows, columns], axis=1), axis=0, return_inverse=True)
     for number, (height, width) in enumerate(shapes.tolist()):
         mine = shape_of == number
@@ -124,15 +121,15 @@ def blocks(row: IntArray, column: IntArray, group: IntArray, count: int) -> Iter
         yield Blocks(dense)
 
 
-def nearest(row: IntArray, column: IntArray, cost: FloatArray) -> BoolArray:
+def cheapest_assignment(row: IntArray, column: IntArray, cost: FloatArray) -> BoolArray:
     """Return which pairs (n,) the cheapest one-to-one assignment uses.
 
-    `row`, `column` (n,) are the nodes of the gated pairs, each pair once, and `cost` what choosing the pair costs over
-    leaving both its nodes alone: pairs that cost 0 or more are never used. Ties go to the earlier row and column.
+    `row`, `column` (n,) are the nodes of the gated pairs, each pair once. `cost` is that of the pair relative to
+    leaving both nodes unassigned: pairs with a cost of 0 or more are never used. Ties go to the earlier row and column.
     """
     chosen = np.zeros(len(row), dtype=bool)
     useful = np.flatnonzero(cost < 0.0)
-    alone = lone(row[useful], column[useful])
+    alone = unambiguous(row[useful], column[useful])
     chosen[useful[alone]] = True
     useful = useful[~alone]
     if not len(useful):
@@ -151,8 +148,8 @@ def _cheapest(pair: IntArray, cost: FloatArray) -> IntArray:
         flat = pair.reshape(len(pair), -1)
         single: IntArray = flat[np.arange(len(flat)), np.argmin(gain.reshape(len(pair), -1), axis=1)]
         return single
-    if max(height, width) <= _TRIED:
-        return _tried(pair, gain)
+    if max(height, width) <= _PERMUTED:
+        return _best_permutations(pair, gain)
     from scipy.optimize import linear_sum_assignment
 
     used = [single[linear_sum_assignment(costs)] for single, costs in zip(pair, gain, strict=True)]
@@ -161,7 +158,7 @@ def _cheapest(pair: IntArray, cost: FloatArray) -> IntArray:
     return kept
 
 
-def _tried(pair: IntArray, gain: FloatArray) -> IntArray:
+def _best_permutations(pair: IntArray, gain: FloatArray) -> IntArray:
     """Return the pairs used in components of at most 4 rows and columns, by trying all permutations."""
     if pair.shape[1] > pair.shape[2]:
         pair, gain = pair.transpose(0, 2, 1), gain.transpose(0, 2, 1)
@@ -171,38 +168,38 @@ def _tried(pair: IntArray, gain: FloatArray) -> IntArray:
     total = gain[:, place[None, :], orders].sum(axis=2)
     best = orders[np.argmin(total, axis=1)]
     used: IntArray = pair[np.arange(len(pair))[:, None], place[None, :], best].ravel()
-    found: IntArray = used[used >= 0]
-    return found
+    kept: IntArray = used[used >= 0]
+    return kept
 
 
-#: A cluster is summed exactly as long as it has no more rows, or no more columns, than this: 2**8 states.
+#: Clusters with at most this many rows or columns are summed exactly: 2**8 states.
 EXACT_WIDTH = 8
 
-#: Up to so many clusters of a width are summed as matrices, one by one.
+#: Up to this many clusters of one width are summed as matrices, one by one.
 _FEW_CLUSTERS = 16
 
-#: Pairs of wide clusters that belief propagation believes in less than this keep its probability.
-_HARDLY = 1e-3
+#: Pairs of wide clusters less probable than this by belief propagation keep that probability.
+_NEGLIGIBLE = 1e-3
 
-#: Belief propagation stops once no message changes by more than this, or after so many sweeps.
-_SETTLED = 1e-4
+#: Belief propagation stops once no message changes by more than this, or after the given number of sweeps.
+_CONVERGED = 1e-4
 _SWEEPS = 50
 
 
 def marginals(row: IntArray, column: IntArray, ratio: FloatArray, exact_width: int = EXACT_WIDTH) -> FloatArray:
-    """Return the probability (n,) of each pair.
+    """Return the association probability (n,) of each pair.
 
-    `row`, `column` (n,) are the nodes of the gated pairs, each pair once; `ratio` (n,) is the likelihood that the pair
-    belongs together over that of both being alone, finite and not negative. What a row's pairs leave to 1 is the
-    probability that it has none.
+    `row`, `column` (n,) are the nodes of the gated pairs, each pair once; `ratio` (n,) is the likelihood ratio of the
+    pair to both nodes being unassigned, finite and not negative. One minus the sum over a row is the probability that
+    the row is unassigned.
     """
     beta = ratio / (1.0 + ratio)
-    crowd = np.flatnonzero(~lone(row, column))
+    crowd = np.flatnonzero(~unambiguous(row, column))
     if len(crowd):
         wide = crowd[_narrow_marginals(row, column, ratio, crowd, beta, exact_width)]
         if len(wide):
-            beta[wide] = propagated(row[wide], column[wide], ratio[wide])
-            believed = wide[beta[wide] > _HARDLY]
+            beta[wide] = belief_propagation(row[wide], column[wide], ratio[wide])
+            believed = wide[beta[wide] > _NEGLIGIBLE]
             _narrow_marginals(row, column, ratio, believed, beta, exact_width)
     return beta
 
@@ -210,31 +207,31 @@ def marginals(row: IntArray, column: IntArray, ratio: FloatArray, exact_width: i
 def _narrow_marginals(
     row: IntArray, column: IntArray, ratio: FloatArray, pairs: IntArray, beta: FloatArray, exact_width: int
 ) -> BoolArray:
-    """Put exact probabilities of those of `pairs` in narrow clusters into `beta`; return which (m,) are in no such."""
+    """Write exact probabilities of `pairs` in narrow clusters to `beta`; return which (m,) are in wide ones."""
     group, count = components(row[pairs], column[pairs])
-    row_place, rows = places(group, row[pairs])
-    column_place, columns = places(group, column[pairs])
+    row_place, rows = local_indices(group, row[pairs])
+    column_place, columns = local_indices(group, column[pairs])
     flat = rows < columns
     line = np.where(flat[group], column_place, row_place)
     place = np.where(flat[group], row_place, column_place)
     width, height = np.minimum(rows, columns), np.maximum(rows, columns)
-    for size in different(width[width <= exact_width]).tolist():
+    for size in distinct(width[width <= exact_width]).tolist():
         clusters = np.flatnonzero(width == size)
         rank = np.full(count, -1, dtype=np.int64)
         rank[clusters] = np.arange(len(clusters))
         mine = np.flatnonzero(rank[group] >= 0)
-        spot = rank[group[mine]], line[mine], place[mine]
+        cluster = rank[group[mine]], line[mine], place[mine]
         weight = np.zeros((len(clusters), int(height[clusters].max()), size))
-        weight[spot] = ratio[pairs[mine]]
-        beta[pairs[mine]] = exact_marginals(weight)[spot]
+        weight[cluster] = ratio[pairs[mine]]
+        beta[pairs[mine]] = exact_marginals(weight)[cluster]
     unsettled: BoolArray = (width > exact_width)[group]
     return unsettled
 
 
 def exact_marginals(weight: FloatArray) -> FloatArray:
-    """Return the probabilities (k, r, c) of clusters of likelihood ratios (k, r, c), 0 where there is no pair.
+    """Return the association probabilities (k, r, c) of clusters of likelihood ratios (k, r, c), 0 for no pair.
 
-    Time and memory grow with c 2**c. A cluster costs nothing beyond its last row that has pairs.
+    Time and memory grow with c 2**c. Rows after a cluster's last pair cost nothing.
     """
     count, height, width = weight.shape
     if width == 1:
@@ -268,9 +265,10 @@ def exact_marginals(weight: FloatArray) -> FloatArray:
 
 
 def _forward(alone: FloatArray, share: FloatArray, live: list[int], less: IntArray) -> list[FloatArray]:
-    """Return for each row the weights (2**c + 1, k) of all explanations of the rows before it, by the columns they use.
+    """Return for each row the weights (2**c + 1, k) of all hypotheses of the rows before it, by the columns used.
 
-    `alone` (r, k) and `share` (r, c, k) weigh a row that has no column, or each; the first `live` clusters have it.
+    `alone` (r, k) and `share` (r, c, k) weight a row that is unassigned, or assigned to each column; the first `live`
+    clusters have the row.
     """
     width, count = share.shape[1:]
     state = np.zeros((2**width + 1, count))
@@ -286,7 +284,7 @@ def _forward(alone: FloatArray, share: FloatArray, live: list[int], less: IntArr
 
 
 def _few_marginals(weight: FloatArray) -> FloatArray:
-    """Return what `exact_marginals` does, of so few clusters that each is sooner a matrix of its own."""
+    """Return `exact_marginals` for so few clusters that matrix products are faster."""
     count, height, width = weight.shape
     alone = 1.0 / np.maximum(weight.max(axis=2), 1.0)
     share = weight * alone[:, :, None]
@@ -313,26 +311,25 @@ def _few_marginals(weight: FloatArray) -> FloatArray:
 
 @cache
 def _neighbours(width: int) -> tuple[IntArray, IntArray]:
-    """Return for each set of columns and each column (2**c, c) the set with it as well, and the set without it.
+    """Return for each set of columns and each column (2**c, c) the set with the column added, and with it removed.
 
-    Where the set has the column already, or has it not, that is the number of a set there is none of, 2**c.
+    Impossible additions and removals have the number 2**c, of no set.
     """
     sets, bit = np.arange(2**width)[:, None], 1 << np.arange(width)
     held = (sets & bit) > 0
     return np.where(held, 2**width, sets | bit), np.where(held, sets ^ bit, 2**width)
 
 
-def propagated(row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = _SWEEPS) -> FloatArray:
-    """Return approximate probabilities (n,) of pairs by loopy belief propagation; a sweep costs so much a pair.
+def belief_propagation(row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int = _SWEEPS) -> FloatArray:
+    """Return approximate association probabilities (n,) by loopy belief propagation, linear in the pairs.
 
-    On a graph without loops it is exact. With loops of strong evidence it believes too much in the likeliest
-    explanation.
+    It is exact without loops. With loops of strong evidence it is overconfident in the likeliest hypothesis.
     """
     line, place = ranks(row), ranks(column)
     to_row = np.ones(len(ratio))
     for _ in range(sweeps):
         fresh = 1.0 / (1.0 + _others(place, ratio / (1.0 + _others(line, ratio * to_row))))
-        settled = np.max(np.abs(fresh - to_row), initial=0.0) < _SETTLED
+        settled = np.max(np.abs(fresh - to_row), initial=0.0) < _CONVERGED
         to_row = fresh
         if settled:
             break
@@ -344,7 +341,7 @@ def propagated(row: IntArray, column: IntArray, ratio: FloatArray, sweeps: int =
 def _others(node: IntArray, value: FloatArray) -> FloatArray:
     """Return the sums (n,) of the values of all other pairs of each pair's node.
 
-    A pair that holds more than half of its node's sum is left out before adding up, not taken off after.
+    A pair with more than half of its node's sum is excluded before summing, not subtracted after.
     """
     total = np.bincount(node, value)[node]
     most = value > 0.5 * total

@@ -170,7 +170,7 @@ class _Follows:
     def __attrs_post_init__(self) -> None:
         _check_scans(self.needed_scans, self.recent_scans)
 
-    def following(self) -> StereoFilterConfig:
+    def stereo_filter(self) -> StereoFilterConfig:
         """Return what is set of the filter that follows the tracks."""
         return StereoFilterConfig(
             cadence_s=self.cadence_s,

@@ -1,11 +1,4 @@
-"""Where tracks came from and where they come down, with the covariance that the state's brings about.
-
-Where and when tracks were launched: their paths, followed back, must have left the ground from rest.
-
-A path's speed there is small and its height flat, so that where it crosses the ground says little of when it left. That
-it left from rest, on ground near the ellipsoid, and was not seen before, says more: the time of the launch is weighed
-over all times before the first look that saw it, and the place follows for each.
-"""
+"""Launch and impact points of tracks, with the covariance propagated from the state."""
 
 from typing import NamedTuple
 
@@ -13,8 +6,8 @@ import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
-from opir_core.estimation.lines_of_sight import turned
-from opir_core.estimation.motion import weights_at
+from opir_core.estimation.lines_of_sight import earth_rotated
+from opir_core.estimation.motion import taylor_weights
 from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import height_and_up
 from opir_core.flight.kepler import propagate_kepler
@@ -24,71 +17,72 @@ from opir_trackers.filter.estimates import PredictedMeasurements
 
 
 class GroundPoints(NamedTuple):
-    """Latitude_rad, longitude_rad and scene time_s (n, 3), and covariances (n, 3, 3) as in `Tracks`; nan for none."""
+    """Latitude_rad, longitude_rad and scene time_s (n, 3), and covariances (n, 3, 3) as in `Tracks`; nan if unknown."""
 
     place: FloatArray
     covariance: FloatArray
 
     @classmethod
     def nowhere(cls, count: int) -> "GroundPoints":
-        """Return no points."""
+        """Return unknown points."""
         return cls(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
 
 
-#: Impacts are worked out to within this, m: they are known to hundreds of metres at best.
+#: Tolerance of impact points, m: their standard deviation is hundreds of metres at best.
 _CLOSE_M = 1.0
 
-#: What fell below the ground is followed back to this high above it, m.
+#: States below the ground are followed back to this height above it, m.
 _CLEAR_M = 10.0
 
-#: Impacts of states one standard deviation off may bend away from a line by so many standard deviations of the ellipse
-#: that they make: along a bow 95 % ellipses that bend by 0.25 hold 93 %, by 0.5 hold 88, by 1 hold 80, by 3 hold 58.
+#: Impacts of states one standard deviation off may deviate from a line by this many standard deviations of the ellipse:
+#: with a deviation of 0.25, 95 % ellipses contain 93 %, with 0.5 88 %, with 1 80 %, with 3 58 %.
 _MOST_BENT = 1.0
 
-#: An ellipse of 95 % with a longer semi-axis, m, is no plane's on a round Earth.
+#: A 95 % ellipse with a longer semi-axis, m, does not fit a plane on a round Earth.
 _WIDEST_M, _SQUARE_95 = 3e6, 5.991
 
-#: No less than gravity's acceleration at the ground, and for some tens of kilometres below it, m/s².
+#: Upper bound on the acceleration of gravity from the ground to some tens of kilometres below, m/s².
 _GRAVITY_M_S2 = 10.0
 
 _NOW = np.zeros((1, 1))
 
 
 def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Forces) -> GroundPoints:
-    """Return where free flights from inertial states (n, 6) come down.
+    """Return the impact points of free flights from inertial states (n, 6).
 
-    The point is that of the mean under `forces`. The covariance is spread through two-body arcs by central differences,
-    one standard deviation either way: their partials differ from those under `forces` by parts in a thousand. What is
-    below the ground already came down before `time_s`. nan in all of a point where one of these arcs does not come
-    down, where they bend too far from lines, and of ellipses too wide for a plane: how sure it is then cannot be said.
+    The point is that of the mean under `forces`. The covariance is propagated through two-body arcs by central
+    differences of one standard deviation: their partial derivatives differ from those under `forces` by parts in a
+    thousand. States below the ground have their impact before `time_s`. A point is nan where one of these arcs has no
+    impact, where they deviate too far from lines, and where the ellipse is too wide for a plane: there is no valid
+    covariance then.
     """
     points = GroundPoints.nowhere(len(state))
     if not len(state):
         return points
     side = np.linalg.cholesky(covariance).transpose(0, 2, 1)
     mean = state[:, None]
-    every, since_s = _above(np.concatenate([mean, mean + side, mean - side], axis=1))
-    flight, fell = _fallen(every, Forces(zonal=(), gravity=forces.gravity))
+    every, since_s = _before_ground(np.concatenate([mean, mean + side, mean - side], axis=1))
+    flight, fell = _impacts_of(every, Forces(zonal=(), gravity=forces.gravity))
     flight -= since_s
-    landed = turned(fell.reshape(-1, 3), -(time_s + flight).ravel()).reshape(fell.shape)
+    landed = earth_rotated(fell.reshape(-1, 3), -(time_s + flight).ravel()).reshape(fell.shape)
     when, ground = time_s + flight[:, 0], landed[:, 0]
     if not forces.is_kepler:
-        forced, point = _fallen(every[:, 0], forces)
+        forced, point = _impacts_of(every[:, 0], forces)
         when = time_s + forced - since_s[:, 0]
-        ground = turned(point, -when)
+        ground = earth_rotated(point, -when)
     axes = local_axes(ground)[:, :2].transpose(0, 2, 1)
     one, other = landed[:, 1:7], landed[:, 7:]
     plane = 0.5 * (one - other) @ axes
     bend = np.add.reduce(0.5 * (one + other) - landed[:, :1], axis=1)[:, None] @ axes
     later = 0.5 * (flight[:, 1:7] - flight[:, 7:])
-    told = _told(ground, when, np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
-    vague = ~_are_flat(told.covariance, bend[:, 0])
-    told.place[vague], told.covariance[vague] = np.nan, np.nan
-    return told
+    points = _points_on_ground(ground, when, np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
+    vague = ~_are_elliptic(points.covariance, bend[:, 0])
+    points.place[vague], points.covariance[vague] = np.nan, np.nan
+    return points
 
 
-def _are_flat(covariance: FloatArray, bend: FloatArray) -> BoolArray:
-    """Return which impacts have ellipses that can be told, by their covariances (n, 3, 3) and bends (n, 2), m."""
+def _are_elliptic(covariance: FloatArray, bend: FloatArray) -> BoolArray:
+    """Return which impacts have a valid ellipse, by covariances (n, 3, 3) and deviations (n, 2) from lines, m."""
     east, north, both = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
     aside, along = bend[:, 0], bend[:, 1]
     bent = north * aside**2 - 2.0 * both * aside * along + east * along**2
@@ -100,11 +94,11 @@ def _are_flat(covariance: FloatArray, bend: FloatArray) -> BoolArray:
     return flat
 
 
-def _above(state: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return states (n, k, 6) before any fell below the ground, and how long ago that is, (n, 1) s, or (1, 1) for all.
+def _before_ground(state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return states (n, k, 6) above the ground, and how long before, (n, 1) s, or (1, 1) for all.
 
-    A fall through the ground is followed back to above it as if gravity, all of it downwards, were harder than it is:
-    so the way back is not taken for too short. The others of a row go with it.
+    A fall through the ground is followed back with an upper bound on gravity, so the time is not underestimated. All
+    states of a row are moved together.
     """
     place, speed = state[:, :, :3], state[:, :, 3:]
     if np.minimum.reduce(np.add.reduce(place * place, axis=2), axis=None) > EARTH_EQUATORIAL_RADIUS_M**2:
@@ -123,8 +117,8 @@ def _above(state: FloatArray) -> tuple[FloatArray, FloatArray]:
     return earlier, since_s
 
 
-def _fallen(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
-    """Return times to impact (...) and points (..., 3) of states (..., 6) under forces."""
+def _impacts_of(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
+    """Return times to impact (...) and impact points (..., 3) of states (..., 6) under forces."""
     from opir_core.flight.propagation import impact
 
     place_m, velocity_m_s = state[..., :3], state[..., 3:]
@@ -133,75 +127,76 @@ def _fallen(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
     return impact(place_m, velocity_m_s, forces=forces, tolerance_m=_CLOSE_M)
 
 
-def _told(ground: FloatArray, when: FloatArray, plane: FloatArray) -> GroundPoints:
+def _points_on_ground(ground: FloatArray, when: FloatArray, plane: FloatArray) -> GroundPoints:
+    """Return ground points from ECEF points, times and roots of their covariance."""
     where = ecef_to_geodetic(ground)
     place = np.stack([where.latitude_rad, where.longitude_rad, when], axis=1)
     return GroundPoints(place, plane @ plane.transpose(0, 2, 1))
 
 
-def renewed(known: GroundPoints, fresh: GroundPoints) -> GroundPoints:
-    """Return points with those that are known afresh in the place of the old.
+def updated_points(known: GroundPoints, fresh: GroundPoints) -> GroundPoints:
+    """Return points with the finite ones of `fresh` in place of the known.
 
-    Not the surer of two: what follows from less is now and then surer and wrong.
+    The more certain of two is not preferred: an estimate from less data may be more certain and wrong.
     """
     new = np.isfinite(fresh.place[:, 0])
     place = np.where(new[:, None], fresh.place, known.place)
     return GroundPoints(place, np.where(new[:, None, None], fresh.covariance, known.covariance))
 
 
-#: A launch is sought so long before the first look that saw it, s, at so many times, denser towards that look. The
-#: class profiles reach 10 km after 34 to 51 s, and 20 km, the highest top of a cloud, after 49 to 73 s.
+#: Launch times are searched over this interval before the first detection, s, on a grid denser towards it. The class
+#: profiles reach 10 km after 34 to 51 s, and 20 km, the highest cloud top, after 49 to 73 s.
 _BEFORE_S, _TIMES = 80.0, 80
 
-#: So many launches are seen from the ground on, as soon as a look comes; clouds hide the others for a time.
+#: Prior probability that a launch is detected from the ground at the next look; others are hidden by clouds at first.
 _AT_ONCE = 0.5
 
-#: Sites lie this near the ellipsoid, m, and targets leave them this near to rest, m/s: standard deviations.
+#: Standard deviations of the height of launch sites above the ellipsoid, m, and of the velocity at ignition, m/s.
 _SITE_M, _REST_M_S = 100.0, 1.0
 
-#: A start from rest that no time explains better than this squared distance (4 degrees of freedom) did not happen.
+#: Gate, squared distance with 4 degrees of freedom, for a start from rest at the best time.
 _LAUNCHED = 25.0
 
-#: The times before the first look stand for the stretches between these edges, s.
+#: Edges of the time intervals before the first detection, s.
 _EDGES_S = _BEFORE_S * np.linspace(0.0, 1.0, _TIMES + 1) ** 2
 _MIDDLES_S, _WIDTHS_S = 0.5 * (_EDGES_S[1:] + _EDGES_S[:-1]), np.diff(_EDGES_S)
 
-#: The chance beforehand that a launch was seen late, and lies in each of them.
+#: Prior probability of a late detection in each interval.
 _LATER = (1.0 - _AT_ONCE) * _WIDTHS_S / _BEFORE_S
 
-#: The variances of the height of a site, m², and of the velocity of what stands there, m²/s².
+#: Variances of the height of a site, m², and of the velocity at rest, m²/s².
 _AT_REST = np.square([_SITE_M, _REST_M_S, _REST_M_S, _REST_M_S])
 
 
-#: The places below the diagonal.
+#: Indices below the diagonal.
 _BELOW = np.tril_indices(3, -1)
 
 
 def launches(
-    outlook: PredictedMeasurements,
+    predicted: PredictedMeasurements,
     first_s: FloatArray,
     pause_s: FloatArray,
     noise: float,
     biased: FloatArray | None = None,
 ) -> GroundPoints:
-    """Return where boosts began, from rest on the ground at an unknown time before `first_s` (n,); nan for nowhere.
+    """Return launch points of boosts from rest on the ground at an unknown time before `first_s` (n,); nan if none.
 
-    `noise` is the intensity of the noise in the rate of the specific force, m/s³/√s. Beforehand a launch was as likely
-    as not seen at once, after an exponential time of mean `pause_s` (n,); if not, then after any time up to 80 s. Mean
-    and covariance are those of the mixture over times. `biased` (n, 3, 3) is what sensors' biases add to the covariance
-    of the position, all along the path.
+    `noise` is the process-noise density of the jerk, m/s³/√s. The prior: with probability 1/2 the launch is detected at
+    once, after an exponential time of mean `pause_s` (n,); else after a uniform time up to 80 s. Mean and covariance
+    are the moments of the mixture over launch times. `biased` (n, 3, 3) is the position covariance due to sensor
+    biases, along the whole path.
     """
-    count = len(outlook.side)
+    count = len(predicted.root)
     if not count:
         return GroundPoints.nowhere(0)
     when = (first_s[:, None] - _MIDDLES_S).ravel()
-    starts = _from_rest(outlook, when, noise, biased)
+    starts = _rest_likelihood(predicted, when, noise, biased)
     soon = -np.diff(np.exp(-_EDGES_S / pause_s[:, None]), axis=1)
     log = (starts.log - 0.5 * starts.misfit).reshape(count, _TIMES)
     log += np.log(_AT_ONCE * soon + _LATER)
     chance = np.exp(log - log.max(axis=1, keepdims=True))
     chance /= chance.sum(axis=1, keepdims=True)
-    place, covariance = _blended(*_places(starts, when), when, chance)
+    place, covariance = _moment_matched(*_places(starts, when), when, chance)
     covariance[:, 2, 2] += chance @ (_WIDTHS_S**2 / 12.0)
     row, column = _BELOW
     covariance[:, row, column] = covariance[:, column, row]
@@ -211,11 +206,11 @@ def launches(
     return GroundPoints(place, covariance)
 
 
-class _Starts(NamedTuple):
-    """Paths at times (m,): place (3, m) and its covariance (3, 3, m), inertial, and what a start from rest says of it.
+class _LaunchTimes(NamedTuple):
+    """Paths at times (m,): inertial position (3, m), its covariance (3, 3, m), and the likelihood of a start from rest.
 
-    That is whitened, `white` (4, 4, m): the first three columns are of the place, the last is what is off; `misfit`
-    (m,) is the squared distance of a start from rest, `log` (m,) that of its density.
+    `white` (4, 4, m) is whitened: the first three columns are by the position, the last is the residual. `misfit` (m,)
+    is the squared distance of a start from rest, `log` (m,) the logarithm of its normalisation.
     """
 
     place: FloatArray
@@ -225,30 +220,34 @@ class _Starts(NamedTuple):
     log: FloatArray
 
 
-def _from_rest(outlook: PredictedMeasurements, when: FloatArray, noise: float, biased: FloatArray | None) -> _Starts:
-    """Return what starts from rest at times (m,), as many of each track in turn, say."""
-    count = len(outlook.side)
-    weight = weights_at(when - outlook.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
-    path = outlook.derivative.transpose(0, 2, 1)
+def _rest_likelihood(
+    predicted: PredictedMeasurements, when: FloatArray, noise: float, biased: FloatArray | None
+) -> _LaunchTimes:
+    """Return the likelihood of starts from rest at times (m,), equally many per track."""
+    count = len(predicted.root)
+    weight = taylor_weights(when - predicted.time_s).T.reshape(5, count, -1).transpose(1, 0, 2)
+    path = predicted.derivative.transpose(0, 2, 1)
     place, velocity = _rows(path @ weight), _rows(path[:, :, 1:] @ weight[:, :4])
-    covariance = _covariances(outlook, weight)
-    _add_noise(covariance, noise * noise, outlook.time_s - when)
+    covariance = _covariances(predicted, weight)
+    _add_noise(covariance, noise * noise, predicted.time_s - when)
     if biased is not None:
         covariance[:3, :3] += np.repeat(biased.transpose(1, 2, 0), _TIMES, axis=2)
     height, up = height_and_up(place, 1.0 / np.sqrt(np.add.reduce(place * place)))
     state = np.concatenate([place, velocity])[:, None]
-    crossed = _gained(covariance, up)
-    told = np.concatenate([_gained(crossed.transpose(1, 0, 2), up), crossed[:, :3], _gained(state, up)], axis=1)
-    told[0, -1] = height
-    log = _whitened(told)
-    white = told[:, 4:]
-    return _Starts(place, covariance[:3, :3], white, np.add.reduce(white[:, 3] * white[:, 3]), log)
+    crossed = _height_and_velocity(covariance, up)
+    points = np.concatenate(
+        [_height_and_velocity(crossed.transpose(1, 0, 2), up), crossed[:, :3], _height_and_velocity(state, up)], axis=1
+    )
+    points[0, -1] = height
+    log = _whitened(points)
+    white = points[:, 4:]
+    return _LaunchTimes(place, covariance[:3, :3], white, np.add.reduce(white[:, 3] * white[:, 3]), log)
 
 
 def _whitened(rows: FloatArray) -> FloatArray:
-    """Make of rows [S | B] (4, 4 + c, m) L⁻¹ B, with L Lᵀ = S + the covariance at rest, and return -log det L (m,).
+    """Replace rows [S | B] (4, 4 + c, m) by L⁻¹ B, L Lᵀ = S + the covariance at rest; return -log det L (m,).
 
-    In place; what is left of S is of no use. No pivot is less than one of those at rest alone.
+    In place; S is overwritten. Each pivot is at least that of the covariance at rest.
     """
     log = np.zeros(rows.shape[2])
     for k, at_rest in enumerate(_AT_REST.tolist()):
@@ -262,26 +261,26 @@ def _whitened(rows: FloatArray) -> FloatArray:
 _LEAST_PIVOT = _REST_M_S**2
 
 
-def _places(starts: _Starts, when: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ECEF places (3, m) and covariances (3, 3, m) of starts from rest."""
+def _places(starts: _LaunchTimes, when: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ECEF positions (3, m) and covariances (3, 3, m) of starts from rest."""
     white, off = starts.white[:, :3], starts.white[:, 3]
     place = starts.place - np.add.reduce(white * off[:, None])
     left = starts.covariance - np.add.reduce(white[:, :, None] * white[:, None])
     angle = EARTH_ROTATION_RAD_S * when
     sine, cosine = np.sin(angle), np.cos(angle)
-    return _turned(place, sine, cosine), _turned(_turned(left, sine, cosine).swapaxes(0, 1), sine, cosine)
+    return _to_ecef(place, sine, cosine), _to_ecef(_to_ecef(left, sine, cosine).swapaxes(0, 1), sine, cosine)
 
 
-def _turned(rows: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArray:
-    """Return rows x, y, z (3, ..., m) turned backwards about z."""
-    turned = rows.copy()
-    turned[0] = cosine * rows[0] + sine * rows[1]
-    turned[1] = cosine * rows[1] - sine * rows[0]
-    return turned
+def _to_ecef(rows: FloatArray, sine: FloatArray, cosine: FloatArray) -> FloatArray:
+    """Return rows x, y, z (3, ..., m) rotated backwards about z."""
+    earth_rotated = rows.copy()
+    earth_rotated[0] = cosine * rows[0] + sine * rows[1]
+    earth_rotated[1] = cosine * rows[1] - sine * rows[0]
+    return earth_rotated
 
 
-def _gained(rows: FloatArray, up: FloatArray) -> FloatArray:
-    """Return what heights and velocities over the ground gain, (4, c, m), by rows (6, c, m) of states; `up` (3, m)."""
+def _height_and_velocity(rows: FloatArray, up: FloatArray) -> FloatArray:
+    """Return heights and velocities over the ground, (4, c, m), from states (6, c, m), linearised; `up` (3, m)."""
     gained = np.empty((4, *rows.shape[1:]))
     gained[0] = up[0] * rows[0] + up[1] * rows[1] + up[2] * rows[2]
     gained[1:] = rows[3:]
@@ -291,20 +290,20 @@ def _gained(rows: FloatArray, up: FloatArray) -> FloatArray:
 
 
 def _rows(each: FloatArray) -> FloatArray:
-    """Return rows (c, m) of what is known of each track in turn (n, c, t)."""
+    """Return rows (c, m) from blocks of each track (n, c, t)."""
     return np.ascontiguousarray(each.transpose(1, 0, 2)).reshape(each.shape[1], -1)
 
 
-def _covariances(outlook: PredictedMeasurements, weight: FloatArray) -> FloatArray:
-    """Return the covariances (6, 6, m) of position and velocity at times of weights (n, 5, t).
+def _covariances(predicted: PredictedMeasurements, weight: FloatArray) -> FloatArray:
+    """Return the covariances (6, 6, m) of position and velocity at times with Taylor weights (n, 5, t).
 
-    Each is a sum of products of two weights; rounding is of the largest one's size.
+    Each is a sum of products of two weights; the rounding error is of the size of the largest.
     """
     count, _, times = weight.shape
     share = np.zeros((count, 4, 2, times))
     share[:, :, 0], share[:, 1:, 1] = weight[:, :4], weight[:, :3]
     both = share[:, :, None, :, None] * share[:, None, :, None]
-    known = (outlook.side @ outlook.side.transpose(0, 2, 1)).reshape(count, 4, 3, 4, 3).transpose(0, 2, 4, 1, 3)
+    known = (predicted.root @ predicted.root.transpose(0, 2, 1)).reshape(count, 4, 3, 4, 3).transpose(0, 2, 4, 1, 3)
     sums = known.reshape(count, 9, 16) @ both.reshape(count, 16, 4 * times)
     # Tracks, two axes of space, position or velocity twice, times.
     parts = sums.reshape(count, 3, 3, 2, 2, times).transpose(3, 1, 4, 2, 0, 5)
@@ -312,7 +311,7 @@ def _covariances(outlook: PredictedMeasurements, weight: FloatArray) -> FloatArr
 
 
 def _add_noise(covariance: FloatArray, intensity: float, span_s: FloatArray) -> None:
-    """Add to covariances (6, 6, m) what noise of the rate of the specific force gathers in spans (m,)."""
+    """Add to covariances (6, 6, m) the process noise of the jerk over spans (m,)."""
     square = span_s * span_s
     fast = (intensity / 20.0) * square * square * span_s
     both = span_s * fast * (-20.0 / 72.0)
@@ -324,10 +323,10 @@ def _add_noise(covariance: FloatArray, intensity: float, span_s: FloatArray) -> 
         covariance[axis + 3, axis + 3] += fast
 
 
-def _blended(
+def _moment_matched(
     place: FloatArray, covariance: FloatArray, when: FloatArray, chance: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of mixtures over times."""
+    """Return latitude_rad, longitude_rad and time (n, 3) and covariances (n, 3, 3) of mixtures over launch times."""
     count, times = chance.shape
     each = np.concatenate([place, when[None]]).reshape(4, count, times).transpose(1, 0, 2)
     weighed = chance[:, :, None]
@@ -336,15 +335,15 @@ def _blended(
     total = (chance[:, None] * apart) @ apart.transpose(0, 2, 1)
     spreads = covariance.reshape(9, count, times).transpose(1, 0, 2)
     total[:, :3, :3] += (spreads @ weighed).reshape(count, 3, 3)
-    told, level = _on_ground(mean[:, :3, 0])
-    told[:, 2] = mean[:, 3, 0]
+    points, level = _on_ground(mean[:, :3, 0])
+    points[:, 2] = mean[:, 3, 0]
     flat = np.zeros((count, 3, 4))
     flat[:, :2, :3], flat[:, 2, 3] = level, 1.0
-    return told, flat @ total @ flat.transpose(0, 2, 1)
+    return points, flat @ total @ flat.transpose(0, 2, 1)
 
 
 def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return latitudes and longitudes, rad, beside a third column, and axes east and north (n, 2, 3) at places (n, 3).
+    """Return latitudes and longitudes, rad, with a third column, and east and north axes (n, 2, 3) at positions (n, 3).
 
     One step of Bowring's formula (Survey Review 23, 1976): to 2e-13 rad within 10 km of the ellipsoid.
     """
@@ -356,8 +355,8 @@ def _on_ground(place: FloatArray) -> tuple[FloatArray, FloatArray]:
     rise, run = z + e2 / (1.0 - e2) * b * sine**3, out - e2 * a * cosine**3
     length = np.hypot(rise, run)
     sine, cosine, ahead, aside = rise / length, run / length, x / out, y / out
-    told, level = np.empty((len(place), 3)), np.empty((len(place), 2, 3))
-    told[:, 0], told[:, 1] = np.arctan2(rise, run), np.arctan2(y, x)
+    points, level = np.empty((len(place), 3)), np.empty((len(place), 2, 3))
+    points[:, 0], points[:, 1] = np.arctan2(rise, run), np.arctan2(y, x)
     level[:, 0, 0], level[:, 0, 1], level[:, 0, 2] = -aside, ahead, 0.0
     level[:, 1, 0], level[:, 1, 1], level[:, 1, 2] = -sine * ahead, -sine * aside, cosine
-    return told, level
+    return points, level

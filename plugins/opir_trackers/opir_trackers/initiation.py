@@ -1,18 +1,15 @@
-"""New tracks from rays that belong to no track: M of N scans in one direction, or in one place seen from several.
+"""Track initiation from unassigned lines of sight: M of N scans, in one direction or triangulated.
 
-Rays of a sensor that lie within a few standard deviations of each other form a spot. Spots of different sensors whose
-mean rays meet at a height a target can have form a place. A place begins a track once its rays come from M different
-scans of the last N. Before the first update a track knows only its prior, which is stated in `track_priors.py` and in
-docs/explanation/association.md: where one sensor alone sees a spot, the prior says that launches begin near the ground.
+Lines of a sensor within a few standard deviations of each other form a cluster. Clusters of different sensors whose
+mean lines intersect at a height possible for a target form a candidate. A candidate starts a track once its lines come
+from M different scans of the last N. Before its first update a track has only its prior, given in `track_priors.py` and
+docs/explanation/association.md: for a cluster of a single sensor, launches begin near the ground.
 
-Wide spots: rays of launches side by side, nearer to one another than spots are, parted launch by launch.
-
-A sensor's scan sees a target at most once. So a spot is wide where a scan has rays in it that lie farther apart than
-the errors of two looks in one direction, and holds several targets that can be told apart. Its rays are parted as
-tracks take theirs: scan by scan, one-to-one, to the nearest parts so far; what lies off them all begins another.
-
-Parts of many targets meet those of their neighbours as well. Which meetings are the likelier is then asked of the
-whole likelihood: sharp rays that meet say more than blurred ones, and launches begin on the ground.
+Neighbouring launches may lie closer than the size of a cluster. A scan sees a target at most once, so a cluster that
+has lines of one scan farther apart than the noise allows holds several targets. Its lines are split scan by scan,
+one-to-one, to the nearest part; a line off all parts begins a new one. Parts of several sensors intersect in many
+combinations: these are ranked by their likelihood, in which accurate lines count more and launches begin near the
+ground.
 """
 
 import numpy as np
@@ -23,55 +20,55 @@ from opir_core.estimation.lines_of_sight import LinesOfSight, dot
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.ellipsoid import WGS84
 from opir_core.interfaces.columns import Columns
-from opir_trackers.assignment import nearest, ranks
+from opir_trackers.assignment import cheapest_assignment, ranks
 from opir_trackers.triangulation import (
     FAR_M,
     FIRST_HEIGHT_M,
-    GRAZING,
+    GRAZING_SINE,
     HIGHEST_M,
     Fixes,
-    are_low,
-    from_afar,
+    are_low_orbits,
+    geostationary_directions,
     mean_directions,
-    meeting_points,
-    near_ground,
+    points_near_ground,
     ranges_m,
+    triangulated,
 )
 
-#: Two looks in one direction lie farther apart than so many standard deviations of one by a chance of 10⁻⁴.
+#: Two lines in one direction differ by more than this many standard deviations with a probability of 10⁻⁴.
 _WIDE_SIGMAS = 6.0
 
-#: A ray is of a part if it is no farther from its mean than so many standard deviations: the default gate of tracks.
+#: Gate for a line and the mean of a part, standard deviations: the default gate of tracks.
 _GATE = 4.5
 
-#: One standard deviation of the speed of targets first seen by several sensors, as in tracks' priors, m/s.
+#: Standard deviation of the speed of targets first seen by several sensors, as in the track priors, m/s.
 _SPEED_SIGMA_M_S = 300.0
 
-#: A meeting may be so much below the ground, m, beside its own error.
+#: Tolerance below the ground of an intersection, m, in addition to its own error.
 _DEEP_M = 500.0
 
 
-def parted(
-    spot: IntArray, rays: LinesOfSight, direction: FloatArray, sigma_rad: FloatArray
+def split_clusters(
+    cluster: IntArray, lines: LinesOfSight, direction: FloatArray, sigma_rad: FloatArray
 ) -> tuple[IntArray, BoolArray]:
-    """Return the spots (n,) of rays, from 0, once wide ones are parted, and which spots (m,) are such parts.
+    """Return the clusters (n,) of lines, from 0, with wide ones split, and which clusters (m,) are parts.
 
-    `direction` (n, 3), unit vectors, and `sigma_rad` (n,) are those that the spots were formed by.
+    `direction` (n, 3), unit vectors, and `sigma_rad` (n,) are those that the clusters were formed by.
     """
-    wide = _wide(spot, rays.scan, direction, sigma_rad)
-    parts = spot.copy()
+    wide = _wide_clusters(cluster, lines.scan, direction, sigma_rad)
+    parts = cluster.copy()
     for one in wide.tolist():
-        rows = np.flatnonzero(spot == one)
-        part = _parts(rays.time_s[rows], rays.scan[rows], direction[rows], sigma_rad[rows])
+        rows = np.flatnonzero(cluster == one)
+        part = _parts_of(lines.time_s[rows], lines.scan[rows], direction[rows], sigma_rad[rows])
         parts[rows] = parts.max() + 1 + part
     number, which = np.unique(parts, return_inverse=True)
-    return which.astype(np.int64), np.asarray(number > spot.max(initial=-1))
+    return which.astype(np.int64), np.asarray(number > cluster.max(initial=-1))
 
 
-def _wide(spot: IntArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray) -> IntArray:
-    """Return the spots of which some scan saw several targets that can be told apart."""
-    order = np.lexsort((scan, spot))
-    key = np.stack([spot, scan])[:, order]
+def _wide_clusters(cluster: IntArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray) -> IntArray:
+    """Return the clusters in which some scan has lines of several resolved targets."""
+    order = np.lexsort((scan, cluster))
+    key = np.stack([cluster, scan])[:, order]
     first = np.append(0, 1 + np.flatnonzero(np.any(key[:, 1:] != key[:, :-1], axis=0)))
     across = np.maximum.reduceat(direction[order], first) - np.minimum.reduceat(direction[order], first)
     far = dot(across, across) > np.square(_WIDE_SIGMAS * sigma_rad[order[first]])
@@ -79,8 +76,8 @@ def _wide(spot: IntArray, scan: IntArray, direction: FloatArray, sigma_rad: Floa
     return wide
 
 
-def _parts(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray) -> IntArray:
-    """Return the part (n,), from 0, of each ray of a wide spot."""
+def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_rad: FloatArray) -> IntArray:
+    """Return the part (n,), from 0, of each line of a wide cluster."""
     part, total = np.empty(len(scan), dtype=np.int64), 0
     mean, looks, seen_s = np.zeros((len(scan), 3)), np.zeros(len(scan)), np.zeros(len(scan))
     for one in np.unique(scan).tolist():
@@ -105,9 +102,9 @@ def _parts(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_rad:
 def _assigned(
     direction: FloatArray, sigma_rad: FloatArray, mean: FloatArray, blur: FloatArray, scan: IntArray
 ) -> tuple[IntArray, IntArray]:
-    """Return rays and the parts they go to, one ray of a scan (n,), from 0, each.
+    """Return lines and the parts assigned to them, at most one line per scan (n,), from 0, and part.
 
-    `blur` (m,) are the errors of the parts' means (m, 3) in those of a ray.
+    `blur` (m,) are the errors of the parts' means (m, 3) in units of a line's error.
     """
     from scipy.spatial import cKDTree
 
@@ -115,17 +112,17 @@ def _assigned(
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     reach = _GATE * sigma_rad.max() * np.hypot(1.0, blur.max())
     near = cKDTree(direction).sparse_distance_matrix(cKDTree(mean), reach, output_type="ndarray")
-    ray, part = near["i"].astype(np.int64), near["j"].astype(np.int64)
-    distance = np.square(near["v"] / sigma_rad[ray]) / (1.0 + np.square(blur[part]))
-    used = np.flatnonzero(nearest(ray, scan[ray] * len(mean) + part, distance - _GATE * _GATE))
-    return ray[used], part[used]
+    line, part = near["i"].astype(np.int64), near["j"].astype(np.int64)
+    distance = np.square(near["v"] / sigma_rad[line]) / (1.0 + np.square(blur[part]))
+    used = np.flatnonzero(cheapest_assignment(line, scan[line] * len(mean) + part, distance - _GATE * _GATE))
+    return line[used], part[used]
 
 
-def unlikelihood(fix: Fixes, spread_m: FloatArray) -> FloatArray:
-    """Return twice the negative log likelihood (n,), but for a constant, that rays of one target meet at these points.
+def deviance(fix: Fixes, spread_m: FloatArray) -> FloatArray:
+    """Return minus twice the log likelihood (n,), up to a constant, of intersections of lines of one target.
 
-    `spread_m` (n,) is how far apart the rays may pass there, by their errors. Beforehand a height
-    h above the ground is as likely as 1 / (3 km + h): from 3 km on every octave of heights is as likely as another.
+    `spread_m` (n,) is the standard deviation of the distance between the lines at the intersection. The prior density
+    of the height h above the ground is proportional to 1 / (3 km + h): above 3 km each octave is equally probable.
     """
     height_m = ecef_to_geodetic(fix.position_m).height_m
     up = fix.position_m / np.sqrt(dot(fix.position_m, fix.position_m))[:, None]
@@ -136,32 +133,32 @@ def unlikelihood(fix: Fixes, spread_m: FloatArray) -> FloatArray:
     return cost
 
 
-#: Half the speed across the line of sight that a spot allows for over the scans it spans, m/s.
+#: Half the speed across the line of sight that a cluster allows for over its scans, m/s.
 _CLUSTER_SPEED_M_S = 1000.0
 
-#: A spot's bins are this many standard deviations wide, and no narrower than three numbers of them fit in 64 bits.
+#: Bin width of clusters, standard deviations, and the least width for which three bin numbers fit in 64 bits.
 _WIDTH_SIGMAS, _NARROWEST_RAD = 6.0, 2.0**-17 + 2.0**-30
 
-#: Two mean rays meet if the sum of their squared residuals, on one degree of freedom, is below this (99.99 %).
-_MEET = 15.1
+#: Gate of the sum of squared residuals of two mean lines, one degree of freedom (99.99 %).
+_INTERSECTION_GATE = 15.1
 
-#: The lowest height at which rays may meet, m.
+#: Lowest height of an intersection, m.
 _LOWEST_M = -20e3
 
-#: Spots of two sensors are held against each other if their rays meet the ground this near to each other, m: farther
-#: apart where they graze it, as far as so much of height, m, and standard deviations of a mean ray shift the points.
+#: Clusters of two sensors are compared if their lines meet the ground within this distance, m: more where they graze
+#: it, by this height, m, and this many standard deviations of a mean line.
 _NEAR_M = 60e3
 HIGHER_M, _SHIFT_SIGMAS = 5e3, 3.0
 
-#: The squares of the Earth's semi-axes, m².
+#: Squared semi-axes of the Earth, m².
 _AXES_M2 = np.array([WGS84.equatorial_radius_m, WGS84.equatorial_radius_m, WGS84.polar_radius_m]) ** 2
 
 
 @frozen(eq=False)
 class Clusters(Columns):
-    """Directions of one sensor from which unclaimed rays come: the mean ray, its error, and from how many scans.
+    """Clusters of unassigned lines of one sensor: mean line, its standard deviation, and number of scans.
 
-    `is_part` (n,) says which are parts of a wide spot.
+    `is_part` (n,) marks parts of wide clusters.
     """
 
     sensor: IntArray
@@ -174,11 +171,11 @@ class Clusters(Columns):
 
 
 @frozen(eq=False)
-class TrackInitiator(Columns):
-    """Places where tracks begin: position (n, 3) in ECEF, m, when, and how many sensors see it.
+class TrackCandidates(Columns):
+    """Candidates for new tracks: position (n, 3) in ECEF, m, time, and number of sensors.
 
-    `sine` (n,) is that of the angle at which the ray of a sensor alone meets the ground; `is_of_parts` (n,) says which
-    places are of parts of wide spots.
+    `sine` (n,) is that of the angle at which the line of a single sensor meets the ground; `is_of_parts` (n,) marks
+    candidates from parts of wide clusters.
     """
 
     position_ecef_m: FloatArray
@@ -189,36 +186,38 @@ class TrackInitiator(Columns):
 
 
 @frozen(eq=False)
-class Shown:
-    """What rays (m,) show: the spot that each is in, the place that its spot is of, -1 for none, and the places."""
+class Initiation:
+    """The cluster of each line (m,), the candidate of its cluster, -1 for none, and the candidates."""
 
-    spot: IntArray
+    cluster: IntArray
     place: IntArray
-    begun: TrackInitiator
+    begun: TrackCandidates
 
-    def owned(self, place: IntArray, ray: IntArray, sensor: IndexArray) -> BoolArray:
-        """Return which pairs (n,) of a place and a ray in its gate, which `sensor` saw, may be a track's first.
+    def owned(self, place: IntArray, line: IntArray, sensor: IndexArray) -> BoolArray:
+        """Return which pairs (n,) of a candidate and a line in its gate, by `sensor`, may initiate the track.
 
-        So little is known of a place that its gate may hold neighbours: where a scan missed the target, one of their
-        rays would pull the track kilometres off. So where any sensor has several spots there, none has but its own.
+        A candidate's gate is wide and may hold neighbours: where a scan missed the target, a neighbour's line would
+        shift the track by kilometres. So where any sensor has several clusters in the gate, only the candidate's own
+        lines count.
         """
-        spots = np.unique(np.stack([place, sensor, self.spot[ray]]), axis=1)[:2]
-        looks, several = np.unique(spots, axis=1, return_counts=True)
+        clusters = np.unique(np.stack([place, sensor, self.cluster[line]]), axis=1)[:2]
+        looks, several = np.unique(clusters, axis=1, return_counts=True)
         crowded = np.isin(place, looks[0, several > 1])
-        own: BoolArray = ~crowded | (self.place[ray] == place)
+        own: BoolArray = ~crowded | (self.place[line] == place)
         return own
 
 
-def beginnings(rays: LinesOfSight, scans_needed: int, bias_sigma_rad: FloatArray) -> Shown:
-    """Return the places that rays (all recent and unclaimed) show, with at least `scans_needed` scans each.
+def track_candidates(lines: LinesOfSight, scans_needed: int, bias_sigma_rad: FloatArray) -> Initiation:
+    """Return the candidates of lines, all recent and unassigned, with at least `scans_needed` scans each.
 
-    `bias_sigma_rad` (sensors,) is the standard deviation of each sensor's bias, which no averaging over scans lessens.
+    `bias_sigma_rad` (sensors,) is the standard deviation of each sensor's bias, which averaging over scans does not
+    reduce.
     """
-    spots, spot = spots_of(rays)
-    used = np.flatnonzero(spots.scans >= 2)
-    likely = spots.take(used)
+    clusters, cluster = clusters_of(lines)
+    used = np.flatnonzero(clusters.scans >= 2)
+    likely = clusters.take(used)
     likely = evolve(likely, sigma_rad=np.hypot(likely.sigma_rad, bias_sigma_rad[likely.sensor]))
-    group, count = _places_of(likely)
+    group, count = _candidate_groups(likely)
     scans = np.bincount(group, likely.scans, count)
     sensors = np.bincount(group, minlength=count)
     time_s = np.bincount(group, likely.time_s * likely.scans, count) / np.maximum(scans, 1)
@@ -227,37 +226,37 @@ def beginnings(rays: LinesOfSight, scans_needed: int, bias_sigma_rad: FloatArray
     sine = np.ones(count)
     if np.count_nonzero(sensors[ready] == 1):
         sine[group] = _sines(likely.direction_ecef, position[group])
-    place, number = np.full(len(spots), -1), np.full(count, -1)
+    place, number = np.full(len(clusters), -1), np.full(count, -1)
     number[ready] = np.arange(len(ready))
     place[used] = number[group]
-    begun = TrackInitiator(position, time_s, sensors, sine, np.bincount(group, likely.is_part, count) > 0.0)
-    return Shown(spot, place[spot], begun.take(ready))
+    begun = TrackCandidates(position, time_s, sensors, sine, np.bincount(group, likely.is_part, count) > 0.0)
+    return Initiation(cluster, place[cluster], begun.take(ready))
 
 
-def spots_of(rays: LinesOfSight) -> tuple[Clusters, IntArray]:
-    """Return the spots of rays, and which (m,) each is in.
+def clusters_of(lines: LinesOfSight) -> tuple[Clusters, IntArray]:
+    """Return the clusters of lines, and the cluster (m,) of each.
 
-    They are connected groups of occupied bins of directions, sensor by sensor, or parts of such.
+    Clusters are connected groups of occupied direction bins per sensor, or parts of these.
     """
-    sensor, which = np.unique(rays.sensor, return_inverse=True)
+    sensor, which = np.unique(lines.sensor, return_inverse=True)
     span = np.zeros(len(sensor))
     newest = np.full(len(sensor), -np.inf)
-    np.maximum.at(newest, which, rays.time_s)
-    np.maximum.at(span, which, newest[which] - rays.time_s)
-    direction, sigma_rad = from_afar(rays, which)
+    np.maximum.at(newest, which, lines.time_s)
+    np.maximum.at(span, which, newest[which] - lines.time_s)
+    direction, sigma_rad = geostationary_directions(lines, which)
     widest = np.zeros(len(sensor))
     np.maximum.at(widest, which, sigma_rad)
     width = _WIDTH_SIGMAS * widest + _CLUSTER_SPEED_M_S * span / FAR_M
-    spot = _connected(which, direction, width)
-    spots = _means(rays, spot)
-    if spots.scans.sum() == len(spot):
-        return spots, spot
-    spot, parts = parted(spot, rays, direction, sigma_rad)
-    return (evolve(_means(rays, spot), is_part=parts) if np.count_nonzero(parts) else spots), spot
+    cluster = _connected(which, direction, width)
+    clusters = _means(lines, cluster)
+    if clusters.scans.sum() == len(cluster):
+        return clusters, cluster
+    cluster, parts = split_clusters(cluster, lines, direction, sigma_rad)
+    return (evolve(_means(lines, cluster), is_part=parts) if np.count_nonzero(parts) else clusters), cluster
 
 
 def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> IntArray:
-    """Return a number for each row's group of touching bins."""
+    """Return the number of each row's group of touching bins."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -277,25 +276,25 @@ def _connected(which: IntArray, direction: FloatArray, width: FloatArray) -> Int
 _FORWARD = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1) if (x, y, z) > (0, 0, 0)])
 
 
-def _means(rays: LinesOfSight, spot: IntArray) -> Clusters:
-    count = int(spot.max(initial=-1)) + 1
-    total = np.maximum(np.bincount(spot, minlength=count), 1)
-    scan_of = np.unique(np.stack([spot, rays.scan], axis=1), axis=0)[:, 0]
+def _means(lines: LinesOfSight, cluster: IntArray) -> Clusters:
+    count = int(cluster.max(initial=-1)) + 1
+    total = np.maximum(np.bincount(cluster, minlength=count), 1)
+    scan_of = np.unique(np.stack([cluster, lines.scan], axis=1), axis=0)[:, 0]
     sensor = np.zeros(count, dtype=np.int64)
-    sensor[spot] = rays.sensor
-    origin = _mean_vectors(spot, rays.origin_ecef_m, total)
-    direction = _mean_vectors(spot, rays.direction_ecef, total)
-    if np.count_nonzero(are_low(origin)):
-        aim = _mean_vectors(spot, near_ground(rays.origin_ecef_m, rays.direction_ecef), total)
+    sensor[cluster] = lines.sensor
+    origin = _mean_vectors(cluster, lines.origin_ecef_m, total)
+    direction = _mean_vectors(cluster, lines.direction_ecef, total)
+    if np.count_nonzero(are_low_orbits(origin)):
+        aim = _mean_vectors(cluster, points_near_ground(lines.origin_ecef_m, lines.direction_ecef), total)
         direction = mean_directions(origin, direction, aim)
     else:
         direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
     return Clusters(
         sensor=sensor,
-        time_s=np.bincount(spot, rays.time_s, count) / total,
+        time_s=np.bincount(cluster, lines.time_s, count) / total,
         origin_ecef_m=origin,
         direction_ecef=direction,
-        sigma_rad=np.sqrt(np.bincount(spot, rays.sigma_rad**2, count)) / total,
+        sigma_rad=np.sqrt(np.bincount(cluster, lines.sigma_rad**2, count)) / total,
         scans=np.bincount(scan_of, minlength=count),
         is_part=np.zeros(count, dtype=bool),
     )
@@ -305,84 +304,90 @@ def _mean_vectors(group: IntArray, vectors: FloatArray, total: IntArray) -> Floa
     return np.stack([np.bincount(group, vectors[:, axis], len(total)) / total for axis in range(3)], axis=1)
 
 
-def _places_of(spots: Clusters) -> tuple[IntArray, int]:
-    """Return a group number for each spot, with no sensor twice in a group: the best meetings are joined first."""
-    leader = list(range(len(spots)))
+def _candidate_groups(clusters: Clusters) -> tuple[IntArray, int]:
+    """Return a group number for each cluster, each sensor at most once per group; the best intersections join first."""
+    leader = list(range(len(clusters)))
     members = {number: [number] for number in leader}
-    sensor = spots.sensor.tolist()
-    for first, second in _meetings(spots):
+    sensor = clusters.sensor.tolist()
+    for first, second in _intersections(clusters):
         one, other = leader[first], leader[second]
         if one == other or {sensor[k] for k in members[one]} & {sensor[k] for k in members[other]}:
             continue
         members[one] += members.pop(other)
-        for spot in members[one]:
-            leader[spot] = one
+        for cluster in members[one]:
+            leader[cluster] = one
     _, group = np.unique(np.array(leader, dtype=np.int64), return_inverse=True)
     return group.astype(np.int64), len(members)
 
 
-def _meetings(spots: Clusters) -> list[tuple[int, int]]:
-    """Return pairs of spots of different sensors whose mean rays meet at a height a target can have, the best first."""
+def _intersections(clusters: Clusters) -> list[tuple[int, int]]:
+    """Return pairs of clusters of different sensors whose mean lines intersect at a possible height, the best first."""
     from scipy.spatial import cKDTree
 
-    ground = near_ground(spots.origin_ecef_m, spots.direction_ecef)
+    ground = points_near_ground(clusters.origin_ecef_m, clusters.direction_ecef)
     known = np.flatnonzero(np.isfinite(ground[:, 0]))
     if len(known) < 2:
         return []
-    reach = _ground_reach_m(spots, ground)
+    reach = _ground_reach_m(clusters, ground)
     farthest = max(_NEAR_M, 2.0 * reach[known].max())
     near = cKDTree(ground[known]).query_pairs(farthest, output_type="ndarray")
     pairs = known[near[np.lexsort((near[:, 1], near[:, 0]))]]
     first, second = pairs.T
     apart = np.sqrt(np.sum((ground[first] - ground[second]) ** 2, axis=1))
     likely = (apart <= np.maximum(_NEAR_M, reach[first] + reach[second])) & (
-        spots.sensor[first] != spots.sensor[second]
+        clusters.sensor[first] != clusters.sensor[second]
     )
     pairs = pairs[likely]
     if not len(pairs):
         return []
-    group, spot = np.repeat(np.arange(len(pairs)), 2), pairs.ravel()
-    fix = meeting_points(
-        group, len(pairs), spots.origin_ecef_m[spot], spots.direction_ecef[spot], _blurred(spots)[spot]
+    group, cluster = np.repeat(np.arange(len(pairs)), 2), pairs.ravel()
+    fix = triangulated(
+        group,
+        len(pairs),
+        clusters.origin_ecef_m[cluster],
+        clusters.direction_ecef[cluster],
+        _sigma_with_motion(clusters)[cluster],
     )
     height = ecef_to_geodetic(fix.position_m).height_m
-    lawful = np.flatnonzero((fix.misfit < _MEET) & (height > _LOWEST_M) & (height < HIGHEST_M))
+    lawful = np.flatnonzero((fix.misfit < _INTERSECTION_GATE) & (height > _LOWEST_M) & (height < HIGHEST_M))
     cost = fix.misfit[lawful]
-    if np.count_nonzero(spots.is_part):
-        spread = _blurred(spots) * ranges_m(spots.origin_ecef_m, spots.direction_ecef)
-        cost = unlikelihood(fix.take(lawful), np.hypot(*spread[pairs[lawful].T]))
+    if np.count_nonzero(clusters.is_part):
+        spread = _sigma_with_motion(clusters) * ranges_m(clusters.origin_ecef_m, clusters.direction_ecef)
+        cost = deviance(fix.take(lawful), np.hypot(*spread[pairs[lawful].T]))
     order = lawful[np.argsort(cost, kind="stable")]
     return [(int(first), int(second)) for first, second in pairs[order]]
 
 
-def _ground_reach_m(spots: Clusters, ground: FloatArray) -> FloatArray:
-    """Return how far (n,) from where mean rays meet the ground at points (n, 3) those of other sensors may, m."""
-    apart = ground - spots.origin_ecef_m
-    shift: FloatArray = HIGHER_M + _SHIFT_SIGMAS * spots.sigma_rad * np.sqrt(np.sum(apart * apart, axis=1))
-    return shift / np.maximum(_sines(spots.direction_ecef, ground), GRAZING)
+def _ground_reach_m(clusters: Clusters, ground: FloatArray) -> FloatArray:
+    """Return the distance (n,), m, from ground points (n, 3) of mean lines within which others may lie."""
+    apart = ground - clusters.origin_ecef_m
+    shift: FloatArray = HIGHER_M + _SHIFT_SIGMAS * clusters.sigma_rad * np.sqrt(np.sum(apart * apart, axis=1))
+    return shift / np.maximum(_sines(clusters.direction_ecef, ground), GRAZING_SINE)
 
 
 def _sines(direction: FloatArray, position_m: FloatArray) -> FloatArray:
-    """Return the sines (n,) of the angles at which rays meet the ground below positions (n, 3)."""
+    """Return the sines (n,) of the angles at which lines meet the ground below positions (n, 3)."""
     up = position_m / _AXES_M2
     sine: FloatArray = -np.sum(up * direction, axis=1) / np.sqrt(np.sum(up * up, axis=1))
     return sine
 
 
-def _blurred(spots: Clusters) -> FloatArray:
-    """Return the errors of mean rays with what motion during a spot may add."""
-    return np.hypot(spots.sigma_rad, 0.1 * _CLUSTER_SPEED_M_S / ranges_m(spots.origin_ecef_m, spots.direction_ecef))
+def _sigma_with_motion(clusters: Clusters) -> FloatArray:
+    """Return the errors of mean lines, including motion during a cluster."""
+    return np.hypot(
+        clusters.sigma_rad, 0.1 * _CLUSTER_SPEED_M_S / ranges_m(clusters.origin_ecef_m, clusters.direction_ecef)
+    )
 
 
-def _positions(spots: Clusters, group: IntArray, count: int, sensors: IntArray) -> FloatArray:
-    """Return where places are: where the rays of several sensors meet, or near the ground on a single ray."""
+def _positions(clusters: Clusters, group: IntArray, count: int, sensors: IntArray) -> FloatArray:
+    """Return the positions of candidates: triangulated, or near the ground on a single line."""
     position = np.full((count, 3), np.nan)
     single = sensors[group] == 1
-    position[group[single]] = near_ground(spots.origin_ecef_m[single], spots.direction_ecef[single])
+    position[group[single]] = points_near_ground(clusters.origin_ecef_m[single], clusters.direction_ecef[single])
     several = np.flatnonzero(~single)
     if len(several):
         used, place = np.unique(group[several], return_inverse=True)
-        part = spots.take(several)
-        fix = meeting_points(place, len(used), part.origin_ecef_m, part.direction_ecef, _blurred(part))
+        part = clusters.take(several)
+        fix = triangulated(place, len(used), part.origin_ecef_m, part.direction_ecef, _sigma_with_motion(part))
         position[used] = fix.position_m
     return position

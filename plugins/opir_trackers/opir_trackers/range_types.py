@@ -1,4 +1,4 @@
-"""What the range of a flight says of the target's type: the generic classes and their ranges."""
+"""Target types by range: the generic classes and their ranges."""
 
 from functools import cache
 from math import erf
@@ -14,7 +14,7 @@ _RADIUS_M = 6.371e6
 
 
 def ranges_m(launch: FloatArray, impact: FloatArray) -> FloatArray:
-    """Return distances (n,) over a sphere between places (n, 3), latitude and longitude first."""
+    """Return great-circle distances (n,) between points (n, 3), latitude and longitude first."""
     one, other = (geodetic_to_ecef(place[:, 0], place[:, 1], 0.0) for place in (launch, impact))
     chord = np.sqrt(np.sum((one - other) ** 2, axis=1))
     distance: FloatArray = 2.0 * _RADIUS_M * np.arcsin(np.minimum(0.5 * chord / _RADIUS_M, 1.0))
@@ -22,14 +22,14 @@ def ranges_m(launch: FloatArray, impact: FloatArray) -> FloatArray:
 
 
 def likeliest_types(range_m: FloatArray) -> IntArray:
-    """Return codes (n,) into `TARGET_TYPES` of the types that fly so far."""
+    """Return codes (n,) into `TARGET_TYPES` of the types with these ranges."""
     order = np.argsort(_least_range_m())
     kind: IntArray = order[np.searchsorted(_least_range_m()[order][1:], range_m, side="right")]
     return kind
 
 
 def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
-    """Return probabilities (n, 4) over `REPORTED_TYPES` of ranges with an error; UNKNOWN where there is no range."""
+    """Return probabilities (n, 4) over `REPORTED_TYPES` for ranges with errors; UNKNOWN where the range is nan."""
     order = np.argsort(_least_range_m())
     below = np.array(
         [
@@ -48,7 +48,7 @@ def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
 
 @cache
 def _least_range_m() -> FloatArray:
-    """Return from which range on targets are of each type, (types,) m: 0 of that with the shortest ranges."""
+    """Return the least range of each type, (types,) m: 0 for the type with the shortest ranges."""
     least = np.array([min(boost_profile(name).minimum_range_m for name in PROFILES_BY_TYPE[t]) for t in TARGET_TYPES])
     least[least.argmin()] = 0.0
     return least

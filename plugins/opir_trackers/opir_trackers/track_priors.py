@@ -1,10 +1,10 @@
-"""What a track is taken to know before its first update, and the filter a scene's settings ask for."""
+"""The prior of new tracks, and the filter that a scene's settings describe."""
 
 import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.lines_of_sight import turned
+from opir_core.estimation.lines_of_sight import earth_rotated
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
@@ -14,29 +14,30 @@ from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
-from opir_trackers.initiation import HIGHER_M, TrackInitiator
-from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING
+from opir_trackers.initiation import HIGHER_M, TrackCandidates
+from opir_trackers.triangulation import FIRST_HEIGHT_M, GRAZING_SINE
 
-#: Specific force of a boost before anything is known of it: straight up, and how far from that with any jerk, m/s².
+#: Prior specific force of a boost, upwards, and its standard deviation per axis with the boost model `jerk`, m/s².
 FIRST_FORCE_M_S2 = 20.0
 FIRST_FORCE_SIGMA_M_S2 = 20.0
 
-#: How fast it may change, m/s³.
+#: Prior standard deviation of the jerk, m/s³.
 FIRST_JERK_SIGMA_M_S3 = 0.5
 
-#: The chance that a target that comes into sight is burning.
-_BURNING = 0.98
+#: Prior probability that a new target is burning.
+_BURN_PROBABILITY = 0.98
 
-#: Where no sensor sees bodies that do not burn: how likely a slice gives a coasting track a ray all the same, of noise
-#: or of the last moments of its burn.
-_STRAY = 0.01
+#: Probability of a detection per slice of a coasting track where no sensor detects bodies: false alarms or the end of
+#: the burn.
+_COAST_DETECTION = 0.01
 
-#: A burning target goes unseen for up to so many scans of the slowest sensor, and that says how often it is seen.
+#: A burning target may go undetected for up to this many scans of the slowest sensor; this counts in its detection
+#: rate.
 _PAUSE_SCANS = 4.0
 
 
 def filter_of(config: StereoFilterConfig, context: TrackerContext) -> ImmFilter:
-    """Return the filter for the scene's forces and the modes its settings name."""
+    """Return the filter for the scene's forces and the configured modes."""
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
     return ImmFilter(
@@ -44,7 +45,7 @@ def filter_of(config: StereoFilterConfig, context: TrackerContext) -> ImmFilter:
         coast=_coast_of(config, free, forces.drag),
         boost_s=config.boost_s if config.motion == "boost-coast" else np.inf,
         coast_s=config.coast_s if config.motion == "boost-coast" else np.inf,
-        cold_chance=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _STRAY,
+        coast_detection=1.0 if any(sensor.follows_bodies for sensor in context.sensors) else _COAST_DETECTION,
         pause_s=_PAUSE_SCANS * max((sensor.scan.period_ns * 1e-9 for sensor in context.sensors), default=0.0),
     )
 
@@ -53,9 +54,9 @@ def _coast_of(config: StereoFilterConfig, forces: Forces, drag: Drag | None) -> 
     fall = Motion(COAST, config.coast_noise_m_s, forces)
     if drag is None:
         return fall
-    from opir_trackers.filter.dynamics import DraggedFall
+    from opir_trackers.filter.dynamics import AtmosphericDescent
 
-    return DraggedFall(fall, drag)
+    return AtmosphericDescent(fall, drag)
 
 
 def _boost_of(config: StereoFilterConfig, forces: Forces) -> Dynamics:
@@ -66,56 +67,56 @@ def _boost_of(config: StereoFilterConfig, forces: Forces) -> Dynamics:
     return Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, forces)
 
 
-def first_bank(begun: TrackInitiator, time_s: float, config: StereoFilterConfig) -> ModeEstimates:
-    """Return the estimates (n,) at a time of tracks that are about to get their first rays: priors only."""
-    count = len(begun)
+def prior_estimates(candidates: TrackCandidates, time_s: float, config: StereoFilterConfig) -> ModeEstimates:
+    """Return the prior estimates (n,) of new tracks at a time."""
+    count = len(candidates)
     now = np.full(count, time_s)
-    axes = prior_axes(begun)
-    inertial = np.stack([turned(axes[:, row], now) for row in range(3)], axis=1)
-    position = turned(begun.position_ecef_m, now)
+    axes = prior_axes(candidates)
+    inertial = np.stack([earth_rotated(axes[:, row], now) for row in range(3)], axis=1)
+    position = earth_rotated(candidates.position_ecef_m, now)
     velocity = EARTH_ROTATION_RAD_S * np.stack([-position[:, 1], position[:, 0], np.zeros(count)], axis=1)
     force = FIRST_FORCE_M_S2 * inertial[:, 2]
     rate, sigmas = _first_rates(config)
-    place, speed = prior_sides(begun)
+    place, speed = prior_sigmas(candidates)
     deviation = np.concatenate([np.repeat(speed[:, None], 3, axis=1), np.tile(sigmas, (count, 1))], axis=1)
     mean = np.concatenate([position, velocity, force, np.tile(rate, (count, 1))], axis=1)
     size = mean.shape[1]
     root = np.zeros((count, size, size))
-    root[:, :3, :3] = _upper(inertial, place)
+    root[:, :3, :3] = _information_roots(inertial, place)
     root[:, range(3, size), range(3, size)] = 1.0 / deviation
-    burning = {"boost-coast": _BURNING, "boost": 1.0, "coast": 0.0}[config.motion]
+    burning = {"boost-coast": _BURN_PROBABILITY, "boost": 1.0, "coast": 0.0}[config.motion]
     weight = np.tile([burning, 1.0 - burning], (count, 1))
     coast_mean, coast_root = mean[:, :COAST].copy(), root[:, :COAST, :COAST].copy()
     return ModeEstimates(weight, mean, root, coast_mean, coast_root, np.zeros((count, 3)))
 
 
-def prior_sides(begun: TrackInitiator) -> tuple[FloatArray, FloatArray]:
-    """Return standard deviations (n, 3) of position and (n,) of speed before the first update, in local east-north-up.
+def prior_sigmas(candidates: TrackCandidates) -> tuple[FloatArray, FloatArray]:
+    """Return prior standard deviations (n, 3) of position, east-north-up, and (n,) of speed.
 
-    A place seen by one sensor is within 30 km along the ground and 5 km in height, and slow: 400 m/s. Where its ray
-    grazes the ground that height shifts it by more: up to 250 km along the horizon, at which the Earth's curve, too, is
-    5 km. A place seen by several may be at any height, and is the faster the higher it is: 300 m/s and half as much
-    again as a steady 20 m/s² straight up would have gathered. Of launches side by side, whose rays meet one another's
-    at many heights, those near the ground were taken: it is within that height, or 3 km.
+    For a candidate of one sensor: 30 km along the ground, 5 km in height, 400 m/s. Where its line grazes the ground the
+    height shifts it by more: up to 250 km along the horizon, where the curvature of the Earth is 5 km too. A candidate
+    of several sensors may be at any height; its speed grows with the height: 300 m/s plus 1.5 times the speed from a
+    steady 20 m/s² upwards. Of neighbouring launches, with intersections at many heights, those near the ground were
+    chosen: the height is within its own value, or 3 km.
     """
-    height = np.maximum(ecef_to_geodetic(begun.position_ecef_m).height_m, 0.0)
-    alone = begun.sensors == 1
+    height = np.maximum(ecef_to_geodetic(candidates.position_ecef_m).height_m, 0.0)
+    alone = candidates.sensors == 1
     place = np.where(alone[:, None], [30e3, 30e3, HIGHER_M], [20e3, 20e3, 20e3])
-    shift = HIGHER_M / np.maximum(begun.sine, GRAZING)
+    shift = HIGHER_M / np.maximum(candidates.sine, GRAZING_SINE)
     place[:, :2] = np.maximum(place[:, :2], np.where(alone, shift, 0.0)[:, None])
-    beside = np.flatnonzero(begun.is_of_parts & ~alone)
+    beside = np.flatnonzero(candidates.is_of_parts & ~alone)
     place[beside, 2] = np.clip(height[beside], FIRST_HEIGHT_M, 20e3)
     return place, np.where(alone, 400.0, 300.0 + 1.5 * np.sqrt(40.0 * height))
 
 
-def prior_axes(begun: TrackInitiator) -> FloatArray:
+def prior_axes(candidates: TrackCandidates) -> FloatArray:
     """Return the local axes (n, 3, 3), rows east, north and up, in ECEF."""
-    axes: FloatArray = local_axes(begun.position_ecef_m)
+    axes: FloatArray = local_axes(candidates.position_ecef_m)
     return axes
 
 
 def _first_rates(config: StereoFilterConfig) -> tuple[FloatArray, FloatArray]:
-    """Return what is first taken for the state after the specific force, and the deviations of both."""
+    """Return the prior mean of the state after the specific force, and the standard deviations of both."""
     thrust = config.thrust
     if config.boost_model == "jerk":
         return np.zeros(3), np.repeat([FIRST_FORCE_SIGMA_M_S2, FIRST_JERK_SIGMA_M_S3], 3)
@@ -123,8 +124,8 @@ def _first_rates(config: StereoFilterConfig) -> tuple[FloatArray, FloatArray]:
     return np.array([thrust.growth_per_s]), deviation
 
 
-def _upper(axes: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Return upper triangular roots (n, 3, 3) of information with deviations (n, 3) along the rows of axes."""
+def _information_roots(axes: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return upper triangular information roots (n, 3, 3) with standard deviations (n, 3) along the rows of axes."""
     from opir_core.estimation.square_root import triangular
 
     return triangular(axes / sigma[:, :, None])

@@ -1,10 +1,8 @@
-"""Where rays from several places meet, and how surely.
+"""Triangulation of lines of sight, and their comparison for sensors in low orbits.
 
-Directions of unclaimed rays as they would be seen from far away: low sensors move past what they look at.
-
-From geostationary height a launch stays in its direction for seconds, whatever the satellite does. A sensor in a low
-orbit sees it turn by its own motion, by tenths of a degree a second. So rays of low sensors are compared by where they
-meet the ground, seen from a station above the sensor that stands still, at geostationary height.
+From geostationary height a launch stays in its direction for seconds, whatever the satellite's motion. From a low orbit
+it moves by tenths of a degree per second. So lines of low sensors are compared by where they meet the ground, seen from
+a fixed station at geostationary height above the sensor.
 """
 
 import numpy as np
@@ -17,29 +15,29 @@ from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
 from opir_core.interfaces.columns import Columns
 
-#: How far sensors at geostationary height are from what they look at, about, m.
+#: Range of sensors at geostationary height, about, m.
 FAR_M = 3.6e7
 
-#: Sensors lower than this move past what they look at, m from the Earth's centre.
+#: Sensors below this distance from the Earth's centre, m, move noticeably past a target.
 _LOW_M = 3e7 + EARTH_EQUATORIAL_RADIUS_M
 
-#: The mean height of a target when one sensor alone first sees it, and the highest at which rays may meet, m.
+#: Mean height of a target at its first detection by a single sensor, and the highest intersection, m.
 FIRST_HEIGHT_M, HIGHEST_M = 3e3, 500e3
 
-#: No ray counts as lower than at this sine of an angle: along the horizon a line rises by 5 km in 250 km.
-GRAZING = 0.02
+#: Lower bound on the sine of a line's elevation: along the horizon a line rises by 5 km in 250 km.
+GRAZING_SINE = 0.02
 
 
-def are_low(origin_m: FloatArray) -> BoolArray:
-    """Return which sensors at points (n, 3) are low."""
+def are_low_orbits(origin_m: FloatArray) -> BoolArray:
+    """Return which sensors at positions (n, 3) are in low orbits."""
     return np.asarray(np.add.reduce(origin_m * origin_m, axis=1) < _LOW_M**2)
 
 
-def near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return where (n, 3) rays are at the first height of a target, or, where they pass above it, at their lowest.
+def points_near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
+    """Return the points (n, 3) of lines at a target's first height or, where they pass above it, at their lowest.
 
-    A biased ray of a target near the horizon may miss the Earth, and one of a target that rises from behind it does.
-    Rays that pass higher than any target meet nothing: nan.
+    A biased line near the horizon may miss the Earth, as does one of a target that rises behind it. Lines above any
+    target give nan.
     """
     point = intersection_with_ellipsoid(origin_m, direction, FIRST_HEIGHT_M)
     missed = np.flatnonzero(np.isnan(point[:, 0]))
@@ -51,55 +49,55 @@ def near_ground(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
     return point
 
 
-def from_afar(rays: LinesOfSight, which: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return directions (n, 3) that stand still as launches do, and their errors (n,), rad; `which` (n,) is the sensor.
+def geostationary_directions(lines: LinesOfSight, which: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return directions (n, 3) as from geostationary height, and their errors (n,), rad; `which` (n,) is the sensor.
 
-    Rays of low sensors that meet nothing keep their directions.
+    Lines of low sensors without a ground point keep their directions.
     """
-    low = np.flatnonzero(are_low(rays.origin_ecef_m))
+    low = np.flatnonzero(are_low_orbits(lines.origin_ecef_m))
     if not len(low):
-        return rays.direction_ecef, rays.sigma_rad
-    origin = rays.origin_ecef_m[low]
-    point = near_ground(origin, rays.direction_ecef[low])
+        return lines.direction_ecef, lines.sigma_rad
+    origin = lines.origin_ecef_m[low]
+    point = points_near_ground(origin, lines.direction_ecef[low])
     met = np.isfinite(point[:, 0])
     low, origin, point = low[met], origin[met], point[met]
-    above = rays.origin_ecef_m[np.unique(which, return_index=True)[1]][which[low]]
+    above = lines.origin_ecef_m[np.unique(which, return_index=True)[1]][which[low]]
     height_m = FAR_M + EARTH_EQUATORIAL_RADIUS_M
     off = point - height_m * above / np.sqrt(np.sum(above * above, axis=1))[:, None]
-    direction, sigma_rad = rays.direction_ecef.copy(), rays.sigma_rad.copy()
+    direction, sigma_rad = lines.direction_ecef.copy(), lines.sigma_rad.copy()
     direction[low] = off / np.sqrt(np.sum(off * off, axis=1))[:, None]
     range_m = np.sqrt(np.sum((point - origin) ** 2, axis=1))
-    sine = -np.sum(local_axes(point)[:, 2] * rays.direction_ecef[low], axis=1)
-    sigma_rad[low] *= range_m / (FAR_M * np.maximum(sine, GRAZING))
+    sine = -np.sum(local_axes(point)[:, 2] * lines.direction_ecef[low], axis=1)
+    sigma_rad[low] *= range_m / (FAR_M * np.maximum(sine, GRAZING_SINE))
     return direction, sigma_rad
 
 
 def mean_directions(origin_m: FloatArray, direction: FloatArray, aim_m: FloatArray) -> FloatArray:
-    """Return unit vectors (n, 3) of mean rays, from the means of their origins, directions and aims on the ground.
+    """Return unit vectors (n, 3) of mean lines from the means of their origins, directions and ground points.
 
-    A low sensor's is that from the mean origin to the mean aim, where there is one.
+    For a low sensor it is from the mean origin to the mean ground point, where there is one.
     """
-    along = np.where((are_low(origin_m) & np.isfinite(aim_m[:, 0]))[:, None], aim_m - origin_m, direction)
+    along = np.where((are_low_orbits(origin_m) & np.isfinite(aim_m[:, 0]))[:, None], aim_m - origin_m, direction)
     unit: FloatArray = along / np.sqrt(np.sum(along * along, axis=1))[:, None]
     return unit
 
 
 def ranges_m(origin_m: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return about how far (n,) sensors are from what they see, m."""
+    """Return approximate ranges (n,), m, of what lines show."""
     range_m = np.full(len(origin_m), FAR_M)
-    low = np.flatnonzero(are_low(origin_m))
+    low = np.flatnonzero(are_low_orbits(origin_m))
     if len(low):
-        apart = near_ground(origin_m[low], direction[low]) - origin_m[low]
-        found = np.sqrt(np.sum(apart * apart, axis=1))
-        range_m[low] = np.where(np.isfinite(found), found, FAR_M)
+        apart = points_near_ground(origin_m[low], direction[low]) - origin_m[low]
+        distance_m = np.sqrt(np.sum(apart * apart, axis=1))
+        range_m[low] = np.where(np.isfinite(distance_m), distance_m, FAR_M)
     return range_m
 
 
 @frozen(eq=False)
 class Fixes(Columns):
-    """Positions (n, 3), m, the information (n, 3, 3) behind them, 1/m², and the least sum of squared residuals (n,).
+    """Triangulated positions (n, 3), m, their information (n, 3, 3), 1/m², and least sums of squared residuals (n,).
 
-    Positions of groups whose rays are parallel to working precision are nan.
+    Positions of groups with parallel lines are nan.
     """
 
     position_m: FloatArray
@@ -108,27 +106,26 @@ class Fixes(Columns):
 
     @property
     def covariance(self) -> FloatArray:
-        """Return the covariance (n, 3, 3), m²: the Cramér-Rao bound at these positions."""
+        """Return the covariance (n, 3, 3), m²: the Cramér–Rao bound at these positions."""
         return np.linalg.inv(self.information).astype(np.float64, copy=False)
 
 
 def information(direction: FloatArray, range_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:
-    """Return what each ray tells of a position, (I - u uᵀ) / (σ R)², (n, 3, 3), 1/m².
+    """Return the Fisher information of each line about a position, (I - u uᵀ) / (σ R)², (n, 3, 3), 1/m².
 
-    Two independent angular errors of σ each per ray: the Fisher information of a triangulation is their sum.
+    Each line has two independent angular errors of σ; the information of a triangulation is the sum.
     """
     outer = direction[:, :, None] * direction[:, None, :]
     projector = np.eye(3) - outer
     return projector / ((sigma_rad * range_m) ** 2)[:, None, None]
 
 
-def meeting_points(
+def triangulated(
     group: IntArray, count: int, origin_m: FloatArray, direction: FloatArray, sigma_rad: FloatArray, rounds: int = 3
 ) -> Fixes:
-    """Return where the rays (n, 3) of each of `count` groups meet: weighted least squares of the angles across them.
+    """Return the intersections of the lines (n, 3) of `count` groups: weighted least squares of the angles.
 
-    The weights hold the ranges, which hold the point: a few rounds settle them. Every group needs two rays that are not
-    parallel.
+    The weights depend on the ranges, so the solution is iterated. Each group needs two lines that are not parallel.
     """
     range_m = np.full(len(group), 4e7)
     for _ in range(rounds):

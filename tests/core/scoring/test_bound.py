@@ -14,7 +14,7 @@ from opir_core.planning.sensor_states import PointingBias
 from opir_core.scoring.bound import (
     FREE_PRIOR_SIGMA,
     JERK_NOISE_M_S3,
-    SeenLooks,
+    DetectedLooks,
     free_bound,
     position_and_velocity,
     state_bound,
@@ -27,7 +27,7 @@ def test_the_bound_of_one_look_of_two_sensors_is_that_of_triangulation():
     target = np.array([[6.6e6, 0.0, 0.0]] * 2)
     sensor = np.array([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]])
     sigma = np.array([2e-5, 3e-5])
-    bounds = state_bound(np.zeros(1), SeenLooks.unbiased(np.zeros(2), target, sensor, sigma))
+    bounds = state_bound(np.zeros(1), DetectedLooks.unbiased(np.zeros(2), target, sensor, sigma))
     information = np.eye(3) * 1e-12
     for line, spread in zip(target - sensor, sigma, strict=True):
         unit = line / np.linalg.norm(line)
@@ -44,7 +44,7 @@ def test_the_bound_is_the_published_one(name):
     sensor = given["sat_radius_m"] * np.stack([np.cos(longitude), np.sin(longitude), 0.0 * longitude], axis=1)
     target = np.broadcast_to(np.array(expected["target_ecef_m"]), sensor.shape)
     sigma = np.array(given["sigma_rad_per_axis"])
-    bounds = state_bound(np.zeros(1), SeenLooks.unbiased(np.zeros(len(sensor)), target, sensor, sigma))
+    bounds = state_bound(np.zeros(1), DetectedLooks.unbiased(np.zeros(len(sensor)), target, sensor, sigma))
     # A prior of 1000 km tells 1e-7 of what the looks do.
     assert bounds[0, :3, :3] == pytest.approx(np.array(expected["cov_ecef_m2"]), rel=1e-5, abs=1.0)
     assert position_and_velocity(bounds)[0][0] == pytest.approx(expected["rss_m"], rel=1e-6)
@@ -56,7 +56,7 @@ def test_the_bound_is_carried_as_small_differences_of_orbits_grow():
     at, _ = propagate_kepler(state[:3], state[3:], looks)
     sensors = eci_to_ecef(np.array([[4.0e7, 1.0e7, 0.0], [3.0e7, -3.0e7, 0.0], [4.0e7, 0.0, 1.0e7]]), looks)
     sigma = np.full(3, 1e-5)
-    found = state_bound(np.array([tick]), SeenLooks.unbiased(looks, eci_to_ecef(at, looks), sensors, sigma))[0]
+    found = state_bound(np.array([tick]), DetectedLooks.unbiased(looks, eci_to_ecef(at, looks), sensors, sigma))[0]
     information = np.zeros((6, 6))
     prior = np.diag(1.0 / np.square([1e6] * 3 + [1e4] * 3))
     end = np.concatenate(propagate_kepler(state[:3], state[3:], tick))
@@ -80,7 +80,7 @@ def test_the_bound_of_an_unknown_thrust_is_that_of_kalmans_recursion():
     target = eci_to_ecef(path, looks)
     inertial = np.where(np.arange(len(looks))[:, None] % 2, [3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6])
     sigma = np.full(len(looks), 2e-5)
-    seen = SeenLooks.unbiased(looks, target, eci_to_ecef(inertial, looks), sigma)
+    seen = DetectedLooks.unbiased(looks, target, eci_to_ecef(inertial, looks), sigma)
     found = free_bound(np.array([19.6]), seen)[0]
     covariance = np.diag(np.square(FREE_PRIOR_SIGMA))
     power = np.array([[0.4 ** (b - a) / factorial(b - a) if b >= a else 0.0 for b in range(4)] for a in range(4)])
@@ -114,7 +114,7 @@ def test_a_bias_takes_back_what_averaging_gains():
     for number in range(2):
         turn[number::2, 2 * number : 2 * number + 2] = bias * local_axes(sensor[:2])[number, :2]
     sigma = np.full(count, 2e-5)
-    found = state_bound(np.zeros(1), SeenLooks(np.zeros(count), target, sensor, sigma, turn))
+    found = state_bound(np.zeros(1), DetectedLooks(np.zeros(count), target, sensor, sigma, turn))
     # A turn about east and north moves what is straight down by the same angle both ways, what is beside it by less.
     mean, information = np.hypot(2e-5 / np.sqrt(count / 2), bias), np.eye(3) * 1e-12
     for place in sensor[:2]:
@@ -126,8 +126,8 @@ def test_a_bias_takes_back_what_averaging_gains():
         assert np.linalg.eigvalsh(spread) == pytest.approx((distance * mean) ** 2, rel=0.02)
         information += across.T @ np.linalg.inv(spread) @ across
     assert found[0, :3, :3] == pytest.approx(np.linalg.inv(information), rel=1e-6)
-    seen = SeenLooks(np.linspace(0.0, 20.0, count), target, sensor, sigma, turn)
-    pair = free_bound(np.array([20.0]), seen), free_bound(np.array([20.0]), SeenLooks.unbiased(*seen[:4]))
+    seen = DetectedLooks(np.linspace(0.0, 20.0, count), target, sensor, sigma, turn)
+    pair = free_bound(np.array([20.0]), seen), free_bound(np.array([20.0]), DetectedLooks.unbiased(*seen[:4]))
     assert position_and_velocity(pair[0])[0][0] > 5.0 * position_and_velocity(pair[1])[0][0]
 
 
@@ -135,7 +135,7 @@ def test_biases_of_no_size_leave_the_bounds_as_they_are():
     looks = np.arange(0.0, 20.0, 0.4)
     target = np.array([6.9e6, 0.0, 0.0]) + np.array([0.0, 2000.0, 0.0]) * looks[:, None]
     sensor = np.where(np.arange(len(looks))[:, None] % 2, [3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6])
-    plain = SeenLooks.unbiased(looks, target, sensor, np.full(len(looks), 2e-5))
+    plain = DetectedLooks.unbiased(looks, target, sensor, np.full(len(looks), 2e-5))
     turned = plain._replace(turn_ecef_rad=np.zeros((len(looks), 4, 3)))
     for bound in (state_bound, free_bound):
         assert bound(np.array([5.0, 19.6]), turned) == pytest.approx(bound(np.array([5.0, 19.6]), plain), rel=1e-9)
@@ -169,7 +169,7 @@ def calls_of_bounds(looks):
     time_s = np.linspace(0.0, 60.0, looks)
     target = np.array([6.7e6, 0.0, 0.0]) + time_s[:, None] * np.array([500.0, 3000.0, 0.0])
     sensor = np.tile([[3.0e7, 2.5e7, 0.0], [3.0e7, -2.5e7, 1.0e6]], (looks // 2, 1))
-    ticks, seen = np.arange(1.0, 61.0), SeenLooks.unbiased(time_s, target, sensor, np.full(looks, 2e-5))
+    ticks, seen = np.arange(1.0, 61.0), DetectedLooks.unbiased(time_s, target, sensor, np.full(looks, 2e-5))
     calls = 0
 
     def counted(_frame, event, _argument):

@@ -159,7 +159,7 @@ def test_the_line_told_is_the_trackers_and_no_librarys():
 
 
 def test_the_innermost_line_of_the_plugin_is_reported(monkeypatch):
-    monkeypatch.setattr("opir_trackers.stereo.tracking.nobody", np.linalg.inv)
+    monkeypatch.setattr("opir_trackers.stereo.tracking.unassigned", np.linalg.inv)
     with pytest.raises(ModelError, match=r"of opir-trackers .*LinAlgError: .* \(stereo/tracking.py, line \d+\)"):
         opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "stereo-filter"}))
 

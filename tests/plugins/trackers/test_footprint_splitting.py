@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_trackers.initiation import parted, unlikelihood
+from opir_trackers.initiation import deviance, split_clusters
 from opir_trackers.triangulation import Fixes
 
 import opir_core as opir
@@ -79,7 +79,7 @@ def test_a_wide_spot_is_parted_target_by_target() -> None:
     """Four in five looks see something, so that no scan sees all."""
     seen = np.random.default_rng(2).random((12, 9)) < 0.8
     rays, target = rays_of(9.0 * np.arange(9.0), seen)
-    spot, parts = parted(np.zeros(len(rays), dtype=np.int64), rays, rays.direction_ecef, rays.sigma_rad)
+    spot, parts = split_clusters(np.zeros(len(rays), dtype=np.int64), rays, rays.direction_ecef, rays.sigma_rad)
     assert parts.tolist() == [True] * 9
     pairs = np.unique(np.stack([spot, target]), axis=1)
     assert pairs.shape == (2, 9)
@@ -87,7 +87,7 @@ def test_a_wide_spot_is_parted_target_by_target() -> None:
 
 def test_targets_within_the_error_of_a_look_stay_one_spot() -> None:
     rays, _ = rays_of(np.array([0.0, 1.0]), np.ones((12, 2)))
-    spot, parts = parted(np.zeros(len(rays), dtype=np.int64), rays, rays.direction_ecef, rays.sigma_rad)
+    spot, parts = split_clusters(np.zeros(len(rays), dtype=np.int64), rays, rays.direction_ecef, rays.sigma_rad)
     assert not spot.any()
     assert parts.tolist() == [False]
 
@@ -96,7 +96,7 @@ def test_a_spot_beside_a_wide_one_keeps_its_rays() -> None:
     wide, target = rays_of(np.array([0.0, 8.0]), np.ones((6, 2)))
     other, _ = rays_of(np.array([400.0]), np.ones((6, 1)))
     rays = LinesOfSight.concatenate([wide, other])
-    spot, parts = parted(np.repeat([0, 1], [12, 6]), rays, rays.direction_ecef, rays.sigma_rad)
+    spot, parts = split_clusters(np.repeat([0, 1], [12, 6]), rays, rays.direction_ecef, rays.sigma_rad)
     assert len(np.unique(spot[:12])) == 2
     assert [len(np.unique(spot[:12][target == one])) for one in (0, 1)] == [1, 1]
     assert np.unique(spot[12:]).tolist() == [0]
@@ -107,6 +107,6 @@ def test_low_and_sharp_meetings_are_the_likelier() -> None:
     radius_m = 6378137.0
     position = np.array([[radius_m, 0.0, 0.0], [radius_m + 6e3, 0.0, 0.0], [radius_m - 6e3, 0.0, 0.0]])
     fix = Fixes(position, np.tile(np.eye(3) / 500.0**2, (3, 1, 1)), np.ones(3))
-    ground, high, deep = unlikelihood(fix, np.full(3, 1e3))
+    ground, high, deep = deviance(fix, np.full(3, 1e3))
     assert ground < high < deep
-    assert unlikelihood(fix, np.full(3, 3e3))[0] > ground
+    assert deviance(fix, np.full(3, 3e3))[0] > ground

@@ -5,7 +5,7 @@ import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.gating import candidates, gated
 
-from opir_core.estimation.lines_of_sight import LinesOfSight, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, earth_rotated
 from opir_core.estimation.motion import BOOST
 
 COUNT, END_S, SPAN_S, GATE = 60, 5000.0, 1.0, 4.5
@@ -16,7 +16,9 @@ def crowd(east: float) -> PredictedMeasurements:
     """Return tracks within 100 km, all flying east, or west, in the inertial frame."""
     rng = np.random.default_rng(12)
     derivative = np.zeros((COUNT, 5, 3))
-    up = turned(np.array([[np.cos(0.6) * np.cos(0.9), np.cos(0.6) * np.sin(0.9), np.sin(0.6)]]), np.array([END_S]))[0]
+    up = earth_rotated(
+        np.array([[np.cos(0.6) * np.cos(0.9), np.cos(0.6) * np.sin(0.9), np.sin(0.6)]]), np.array([END_S])
+    )[0]
     aside = np.array([-up[1], up[0], 0.0]) / np.hypot(up[0], up[1])
     derivative[:, 0] = 6.6e6 * up + rng.uniform(-5e4, 5e4, (COUNT, 3))
     derivative[:, 1] = east * aside + 30.0 * rng.normal(size=(COUNT, 3))
@@ -34,7 +36,7 @@ def rays_at(outlook: PredictedMeasurements) -> LinesOfSight:
     track = np.tile(np.repeat(np.arange(COUNT), 2), 20)
     place = outlook.positions(track, time_s - 0.125)
     place[1::2] += rng.uniform(-1e5, 1e5, place[1::2].shape)
-    apart = turned(place, -(time_s - 0.125)) - SENSORS_M[sensor]
+    apart = earth_rotated(place, -(time_s - 0.125)) - SENSORS_M[sensor]
     direction = apart / np.linalg.norm(apart, axis=1)[:, None] + 2e-5 * rng.normal(size=apart.shape)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     sigma = np.full(len(time_s), 2e-5)
@@ -51,7 +53,7 @@ def test_candidates_are_all_that_pass_and_few_more(east_m_s: float, light_time: 
     every = divmod(np.arange(COUNT * len(rays)), len(rays))
     brute = gated(outlook, rays, *every, GATE, light_time)
     assert np.array_equal(found.track, brute.track)
-    assert np.array_equal(found.ray, brute.ray)
+    assert np.array_equal(found.line, brute.line)
     assert np.array_equal(found.distance, brute.distance)
     assert len(found) > COUNT * 10
     assert len(track) < 4 * len(found)

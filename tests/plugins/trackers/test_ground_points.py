@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.ground_points import GroundPoints, impacts, launches, renewed
-from opir_trackers.stereo.report import evidence_of, type_posterior
+from opir_trackers.ground_points import GroundPoints, impacts, launches, updated_points
+from opir_trackers.stereo.report import type_log_likelihoods, type_posterior
 
-from opir_core.estimation.lines_of_sight import turned
+from opir_core.estimation.lines_of_sight import earth_rotated
 from opir_core.flight.forces import J2, Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.flight.propagation import impact
@@ -25,7 +25,7 @@ def test_impacts_spread_as_a_cloud_of_states_does(forces: Forces) -> None:
     points = impacts(STATE[None], np.diag(sigma**2)[None], time_s, forces)
     cloud = STATE + sigma * rng.normal(size=(runs, 6))
     flight, fell = impact(cloud[:, :3], cloud[:, 3:], forces=Forces(zonal=()))
-    ground = turned(fell, -(time_s + flight))
+    ground = earth_rotated(fell, -(time_s + flight))
     centre = geodetic_to_ecef(points.place[0, 0], points.place[0, 1], 0.0)
     plane = (ground - ground.mean(axis=0)) @ local_axes(centre)[:2].T
     flat = np.column_stack([plane, flight - flight.mean()])
@@ -33,7 +33,7 @@ def test_impacts_spread_as_a_cloud_of_states_does(forces: Forces) -> None:
     turn = np.linalg.inv(np.linalg.cholesky(told))
     assert np.abs(turn @ observed @ turn.T - np.eye(3)).max() < 5.0 * np.sqrt(2.0 / runs)
     exact, there = impact(STATE[:3], STATE[3:], forces=forces)
-    where = ecef_to_geodetic(turned(there[None], -(time_s + np.atleast_1d(exact))))
+    where = ecef_to_geodetic(earth_rotated(there[None], -(time_s + np.atleast_1d(exact))))
     assert points.place[0] == pytest.approx([where.latitude_rad[0], where.longitude_rad[0], time_s + float(exact)])
 
 
@@ -44,7 +44,7 @@ def test_the_impact_of_what_has_come_down_is_where_it_came_down(since_s: float) 
     flight, fell = impact(STATE[:3], STATE[3:], forces=kepler)
     after = np.concatenate(propagate_kepler(STATE[:3], STATE[3:], flight + since_s))
     told = impacts(after[None], covariance, 50.0 + float(flight) + since_s, kepler)
-    where = ecef_to_geodetic(turned(fell[None], -(50.0 + np.atleast_1d(flight))))
+    where = ecef_to_geodetic(earth_rotated(fell[None], -(50.0 + np.atleast_1d(flight))))
     assert told.place[0, :2] == pytest.approx([where.latitude_rad[0], where.longitude_rad[0]], abs=1e-12)
     assert told.place[0, 2] == pytest.approx(50.0 + float(flight), abs=1e-6)
     before = np.concatenate(propagate_kepler(STATE[:3], STATE[3:], flight - 1.0))
@@ -74,12 +74,12 @@ def test_no_ellipse_is_told_of_impacts_that_bend_away_from_it_or_go_round_the_ea
     assert 3 <= len(known) < len(reach)
     assert known.tolist() == list(range(len(known)))
     flight, fell = impact(STATE[:3], STATE[3:], forces=kepler)
-    middle = turned(fell[None], -np.atleast_1d(flight))[0]
+    middle = earth_rotated(fell[None], -np.atleast_1d(flight))[0]
     rng, shares = np.random.default_rng(4), []
     for row in known:
         cloud = rng.multivariate_normal(STATE, spread[row], 4000)
         later, there = impact(cloud[:, :3], cloud[:, 3:], forces=kepler)
-        plane = (turned(there, -np.asarray(later)) - middle) @ local_axes(middle)[:2].T
+        plane = (earth_rotated(there, -np.asarray(later)) - middle) @ local_axes(middle)[:2].T
         square = np.sum(plane @ np.linalg.inv(told.covariance[row, :2, :2]) * plane, axis=1)
         shares.append(np.mean(square < 5.99))
     # The most that is told bends by a standard deviation of the ellipse across the bow.
@@ -148,7 +148,7 @@ def test_each_sensor_counts_once_for_the_type() -> None:
         "IRBM": {"ICBM": 0.12, "IRBM": 0.72, "SRBM": 0.08, "UNKNOWN": 0.08},
         "SRBM": {"ICBM": 0.03, "IRBM": 0.1, "SRBM": 0.77, "UNKNOWN": 0.1},
     }
-    evidence = evidence_of(
+    evidence = type_log_likelihoods(
         [stub_sensor("A", confusion=confusion), stub_sensor("B", confusion=confusion), stub_sensor()]
     )
     unknown = REPORTED_TYPES.index("UNKNOWN")
@@ -161,6 +161,6 @@ def test_each_sensor_counts_once_for_the_type() -> None:
 def test_a_launch_told_anew_replaces_what_was_told_before_however_sure_that_was() -> None:
     known = GroundPoints(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
     fresh = GroundPoints(np.array([[1.0, 2.0, 3.0], [np.nan] * 3]), np.tile(4.0 * np.eye(3), (2, 1, 1)))
-    told = renewed(known, fresh)
+    told = updated_points(known, fresh)
     assert told.place.tolist() == [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]
     assert told.covariance[:, 0, 0].tolist() == [4.0, 1.0]

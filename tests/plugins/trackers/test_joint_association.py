@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from opir_trackers.assignment import components, exact_marginals, marginals, nearest, propagated, ranks
+from opir_trackers.assignment import (
+    belief_propagation,
+    cheapest_assignment,
+    components,
+    exact_marginals,
+    marginals,
+    ranks,
+)
 
 from examples import examples
 
@@ -55,7 +62,7 @@ def test_nearest_is_the_cheapest_assignment(seed: int, height: int, width: int, 
     rng = np.random.default_rng(seed)
     cost = rng.normal(size=(height, width))
     row, column = np.nonzero(rng.random((height, width)) < density)
-    chosen = nearest(row, column, cost[row, column])
+    chosen = cheapest_assignment(row, column, cost[row, column])
     dense = np.zeros((height, width))
     dense[row, column] = np.minimum(cost[row, column], 0.0)
     assert cost[row, column][chosen].sum() == pytest.approx(dense[linear_sum_assignment(dense)].sum(), abs=1e-12)
@@ -76,7 +83,7 @@ def test_ranks_are_places_among_the_different_numbers(values: list[int]) -> None
 
 def test_no_pairs_are_no_trouble() -> None:
     none = np.empty(0, dtype=np.int64)
-    assert len(nearest(none, none, np.empty(0))) == 0
+    assert len(cheapest_assignment(none, none, np.empty(0))) == 0
     assert len(marginals(none, none, np.empty(0))) == 0
 
 
@@ -84,12 +91,15 @@ def test_a_wide_cluster_is_propagated_and_stays_lawful() -> None:
     weight = np.exp(np.random.default_rng(3).normal(size=(16, 16)))
     row, column = np.nonzero(weight)
     beta = marginals(row, column, weight[row, column])
-    assert np.array_equal(beta, propagated(row, column, weight[row, column]))
+    assert np.array_equal(beta, belief_propagation(row, column, weight[row, column]))
     assert beta.min() > 0.0
     assert np.bincount(row, beta).max() < 1.0
     assert np.bincount(column, beta).max() < 1.0
     small, (row, column) = weight[:6, :6], np.nonzero(weight[:6, :6])
-    assert np.abs(propagated(row, column, small[row, column]) - exact_marginals(small[None])[0].ravel()).max() < 0.05
+    assert (
+        np.abs(belief_propagation(row, column, small[row, column]) - exact_marginals(small[None])[0].ravel()).max()
+        < 0.05
+    )
 
 
 def test_belief_propagation_is_exact_without_loops() -> None:
@@ -101,8 +111,8 @@ def test_belief_propagation_is_exact_without_loops() -> None:
     weight = np.zeros((21, 26))
     weight[row, column] = ratio
     used = exact_marginals(weight[None, :10, :10])[0][row[:19], column[:19]]
-    assert np.allclose(propagated(row, column, ratio)[:19], used, rtol=1e-9, atol=1e-12)
-    assert np.allclose(propagated(row, column, ratio)[19:], ratio[19:] / (1.0 + ratio[19:].sum()), rtol=1e-9)
+    assert np.allclose(belief_propagation(row, column, ratio)[:19], used, rtol=1e-9, atol=1e-12)
+    assert np.allclose(belief_propagation(row, column, ratio)[19:], ratio[19:] / (1.0 + ratio[19:].sum()), rtol=1e-9)
 
 
 def test_overwhelming_evidence_is_no_trouble() -> None:

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.ground_points import _add_noise, _covariances, _on_ground, _turned, _whitened
+from opir_trackers.ground_points import _add_noise, _covariances, _on_ground, _to_ecef, _whitened
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.motion import BOOST, weights_at
+from opir_core.estimation.motion import BOOST, taylor_weights
 from opir_core.flight.gravity_and_drag import height_and_up
 from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
 
@@ -46,13 +46,13 @@ def outlook_of(count: int) -> PredictedMeasurements:
 @pytest.mark.parametrize("count", [1, 4])
 def test_covariances_at_all_times_are_those_at_each(count: int) -> None:
     outlook = outlook_of(count)
-    weight = weights_at(np.tile(TIMES_S, count)).T.reshape(5, count, -1).transpose(1, 0, 2)
+    weight = taylor_weights(np.tile(TIMES_S, count)).T.reshape(5, count, -1).transpose(1, 0, 2)
     covariance = _covariances(outlook, weight)
     track, when = np.repeat(np.arange(count), len(TIMES_S)), np.tile(TIMES_S, count)
-    place = outlook.position_sides(track, when)
+    place = outlook.position_roots(track, when)
     # A velocity is the rate of the position.
-    later = 0.5 * (outlook.position_sides(track, when + 1.0) - outlook.position_sides(track, when - 1.0))
-    later -= outlook.side.reshape(count, 4, 3, BOOST)[track, 3] / 6.0
+    later = 0.5 * (outlook.position_roots(track, when + 1.0) - outlook.position_roots(track, when - 1.0))
+    later -= outlook.root.reshape(count, 4, 3, BOOST)[track, 3] / 6.0
     side = np.concatenate([place, later], axis=1)
     exact = side @ side.transpose(0, 2, 1)
     unit = np.sqrt(np.einsum("nii->ni", exact))
@@ -85,5 +85,5 @@ def test_rows_are_whitened_as_by_a_cholesky_factor() -> None:
 
 def test_rows_are_turned_against_the_earth() -> None:
     angle = EARTH_ROTATION_RAD_S * np.array([100.0])
-    turned = _turned(np.array([[1.0], [0.0], [5.0]]), np.sin(angle), np.cos(angle))
+    turned = _to_ecef(np.array([[1.0], [0.0], [5.0]]), np.sin(angle), np.cos(angle))
     assert np.allclose(turned[:, 0], [np.cos(angle[0]), -np.sin(angle[0]), 5.0])

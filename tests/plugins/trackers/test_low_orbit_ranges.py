@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from opir_trackers.triangulation import from_afar, near_ground
+from opir_trackers.triangulation import geostationary_directions, points_near_ground
 
 import opir_core as opir
 from opir_core.estimation.lines_of_sight import LinesOfSight
@@ -66,8 +66,8 @@ def test_what_stands_still_stays_in_its_direction_as_a_low_sensor_moves() -> Non
     angle = np.linspace(0.0, 0.01, 9)
     origin = 7.1e6 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
     one = rays(origin, np.array([6.3781e6, 2e5, 1e5]))
-    ground = rays(origin, near_ground(origin[:1], one.direction_ecef[:1])[0])
-    direction, sigma_rad = from_afar(ground, ground.sensor)
+    ground = rays(origin, points_near_ground(origin[:1], one.direction_ecef[:1])[0])
+    direction, sigma_rad = geostationary_directions(ground, ground.sensor)
     assert np.linalg.norm(ground.direction_ecef - ground.direction_ecef[0], axis=1).max() > 0.05
     assert np.linalg.norm(direction - direction[0], axis=1).max() < 1e-9
     assert (sigma_rad < ground.sigma_rad).all()
@@ -76,6 +76,6 @@ def test_what_stands_still_stays_in_its_direction_as_a_low_sensor_moves() -> Non
 def test_rays_of_high_sensors_are_left_alone() -> None:
     origin = np.tile([GEO_M, 0.0, 0.0], (3, 1))
     ours = rays(origin, np.array([6.3781e6, 2e5, 1e5]))
-    direction, sigma_rad = from_afar(ours, ours.sensor)
+    direction, sigma_rad = geostationary_directions(ours, ours.sensor)
     assert direction is ours.direction_ecef
     assert sigma_rad is ours.sigma_rad

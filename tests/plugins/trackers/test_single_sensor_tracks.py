@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.stereo.track_management import are_low, came_down
+from opir_trackers.stereo.track_management import are_below_ground, have_come_down
 from repository import EXAMPLES
 
 from opir_core.planning.plan import compile_plan
@@ -37,9 +37,9 @@ def test_what_one_sensor_sees_is_one_track_a_launch_that_says_how_little_it_know
 def test_an_estimate_below_the_ground_ends_a_track_that_is_silent_or_sure() -> None:
     position = np.tile([6.378137e6 - 60e3, 0.0, 0.0], (3, 1))
     covariance = np.stack([np.eye(6) * sigma_m**2 for sigma_m in (1e3, 1e5, 1e5)])
-    assert are_low(position).all()
-    assert came_down(position, covariance, np.array([False, False, True])).tolist() == [True, False, True]
-    assert not came_down(position + np.array([50e3, 0.0, 0.0]), covariance, np.ones(3, dtype=bool)).any()
+    assert are_below_ground(position).all()
+    assert have_come_down(position, covariance, np.array([False, False, True])).tolist() == [True, False, True]
+    assert not have_come_down(position + np.array([50e3, 0.0, 0.0]), covariance, np.ones(3, dtype=bool)).any()
 
 
 def test_a_sensor_that_sees_a_launch_near_its_horizon_says_how_little_it_knows() -> None:

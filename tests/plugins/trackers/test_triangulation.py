@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.triangulation import meeting_points
+from opir_trackers.triangulation import triangulated
 
 
 @pytest.mark.filterwarnings("error")
@@ -13,6 +13,6 @@ def test_rays_from_one_place_meet_nowhere_and_spoil_no_others(sigma_rad: float) 
     target = np.array([4.5e6, 4.5e6, 1e5])
     direction = target - origin
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    fixes = meeting_points(np.array([0, 0, 1, 1]), 2, origin, direction, np.full(4, sigma_rad))
+    fixes = triangulated(np.array([0, 0, 1, 1]), 2, origin, direction, np.full(4, sigma_rad))
     assert fixes.position_m[0] == pytest.approx(target, rel=1e-9, abs=1e-3)
     assert np.isnan(fixes.position_m[1]).all()

@@ -1,1 +1,1 @@
-"""The tracker `kepler-arc`: a Keplerian arc, as the paper has it."""
+"""The tracker `kepler-arc`: Keplerian arcs fitted to detections, as in the paper."""

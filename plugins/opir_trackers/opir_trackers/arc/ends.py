@@ -1,11 +1,11 @@
-"""Where the arcs of `kepler-arc` begin and end: launch from the first lines of sight, impact from the last state."""
+"""Launch, burnout and impact of the arcs of `kepler-arc`."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, along, emission_s
+from opir_core.estimation.lines_of_sight import LinesOfSight, emission_s, matvec
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state, local_axes
@@ -16,56 +16,58 @@ from opir_trackers.range_types import burn_s
 from opir_trackers.sensors import SensorSchedule
 
 
-class LaunchGuess(NamedTuple):
-    """The paper's parameters of a trajectory, relative to the turning Earth: (n,) each, rad and m/s."""
+class TrajectoryParameters(NamedTuple):
+    """The paper's trajectory parameters, relative to the rotating Earth: (n,) each, rad and m/s."""
 
     azimuth_rad: FloatArray
     flight_path_angle_rad: FloatArray
     speed_m_s: FloatArray
 
 
-def latency_s(watch: SensorSchedule) -> tuple[FloatArray, FloatArray]:
+def latency_s(schedule: SensorSchedule) -> tuple[FloatArray, FloatArray]:
     """Return mean and standard deviation (s,) of the time from ignition to a sensor's first detection, s.
 
-    The paper's section 5.1: T/P, of a geometric number of scans; and a scan's phase, which is not known.
+    Section 5.1 of the paper: T/P, for a geometric number of scans and an unknown scan phase.
     """
-    chance = watch.chance.mean(axis=1)
+    chance = schedule.detection_probability.mean(axis=1)
     spread = np.sqrt((1.0 - chance) / chance**2 + 1.0 / 12.0)
-    return watch.period_s / chance, watch.period_s * spread
+    return schedule.period_s / chance, schedule.period_s * spread
 
 
-def expected_looks(watch: SensorSchedule, seen: BoolArray, kind: IntArray) -> FloatArray:
-    """Return how many detections (n,) the sensors that see (n, s) expect of a whole boost of types (n,)."""
-    rate = (watch.chance / watch.period_s[:, None])[:, kind].T
+def expected_looks(schedule: SensorSchedule, seen: BoolArray, kind: IntArray) -> FloatArray:
+    """Return the expected number of detections (n,) of a whole boost of types (n,) by sensors that see it (n, s)."""
+    rate = (schedule.detection_probability / schedule.period_s[:, None])[:, kind].T
     expected: FloatArray = burn_s()[kind] * np.where(seen, rate, 0.0).sum(axis=1)
     return expected
 
 
-def launches(rays: LinesOfSight, owner: IntArray, count: int, watch: SensorSchedule, light_time: bool) -> GroundPoints:
-    """Return where `count` tracks were launched: where the first rays of their sensors meet the ground.
+def launches(
+    lines: LinesOfSight, owner: IntArray, count: int, schedule: SensorSchedule, light_time: bool
+) -> GroundPoints:
+    """Return launch points of `count` tracks, where the first lines of sight of their sensors meet the ground.
 
-    Rays (m,) come in order of time, `owner` (m,) says whose. The time is the first light's less the latency expected;
-    a sensor whose first detection comes later than it should have says nothing of the launch.
+    Lines (m,) are in order of time with tracks `owner` (m,). The time is the first emission minus the expected latency.
+    A sensor whose first detection is later than expected is not used.
     """
-    ground = intersection_with_ellipsoid(rays.origin_ecef_m, rays.direction_ecef)
-    range_m = np.sqrt(np.sum((ground - rays.origin_ecef_m) ** 2, axis=1))
-    left_s = emission_s(rays.time_s, range_m, light_time)
-    late_s, doubt_s = latency_s(watch)
+    ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
+    range_m = np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1))
+    left_s = emission_s(lines.time_s, range_m, light_time)
+    late_s, doubt_s = latency_s(schedule)
     begun_s = np.full(count, np.inf)
     np.fmin.at(begun_s, owner, left_s)
     met = np.flatnonzero(np.isfinite(range_m))
-    firsts = met[np.unique(np.stack([owner, rays.sensor.astype(np.int64)], axis=1)[met], axis=0, return_index=True)[1]]
-    firsts = firsts[left_s[firsts] <= begun_s[owner[firsts]] + (late_s + doubt_s)[rays.sensor[firsts]]]
-    first, row = rays.take(firsts), owner[firsts]
+    firsts = met[np.unique(np.stack([owner, lines.sensor.astype(np.int64)], axis=1)[met], axis=0, return_index=True)[1]]
+    firsts = firsts[left_s[firsts] <= begun_s[owner[firsts]] + (late_s + doubt_s)[lines.sensor[firsts]]]
+    first, row = lines.take(firsts), owner[firsts]
     place = ground[firsts]
     axes = local_axes(place)
     spread = _on_ground(axes, first.direction_ecef, range_m[firsts] * first.sigma_rad)
-    told = np.linalg.inv(spread).astype(np.float64, copy=False)
+    weight = np.linalg.inv(spread).astype(np.float64, copy=False)
     information, pull, about = np.zeros((count, 2, 2)), np.zeros((count, 2)), np.full((count, 3), np.nan)
     about[row[::-1]] = place[::-1]
-    apart = along(axes, place - about[row])[:, :2]
-    np.add.at(information, row, told)
-    np.add.at(pull, row, along(told, apart))
+    apart = matvec(axes, place - about[row])[:, :2]
+    np.add.at(information, row, weight)
+    np.add.at(pull, row, matvec(weight, apart))
     when, wait_s = np.full(count, np.nan), np.full(count, np.nan)
     order = np.argsort(-left_s[firsts], kind="stable")
     when[row[order]] = (left_s[firsts] - late_s[first.sensor])[order]
@@ -74,8 +76,8 @@ def launches(rays: LinesOfSight, owner: IntArray, count: int, watch: SensorSched
 
 
 def _on_ground(axes: FloatArray, direction: FloatArray, spread_m: FloatArray) -> FloatArray:
-    """Return covariances (n, 2, 2), east and north, of where rays with a spread across them meet the ground."""
-    local = along(axes, direction)
+    """Return covariances (n, 2, 2), east and north, of the ground points of lines with a spread across them."""
+    local = matvec(axes, direction)
     flat = -local[:, :2] / local[:, 2:]
     foot: FloatArray = np.square(spread_m)[:, None, None] * (np.eye(2) + flat[:, :, None] * flat[:, None, :])
     return foot
@@ -84,13 +86,14 @@ def _on_ground(axes: FloatArray, direction: FloatArray, spread_m: FloatArray) ->
 def _pooled(
     about: FloatArray, information: FloatArray, pull: FloatArray, when: FloatArray, wait_s: FloatArray
 ) -> GroundPoints:
+    """Return the weighted mean points of tracks."""
     points = GroundPoints.nowhere(len(about))
     known = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
     if not len(known):
         return points
     spread = np.linalg.inv(information[known]).astype(np.float64, copy=False)
     spread = 0.5 * (spread + spread.transpose(0, 2, 1))
-    away = along(spread, pull[known])
+    away = matvec(spread, pull[known])
     axes = local_axes(about[known])
     place = ecef_to_geodetic(about[known] + away[:, :1] * axes[:, 0] + away[:, 1:] * axes[:, 1])
     points.place[known] = np.stack([place.latitude_rad, place.longitude_rad, when[known]], axis=1)
@@ -101,9 +104,9 @@ def _pooled(
 
 
 def states_at(arcs: ArcFits, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return ECEF states (n, 6) at times (n,) and covariances (n, 6, 6): the fit's, grown where the arc fits badly.
+    """Return ECEF states (n, 6) at times (n,) and covariances (n, 6, 6), scaled where the arc fits badly.
 
-    The covariance is that of the noise, times the mean squared residual where that is above 1.
+    The covariance is that of the noise, times the reduced χ² where this exceeds 1.
     """
     _, covariance, left = solved(arcs.normal())
     freedom = np.maximum(np.where(arcs.seen.sum(axis=1) < 2, 3, 2) * arcs.looks - 6, 1)
@@ -116,15 +119,15 @@ def states_at(arcs: ArcFits, time_s: FloatArray) -> tuple[FloatArray, FloatArray
     return state[:, 0], 0.5 * (spread + spread.transpose(0, 2, 1))
 
 
-def shots(state: FloatArray) -> LaunchGuess:
+def trajectory_parameters(state: FloatArray) -> TrajectoryParameters:
     """Return azimuth, flight path angle and speed of ECEF states (n, 6)."""
-    east, north, up = along(local_axes(state[:, :3]), state[:, 3:]).T
+    east, north, up = matvec(local_axes(state[:, :3]), state[:, 3:]).T
     azimuth = np.remainder(np.arctan2(east, north), 2.0 * np.pi)
-    return LaunchGuess(azimuth, np.arctan2(up, np.hypot(east, north)), np.sqrt(east**2 + north**2 + up**2))
+    return TrajectoryParameters(azimuth, np.arctan2(up, np.hypot(east, north)), np.sqrt(east**2 + north**2 + up**2))
 
 
 def impacts(arcs: ArcFits) -> FloatArray:
-    """Return latitude, longitude, rad, and time, s, (n, 3), where arcs come down after their last light; nan if not."""
+    """Return latitude, longitude, rad, and time, s, (n, 3) of the impacts of arcs after their last emission, or nan."""
     flown = propagate_kepler(arcs.state[:, :3], arcs.state[:, 3:], arcs.last_s - arcs.epoch_s)
     flight_s, point = kepler_impact(*flown)
     time_s = arcs.last_s + flight_s

@@ -1,9 +1,9 @@
-"""Keplerian arcs fitted to lines of sight: normal equations of the state at each track's first light.
+"""Least-squares fit of Keplerian arcs to lines of sight: normal equations of the state at each track's first emission.
 
-The paper fits "a Keplerian ballistic arc to the observed positions" (section 5.2). A line of sight holds a position in
-two directions; where a second sensor looks from another direction, the third follows from it. Elsewhere the height is
-assumed: from the ground straight up at a steady acceleration. Each line of sight is linearised once, about the arc as
-it stands at that tick, so a tick costs its own detections.
+The paper fits "a Keplerian ballistic arc to the observed positions" (section 5.2). A line of sight determines a
+position in two directions; a second sensor in another direction gives the third. Otherwise the height is assumed,
+vertically from the ground at constant acceleration. Each line is linearised once, about the arc of that tick, so a tick
+costs only its own detections.
 """
 
 import numpy as np
@@ -11,31 +11,31 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.estimation.lines_of_sight import LinesOfSight, emission_s, turned
+from opir_core.estimation.lines_of_sight import LinesOfSight, earth_rotated, emission_s
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
 from opir_core.interfaces.columns import Columns
 
-#: Steps by which slopes are taken: m, m/s. An arc is linear over them to parts in a million.
+#: Finite-difference steps, m and m/s; an arc is linear over them to parts in a million.
 STEPS = np.array([10.0, 10.0, 10.0, 0.1, 0.1, 0.1])
 
-#: Times at which an arc is worked out within a tick; between them it is a polynomial, true to 1e-6 m over a minute.
+#: Number of Chebyshev nodes of an arc within a tick; the interpolation error is 1e-6 m over a minute.
 _KNOTS = 8
 
-#: Rounds of linearisation of the first fit, and of each later one.
+#: Iterations of the first fit, and of each later one.
 _FIRST_ROUNDS, _ROUNDS = 8, 2
 
-#: Several sensors count as one where their lines tell of the distance less than this share of what they tell across it:
-#: two that look equally often, and as well, from directions one degree apart.
+#: Several sensors count as one where their information along the line of sight is below this share of that across: two
+#: equal sensors one degree apart.
 _PARALLAX = 1e-4
 
-#: No further round is needed once a state moves by less than this, m and m/s.
+#: Iteration stops once the state moves by less than this, m and m/s.
 _SETTLED = 1e-4
 
-#: A state is not known where the scaled normal equations are worse conditioned than this.
+#: Largest condition number of the scaled normal equations of a determined state.
 _WORST_CONDITION = 1e12
 
-#: No target of the generic classes burns for longer, s: until then the height of one that one sensor sees is assumed.
+#: Longest burn of the generic classes, s: until then the height of a target seen by one sensor is assumed.
 LONGEST_BURN_S = 250.0
 
 _TURN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
@@ -43,11 +43,11 @@ _TURN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
 
 @frozen(eq=False)
 class ArcFits(Columns):
-    """Arcs, one row a track: its number, when its first light left, s, and the inertial state then, m and m/s.
+    """Arcs, one row per track: number, time of the first emission, s, and the inertial state then, m and m/s.
 
-    `across` and `along` (n, 7, 7) are normal equations of six differences from `reference`, bordered by their right
-    sides and the sum of squared residuals: `across` of the lines of sight, `along` of the heights assumed. `looks` are
-    the detections taken in, `seen` (n, sensors) of which sensors, `last_s` when the last light left. `launch` and
+    `across` and `along` (n, 7, 7) are normal equations of the six differences from `reference`, bordered by their
+    right-hand sides and the sum of squared residuals: `across` from lines of sight, `along` from assumed heights.
+    `looks` counts the detections, `seen` (n, sensors) marks their sensors, `last_s` is the last emission. `launch` and
     `launch_covariance` are as in `Tracks`.
     """
 
@@ -66,11 +66,11 @@ class ArcFits(Columns):
     @classmethod
     def none(cls, sensors: int) -> "ArcFits":
         """Return no arcs."""
-        return cls.unbegun(np.empty(0, dtype=np.int64), sensors)
+        return cls.unfitted(np.empty(0, dtype=np.int64), sensors)
 
     @classmethod
-    def unbegun(cls, number: IntArray, sensors: int) -> "ArcFits":
-        """Return the arcs of tracks that have no detections yet."""
+    def unfitted(cls, number: IntArray, sensors: int) -> "ArcFits":
+        """Return arcs of tracks without detections."""
         count = len(number)
         unknown = np.full((count, 6), np.nan)
         return cls(
@@ -88,32 +88,32 @@ class ArcFits(Columns):
         )
 
     @property
-    def is_begun(self) -> BoolArray:
+    def is_fitted(self) -> BoolArray:
         """Return which arcs (n,) have a state."""
         return np.asarray(np.isfinite(self.state).all(axis=1))
 
     def normal(self) -> FloatArray:
-        """Return the bordered normal equations (n, 7, 7): with the heights where lines of sight tell no distance."""
+        """Return the bordered normal equations (n, 7, 7), with heights where lines do not determine the range."""
         place = self.across[:, :3, :3]
-        told = np.linalg.eigvalsh(np.where(np.isfinite(place), place, 0.0))
-        alone = (self.seen.sum(axis=1) < 2) | (told[:, 0] < _PARALLAX * told[:, 2])
+        eigenvalues = np.linalg.eigvalsh(np.where(np.isfinite(place), place, 0.0))
+        alone = (self.seen.sum(axis=1) < 2) | (eigenvalues[:, 0] < _PARALLAX * eigenvalues[:, 2])
         return self.across + np.where(alone[:, None, None], self.along, 0.0)
 
-    def faded(self, share: float) -> "ArcFits":
-        """Return the arcs with all that was seen so far counting for a share of what it did."""
+    def discounted(self, share: float) -> "ArcFits":
+        """Return the arcs with the weight of all earlier detections multiplied by a share."""
         return self if share == 1.0 else evolve(self, across=self.across * share, along=self.along * share)
 
 
 def solved(normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what solves bordered normal equations (n, 7, 7), its covariance, and the squares left over.
+    """Return the solution of bordered normal equations (n, 7, 7), its covariance, and the residual sum of squares.
 
-    These are (n, 6), (n, 6, 6) and (n,); nan where the equations tell too little.
+    These are (n, 6), (n, 6, 6) and (n,); nan where the equations are ill-conditioned.
     """
     size = np.sqrt(np.diagonal(normal[:, :6, :6], axis1=1, axis2=2))
-    told = np.logical_and((size > 0.0).all(axis=1), np.isfinite(normal).all(axis=(1, 2)))
-    scale = np.where(told[:, None], size, 1.0)
-    matrix = np.where(told[:, None, None], normal[:, :6, :6], np.eye(6)) / (scale[:, :, None] * scale[:, None, :])
-    sound: BoolArray = told & (np.linalg.cond(matrix) < _WORST_CONDITION)
+    determined = np.logical_and((size > 0.0).all(axis=1), np.isfinite(normal).all(axis=(1, 2)))
+    scale = np.where(determined[:, None], size, 1.0)
+    matrix = np.where(determined[:, None, None], normal[:, :6, :6], np.eye(6)) / (scale[:, :, None] * scale[:, None, :])
+    sound: BoolArray = determined & (np.linalg.cond(matrix) < _WORST_CONDITION)
     inverse = np.linalg.inv(np.where(sound[:, None, None], matrix, np.eye(6)))
     covariance = inverse / (scale[:, :, None] * scale[:, None, :])
     covariance = np.where(sound[:, None, None], 0.5 * (covariance + covariance.transpose(0, 2, 1)), np.nan)
@@ -122,106 +122,109 @@ def solved(normal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return step, covariance, left
 
 
-def begun(
-    arcs: ArcFits, rays: LinesOfSight, owner: IntArray, launch_s: FloatArray, climb_m_s2: float, light_time: bool
+def initialised(
+    arcs: ArcFits, lines: LinesOfSight, owner: IntArray, launch_s: FloatArray, climb_m_s2: float, light_time: bool
 ) -> ArcFits:
-    """Return arcs that have no state yet, fitted to their first rays (m,), whose arc is `owner`.
+    """Return arcs without a state fitted to their first lines (m,) with arcs `owner`.
 
-    `launch_s` (n,) are when the targets are taken to have left the ground. Arcs that the rays do not determine stay as
-    they were.
+    `launch_s` (n,) are the assumed launch times. Arcs that the lines do not determine are unchanged.
     """
-    ground = intersection_with_ellipsoid(rays.origin_ecef_m, rays.direction_ecef)
-    ground = np.where(np.isfinite(ground), ground, rays.origin_ecef_m + 3.6e7 * rays.direction_ecef)
-    left_s = emission_s(rays.time_s, np.sqrt(np.sum((ground - rays.origin_ecef_m) ** 2, axis=1)), light_time)
+    ground = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef)
+    ground = np.where(np.isfinite(ground), ground, lines.origin_ecef_m + 3.6e7 * lines.direction_ecef)
+    left_s = emission_s(lines.time_s, np.sqrt(np.sum((ground - lines.origin_ecef_m) ** 2, axis=1)), light_time)
     first = np.unique(owner, return_index=True)[1]
     epoch_s, place = arcs.epoch_s.copy(), np.full((len(arcs), 3), np.nan)
     epoch_s[owner[first]] = left_s[first]
-    place[owner[first]] = turned(ground[first], left_s[first])
+    place[owner[first]] = earth_rotated(ground[first], left_s[first])
     rough = np.concatenate([place, np.cross(_TURN, place)], axis=1)
     started = evolve(arcs, epoch_s=epoch_s, reference=rough, state=rough)
     straight = _straight_paths(started, owner, left_s)
-    started = _moved(started, _added(started, rays, owner, left_s, straight, launch_s, climb_m_s2))
+    started = _solved_state(started, _with_equations(started, lines, owner, left_s, straight, launch_s, climb_m_s2))
     started = evolve(started, reference=started.state)
-    told = np.flatnonzero(started.is_begun[owner])
-    return taken_in(started, rays.take(told), owner[told], launch_s, climb_m_s2, light_time, rounds=_FIRST_ROUNDS)
+    determined = np.flatnonzero(started.is_fitted[owner])
+    return updated(
+        started, lines.take(determined), owner[determined], launch_s, climb_m_s2, light_time, rounds=_FIRST_ROUNDS
+    )
 
 
-def taken_in(
+def updated(
     arcs: ArcFits,
-    rays: LinesOfSight,
+    lines: LinesOfSight,
     owner: IntArray,
     launch_s: FloatArray,
     climb_m_s2: float,
     light_time: bool,
     rounds: int = _ROUNDS,
 ) -> ArcFits:
-    """Return the arcs with rays (m,) in order of time taken in; those that are not determined are without a state."""
+    """Return the arcs after lines (m,) in order of time; undetermined ones have no state."""
     before = moved = arcs
-    added, left_s = arcs, rays.time_s
+    added, left_s = arcs, lines.time_s
     for turn in range(rounds):
-        left_s = _left_s(moved, rays, owner, left_s, light_time, 1 if turn else 2)
+        left_s = _emission_times(moved, lines, owner, left_s, light_time, 1 if turn else 2)
         paths = kepler_paths(moved.state, moved.epoch_s, owner, left_s)
         trial = evolve(before, state=moved.state)
-        added = _added(trial, rays, owner, left_s, paths, launch_s, climb_m_s2)
-        moved = _moved(trial, added)
+        added = _with_equations(trial, lines, owner, left_s, paths, launch_s, climb_m_s2)
+        moved = _solved_state(trial, added)
         if np.max(np.abs(moved.state - trial.state), initial=0.0) < _SETTLED:
             break
     last_s, seen = arcs.last_s.copy(), arcs.seen.copy()
     np.maximum.at(last_s, owner, left_s)
-    seen[owner, rays.sensor] = True
+    seen[owner, lines.sensor] = True
     looks = arcs.looks + np.bincount(owner, minlength=len(arcs))
     return evolve(added, state=moved.state, last_s=last_s, seen=seen, looks=looks)
 
 
-def _left_s(
-    arcs: ArcFits, rays: LinesOfSight, owner: IntArray, left_s: FloatArray, light_time: bool, passes: int
+def _emission_times(
+    arcs: ArcFits, lines: LinesOfSight, owner: IntArray, left_s: FloatArray, light_time: bool, passes: int
 ) -> FloatArray:
-    """Return when the light of rays left their arcs, (m,) s, from a guess."""
+    """Return the emission times (m,), s, of lines from their arcs, from a first guess."""
     for _ in range(passes if light_time else 0):
-        apart = _followed(arcs.state[:, None], arcs.epoch_s, owner, left_s)[:, 0] - turned(rays.origin_ecef_m, left_s)
-        left_s = emission_s(rays.time_s, np.sqrt(np.sum(apart * apart, axis=1)), light_time)
+        apart = _positions_at(arcs.state[:, None], arcs.epoch_s, owner, left_s)[:, 0] - earth_rotated(
+            lines.origin_ecef_m, left_s
+        )
+        left_s = emission_s(lines.time_s, np.sqrt(np.sum(apart * apart, axis=1)), light_time)
     return left_s
 
 
-def _moved(arcs: ArcFits, added: ArcFits) -> ArcFits:
-    """Return the arcs with the state that solves the equations of `added`, nan where those do not determine it."""
+def _solved_state(arcs: ArcFits, added: ArcFits) -> ArcFits:
+    """Return the arcs with the solution of the equations of `added`, nan where undetermined."""
     return evolve(arcs, state=added.reference + solved(added.normal())[0])
 
 
-def _added(
+def _with_equations(
     arcs: ArcFits,
-    rays: LinesOfSight,
+    lines: LinesOfSight,
     owner: IntArray,
     left_s: FloatArray,
     paths: tuple[FloatArray, FloatArray],
     launch_s: FloatArray,
     climb_m_s2: float,
 ) -> ArcFits:
-    """Return the arcs with the equations of rays added, linearised about positions (m, 3) with slopes (m, 3, 6)."""
+    """Return the arcs with the equations of lines added, linearised about positions (m, 3) with Jacobians (m, 3, 6)."""
     position, slope = paths
-    origin, direction = turned(rays.origin_ecef_m, left_s), turned(rays.direction_ecef, left_s)
+    origin, direction = earth_rotated(lines.origin_ecef_m, left_s), earth_rotated(lines.direction_ecef, left_s)
     apart = position - origin
     depth = np.sum(apart * direction, axis=1)
     shift = slope @ (arcs.state - arcs.reference)[owner][:, :, None]
-    bordered = np.concatenate([slope, shift - apart[:, :, None]], axis=2) / (depth * rays.sigma_rad)[:, None, None]
+    bordered = np.concatenate([slope, shift - apart[:, :, None]], axis=2) / (depth * lines.sigma_rad)[:, None, None]
     ahead = direction[:, None, :] @ bordered
     sideways = bordered - direction[:, :, None] * ahead
     across, along = arcs.across.copy(), arcs.along.copy()
     np.add.at(across, owner, sideways.transpose(0, 2, 1) @ sideways)
     since_s = left_s - launch_s[owner]
     height = 0.5 * climb_m_s2 * since_s * np.maximum(since_s, 0.0)
-    point = intersection_with_ellipsoid(rays.origin_ecef_m, rays.direction_ecef, height)
-    far = np.sqrt(np.sum((point - rays.origin_ecef_m) ** 2, axis=1))
-    ahead[:, 0, 6] += far / (depth * rays.sigma_rad)
+    point = intersection_with_ellipsoid(lines.origin_ecef_m, lines.direction_ecef, height)
+    far = np.sqrt(np.sum((point - lines.origin_ecef_m) ** 2, axis=1))
+    ahead[:, 0, 6] += far / (depth * lines.sigma_rad)
     assumed = np.flatnonzero(np.isfinite(far) & (since_s <= LONGEST_BURN_S))
     np.add.at(along, owner[assumed], (ahead.transpose(0, 2, 1) @ ahead)[assumed])
     seen = arcs.seen.copy()
-    seen[owner, rays.sensor] = True
+    seen[owner, lines.sensor] = True
     return evolve(arcs, across=across, along=along, seen=seen)
 
 
 def _straight_paths(arcs: ArcFits, owner: IntArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return positions (m, 3) and slopes (m, 3, 6) at times (m,) of paths under a steady gravity."""
+    """Return positions (m, 3) and Jacobians (m, 3, 6) at times (m,) of paths under constant gravity."""
     since = time_s - arcs.epoch_s[owner]
     place, speed = arcs.state[owner, :3], arcs.state[owner, 3:]
     radius = np.sqrt(np.sum(place * place, axis=1))[:, None]
@@ -233,14 +236,14 @@ def _straight_paths(arcs: ArcFits, owner: IntArray, time_s: FloatArray) -> tuple
 def kepler_paths(
     state: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return positions (m, 3) at times (m,) of the arcs `owner` (m,), and how the state changes them, (m, 3, 6)."""
+    """Return positions (m, 3) at times (m,) of the arcs `owner` (m,), and Jacobians (m, 3, 6) by the state."""
     trials = state[:, None] + np.concatenate([np.zeros((1, 6)), np.diag(STEPS)])
-    found = _followed(trials, epoch_s, owner, time_s)
-    slope = (found[:, 1:] - found[:, :1]) / STEPS[:, None]
-    return found[:, 0], slope.transpose(0, 2, 1)
+    positions = _positions_at(trials, epoch_s, owner, time_s)
+    slope = (positions[:, 1:] - positions[:, :1]) / STEPS[:, None]
+    return positions[:, 0], slope.transpose(0, 2, 1)
 
 
-def _followed(trials: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray) -> FloatArray:
+def _positions_at(trials: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: FloatArray) -> FloatArray:
     """Return positions (m, v, 3) at times (m,) on the arcs through all states (n, v, 6) of the rows `owner` (m,)."""
     count, each = trials.shape[:2]
     start, end = np.full(count, np.inf), np.full(count, -np.inf)
@@ -254,11 +257,11 @@ def _followed(trials: FloatArray, epoch_s: FloatArray, owner: IntArray, time_s: 
     values = flown.transpose(0, 2, 1, 3).reshape(count, _KNOTS, 3 * each)
     place = np.clip((time_s - middle[owner]) / half[owner], -1.0, 1.0)
     weights = np.cos(np.arange(_KNOTS) * np.arccos(place)[:, None])[:, None, :] @ _TO_SERIES
-    found: FloatArray = (weights @ values[owner]).reshape(-1, each, 3)
-    return found
+    positions: FloatArray = (weights @ values[owner]).reshape(-1, each, 3)
+    return positions
 
 
-#: Chebyshev's points in [-1, 1], and the matrix that makes the coefficients of a series of values there.
+#: Chebyshev nodes in [-1, 1], and the matrix from values at them to series coefficients.
 _ANGLES = (np.arange(_KNOTS) + 0.5) * np.pi / _KNOTS
 _NODES = np.cos(_ANGLES)
 _TO_SERIES = 2.0 / _KNOTS * np.cos(np.arange(_KNOTS)[:, None] * _ANGLES)

@@ -1,19 +1,18 @@
-"""The tracker `kepler-arc`, the paper's: association by the stereo filter, estimates by a Keplerian arc.
+"""The tracker `kepler-arc` of the paper: association by the stereo filter, estimates by a Keplerian arc.
 
-A missile that thrusts is not on a Keplerian arc (docs/explanation/paper-errata.md): this is the baseline that others
-are measured against.
+A thrusting missile is not on a Keplerian arc (docs/explanation/paper-errata.md): this is the baseline for the others.
 """
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, no_rays
+from opir_core.estimation.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.arc import fit as arc_fit
-from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, shots, states_at
+from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
 from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
@@ -22,13 +21,13 @@ from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilit
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 from opir_trackers.stereo.tracking import StereoTracking
 
-#: The least detections of an arc.
+#: Least number of detections of an arc.
 LEAST_LOOKS = 3
 
-#: Rays that belong to no track are kept for this long, s, or this many scans, for a track that begins later.
+#: Unassigned lines are kept for this time, s, or this number of scans, for tracks that begin later.
 _POOL_S, _POOL_SCANS = 20.0, 20
 
-#: No sensor is taken to be blinder than this: a first detection is waited for as long as it says.
+#: Lower bound on the detection probability, which limits the expected latency.
 _LEAST_CHANCE = 0.01
 
 
@@ -44,95 +43,97 @@ class ArcTracker:
         self._watch = SensorSchedule.of(context.sensors, least=_LEAST_CHANCE, most=1.0)
         self._light_time = context.light_time
         self._rays = LineOfSightCache(LinesOfSight.of)
-        self._pool = no_rays()
+        self._pool = no_lines_of_sight()
         self._arcs = ArcFits.none(len(context.sensors))
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
-        return self._tracking.nearest(self._now, self._rays.of(detections))
+        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
+        return self._tracking.track_numbers(self._now, self._rays.of(detections))
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
-        """Take the sensors to be these from the last tick on: as many, with other settings."""
+        """Set the sensors from the last tick on: the same number, with other settings."""
         self._context = evolve(self._context, sensors=sensors)
         self._tracking = StereoTracking.of(self._tracking.config, self._context)
         self._watch = SensorSchedule.of(sensors, least=_LEAST_CHANCE, most=1.0)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Take in the detections since the last tick and return the estimates at this one."""
-        before_s, rays = self._now.time_s, self._rays.of(detections)
-        self._now = self._tracking.stepped(self._now, tick_s, detections, self._tracking.biases.widened(rays))
-        told = self._now.roster.hits >= 2 * self._tracking.config.needed_scans
-        self._follow(np.sort(self._now.roster.number[told]))
+        """Return the estimates at this tick, after the detections since the last one."""
+        before_s, lines = self._now.time_s, self._rays.of(detections)
+        self._now = self._tracking.stepped(self._now, tick_s, detections, self._tracking.biases.with_bias_sigma(lines))
+        confirmed = self._now.table.hits >= 2 * self._tracking.config.needed_scans
+        self._update_arcs(np.sort(self._now.table.number[confirmed]))
         if self._config.memory_s is not None:
-            self._arcs = self._arcs.faded(float(np.exp((before_s - tick_s) / self._config.memory_s)))
-        self._take_in(rays, before_s)
-        return self._told(tick_s)
+            self._arcs = self._arcs.discounted(float(np.exp((before_s - tick_s) / self._config.memory_s)))
+        self._take_in(lines, before_s)
+        return self._tracks(tick_s)
 
-    def _follow(self, number: IntArray) -> None:
-        """Drop the arcs of tracks that are gone, and add those of new ones."""
+    def _update_arcs(self, number: IntArray) -> None:
+        """Drop the arcs of deleted tracks, and add those of new ones."""
         kept = self._arcs.take(np.isin(self._arcs.number, number))
-        fresh = ArcFits.unbegun(np.setdiff1d(number, kept.number), len(self._watch.period_s))
+        fresh = ArcFits.unfitted(np.setdiff1d(number, kept.number), len(self._watch.period_s))
         arcs = ArcFits.concatenate([kept, fresh])
         self._arcs = arcs.take(np.argsort(arcs.number, kind="stable"))
 
-    def _take_in(self, rays: LinesOfSight, before_s: float) -> None:
-        """Give this tick's rays to the tracks, and to those that have no arc yet the rays of the pool too."""
-        owner = self._owners(rays, self._now.time_s - before_s)
-        follows = np.isin(owner, np.flatnonzero(self._arcs.is_begun))
+    def _take_in(self, lines: LinesOfSight, before_s: float) -> None:
+        """Update the fitted arcs with this tick's lines, and initialise others with the pool."""
+        owner = self._owners(lines, self._now.time_s - before_s)
+        follows = np.isin(owner, np.flatnonzero(self._arcs.is_fitted))
         if follows.any():
             mine = np.flatnonzero(follows)
-            used = (rays.take(mine), owner[mine], self._launch_s(), self._config.climb_m_s2, self._light_time)
-            self._arcs = arc_fit.taken_in(self._arcs, *used)
-        pool = LinesOfSight.concatenate([self._pool, rays.take(~follows)])
+            used = (lines.take(mine), owner[mine], self._launch_s(), self._config.climb_m_s2, self._light_time)
+            self._arcs = arc_fit.updated(self._arcs, *used)
+        pool = LinesOfSight.concatenate([self._pool, lines.take(~follows)])
         keep_s = np.maximum(_POOL_S, _POOL_SCANS * self._watch.period_s)[pool.sensor]
         self._pool = pool.take(pool.time_s > self._now.time_s - keep_s)
-        if len(self._arcs) and not self._arcs.is_begun.all() and len(self._pool):
+        if len(self._arcs) and not self._arcs.is_fitted.all() and len(self._pool):
             self._begin()
 
     def _begin(self) -> None:
-        """Begin arcs of the tracks without one that have detections enough."""
+        """Initialise the arcs of tracks with enough detections."""
         owner = self._owners(self._pool, self._now.time_s - float(self._pool.time_s[0]))
-        waits = (owner >= 0) & ~self._arcs.is_begun[owner]
+        waits = (owner >= 0) & ~self._arcs.is_fitted[owner]
         looks = np.bincount(owner[waits], minlength=len(self._arcs))
         mine = np.flatnonzero(waits & (looks[owner] >= LEAST_LOOKS))
         rows = np.unique(owner[mine])
         if not len(rows):
             return
-        rays, whose = self._pool.take(mine), np.searchsorted(rows, owner[mine])
-        launch = launches(rays, whose, len(rows), self._watch, self._light_time)
-        arcs = ArcFits.unbegun(self._arcs.number[rows], len(self._watch.period_s))
+        lines, owner_row = self._pool.take(mine), np.searchsorted(rows, owner[mine])
+        launch = launches(lines, owner_row, len(rows), self._watch, self._light_time)
+        arcs = ArcFits.unfitted(self._arcs.number[rows], len(self._watch.period_s))
         arcs = evolve(arcs, launch=launch.place, launch_covariance=launch.covariance)
-        arcs = arc_fit.begun(arcs, rays, whose, launch.place[:, 2], self._config.climb_m_s2, self._light_time)
-        good = arcs.is_begun
+        arcs = arc_fit.initialised(
+            arcs, lines, owner_row, launch.place[:, 2], self._config.climb_m_s2, self._light_time
+        )
+        good = arcs.is_fitted
         others = np.setdiff1d(np.arange(len(self._arcs)), rows[good])
         every = ArcFits.concatenate([self._arcs.take(others), arcs.take(good)])
         self._arcs = every.take(np.argsort(every.number, kind="stable"))
-        self._pool = self._pool.take(np.setdiff1d(np.arange(len(self._pool)), mine[good[whose]]))
+        self._pool = self._pool.take(np.setdiff1d(np.arange(len(self._pool)), mine[good[owner_row]]))
 
     def _launch_s(self) -> FloatArray:
         return np.where(np.isfinite(self._arcs.launch[:, 2]), self._arcs.launch[:, 2], self._arcs.epoch_s)
 
-    def _owners(self, rays: LinesOfSight, span_s: float) -> IntArray:
-        """Return the row of the arc (n,) that each ray of the last span belongs to, by the tracks as of this tick."""
-        owner = np.full(len(rays), -1, dtype=np.int64)
-        rows = np.flatnonzero(np.isin(self._now.roster.number, self._arcs.number))
-        if not len(rows) or not len(rays):
+    def _owners(self, lines: LinesOfSight, span_s: float) -> IntArray:
+        """Return the arc row (n,) of each line of the last span, by the tracks as of this tick, -1 for none."""
+        owner = np.full(len(lines), -1, dtype=np.int64)
+        rows = np.flatnonzero(np.isin(self._now.table.number, self._arcs.number))
+        if not len(rows) or not len(lines):
             return owner
         tracking = self._tracking
-        outlook = tracking.filter.outlook(self._now.bank.take(rows), self._now.time_s)
+        predicted = tracking.filter.predicted_measurements(self._now.estimates.take(rows), self._now.time_s)
         gate = tracking.config.gate_sigma
-        track, ray = candidates(outlook, rays, span_s, gate, self._light_time)
-        pairs = gated(outlook, rays, track, ray, gate, self._light_time)
-        found = associate_nearest(pairs, rays, tracking.following.chances).owner
-        number = self._now.roster.number[rows]
-        return np.where(found >= 0, np.searchsorted(self._arcs.number, number[found]), -1)
+        track, line = candidates(predicted, lines, span_s, gate, self._light_time)
+        pairs = gated(predicted, lines, track, line, gate, self._light_time)
+        owner_row = associate_nearest(pairs, lines, tracking.association.model).owner
+        number = self._now.table.number[rows]
+        return np.where(owner_row >= 0, np.searchsorted(self._arcs.number, number[owner_row]), -1)
 
-    def _told(self, tick_s: float) -> Tracks:
-        """Return the estimates of all tracks: nan of those without an arc."""
+    def _tracks(self, tick_s: float) -> Tracks:
+        """Return the estimates of all tracks, nan without an arc."""
         arcs, count = self._arcs, len(self._arcs)
         unknown = np.full((count, 7, 7), np.nan)
         silent = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1))
-        told = Tracks(
+        tracks = Tracks(
             tick_s=np.full(count, tick_s),
             track=arcs.number,
             state=unknown[:, 0, :6].copy(),
@@ -145,38 +146,38 @@ class ArcTracker:
             burnout=unknown[:, 0].copy(),
             burnout_covariance=unknown,
         )
-        begun = np.flatnonzero(arcs.is_begun)
+        begun = np.flatnonzero(arcs.is_fitted)
         if len(begun):
-            self._tell(told, begun, tick_s)
-        return told
+            self._fill(tracks, begun, tick_s)
+        return tracks
 
-    def _tell(self, told: Tracks, rows: IntArray, tick_s: float) -> None:
-        """Write what the arcs of rows say."""
+    def _fill(self, tracks: Tracks, rows: IntArray, tick_s: float) -> None:
+        """Write the estimates of the arcs of rows."""
         arcs = self._arcs.take(rows)
-        told.state[rows], told.state_covariance[rows] = states_at(arcs, np.full(len(rows), tick_s))
+        tracks.state[rows], tracks.state_covariance[rows] = states_at(arcs, np.full(len(rows), tick_s))
         state, covariance = states_at(arcs, arcs.last_s)
-        told.burnout[rows] = np.concatenate([state, arcs.last_s[:, None]], axis=1)
-        told.burnout_covariance[rows] = self._with_end(covariance, arcs)
+        tracks.burnout[rows] = np.concatenate([state, arcs.last_s[:, None]], axis=1)
+        tracks.burnout_covariance[rows] = self._with_end(covariance, arcs)
         impact = impacts(arcs)
         range_m = ranges_m(arcs.launch, impact)
         sigma_m = self._sigma_m(arcs, likeliest_types(range_m))
-        shot = shots(state)
+        shot = trajectory_parameters(state)
         pace = np.maximum(shot.speed_m_s * np.cos(shot.flight_path_angle_rad), 1.0)
         variance = np.square(np.stack([sigma_m, sigma_m, sigma_m / pace], axis=1))
         known = ~np.isnan(impact[:, 2])
-        told.impact[rows] = np.where(known[:, None], impact, np.nan)
-        told.impact_covariance[rows] = np.where(known[:, None, None], variance[:, :, None] * np.eye(3), np.nan)
-        told.type_probability[rows] = type_probabilities(range_m, sigma_m)
+        tracks.impact[rows] = np.where(known[:, None], impact, np.nan)
+        tracks.impact_covariance[rows] = np.where(known[:, None, None], variance[:, :, None] * np.eye(3), np.nan)
+        tracks.type_probability[rows] = type_probabilities(range_m, sigma_m)
 
     def _sigma_m(self, arcs: ArcFits, kind: IntArray) -> FloatArray:
-        """Return the paper's σ₀ exp(-k n/N) of each arc, n of N expected detections in; beyond N no less."""
+        """Return the paper's σ₀ exp(-k n/N) of each arc, with n of N expected detections, n ≤ N."""
         expected = expected_looks(self._watch, arcs.seen, kind)
         share = np.minimum(arcs.looks / np.maximum(expected, 1.0), 1.0)
         sigma_m: FloatArray = self._config.sigma_0_m * np.exp(-self._config.convergence * share)
         return sigma_m
 
     def _with_end(self, covariance: FloatArray, arcs: ArcFits) -> FloatArray:
-        """Return covariances (n, 7, 7) with the doubt about when the burn ended: one wait for a detection."""
+        """Return covariances (n, 7, 7) that include the uncertainty of burnout: one expected latency."""
         late_s = np.where(arcs.seen, latency_s(self._watch)[0], np.inf).min(axis=1)
         whole = np.zeros((len(arcs), 7, 7))
         whole[:, :6, :6], whole[:, 6, 6] = covariance, np.square(late_s)
@@ -186,4 +187,4 @@ class ArcTracker:
 def kepler_arc_tracker(config: KeplerArcConfig, context: TrackerContext) -> ArcTracker:
     """Return the tracker `kepler-arc`."""
 
-    return ArcTracker(config, context, StereoTracking.of(config.following(), context))
+    return ArcTracker(config, context, StereoTracking.of(config.stereo_filter(), context))

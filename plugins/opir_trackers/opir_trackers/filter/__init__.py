@@ -1,1 +1,1 @@
-"""The filter of boost and coast, in square-root form: how targets move, and how looks are taken in."""
+"""The IMM filter of boost and coast in square-root information form: motion models, mixing and updates."""

@@ -1,10 +1,8 @@
-"""What the switching filter asks of a mode.
+"""What the IMM filter requires of a motion model, and free flight with drag.
 
-Free flight through the air, in the inertial frame: what `motion` has for a fall, and drag.
-
-A step is half a kick of drag, a fall, and the other half (Strang, SIAM J. Numer. Anal. 5, 1968, 506). What the tracker
-knows of a target's drag is the scene's ballistic coefficient, and a target may bring its own: the velocity's noise
-grows with the drag. Units m, s.
+A step of `AtmosphericDescent` is a drag kick of half a step, a fall, and another half kick (Strang splitting, SIAM J.
+Numer. Anal. 5, 1968, 506). The tracker uses the scene's ballistic coefficient; a target may have its own, so the
+process noise of the velocity grows with the drag. Inertial frame; units m, s.
 """
 
 from collections.abc import Callable
@@ -15,26 +13,26 @@ from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray
 from opir_core.estimation.lines_of_sight import dot
-from opir_core.estimation.motion import COAST, Motion, noises
-from opir_core.estimation.square_root import spread
+from opir_core.estimation.motion import COAST, Motion, noise_roots
+from opir_core.estimation.square_root import inverse_root
 from opir_core.flight.atmosphere_density import LOWEST_HEIGHT_M, density_kg_m3
 from opir_core.flight.forces import Drag
 from opir_core.flight.gravity_and_drag import height_m
 
 
 class Dynamics(Protocol):
-    """What the switching filter asks of a mode: how its states (n, d) move, and how looks see them."""
+    """What the IMM filter requires of a mode: motion and measurement model of states (n, d)."""
 
     @property
     def size(self) -> int:
-        """Return the size of the state."""
+        """Return the state size."""
         ...
 
     @property
     def about(self) -> "Callable[[FloatArray, FloatArray], Dynamics] | None":
-        """Return what tells of means (n, d) and roots (n, d, d) of information how states move that are known so well.
+        """Return a function of means (n, d) and information roots (n, d, d) to the motion model for these estimates.
 
-        None says that they move alike however well they are known.
+        None if the motion model does not depend on the covariance.
         """
         ...
 
@@ -47,47 +45,46 @@ class Dynamics(Protocol):
         ...
 
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray | None:
-        """Return a root (n, d, k) of the covariance of the noise gathered in steps (n,), or None."""
+        """Return a root (n, d, k) of the process-noise covariance of steps (n,), or None."""
         ...
 
     def taylor(self, state: FloatArray) -> FloatArray:
-        """Return the derivatives (n, 5, 3) of the position."""
+        """Return the position derivatives (n, 5, 3)."""
         ...
 
-    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
-        """Return what looks gain a unit of state (m, 2, d) from what they gain a metre (m, 2, 3)."""
+    def measurement_rows(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return the Jacobian (m, 2, d) by the state from that by the position (m, 2, 3)."""
         ...
 
-    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return the spreads (n, 12, 12) of the first four derivatives of the position."""
+    def derivative_roots(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return covariance roots (n, 12, 12) of the first four position derivatives."""
         ...
 
 
-#: The longest step, s: a density that changes by e in two of them leaves 2 % of a step's drag.
+#: Longest step, s: a density that changes by e in two steps leaves 2 % of a step's drag.
 _LONGEST_STEP_S = 1.0
 
-#: How fast the velocity wanders, as a share of the drag, 1/√s: a coefficient off by a tenth for a second.
-_DOUBT = 0.1
+#: Process noise of the velocity as a share of the drag, 1/√s: a coefficient off by a tenth for 1 s.
+_DRAG_UNCERTAINTY = 0.1
 
-#: Heights count as known no better than this, m: it is what the density's slope is taken over.
+#: Least standard deviation of the height, m, over which the density slope is taken.
 _LEAST_SIGMA_M = 50.0
 
-#: Gauss and Hermite's outer nodes, standard deviations, each of weight 1/6.
+#: Outer nodes of the three-point Gauss–Hermite rule, standard deviations, each with weight 1/6.
 _NODE = np.sqrt(3.0)
 
-#: For how long what a straight line leaves of the drag stays the same, s.
-_LASTS_S = 10.0
+#: Correlation time of the residual of the linearised drag, s.
+_RESIDUAL_TIME_S = 10.0
 
-#: Back in time drag speeds up without limit: no step multiplies a speed by more than the inverse of this.
+#: Backwards in time drag accelerates without limit: no step multiplies a speed by more than the inverse of this.
 _LEAST_KEPT = 0.1
 
 
 class _Air(NamedTuple):
-    """Drag over the square of the speed, ρ / 2β (n,), 1/m, about states: mean, slope with height, and what is left.
+    """Drag over squared speed, ρ / 2β (n,), 1/m, about states: mean, slope with height, and residual.
 
-    Of a state whose height is not well known these are its mean over the height's distribution, the slope of the best
-    straight line and the deviation from it (statistical linearisation: Särkkä, Bayesian Filtering and Smoothing, 2013,
-    5.4), by Gauss and Hermite's three nodes.
+    Statistical linearisation over the height distribution (Särkkä, Bayesian Filtering and Smoothing, 2013, 5.4), by
+    three Gauss–Hermite nodes.
     """
 
     rate: FloatArray
@@ -96,18 +93,18 @@ class _Air(NamedTuple):
 
 
 @frozen(eq=False)
-class DraggedFall:
-    """A fall with drag: states (n, 6), position and velocity, whose heights are known to `height_sigma_m` (n,)."""
+class AtmosphericDescent:
+    """Free flight with drag: states (n, 6), position and velocity, with heights known to `height_sigma_m` (n,)."""
 
     fall: Motion
     drag: Drag
     height_sigma_m: FloatArray | float = 0.0
     size: int = field(default=COAST, init=False)
 
-    def about(self, mean: FloatArray, root: FloatArray) -> "DraggedFall":
-        """Return the fall of states known so well: means (n, 6) and roots (n, 6, 6) of information."""
+    def about(self, mean: FloatArray, root: FloatArray) -> "AtmosphericDescent":
+        """Return the motion model for means (n, 6) and information roots (n, 6, 6)."""
         up = mean[:, :3] / np.sqrt(dot(mean[:, :3], mean[:, :3]))[:, None]
-        side = (up[:, None, :] @ spread(root)[:, :3])[:, 0]
+        side = (up[:, None, :] @ inverse_root(root)[:, :3])[:, 0]
         return evolve(self, height_sigma_m=np.sqrt(dot(side, side)))
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
@@ -122,23 +119,24 @@ class DraggedFall:
         return state
 
     def _kicked(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return what drag alone adds to velocities (n, 3) in steps (n,): w' = -k |w| w, solved for a constant k."""
+        """Return the velocity change (n, 3) by drag in steps (n,): w' = -k |w| w with constant k."""
         wind = self._wind(state)
-        kept = _kept(self._air(state).rate * np.sqrt(dot(wind, wind)) * step_s)
+        kept = _remaining_speed(self._air(state).rate * np.sqrt(dot(wind, wind)) * step_s)
         return (kept - 1.0)[:, None] * wind
 
     def slowed(self, state: FloatArray) -> FloatArray:
-        """Return the accelerations (n, 3) of drag, m/s²."""
+        """Return the drag acceleration (n, 3), m/s²."""
         wind = self._wind(state)
         return -(self._air(state).rate * np.sqrt(dot(wind, wind)))[:, None] * wind
 
     def _wind(self, state: FloatArray) -> FloatArray:
+        """Return the velocity (n, 3) relative to the air."""
         spin = self.drag.air_rotation_rad_s
         wind: FloatArray = state[:, 3:] - np.array([-spin, spin, 0.0]) * state[:, [1, 0, 2]]
         return wind
 
     def _air(self, state: FloatArray) -> _Air:
-        """Return the air about states; below where it is known, as where it ends."""
+        """Return the air at states; below the lowest tabulated height, that at this height."""
         place = np.ascontiguousarray(state[:, :3].T)
         height = height_m(place, 1.0 / np.sqrt(np.sum(place * place, axis=0)))
         sigma = np.maximum(self.height_sigma_m, _LEAST_SIGMA_M) + 0.0 * height
@@ -151,13 +149,13 @@ class DraggedFall:
         return _Air(rate, slope, np.sqrt(np.maximum(square - rate**2 - (slope * sigma) ** 2, 0.0)))
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, 6, 6) of steps (n,): those of the fall between two halves of the drag's.
+        """Return the transition matrices (n, 6, 6) of steps (n,): the fall between two half kicks.
 
-        The density changes along the radius, and how the air's motion changes with the position is left out.
+        The density changes along the radius; the dependence of the air's motion on the position is neglected.
         """
         wind, up = self._wind(state), state[:, :3] / np.sqrt(dot(state[:, :3], state[:, :3]))[:, None]
         speed, air, half_s = np.sqrt(dot(wind, wind) + 1e-12), self._air(state), 0.5 * step_s
-        kept = _kept(air.rate * speed * half_s)
+        kept = _remaining_speed(air.rate * speed * half_s)
         half = np.broadcast_to(np.eye(COAST), (len(state), COAST, COAST)).copy()
         half[:, 3:, :3] = -(kept**2 * half_s * air.slope * speed)[:, None, None] * wind[:, :, None] * up[:, None, :]
         half[:, 3:, 3:] = kept[:, None, None] * np.eye(3)
@@ -166,28 +164,30 @@ class DraggedFall:
         return moved
 
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
-        """Return L (n, 6, 6) with L Lᵀ the covariance of the noise gathered in steps (n,) from states on."""
+        """Return L (n, 6, 6) with L Lᵀ the process-noise covariance of steps (n,) from states."""
         wind, air = self._wind(state), self._air(state)
         square = dot(wind, wind)
-        wander = np.sqrt(self.fall.noise**2 + ((_DOUBT * air.rate) ** 2 + _LASTS_S * air.left**2) * square**2)
-        root: FloatArray = wander[:, None, None] * noises(np.abs(step_s), COAST // 3)
+        wander = np.sqrt(
+            self.fall.noise**2 + ((_DRAG_UNCERTAINTY * air.rate) ** 2 + _RESIDUAL_TIME_S * air.left**2) * square**2
+        )
+        root: FloatArray = wander[:, None, None] * noise_roots(np.abs(step_s), COAST // 3)
         return root
 
     def taylor(self, state: FloatArray) -> FloatArray:
-        """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth; drag is in the second."""
+        """Return the position derivatives (n, 5, 3) of order 0 to 4; drag is in the second."""
         derivative = self.fall.taylor(state)
         derivative[:, 2] += self.slowed(state)
         return derivative
 
-    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
-        """Return what looks gain a unit of state (m, 2, 6) from what they gain a metre (m, 2, 3)."""
-        return self.fall.seen(slope, weight, state)
+    def measurement_rows(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return the Jacobian (m, 2, 6) by the state from that by the position (m, 2, 3)."""
+        return self.fall.measurement_rows(slope, weight, state)
 
-    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return the spreads (n, 12, 12) of the first four derivatives of the position."""
-        return self.fall.sides(state, side)
+    def derivative_roots(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return covariance roots (n, 12, 12) of the first four position derivatives."""
+        return self.fall.derivative_roots(state, side)
 
 
-def _kept(share: FloatArray) -> FloatArray:
-    """Return which part of the speed drag leaves in a step in which it would take a share at its first rate."""
+def _remaining_speed(share: FloatArray) -> FloatArray:
+    """Return the share of the speed that remains after a step in which the initial drag would remove `share`."""
     return 1.0 / np.maximum(1.0 + share, _LEAST_KEPT)

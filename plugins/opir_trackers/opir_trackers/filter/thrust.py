@@ -1,14 +1,13 @@
-"""Boost with the thrust along the velocity: a gravity turn whose thrust over mass slowly grows, in the inertial frame.
+"""Boost with thrust along the velocity: a gravity turn whose specific force slowly grows, in the inertial frame.
 
-A state (10) is position, velocity, specific force f (all but gravity) and the rate κ, 1/s, at which its size grows. The
-force turns with the velocity relative to the air, which turns with the Earth (drag is along it too), and keeps its tilt
-against it, but for a pull of 1/τ back towards it and white noise: across the velocity f is an Ornstein and Uhlenbeck
-process of standard deviation tan(tilt) |f|, along it a random walk about its growth (Bar-Shalom, Li and Kirubarajan,
-"Estimation with Applications to Tracking and Navigation", 2001, 8.2). Units m, s.
+A state (10) is position, velocity, specific force f (all but gravity) and its relative growth rate κ, 1/s. The force
+turns with the velocity relative to the rotating air (drag acts along it too). Across the velocity f is an
+Ornstein–Uhlenbeck process of time constant τ and standard deviation tan(tilt) |f|; along it, a random walk about its
+growth (Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, 8.2). Units m,
+s.
 
-What `thrust` works out for columns of states, for one state's numbers, as `single_states` does for `motion`.
-
-Where bits are said to be the same, the operations are the same in the same order.
+The `_of_one` functions compute a single state with plain numbers, as in `opir_core.estimation.motion`: the same
+operations in the same order give the same bits.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,21 +21,22 @@ from attrs import Factory, field, frozen
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation import motion
-from opir_core.estimation.lines_of_sight import along, dot
-from opir_core.estimation.motion import ALONE, BOOST, COAST, Motion, Pull, integrator_noise, pieces_of
+from opir_core.estimation.lines_of_sight import dot, matvec
+from opir_core.estimation.motion import BOOST, COAST, FEW_STATES, GravityFunction, Motion, integrator_noise, substeps
 from opir_core.flight.forces import Forces
 
-#: Where a target is slower than this the direction of its velocity says little of that of its thrust, m/s; at rest, for
-#: whose sake all speeds are taken for larger by 1 m/s in squares, it says nothing.
+#: Below this speed, m/s, the direction of the velocity says little about that of the thrust; at rest, nothing: 1 m²/s²
+#: is added to squared speeds.
 SLOW_M_S = 100.0
 
 _SPIN = EARTH_ROTATION_RAD_S
 
 
 def jerk_of_one(numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any]) -> tuple[Any, Any, Any]:
-    """Return the rate of the specific force from a state and its gravity, as 13 numbers or columns (n,): the same bits.
+    """Return the rate of the specific force from a state and its gravity, 13 numbers or columns (n,), the same bits.
 
-    ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the turn of the velocity and w what a slow velocity counts for.
+    ḟ = κ f + (f·u) u̇ - w/τ (f - (f·u) u), with u̇ the rate of the velocity's direction and w the weight of a slow
+    velocity.
     """
     x, y, _, vx, vy, vz, fx, fy, fz, growth, gx, gy, gz = numbers
     ax, ay, az = gx + fx + _SPIN * vy, gy + fy - _SPIN * vx, gz + fz
@@ -51,8 +51,8 @@ def jerk_of_one(numbers: Sequence[Any], tilt_s: float, root: Callable[[Any], Any
     return own * fx + turn * ax + back * ux, own * fy + turn * ay + back * uy, own * fz + turn * az + back * uz
 
 
-def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: Pull) -> list[float]:
-    """Return a state of 10 after one step, the same bits as `Thrust`'s."""
+def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: GravityFunction) -> list[float]:
+    """Return a state of 10 after one step, the same bits as `Thrust`."""
     gravity = pull(*state[:3])
     early = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
     after = motion.stepped_one([*state[:9], *early], step, pull, gravity)[:9]
@@ -64,17 +64,17 @@ def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: Pull) 
     return [*place, *speed, fx + bx * more, fy + by * more, fz + bz * more, state[9]]
 
 
-def taylor_of_one(state: Sequence[float], tilt_s: float, pull: Pull, mu_m3_s2: float) -> list[float]:
-    """Return the derivatives of the position, from the zeroth to the fourth, of a state of 10; the same bits."""
+def taylor_of_one(state: Sequence[float], tilt_s: float, pull: GravityFunction, mu_m3_s2: float) -> list[float]:
+    """Return the position derivatives of order 0 to 4 of a state of 10, the same bits as `Thrust`."""
     gravity = pull(*state[:3])
     rate = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
     return motion.taylor_of_one([*state[:9], *rate], gravity, mu_m3_s2)
 
 
 def slopes_of_one(state: Sequence[float], tilt_s: float, gravity: Sequence[float]) -> list[float]:
-    """Return how the rate of the force changes with velocity, force and growth of a state: three rows of seven.
+    """Return the Jacobian of the force's rate by velocity, force and growth, three rows of seven.
 
-    As `Thrust.force_slopes` says it, but for rounding.
+    As `Thrust.force_slopes`, but for rounding.
     """
     x, y, _, wx, wy, vz, fx, fy, fz, growth = state
     vx, vy, pull = wx + _SPIN * y, wy - _SPIN * x, 1.0 / tilt_s
@@ -101,7 +101,7 @@ def slopes_of_one(state: Sequence[float], tilt_s: float, gravity: Sequence[float
 
 
 def side_of_one(state: Sequence[float], across_share: float, along_noise: float) -> list[float]:
-    """Return a root of the force's noise a second, three rows of three one after the other.
+    """Return a root of the force's process noise per second, 9 numbers by row.
 
     Across the velocity it is `across_share` of the force, along it `along_noise`, m/s²/√s.
     """
@@ -114,10 +114,10 @@ def side_of_one(state: Sequence[float], across_share: float, along_noise: float)
     return [share * u * u + across, xy, xz, xy, share * v * v + across, yz, xz, yz, share * w * w + across]
 
 
-#: Size of the state.
+#: State size.
 THRUST = 10
 
-#: The longest step, s: with τ of 15 s, what the trapezoid leaves of the pull towards the velocity is below 1e-3.
+#: Longest step, s: with τ of 15 s, the trapezoidal error of the decay towards the velocity is below 1e-3.
 _LONGEST_STEP_S = 2.5
 
 _UNIT, _WHOLE, _HALF = np.eye(3), np.eye(THRUST), 0.5 * np.eye(THRUST)
@@ -125,11 +125,11 @@ _UNIT, _WHOLE, _HALF = np.eye(3), np.eye(THRUST), 0.5 * np.eye(THRUST)
 
 @frozen(eq=False)
 class Thrust:
-    """The motion of a boost along its velocity.
+    """The motion model of a boost along its velocity.
 
-    `tilt_rad` and `tilt_s` are the standard deviation of the angle between thrust and velocity and the time after which
-    it is another one; `noise_m_s2` how fast the force along the velocity wanders, m/s²/√s; `growth_noise` how fast κ
-    does, 1/s/√s.
+    `tilt_rad` and `tilt_s` are the standard deviation and the correlation time of the angle between thrust and
+    velocity; `noise_m_s2` is the process-noise density of the force along the velocity, m/s²/√s, `growth_noise` that of
+    κ, 1/s/√s.
     """
 
     #: States move alike however well they are known.
@@ -146,12 +146,12 @@ class Thrust:
     pushed: Motion = field(default=Factory(lambda self: Motion(BOOST, 0.0, self.forces), takes_self=True), init=False)
 
     @property
-    def _pull(self) -> Pull:
+    def _pull(self) -> GravityFunction:
         return self.fall.field.alone_with_inverse_radius
 
     def propagated(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
         """Return states (n, 10) after steps (n,), s."""
-        pieces = pieces_of(step_s, _LONGEST_STEP_S)
+        pieces = substeps(step_s, _LONGEST_STEP_S)
         if pieces > 1:
             step_s = step_s / pieces
         for _ in range(pieces):
@@ -159,11 +159,11 @@ class Thrust:
         return state
 
     def _stepped(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return states after one step: Nyström's for the path, the trapezoid for the force.
+        """Return states after one step: Nyström for the path, the trapezoidal rule for the force.
 
-        The force's rate goes from its value at the start to that where a constant rate leads, linearly.
+        The rate of the force is linear from its value at the start to that where a constant rate leads.
         """
-        if len(state) <= ALONE:
+        if len(state) <= FEW_STATES:
             rows = zip(state.tolist(), step_s.tolist(), strict=True)
             return np.array([stepped_one(row, step, self.tilt_s, self._pull) for row, step in rows])
         early = self.jerk(state)
@@ -177,12 +177,12 @@ class Thrust:
 
     def jerk(self, state: FloatArray) -> FloatArray:
         """Return the rates (n, 3) of the specific forces of states (n, 10), m/s³."""
-        told = np.concatenate([state, self.fall.gravity(state[:, :3])], axis=1)
-        columns: list[FloatArray] = list(np.ascontiguousarray(told.T))
+        with_gravity = np.concatenate([state, self.fall.gravity(state[:, :3])], axis=1)
+        columns: list[FloatArray] = list(np.ascontiguousarray(with_gravity.T))
         return np.stack(jerk_of_one(columns, self.tilt_s, np.sqrt), axis=1)
 
     def transition(self, state: FloatArray, step_s: FloatArray) -> FloatArray:
-        """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with constant slopes."""
+        """Return the transition matrices (n, 10, 10) of steps (n,): the exponential series with a constant Jacobian."""
         scaled = self.slopes(state)
         scaled *= step_s[:, None, None]
         square = scaled @ scaled
@@ -195,7 +195,7 @@ class Thrust:
         return series
 
     def slopes(self, state: FloatArray) -> FloatArray:
-        """Return how the rate of the state changes with it, (n, 10, 10), 1/s."""
+        """Return the Jacobian (n, 10, 10) of the state's rate, 1/s."""
         if len(state) == 1:
             return self._slopes_of_one(state[0].tolist())
         rate = np.zeros((len(state), THRUST, THRUST))
@@ -208,15 +208,15 @@ class Thrust:
         place = numbers[:3]
         alone = slopes_of_one(numbers, self.tilt_s, self._pull(*place))
         alone += motion.gradient_of_one(place, self.forces.gravity.mu_m3_s2)
-        told, rate = np.array(alone), _KINEMATICS.copy()
-        rate[0, 6:9, 3:], rate[0, 3:6, :3] = told[:21].reshape(3, 7), told[21:].reshape(3, 3)
+        numbers_, rate = np.array(alone), _KINEMATICS.copy()
+        rate[0, 6:9, 3:], rate[0, 3:6, :3] = numbers_[:21].reshape(3, 7), numbers_[21:].reshape(3, 3)
         return rate
 
     def force_slopes(self, state: FloatArray) -> FloatArray:
-        """Return how the rate of the force changes with velocity, force and growth, (n, 3, 7): `jerk`, differentiated.
+        """Return the Jacobian (n, 3, 7) of `jerk` by velocity, force and growth.
 
-        In terms of the direction u of the velocity, what turns it, b, and the force across it, all else is a multiple
-        of the unit matrix. How the air's motion changes with the position is left out.
+        In terms of the velocity's direction u, its rate b, and the force across it, all else is a multiple of the unit
+        matrix. The dependence of the air's motion on the position is neglected.
         """
         if len(state) == 1:
             (numbers,) = state.tolist()
@@ -241,14 +241,14 @@ class Thrust:
         weigh[0, :, 2, 0] = -2.0 * pull * turn * (1.0 - fast)
         weigh[1, :, 0, 0], weigh[1, :, 1, 0] = -other, turn
         both = basis.transpose(0, 2, 1) @ (weigh @ basis)
-        told = np.empty((count, 3, THRUST - 3))
-        told[:, :, :3] = both[0] + same[:, None, None] * _UNIT
-        told[:, :, 3:6] = both[1] + (state[:, 9] + other)[:, None, None] * _UNIT
-        told[:, :, 6] = force
-        return told
+        slopes = np.empty((count, 3, THRUST - 3))
+        slopes[:, :, :3] = both[0] + same[:, None, None] * _UNIT
+        slopes[:, :, 3:6] = both[1] + (state[:, 9] + other)[:, None, None] * _UNIT
+        slopes[:, :, 6] = force
+        return slopes
 
     def noise_root(self, step_s: FloatArray, state: FloatArray) -> FloatArray:
-        """Return L (n, 10, 10) with L Lᵀ the covariance of the noise gathered in steps (n,) from states on."""
+        """Return L (n, 10, 10) with L Lᵀ the process-noise covariance of steps (n,) from states."""
         if len(state) == 1:
             return self._noise_root_of_one(abs(float(step_s[0])), state)
         velocity, force = state[:, 3:6] - _AIR * state[:, [1, 0, 2]], state[:, 6:9]
@@ -271,29 +271,30 @@ class Thrust:
         return root
 
     def taylor(self, state: FloatArray) -> FloatArray:
-        """Return the derivatives (n, 5, 3) of the position, from the zeroth to the fourth."""
-        if len(state) <= ALONE:
+        """Return the position derivatives (n, 5, 3) of order 0 to 4."""
+        if len(state) <= FEW_STATES:
             pull, mu = self._pull, self.forces.gravity.mu_m3_s2
             rows = [taylor_of_one(row, self.tilt_s, pull, mu) for row in state.tolist()]
             return np.array(rows).reshape(-1, 5, 3)
         path = np.concatenate([state[:, :9], self.jerk(state)], axis=1)
         return self.pushed.taylor(path)
 
-    def seen(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
-        """Return what whitened looks gain (m, 2, 10) a unit of state, from what they gain a metre (m, 2, 3).
+    def measurement_rows(self, slope: FloatArray, weight: FloatArray, state: FloatArray) -> FloatArray:
+        """Return the whitened Jacobian (m, 2, 10) by the state from that by the position (m, 2, 3), 1/m.
 
-        `weight` (m, 5) are those of the looks' times, `state` (m, 10) those of their tracks, or (1, 10) that of all.
+        `weight` (m, 5) are the Taylor weights of the looks, `state` (m, 10) the states of their tracks, or (1, 10) one
+        for all.
         """
         rows = np.empty((len(slope), 2, THRUST))
         rows[:, :, :9] = (slope[:, :, None, :] * weight[:, None, :3, None]).reshape(len(slope), 2, 9)
         if len(state) == 1:
             rows[:, :, 9] = (slope.reshape(-1, 3) @ state[0, 6:9]).reshape(-1, 2) * weight[:, 3, None]
         else:
-            rows[:, :, 9] = along(slope, state[:, 6:9]) * weight[:, 3, None]
+            rows[:, :, 9] = matvec(slope, state[:, 6:9]) * weight[:, 3, None]
         return rows
 
-    def sides(self, state: FloatArray, side: FloatArray) -> FloatArray:
-        """Return the spreads (n, 12, 12) of the position's first four derivatives from those of states, (n, 10, 10)."""
+    def derivative_roots(self, state: FloatArray, side: FloatArray) -> FloatArray:
+        """Return covariance roots (n, 12, 12) of four position derivatives from those of states, (n, 10, 10)."""
         out = np.zeros((len(state), BOOST, BOOST))
         out[:, :9, :THRUST] = side[:, :9]
         out[:, 9:, :THRUST] = self.force_slopes(state) @ side[:, 3:]
@@ -301,7 +302,7 @@ class Thrust:
 
 
 def _kinematics() -> FloatArray:
-    """Return the slopes (1, 10, 10) of what is the rate of something else."""
+    """Return the Jacobian (1, 10, 10) of the kinematic part."""
     rate = np.zeros((1, THRUST, THRUST))
     rate[0, :3, 3:6] = rate[0, 3:6, 6:9] = _UNIT
     return rate
@@ -319,7 +320,7 @@ _CHAIN = integrator_noise(3)
 
 @lru_cache(maxsize=64)
 def _chain(step_s: float) -> FloatArray:
-    """Return what unit noise of each axis gathers in a step, (3, 1, 3, 1)."""
+    """Return the noise root of a chain of integrators per axis over a step, (3, 1, 3, 1)."""
     chain: FloatArray = ((step_s**_POWERS)[:, None] * _CHAIN)[:, None, :, None]
     chain.flags.writeable = False
     return chain

@@ -8,7 +8,7 @@ from opir_core.interfaces.columns import Columns
 from opir_trackers.profile.end import Silence
 from opir_trackers.profile.rows import Rows
 from opir_trackers.sensors import SensorSchedule
-from opir_trackers.stereo.report import STAGED_S
+from opir_trackers.stereo.report import LONGEST_STAGING_S
 
 #: A sensor's chance of detection is believed as much as so many looks.
 _BELIEVED_LOOKS = 10.0
@@ -157,9 +157,9 @@ class TrackHistory(Columns):
         Only those sensors count that have seen the target lately, and none that follows it after the burn.
         """
         latest = np.max(self.last_s, axis=1)
-        hears = (self.last_s > latest[:, None] - _FAILED_S) & ~watch.follows
+        hears = (self.last_s > latest[:, None] - _FAILED_S) & ~watch.follows_bodies
         before = np.maximum((self.last_s - self.first_s) / watch.period_s + 1.0, 1.0)
-        believed = _BELIEVED_LOOKS * watch.chance.mean(axis=1)
+        believed = _BELIEVED_LOOKS * watch.detection_probability.mean(axis=1)
         share = np.clip((self.hits + believed) / (before + _BELIEVED_LOOKS), 0.01, 0.9)
         log: FloatArray = np.sum(np.where(hears, looks * np.log1p(-np.nan_to_num(share, nan=0.01)), 0.0), axis=1)
         return log
@@ -173,7 +173,7 @@ class TrackHistory(Columns):
         """Return of which tracks (n,) the burn is over by their silence alone, too long for chance and for a stage."""
         since_s = np.maximum(tick_s - self.travel_s - self.last_s, 0.0)
         missed = self.log_missed(np.floor(since_s / watch.period_s), watch)
-        out: BoolArray = (self.time_since_last_s(tick_s) > STAGED_S) & (missed < _OUT)
+        out: BoolArray = (self.time_since_last_s(tick_s) > LONGEST_STAGING_S) & (missed < _OUT)
         return out
 
     def silence(self, kind: IntArray, tick_s: float, watch: SensorSchedule) -> Silence:
@@ -181,10 +181,10 @@ class TrackHistory(Columns):
 
         The chance of a detection is what the sensor is built for, and the more what was seen, the longer it was.
         """
-        heard = (self.hits > 0) & ~watch.follows
+        heard = (self.hits > 0) & ~watch.follows_bodies
         last = np.where(heard, self.last_s, np.nan)
         looks = np.where(heard, (self.last_s - self.first_s) / watch.period_s + 1.0, 0.0)
-        share = (np.where(heard, self.hits, 0.0) + _BELIEVED_LOOKS * watch.chance[:, kind].T) / (
+        share = (np.where(heard, self.hits, 0.0) + _BELIEVED_LOOKS * watch.detection_probability[:, kind].T) / (
             looks + _BELIEVED_LOOKS
         )
         until = np.where(heard, np.maximum(tick_s - self.travel_s, self.last_s), np.nan)

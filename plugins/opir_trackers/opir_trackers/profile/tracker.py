@@ -7,7 +7,7 @@ import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, no_rays
+from opir_core.estimation.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
@@ -68,7 +68,7 @@ class ProfileTracker:
         self._largest_impact_m = 1e3 * config.largest_impact_km
         self._impacts_in_burn = config.impacts_in_burn
         self._bank = OffModelFilters.empty(len(context.sensors))
-        self._pool = no_rays()
+        self._pool = no_lines_of_sight()
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
@@ -78,7 +78,9 @@ class ProfileTracker:
         """Take the sensors to be these from the last tick on: as many, with other settings."""
         self._inner.set_sensors(sensors)
         before, watch = self._fitting.watch, _watch_of(sensors)
-        share = before.period_s / watch.period_s * (watch.chance / before.chance).mean(axis=1)
+        share = (
+            before.period_s / watch.period_s * (watch.detection_probability / before.detection_probability).mean(axis=1)
+        )
         self._fitting = evolve(self._fitting, watch=watch)
         seen = self._bank.seen
         self._bank = evolve(self._bank, seen=evolve(seen, hits=seen.hits * share))
@@ -89,7 +91,7 @@ class ProfileTracker:
         mine = detections.track >= 0
         rays = LinesOfSight.of(detections)
         track = detections.track[mine]
-        stray = self._inner.stray_shares(track)
+        stray = self._inner.outlier_fractions(track)
         self._bank = self._fitting.stepped(self._bank, tick_s, track, rays.take(mine), stray)
         self._bank = self._bank.without(np.setdiff1d(self._bank.seen.track, followed.track))
         self._wait(rays.take(~mine), tick_s)
@@ -107,7 +109,7 @@ class ProfileTracker:
             return
         owner = self._inner.owners(track, self._pool)
         mine, free = np.flatnonzero(owner >= 0), np.flatnonzero(owner < 0)
-        told = owner[mine], self._pool.take(mine), self._inner.stray_shares(owner[mine])
+        told = owner[mine], self._pool.take(mine), self._inner.outlier_fractions(owner[mine])
         self._bank = caught_up(self._fitting, self._bank, *told, self._tick_s, tick_s)
         self._pool = self._pool.take(free)
 
@@ -172,4 +174,4 @@ def boost_profile_tracker(config: BoostProfileConfig, context: TrackerContext) -
     """Return the tracker `boost-profile`."""
     from opir_trackers.stereo.tracker import stereo_filter
 
-    return ProfileTracker(config, context, stereo_filter(config.following(), context))
+    return ProfileTracker(config, context, stereo_filter(config.stereo_filter(), context))

@@ -16,7 +16,7 @@ from opir_core.interfaces.records import Tracks
 from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_trackers.profile.flight import off_ground, on_ground
 from opir_trackers.range_types import ranges_m, type_probabilities
-from opir_trackers.stereo.report import STAGED_S
+from opir_trackers.stereo.report import LONGEST_STAGING_S
 
 #: Chances below this are none: a mixture with little of what is far less certain says less than it knows. Of what one
 #: sensor alone sees the filter is less certain by far.
@@ -57,7 +57,7 @@ def blended(fitted: Tracks, filtered: Tracks, chance: FloatArray, time_since_las
     impact, impact_spread = _mixed_places(
         fitted.impact, fitted.impact_covariance, filtered.impact, filtered.impact_covariance, chance, heavy
     )
-    early = heavy & (time_since_last_s <= STAGED_S)
+    early = heavy & (time_since_last_s <= LONGEST_STAGING_S)
     is_mixed = (chance > 0.0) & np.isfinite(filtered.impact).all(axis=1) | heavy
     return evolve(
         fitted,

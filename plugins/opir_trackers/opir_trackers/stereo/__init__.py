@@ -1,1 +1,1 @@
-"""The tracker `stereo-filter`: which line of sight is whose, tracks from first looks to last, and what they tell."""
+"""The tracker `stereo-filter`: data association, IMM filter, track management and reports."""

@@ -1,4 +1,4 @@
-"""How tracks take in the rays of a slice: gates, assignments, and their being settled by what they led to."""
+"""Gating, association and update of tracks with the lines of sight of a slice, until the assignment settles."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar
@@ -9,31 +9,38 @@ from attrs import evolve, field, frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_trackers.association import (
-    Associated,
-    Chances,
-    as_owned,
+    Association,
+    AssociationModel,
+    ambiguous_tracks,
     associate_joint,
     associate_nearest,
-    crowded,
-    related,
+    connected_tracks,
+    hard_association,
+    is_unambiguous,
     scan_numbers,
-    uncontested,
 )
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
-from opir_trackers.filter.mode_mixing import are_loose
+from opir_trackers.filter.mode_mixing import have_uncertain_velocity
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, candidates, gated
 from opir_trackers.sensors import Biases
 from opir_trackers.stereo.ghosts import RANGE_M, Slice, without_ghosts
-from opir_trackers.stereo.measurement_weights import FEW, Outliers, Span, doubtful, unsuspected, weighed
+from opir_trackers.stereo.measurement_weights import (
+    FEW,
+    OutlierFractions,
+    SliceSpan,
+    clean_log_likelihood,
+    reweighted,
+    suspect_tracks,
+)
 from opir_trackers.stereo.track_management import TrackTable
 
-#: A settled assignment may reach this much farther than the first gate, in standard deviations.
+#: Gate of the repeated association, standard deviations: wider than the first.
 _SETTLING_GATE = 6.0
 
-#: Rays are assigned anew where a slice moved a track by more than this share of one look's error: a shift s changes the
-#: log odds of a ray between two rivals d apart by s d, in errors; rivals farther apart than 3 contest few rays.
+#: Lines are reassigned where a slice moved a track by more than this share of one look's error: a shift s changes the
+#: log odds of a line between two tracks d apart by s d, in errors; tracks more than 3 apart share few lines.
 _RESTLESS = 1.0 / 3.0
 
 _Asked = TypeVar("_Asked")
@@ -43,188 +50,231 @@ _NONE = np.empty(0, dtype=np.int64)
 
 
 class AssociationResult(NamedTuple):
-    """Estimates after a slice, the row that each ray was given to, -1 for none, the pairs in which it was, and all.
+    """Estimates after a slice, the track row of each line, -1 for none, the assigned pairs, and all pairs.
 
-    `strays` (n, shares) is what each track's own rays so far tell of the share of strays among them; it is missing
-    where all tracks are known to have next to none.
+    `outliers` (n, fractions) is the log likelihood of the outlier fractions of each track; None where all tracks have
+    next to none.
     """
 
-    bank: ModeEstimates
+    estimates: ModeEstimates
     owner: IntArray
-    own: GatedPairs
+    assigned: GatedPairs
     pairs: GatedPairs
-    strays: FloatArray | None = None
+    outliers: FloatArray | None = None
 
 
 @frozen(eq=False)
 class AssociateAndUpdate:
-    """How tracks take in rays."""
+    """Association and update of tracks with lines of sight."""
 
     config: StereoFilterConfig
     filter: ImmFilter
-    chances: Chances
+    model: AssociationModel
     light_time: bool
     biases: Biases
-    #: The last bank moved, and the last one looked out from and held against rays: labels and estimates ask the same.
+    #: Cached results: labels and estimates need the same predictions, gated pairs and assignments.
     last: dict[str, tuple[Any, float, Any]] = field(factory=dict)
-    met: list[tuple[PredictedMeasurements, float, LinesOfSight, GatedPairs]] = field(factory=list)
-    assigned: list[tuple[GatedPairs, IntArray | None, Associated]] = field(factory=list)
+    pair_cache: list[tuple[PredictedMeasurements, float, LinesOfSight, GatedPairs]] = field(factory=list)
+    assignment_cache: list[tuple[GatedPairs, IntArray | None, Association]] = field(factory=list)
 
-    def moved(self, bank: ModeEstimates, step_s: float) -> ModeEstimates:
-        """Return a bank a step later, as far as it is `expected`."""
-        return self.remembered("moved", self.filter.expected, bank, step_s)
+    def predicted(self, estimates: ModeEstimates, step_s: float) -> ModeEstimates:
+        """Return the estimates a step later, as `predicted_open`."""
+        return self.cached("moved", self.filter.predicted_open, estimates, step_s)
 
-    def outlook(self, bank: ModeEstimates, time_s: float) -> PredictedMeasurements:
-        """Return where the tracks of a bank are about its time."""
-        return self.remembered("outlook", self.filter.outlook, bank, time_s)
+    def predicted_measurements(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
+        """Return the predictions of the estimates about their time."""
+        return self.cached("outlook", self.filter.predicted_measurements, estimates, time_s)
 
-    def blurred(self, bank: ModeEstimates, time_s: float, reports: IntArray) -> PredictedMeasurements:
-        """Return where the tracks of a bank are, with what the biases of those that see them, by `reports`, add."""
-        outlook = self.outlook(bank, time_s)
+    def with_bias_covariance(self, estimates: ModeEstimates, time_s: float, reports: IntArray) -> PredictedMeasurements:
+        """Return the predictions including the biases of the sensors that see each track, by `reports`."""
+        predicted_measurements = self.predicted_measurements(estimates, time_s)
         if not self.biases.any:
-            return outlook
-        seen, place = reports >= 0, bank.likelier_position_m
-        return self.remembered(
-            "blurred", lambda one, when: one._replace(blur=self.biases.of_others(place, when, seen)), outlook, time_s
+            return predicted_measurements
+        seen, place = reports >= 0, estimates.likelier_position_m
+        return self.cached(
+            "blurred",
+            lambda one, when: one._replace(bias_covariance=self.biases.from_other_sensors(place, when, seen)),
+            predicted_measurements,
+            time_s,
         )
 
-    def moments(self, bank: ModeEstimates) -> tuple[FloatArray, FloatArray]:
-        """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity of a bank's tracks."""
-        return self.remembered("moments", lambda one, _: self.filter.moments(one), bank, 0.0)
+    def moments(self, estimates: ModeEstimates) -> tuple[FloatArray, FloatArray]:
+        """Return mean (n, 6) and covariance (n, 6, 6) of inertial position and velocity."""
+        return self.cached("moments", lambda one, _: self.filter.moments(one), estimates, 0.0)
 
-    def restrained(self, bank: ModeEstimates, rows: IntArray) -> ModeEstimates:
-        """Return the bank, of whose tracks `rows` no velocity is less certain than those of all targets are."""
-        rows = rows[are_loose(self.moments(bank)[1][rows])]
-        return self.filter.restrained(bank, rows) if len(rows) else bank
+    def with_velocity_prior(self, estimates: ModeEstimates, rows: IntArray) -> ModeEstimates:
+        """Return the estimates with the velocity covariance of the tracks `rows` bounded by the prior."""
+        rows = rows[have_uncertain_velocity(self.moments(estimates)[1][rows])]
+        return self.filter.with_velocity_prior(estimates, rows) if len(rows) else estimates
 
-    def remembered(self, name: str, way: Callable[[_Asked, float], _Answer], asked: _Asked, value: float) -> _Answer:
-        """Return what a way leads to from what it is asked; the last answer is kept by name."""
-        known = self.last.get(name)
-        if known is None or known[0] is not asked or known[1] != value:
-            known = self.last[name] = asked, value, way(asked, value)
-        answer: _Answer = known[2]
+    def cached(
+        self, name: str, function: Callable[[_Asked, float], _Answer], argument: _Asked, value: float
+    ) -> _Answer:
+        """Return a function's result; the last result is kept by name."""
+        cached = self.last.get(name)
+        if cached is None or cached[0] is not argument or cached[1] != value:
+            cached = self.last[name] = argument, value, function(argument, value)
+        answer: _Answer = cached[2]
         return answer
 
-    def followed(
-        self, bank: ModeEstimates, end_s: float, rays: LinesOfSight, span: float, young: IntArray, known: TrackTable
+    def updated_tracks(
+        self,
+        estimates: ModeEstimates,
+        end_s: float,
+        lines: LinesOfSight,
+        span: float,
+        with_history: IntArray,
+        table: TrackTable,
     ) -> AssociationResult:
-        """Return the bank with a slice's rays taken in, and what each ray told, given what is `known` of the tracks.
+        """Return the estimates after a slice's lines, and their association, given the track table.
 
-        The rays are assigned anew by the estimates they led to, until nothing changes or `settling` says stop: among
-        near targets a whole slice tells more than one scan does. Rows `young` need it not: they are settled by all that
-        was seen of them.
+        Lines are reassigned by the updated estimates until nothing changes, at most `settling` times: among near
+        targets a whole slice is more informative than one scan. Rows `with_history` are left out: all their data decide
+        their assignment.
         """
-        ahead = self.blurred(bank, end_s, known.reports)
-        pairs, stray = self.paired(ahead, rays, span), Outliers(known.strays)
-        found = self._associated(pairs, rays)
-        after = self.filter.updated(bank, end_s, found.sights, span)
-        busy = self._restless(bank, after, pairs, rays, young) if self.config.settling and found.contested else _NONE
-        first = AssociationResult(after, found.owner, found.own, pairs)
-        told = self._settled(first, bank, ahead, rays, span, pairs, busy) if len(busy) else first
-        share = self.remembered("shares", lambda log, _: Outliers(log).share, stray.log, 0.0)
-        doubted = doubtful(told.own, share) if self.config.association == "nearest" else _NONE
-        if len(doubted) and found.contested:
-            doubted = np.setdiff1d(doubted, crowded(pairs, rays), assume_unique=True)
-        if not len(doubted):
+        ahead = self.with_bias_covariance(estimates, end_s, table.reports)
+        pairs, fractions = self.gated_pairs(ahead, lines, span), OutlierFractions(table.outliers)
+        association = self._associated(pairs, lines)
+        after = self.filter.updated(estimates, end_s, association.measurements, span)
+        ambiguous = (
+            self._unsettled(estimates, after, pairs, lines, with_history)
+            if self.config.settling and association.is_ambiguous
+            else _NONE
+        )
+        first = AssociationResult(after, association.owner, association.assigned, pairs)
+        result = self._reassociated(first, estimates, ahead, lines, span, pairs, ambiguous) if len(ambiguous) else first
+        share = self.cached("shares", lambda log, _: OutlierFractions(log).share, fractions.log, 0.0)
+        suspects = suspect_tracks(result.assigned, share) if self.config.association == "nearest" else _NONE
+        if len(suspects) and association.is_ambiguous:
+            suspects = np.setdiff1d(suspects, ambiguous_tracks(pairs, lines), assume_unique=True)
+        if not len(suspects):
             if not np.count_nonzero(share > FEW):
-                return told
-            strays = stray.log + unsuspected(told.own, stray, self.config.gate_sigma)
-            return AssociationResult(told.bank, told.owner, told.own, told.pairs, strays)
-        return self._weighed(told, bank, Span(end_s, span, self.config.gate_sigma), stray, doubted)
+                return result
+            outliers = fractions.log + clean_log_likelihood(result.assigned, fractions, self.config.gate_sigma)
+            return AssociationResult(result.estimates, result.owner, result.assigned, result.pairs, outliers)
+        return self._with_outlier_weights(
+            result, estimates, SliceSpan(end_s, span, self.config.gate_sigma), fractions, suspects
+        )
 
-    def _weighed(
-        self, told: AssociationResult, bank: ModeEstimates, span: Span, stray: Outliers, doubted: IntArray
+    def _with_outlier_weights(
+        self,
+        result: AssociationResult,
+        estimates: ModeEstimates,
+        span: SliceSpan,
+        fractions: OutlierFractions,
+        suspects: IntArray,
     ) -> AssociationResult:
-        """Return what was followed with the rays of tracks `doubted`, which have no rivals, weighed."""
-        strays = unsuspected(told.own, stray, span.gate)
-        place = np.full(len(bank), -1, dtype=np.int64)
-        place[doubted] = np.arange(len(doubted))
-        mine = told.own.take(np.flatnonzero(place[told.own.track] >= 0))
-        own, before, after = evolve(mine, track=place[mine.track]), bank.take(doubted), told.bank.take(doubted)
-        found = weighed(self.filter, before, after, span, own, stray.take(doubted))
-        strays[doubted] = found.strays
-        return told._replace(bank=told.bank.put(doubted, found.bank), strays=stray.after(strays).log)
+        """Return the result with the lines of unambiguous tracks `suspects` reweighted."""
+        outliers = clean_log_likelihood(result.assigned, fractions, span.gate)
+        place = np.full(len(estimates), -1, dtype=np.int64)
+        place[suspects] = np.arange(len(suspects))
+        mine = result.assigned.take(np.flatnonzero(place[result.assigned.track] >= 0))
+        assigned, before, after = (
+            evolve(mine, track=place[mine.track]),
+            estimates.take(suspects),
+            result.estimates.take(suspects),
+        )
+        weighed = reweighted(self.filter, before, after, span, assigned, fractions.take(suspects))
+        outliers[suspects] = weighed.outliers
+        return result._replace(
+            estimates=result.estimates.put(suspects, weighed.estimates), outliers=fractions.after(outliers).log
+        )
 
-    def _restless(
-        self, bank: ModeEstimates, after: ModeEstimates, pairs: GatedPairs, rays: LinesOfSight, young: IntArray
+    def _unsettled(
+        self, estimates: ModeEstimates, after: ModeEstimates, pairs: GatedPairs, lines: LinesOfSight, young: IntArray
     ) -> IntArray:
-        """Return the tracks that have rivals, of clusters in which one, not young, moved enough for other rays."""
-        rivals = crowded(pairs, rays)
-        shift = after.take(rivals).likelier_position_m - bank.take(rivals).likelier_position_m
-        far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * rays.sigma_rad.max(initial=0.0) * RANGE_M
+        """Return the ambiguous tracks in clusters in which one, not in `young`, moved enough to change assignments."""
+        rivals = ambiguous_tracks(pairs, lines)
+        shift = after.take(rivals).likelier_position_m - estimates.take(rivals).likelier_position_m
+        far = np.sqrt(np.sum(shift * shift, axis=1)) > _RESTLESS * lines.sigma_rad.max(initial=0.0) * RANGE_M
         restless = np.setdiff1d(rivals[far], young, assume_unique=True)
-        return rivals[related(pairs, restless)[rivals]]
+        return rivals[connected_tracks(pairs, restless)[rivals]]
 
-    def _settled(
+    def _reassociated(
         self,
         first: AssociationResult,
-        bank: ModeEstimates,
+        estimates: ModeEstimates,
         ahead: PredictedMeasurements,
-        rays: LinesOfSight,
+        lines: LinesOfSight,
         span: float,
         pairs: GatedPairs,
-        busy: IntArray,
+        ambiguous: IntArray,
     ) -> AssociationResult:
-        """Return what was followed with the rays of the tracks `busy`, which have rivals, assigned anew."""
-        place = np.full(len(bank) + 1, -1, dtype=np.int64)
-        place[busy] = np.arange(len(busy))
+        """Return the result with the lines of the ambiguous tracks reassigned."""
+        place = np.full(len(estimates) + 1, -1, dtype=np.int64)
+        place[ambiguous] = np.arange(len(ambiguous))
         rows = np.flatnonzero(place[pairs.track] >= 0)
-        track, ray, before, then = place[pairs.track[rows]], pairs.ray[rows], bank.take(busy), first.bank.take(busy)
-        found, mine, end_s = None, place[first.owner], ahead.time_s
-        blur = None if ahead.blur is None else ahead.blur[busy]
+        track, line, before, then = (
+            place[pairs.track[rows]],
+            pairs.line[rows],
+            estimates.take(ambiguous),
+            first.estimates.take(ambiguous),
+        )
+        association, mine, end_s = None, place[first.owner], ahead.time_s
+        bias_covariance = None if ahead.bias_covariance is None else ahead.bias_covariance[ambiguous]
         for turn in range(self.config.settling):
-            path = self.filter.outlook(then, end_s)._replace(blur=blur)
-            closer = gated(path, rays, track, ray, _SETTLING_GATE, self.light_time)
-            anew = self._associated(closer, rays)
+            path = self.filter.predicted_measurements(then, end_s)._replace(bias_covariance=bias_covariance)
+            closer = gated(path, lines, track, line, _SETTLING_GATE, self.light_time)
+            anew = self._associated(closer, lines)
             if turn == 0:
-                anew = self._unghosted(before, end_s, closer, rays, anew)
+                anew = self._without_ghosts(before, end_s, closer, lines, anew)
             if np.array_equal(anew.owner, mine):
                 break
-            found, mine = anew, anew.owner
-            then = self.filter.updated(before, end_s, found.sights, span)
-        if found is None:
+            association, mine = anew, anew.owner
+            then = self.filter.updated(before, end_s, association.measurements, span)
+        if association is None:
             return first
         others = np.where((first.owner >= 0) & (place[first.owner] < 0), first.owner, -1)
-        kept = first.own.take(np.flatnonzero(place[first.own.track] < 0))
-        settled = evolve(found.own, track=busy[found.own.track])
+        kept = first.assigned.take(np.flatnonzero(place[first.assigned.track] < 0))
+        settled = evolve(association.assigned, track=ambiguous[association.assigned.track])
         return AssociationResult(
-            first.bank.put(busy, then),
-            np.where(mine >= 0, busy[mine], others),
+            first.estimates.put(ambiguous, then),
+            np.where(mine >= 0, ambiguous[mine], others),
             GatedPairs.concatenate([kept, settled]),
             pairs,
         )
 
-    def _unghosted(
-        self, bank: ModeEstimates, end_s: float, pairs: GatedPairs, rays: LinesOfSight, found: Associated
-    ) -> Associated:
-        """Return the association with the rays of one sensor exchanged where that explains the slice better."""
-        used = found.owner[pairs.ray] == pairs.track
-        better = without_ghosts(Slice(self.filter, self.chances, self.light_time, bank, end_s, rays), pairs, used)
-        return found if np.array_equal(better, used) else as_owned(pairs, rays, better)
+    def _without_ghosts(
+        self, estimates: ModeEstimates, end_s: float, pairs: GatedPairs, lines: LinesOfSight, association: Association
+    ) -> Association:
+        """Return the association after swaps of one sensor's lines that explain the slice better."""
+        used = association.owner[pairs.line] == pairs.track
+        better = without_ghosts(Slice(self.filter, self.model, self.light_time, estimates, end_s, lines), pairs, used)
+        return association if np.array_equal(better, used) else hard_association(pairs, lines, better)
 
-    def paired(self, outlook: PredictedMeasurements, rays: LinesOfSight, span: float) -> GatedPairs:
-        """Return the gated pairs of all tracks and the rays of a span; the same question twice is worked out once."""
-        if self.met:
-            before, reach, known, pairs = self.met[0]
-            if before is outlook and reach == span and known is rays:
+    def gated_pairs(
+        self, predicted_measurements: PredictedMeasurements, lines: LinesOfSight, span: float
+    ) -> GatedPairs:
+        """Return the gated pairs of all tracks and the lines of a span; the last result is cached."""
+        if self.pair_cache:
+            before, reach, known, pairs = self.pair_cache[0]
+            if before is predicted_measurements and reach == span and known is lines:
                 return pairs
         gate = self.config.gate_sigma
-        pairs = gated(outlook, rays, *candidates(outlook, rays, span, gate, self.light_time), gate, self.light_time)
-        self.met[:] = [(outlook, span, rays, pairs)]
+        pairs = gated(
+            predicted_measurements,
+            lines,
+            *candidates(predicted_measurements, lines, span, gate, self.light_time),
+            gate,
+            self.light_time,
+        )
+        self.pair_cache[:] = [(predicted_measurements, span, lines, pairs)]
         return pairs
 
-    def _associated(self, pairs: GatedPairs, rays: LinesOfSight) -> Associated:
+    def _associated(self, pairs: GatedPairs, lines: LinesOfSight) -> Association:
         if self.config.association == "joint":
-            return associate_joint(pairs, rays, self.chances)
-        return self.nearest(pairs, rays)
+            return associate_joint(pairs, lines, self.model)
+        return self.nearest_association(pairs, lines)
 
-    def nearest(self, pairs: GatedPairs, rays: LinesOfSight) -> Associated:
-        """Return the likeliest assignment of each scan; the same question twice is worked out once."""
-        if self.assigned and self.assigned[0][0] is pairs:
-            _, known, found = self.assigned[0]
-            scan = None if uncontested(pairs, rays) else scan_numbers(rays.sensor, rays.scan)
-            if known is scan or (known is not None and scan is not None and np.array_equal(known, scan)):
-                return found
-        found = associate_nearest(pairs, rays, self.chances)
-        self.assigned[:] = [(pairs, scan_numbers(rays.sensor, rays.scan) if found.contested else None, found)]
-        return found
+    def nearest_association(self, pairs: GatedPairs, lines: LinesOfSight) -> Association:
+        """Return the likeliest assignment of each scan; the last result is cached."""
+        if self.assignment_cache and self.assignment_cache[0][0] is pairs:
+            _, scans, association = self.assignment_cache[0]
+            scan = None if is_unambiguous(pairs, lines) else scan_numbers(lines.sensor, lines.scan)
+            if scans is scan or (scans is not None and scan is not None and np.array_equal(scans, scan)):
+                return association
+        association = associate_nearest(pairs, lines, self.model)
+        self.assignment_cache[:] = [
+            (pairs, scan_numbers(lines.sensor, lines.scan) if association.is_ambiguous else None, association)
+        ]
+        return association

@@ -1,4 +1,4 @@
-"""What the stereo filter tells of its tracks at a tick."""
+"""Reported tracks of the stereo filter."""
 
 from collections.abc import Sequence
 from math import cos, sin
@@ -17,18 +17,18 @@ from opir_trackers.ground_points import impacts
 from opir_trackers.stereo.track_management import TrackTable
 
 
-def estimates(
+def tracks_of(
     state: FloatArray,
     covariance: FloatArray,
     is_free: BoolArray,
-    roster: TrackTable,
+    table: TrackTable,
     time_s: float,
     forces: Forces,
     types: FloatArray,
 ) -> Tracks:
-    """Return the tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time; nan for the unknown.
+    """Return the tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time; nan where unknown.
 
-    An impact is told of the tracks `is_free` (n,), and `types` are those of the tracks' types.
+    Impacts are reported of tracks `is_free` (n,); `types` are the type probabilities.
     """
     count = len(state)
     impact, burnout = _unknown(count, 6, 3), _unknown(count, 8, 7)
@@ -38,11 +38,11 @@ def estimates(
     state, covariance = earth_fixed(state, covariance, time_s)
     return Tracks(
         tick_s=np.array([time_s] * count),
-        track=roster.number,
+        track=table.number,
         state=state,
         state_covariance=covariance,
-        launch=roster.launch,
-        launch_covariance=roster.launch_covariance,
+        launch=table.launch,
+        launch_covariance=table.launch_covariance,
         impact=impact[:, 0],
         impact_covariance=impact[:, 1:4],
         impact_sigmas=impact[:, 4],
@@ -59,24 +59,24 @@ def _unknown(*shape: int) -> FloatArray:
     return nothing
 
 
-#: A target that has been dark for longer will not light another stage, s.
-STAGED_S = 4.0
+#: Longest time without detection, s, after which another stage may still ignite.
+LONGEST_STAGING_S = 4.0
 
 
-def free_flights(filter_: ImmFilter, bank: ModeEstimates) -> BoolArray:
-    """Return which tracks (n,) are taken for free flights, of which an impact is told.
+def free_flights(filter_: ImmFilter, estimates: ModeEstimates) -> BoolArray:
+    """Return which tracks (n,) are in free flight, for which an impact is reported.
 
-    They more likely coast than burn, for where a burning target comes down depends on when its burn ends; and, where
-    silence is what tells the end, they have been dark for longer than stages are.
+    They are more probably in coast than in boost, because the impact of a burning target depends on its burnout; and,
+    where silence indicates burnout, they have been undetected for longer than staging takes.
     """
-    time_since_last_s = bank.pace[:, 2] if filter_.switches and filter_.cold_chance < 1.0 else np.inf
-    return np.asarray((bank.weight[:, 1] > 0.5) & (time_since_last_s > STAGED_S))
+    time_since_last_s = estimates.detection_rate[:, 2] if filter_.switches and filter_.coast_detection < 1.0 else np.inf
+    return np.asarray((estimates.weight[:, 1] > 0.5) & (time_since_last_s > LONGEST_STAGING_S))
 
 
-def evidence_of(sensors: Sequence[Sensor]) -> FloatArray:
-    """Return log P(reported | true), (sensors, reported types + 1, true types), from each sensor's confusion.
+def type_log_likelihoods(sensors: Sequence[Sensor]) -> FloatArray:
+    """Return log P(reported | true), (sensors, reported types + 1, true types), from the confusion matrices.
 
-    The last reported type stands for none. A sensor without a confusion matrix says nothing.
+    The last reported type is none. A sensor without a confusion matrix gives no information.
     """
     table = np.zeros((len(sensors), len(REPORTED_TYPES) + 1, len(TARGET_TYPES)))
     for number, sensor in enumerate(sensors):
@@ -91,8 +91,8 @@ def evidence_of(sensors: Sequence[Sensor]) -> FloatArray:
 def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
     """Return probabilities (n, types) over `REPORTED_TYPES` from the last report of each sensor, (n, sensors).
 
-    Every type is as likely as the others beforehand. A sensor's reports of one launch are one draw, so each sensor
-    counts once. UNKNOWN is certain where no sensor has said anything, and impossible otherwise.
+    The prior is uniform. A sensor's reports of one launch are one draw, so each sensor counts once. UNKNOWN has
+    probability 1 without a report, else 0.
     """
     log = evidence[np.arange(len(evidence)), reports].sum(axis=1)
     share = np.exp(log - log.max(axis=1, keepdims=True))
@@ -101,12 +101,12 @@ def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
     return np.concatenate([np.where(silent, 0.0, share), silent], axis=1)
 
 
-#: A report that a confusion matrix rules out still has this chance.
+#: Probability of a report that a confusion matrix excludes.
 _LEAST_CHANCE = 1e-6
 
 
 def earth_fixed(state: FloatArray, covariance: FloatArray, time_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return inertial states (n, 6) and covariances (n, 6, 6) in ECEF, the velocity relative to the turning Earth."""
+    """Return inertial states (n, 6) and covariances (n, 6, 6) in ECEF, velocities relative to the rotating Earth."""
     sine, cosine = sin(EARTH_ROTATION_RAD_S * time_s), cos(EARTH_ROTATION_RAD_S * time_s)
     fast, slow = EARTH_ROTATION_RAD_S * cosine, EARTH_ROTATION_RAD_S * sine
     change = np.array(

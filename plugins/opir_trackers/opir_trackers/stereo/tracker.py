@@ -1,8 +1,6 @@
-"""The tracker `stereo-filter` as scenes name it, with late detections.
+"""The tracker `stereo-filter` with late detections, and the association of lines before a track's confirmation.
 
-Whose rays are that came before their tracks were sure: those of a track's beginning, and of before it.
-
-A track's labels begin once it has been seen often enough; with sensors that look seldom most of a burn is over by then.
+A track's labels begin once it has enough detections; with long scan periods most of a burn is over by then.
 """
 
 from collections import deque
@@ -15,26 +13,26 @@ from opir_core.estimation.lines_of_sight import LinesOfSight
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
-from opir_trackers.association import associate_nearest, nobody
+from opir_trackers.association import associate_nearest, unassigned
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.gating import candidates, gated
-from opir_trackers.sensors import LineOfSightCache, looks_a_second
-from opir_trackers.stereo.measurement_weights import SHARES, Outliers
+from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
+from opir_trackers.stereo.measurement_weights import FRACTIONS, OutlierFractions
 from opir_trackers.stereo.tracking import StereoTracking, TrackerState
 
 
-def earlier_owners(tracking: StereoTracking, now: TrackerState, number: IntArray, rays: LinesOfSight) -> IntArray:
-    """Return which of tracks by number (k,) each ray (n,) is of, -1 for none, judged by their paths followed back."""
-    rows = np.flatnonzero(np.isin(now.roster.number, number))
-    if not len(rows) or not len(rays.time_s):
-        return nobody(len(rays.time_s))
-    gate, light_time = tracking.config.gate_sigma, tracking.following.light_time
-    path = tracking.filter.outlook(now.bank.take(rows), now.time_s)
-    rays, span = tracking.biases.widened(rays), now.time_s - float(rays.time_s.min())
-    pairs = gated(path, rays, *candidates(path, rays, span, gate, light_time), gate, light_time)
-    owner = associate_nearest(pairs, rays, tracking.following.chances).owner
-    whose: IntArray = np.append(now.roster.number[rows], -1)[owner]
-    return whose
+def earlier_assignment(tracking: StereoTracking, now: TrackerState, number: IntArray, lines: LinesOfSight) -> IntArray:
+    """Return the track number of each line (n,), among numbers (k,), -1 for none, by the paths followed back."""
+    rows = np.flatnonzero(np.isin(now.table.number, number))
+    if not len(rows) or not len(lines.time_s):
+        return unassigned(len(lines.time_s))
+    gate, light_time = tracking.config.gate_sigma, tracking.association.light_time
+    path = tracking.filter.predicted_measurements(now.estimates.take(rows), now.time_s)
+    lines, span = tracking.biases.with_bias_sigma(lines), now.time_s - float(lines.time_s.min())
+    pairs = gated(path, lines, *candidates(path, lines, span, gate, light_time), gate, light_time)
+    owner = associate_nearest(pairs, lines, tracking.association.model).owner
+    numbers: IntArray = np.append(now.table.number[rows], -1)[owner]
+    return numbers
 
 
 class StereoTracker:
@@ -47,16 +45,16 @@ class StereoTracker:
         self._now = tracking.start()
         self._past: deque[tuple[TrackerState, float, Detections]] = deque()
         self._early = Detections.empty()
-        self._rays = LineOfSightCache(tracking.rays_of)
+        self._rays = LineOfSightCache(tracking.lines_of_sight)
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
-        return self._tracking.nearest(self._now, self._rays.of(detections))
+        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
+        return self._tracking.track_numbers(self._now, self._rays.of(detections))
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Take in the detections since the last tick, and late ones, and return the estimates at this tick.
+        """Return the estimates at this tick, after the detections since the last one and late ones.
 
-        With `late_s` above 0 they may come in any order, more than once, and before the tick that they are for.
+        With `late_s` above 0, detections may come in any order, repeatedly, and before the tick to which they belong.
         """
         if self._tracking.config.late_s:
             detections = self._due(tick_s, detections)
@@ -65,34 +63,34 @@ class StereoTracker:
             self._go_back(detections.take(np.flatnonzero(late)))
             detections = detections.take(np.flatnonzero(~late))
         self._advance(tick_s, detections)
-        return self._tracking.told(self._now)
+        return self._tracking.reported_tracks(self._now)
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
-        """Take the sensors to be these from the last tick on: as many, with other settings.
+        """Set the sensors from the last tick on: the same number, with other settings.
 
-        How often a target is seen while it burns changes as what its sensors promise does.
+        The detection rate of burning targets scales with the expected one.
         """
-        share = looks_a_second(sensors) / looks_a_second(self._context.sensors)
+        share = expected_detection_rate(sensors) / expected_detection_rate(self._context.sensors)
         self._context = evolve(self._context, sensors=sensors)
         self._tracking = StereoTracking.of(self._tracking.config, self._context)
-        self._rays = LineOfSightCache(self._tracking.rays_of)
-        pace = self._now.bank.pace * [share, 1.0, 1.0]
-        self._now = evolve(self._now, bank=evolve(self._now.bank, pace=pace))
+        self._rays = LineOfSightCache(self._tracking.lines_of_sight)
+        pace = self._now.estimates.detection_rate * [share, 1.0, 1.0]
+        self._now = evolve(self._now, estimates=evolve(self._now.estimates, detection_rate=pace))
 
-    def stray_shares(self, track: IntArray) -> FloatArray:
-        """Return the shares (n,) of strays among the rays of tracks by number (n,), as known at the last tick."""
-        roster = self._now.roster
-        known = Outliers(np.concatenate([roster.strays, np.zeros((1, len(SHARES)))])).share
-        row = np.searchsorted(roster.number, track)
-        here = np.append(roster.number, -1)[row] == track
-        return known[np.where(here, row, len(roster))]
+    def outlier_fractions(self, track: IntArray) -> FloatArray:
+        """Return the outlier fractions (n,) of tracks by number (n,), as of the last tick."""
+        table = self._now.table
+        before_late = OutlierFractions(np.concatenate([table.outliers, np.zeros((1, len(FRACTIONS)))])).share
+        row = np.searchsorted(table.number, track)
+        here = np.append(table.number, -1)[row] == track
+        return before_late[np.where(here, row, len(table))]
 
-    def owners(self, track: IntArray, rays: LinesOfSight) -> IntArray:
-        """Return which of tracks by number (k,) each earlier ray (n,) is of, -1 for none, as known at the last tick."""
-        return earlier_owners(self._tracking, self._now, track, rays)
+    def owners(self, track: IntArray, lines: LinesOfSight) -> IntArray:
+        """Return the track number of each earlier line (n,), among numbers (k,), -1 for none, as of now."""
+        return earlier_assignment(self._tracking, self._now, track, lines)
 
     def _due(self, tick_s: float, detections: Detections) -> Detections:
-        """Return, once each and in order, what is from before a tick, of these and of what waits; the rest waits."""
+        """Return the detections before a tick, once each and in order, of these and the waiting ones."""
         every = _once_in_order(Detections.concatenate([self._early, detections]))
         due = int(np.searchsorted(every.time_s, tick_s))
         self._early = every.take(slice(due, None))
@@ -107,13 +105,14 @@ class StereoTracker:
         self._now = self._tracking.stepped(self._now, tick_s, detections, self._rays.of(detections))
 
     def _go_back(self, late: Detections) -> None:
-        """Step again from before the late detections; those from before the remembered past are left out."""
+        """Step again from before the late detections; those older than the stored states are dropped."""
         steps = [
-            (before, tick_s, _with_late(known, late, before.time_s, tick_s)) for before, tick_s, known in self._past
+            (before, tick_s, _with_late(before_late, late, before.time_s, tick_s))
+            for before, tick_s, before_late in self._past
         ]
         changed = (
-            len(whole.time_ns) > len(known.time_ns)
-            for (_, _, whole), (_, _, known) in zip(steps, self._past, strict=True)
+            len(whole.time_ns) > len(before_late.time_ns)
+            for (_, _, whole), (_, _, before_late) in zip(steps, self._past, strict=True)
         )
         first = next((number for number, more in enumerate(changed) if more), None)
         if first is None:
@@ -125,16 +124,16 @@ class StereoTracker:
             self._advance(tick_s, whole)
 
 
-def _with_late(known: Detections, late: Detections, start_s: float, end_s: float) -> Detections:
-    """Return a tick's detections with the late ones that are from its time."""
+def _with_late(before_late: Detections, late: Detections, start_s: float, end_s: float) -> Detections:
+    """Return a tick's detections with the late ones of its time."""
     mine = np.flatnonzero((late.time_s >= start_s) & (late.time_s < end_s))
-    return _once_in_order(Detections.concatenate([known, late.take(mine)])) if len(mine) else known
+    return _once_in_order(Detections.concatenate([before_late, late.take(mine)])) if len(mine) else before_late
 
 
 def _once_in_order(detections: Detections) -> Detections:
-    """Return detections once each, by time, then sensor, then what was measured: whatever the order they came in.
+    """Return detections once each, ordered by time, sensor and measurement, independent of their arrival.
 
-    Two of one sensor and instant in the same direction, to the last bit, are one that came twice.
+    Two detections of one sensor and instant in exactly the same direction are duplicates.
     """
     line = detections.line_of_sight_ecef
     keys = (*line.T, detections.scan, detections.sensor, detections.time_ns)

@@ -1,9 +1,7 @@
-"""The tracker `stereo-filter`: association, track management, the IMM filter; each slice makes a new `TrackerState`.
+"""The tracker `stereo-filter`: association, track management and the IMM filter, as steps of one frozen `TrackerState`.
 
-All that the tracker `stereo-filter` knows at a time, as one frozen record: a step makes a new one.
-
-So late detections are taken in by going back to the situation before them and stepping forward again: the result is
-that of their having been in time.
+Each slice makes a new state. Late detections are processed by returning to the state before them and stepping again, so
+the result is the same as if they had arrived in time.
 """
 
 from collections.abc import Iterator
@@ -13,17 +11,17 @@ import numpy as np
 from attrs import evolve, field, frozen
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight, no_rays, no_sights
+from opir_core.estimation.lines_of_sight import LinesOfSight, no_lines_of_sight, no_measurements
 from opir_core.flight.forces import Forces, forces_of
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers import initiation
-from opir_trackers.association import Chances, associate_nearest, nobody, plain
+from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
 from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.ground_points import GroundPoints, launches, renewed
+from opir_trackers.ground_points import GroundPoints, launches, updated_points
 from opir_trackers.sensors import Biases
 from opir_trackers.stereo import track_management
 from opir_trackers.stereo.associate_and_update import AssociateAndUpdate, AssociationResult
@@ -31,51 +29,51 @@ from opir_trackers.stereo.ghosts import RANGE_M
 from opir_trackers.stereo.histories import (
     LONGEST_S,
     Histories,
-    asked,
-    kept,
-    lasting_s,
-    mean_sights,
-    slice_sights,
-    turned,
+    are_open,
+    due_for_assignment,
+    mean_measurements,
+    reweighted,
+    slice_measurements,
+    smooth_boost_s,
 )
-from opir_trackers.stereo.history_assignment import decided
-from opir_trackers.stereo.report import estimates, evidence_of, free_flights, type_posterior
-from opir_trackers.stereo.track_management import SharedDetections, TrackTable, doubles, remembered_s
-from opir_trackers.track_priors import filter_of, first_bank
+from opir_trackers.stereo.history_assignment import assigned_histories
+from opir_trackers.stereo.report import free_flights, tracks_of, type_log_likelihoods, type_posterior
+from opir_trackers.stereo.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
+from opir_trackers.track_priors import filter_of, prior_estimates
 
 
 @frozen(eq=False)
 class TrackerState:
-    """All a tracker knows at a time: estimates, roster, recent rays that belong to no track, and the next number.
+    """The state of the tracker at a time: estimates, track table, unassigned recent lines and the next track number.
 
-    `doubtful` are the numbers of tracks that may have others' histories, and what is told of them; `recent` says in
-    which scans tracks were seen lately.
+    `ambiguous` are the numbers of tracks with an undecided history, and the estimates reported of them; `sightings` are
+    the recent scans in which tracks were detected.
     """
 
     time_s: float
-    bank: ModeEstimates
-    roster: TrackTable
-    pool: LinesOfSight
+    estimates: ModeEstimates
+    table: TrackTable
+    unclaimed: LinesOfSight
     reported: IntArray
     histories: Histories = field(factory=Histories.none)
-    doubtful: tuple[IntArray, ModeEstimates] = field(
+    ambiguous: tuple[IntArray, ModeEstimates] = field(
         factory=lambda: (np.empty(0, dtype=np.int64), ModeEstimates.empty())
     )
     next_number: int = 0
-    recent: SharedDetections = field(factory=SharedDetections.empty)
+    sightings: SharedDetections = field(factory=SharedDetections.empty)
 
-    def after(self, time_s: float, bank: ModeEstimates, roster: TrackTable, histories: Histories) -> "TrackerState":
-        """Return the situation at a time with its tracks as they are then."""
-        known = self.doubtful, self.next_number, self.recent
-        return TrackerState(time_s, bank, roster, self.pool, self.reported, histories, *known)
+    def after(self, time_s: float, estimates: ModeEstimates, table: TrackTable, histories: Histories) -> "TrackerState":
+        """Return the state at a time with its tracks updated."""
+        known = self.ambiguous, self.next_number, self.sightings
+        return TrackerState(time_s, estimates, table, self.unclaimed, self.reported, histories, *known)
 
     @classmethod
     def first(cls, sensors: int) -> "TrackerState":
-        """Return the situation before the first detection, of a scene with so many sensors."""
-        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_rays(), np.empty(0, dtype=np.int64))
+        """Return the state before the first detection, for a number of sensors."""
+        return cls(0.0, ModeEstimates.empty(), TrackTable.of(sensors), no_lines_of_sight(), np.empty(0, dtype=np.int64))
 
 
-#: A track's launch is worked out as long as it is no older than this, s.
+#: The launch point is estimated for tracks no older than this, s.
 _YOUNG_S = 10.0
 
 _NOBODY = np.array([-1])
@@ -83,266 +81,291 @@ _NOBODY = np.array([-1])
 
 @frozen(eq=False)
 class StereoTracking:
-    """How one situation leads to the next."""
+    """The transition from one `TrackerState` to the next."""
 
     config: StereoFilterConfig
     filter: ImmFilter
-    following: AssociateAndUpdate
+    association: AssociateAndUpdate
     period_s: FloatArray
     biases: Biases
     forces: Forces
-    evidence: FloatArray
-    boost_lasts_s: float
+    type_log_likelihood: FloatArray
+    boost_history_s: float
     memory_s: FloatArray
-    patience_s: FloatArray
+    silence_limit_s: FloatArray
 
     @classmethod
     def of(cls, config: StereoFilterConfig, context: TrackerContext) -> "StereoTracking":
         """Return the tracking of a scene's sensors."""
         chance = [np.mean(list(sensor.detection_probability.values()) or [0.8]) for sensor in context.sensors]
-        chances = Chances(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr)
+        model = AssociationModel(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr)
         period_s = np.array([sensor.scan.period_ns * 1e-9 for sensor in context.sensors])
         look_m = RANGE_M * max((sensor.line_of_sight_sigma_rad for sensor in context.sensors), default=0.0)
         filter_, biases = filter_of(config, context), Biases.of(context.sensors)
         return cls(
             config=config,
             filter=filter_,
-            following=AssociateAndUpdate(config, filter_, chances, context.light_time, biases),
+            association=AssociateAndUpdate(config, filter_, model, context.light_time, biases),
             period_s=period_s,
             biases=biases,
             forces=forces_of(context.forces),
-            evidence=evidence_of(context.sensors),
-            boost_lasts_s=min(lasting_s(config.jerk_noise_m_s3, look_m, float(period_s.min(initial=1.0))), LONGEST_S),
-            memory_s=remembered_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
-            patience_s=track_management.patience_s(context.sensors, config.recent_scans),
+            type_log_likelihood=type_log_likelihoods(context.sensors),
+            boost_history_s=min(
+                smooth_boost_s(config.jerk_noise_m_s3, look_m, float(period_s.min(initial=1.0))), LONGEST_S
+            ),
+            memory_s=sighting_memory_s(period_s, min(config.slice_s, config.cadence_s), config.recent_scans),
+            silence_limit_s=track_management.longest_silence_s(context.sensors, config.recent_scans),
         )
 
     def start(self) -> TrackerState:
-        """Return the situation before the first detection."""
+        """Return the state before the first detection."""
         return TrackerState.first(len(self.period_s))
 
-    def rays_of(self, detections: Detections) -> LinesOfSight:
-        """Return the rays of detections, as uncertain as noise and biases make them."""
-        return self.biases.widened(LinesOfSight.of(detections))
+    def lines_of_sight(self, detections: Detections) -> LinesOfSight:
+        """Return the lines of sight of detections, with the standard deviation of noise and bias."""
+        return self.biases.with_bias_sigma(LinesOfSight.of(detections))
 
     def stepped(
-        self, now: TrackerState, tick_s: float, detections: Detections, known: LinesOfSight | None = None
+        self, now: TrackerState, tick_s: float, detections: Detections, cached: LinesOfSight | None = None
     ) -> TrackerState:
-        """Return the situation at a tick, with the detections since the last one, whose rays may be `known`."""
-        rays = self.rays_of(detections) if known is None else known
+        """Return the state at a tick, after the detections since the last one; `cached` are their lines of sight."""
+        lines = self.lines_of_sight(detections) if cached is None else cached
         reported = detections.reported_type.astype(np.int64)
         ends = list(_slice_ends(now.time_s, tick_s, min(self.config.slice_s, self.config.cadence_s)))
-        if len(ends) == 1 and (not len(rays.time_s) or rays.time_s[0] >= now.time_s):
-            return self._sliced(now, tick_s, rays, reported)
-        cuts = np.searchsorted(rays.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
+        if len(ends) == 1 and (not len(lines.time_s) or lines.time_s[0] >= now.time_s):
+            return self._after_slice(now, tick_s, lines, reported)
+        cuts = np.searchsorted(lines.time_s, [now.time_s, *ends[:-1], np.inf]).tolist()
         for end, first, last in zip(ends, cuts[:-1], cuts[1:], strict=True):
-            now = self._sliced(now, end, rays.take(slice(first, last)), reported[first:last])
+            now = self._after_slice(now, end, lines.take(slice(first, last)), reported[first:last])
         return now
 
-    def _sliced(self, now: TrackerState, end_s: float, rays: LinesOfSight, reported: IntArray) -> TrackerState:
+    def _after_slice(self, now: TrackerState, end_s: float, lines: LinesOfSight, reported: IntArray) -> TrackerState:
+        """Return the state after a slice."""
         span = end_s - now.time_s
-        then, owner = self.followed(now, end_s, rays)
+        then, owner = self.associated(now, end_s, lines)
         if len(owner):
-            roster = then.roster.seen(owner, rays.time_s, rays.sensor, reported)
-            then = then.after(end_s, then.bank, roster, then.histories)
-        then = self._pooled(then, rays, owner, reported, span)
-        return self._kept(self._launched(self._begun(then)), rays, owner)
+            table = then.table.with_detections(owner, lines.time_s, lines.sensor, reported)
+            then = then.after(end_s, then.estimates, table, then.histories)
+        then = self._with_unclaimed(then, lines, owner, reported, span)
+        return self._pruned(self._with_launch_points(self._with_initiated(then)), lines, owner)
 
-    def _pooled(
-        self, now: TrackerState, rays: LinesOfSight, owner: IntArray, reported: IntArray, span: float
+    def _with_unclaimed(
+        self, now: TrackerState, lines: LinesOfSight, owner: IntArray, reported: IntArray, span: float
     ) -> TrackerState:
-        """Return the situation with the rays that belong to no track in the pool, and those too old for it out."""
+        """Return the state with the unassigned lines added, and old ones removed."""
         is_free = owner < 0
-        if not len(now.pool.time_s) and not np.count_nonzero(is_free):
+        if not len(now.unclaimed.time_s) and not np.count_nonzero(is_free):
             return now
         free = np.flatnonzero(is_free)
-        pool = LinesOfSight.concatenate([now.pool, rays.take(free)]) if len(free) else now.pool
-        told = np.concatenate([now.reported, reported[free]])
-        recent_s = self.config.recent_scans * self.period_s[pool.sensor] + span
-        fresh = np.flatnonzero(now.time_s - pool.time_s <= recent_s)
-        return evolve(now, pool=pool.take(fresh), reported=told[fresh])
+        unclaimed = LinesOfSight.concatenate([now.unclaimed, lines.take(free)]) if len(free) else now.unclaimed
+        types = np.concatenate([now.reported, reported[free]])
+        recent_s = self.config.recent_scans * self.period_s[unclaimed.sensor] + span
+        fresh = np.flatnonzero(now.time_s - unclaimed.time_s <= recent_s)
+        return evolve(now, unclaimed=unclaimed.take(fresh), reported=types[fresh])
 
-    def followed(self, now: TrackerState, end_s: float, rays: LinesOfSight) -> tuple[TrackerState, IntArray]:
-        """Return the situation with a slice's rays taken in by the tracks there are, and whose row each ray is."""
-        span, owner = end_s - now.time_s, nobody(len(rays.time_s))
-        if not len(now.bank.weight):
+    def associated(self, now: TrackerState, end_s: float, lines: LinesOfSight) -> tuple[TrackerState, IntArray]:
+        """Return the state with a slice's lines associated with the tracks, and the track row of each line."""
+        span, owner = end_s - now.time_s, unassigned(len(lines.time_s))
+        if not len(now.estimates.weight):
             return evolve(now, time_s=end_s), owner
-        bank = self.following.moved(now.bank, span)
-        histories = now.histories.moved(self.filter.moved, span)
+        estimates = self.association.predicted(now.estimates, span)
+        histories = now.histories.predicted(self.filter.predicted, span)
         if not len(owner):
-            after = self.filter.updated(bank, end_s, no_sights(), span)
-            after = self.filter.completed(after, bank, now.bank, span)
-            return now.after(end_s, after, now.roster, histories), owner
-        young = now.roster.number.searchsorted(histories.number)
-        told = self.following.followed(bank, end_s, rays, span, young, now.roster)
-        roster = now.roster if told.strays is None else now.roster.with_strays(told.strays)
-        bank = self.filter.completed(told.bank, bank, now.bank, span)
-        now = now.after(end_s, bank, roster, histories)
-        return self._decided(now, told, young, rays, span), told.owner
+            after = self.filter.updated(estimates, end_s, no_measurements(), span)
+            after = self.filter.with_open_coast(after, estimates, now.estimates, span)
+            return now.after(end_s, after, now.table, histories), owner
+        with_history = now.table.number.searchsorted(histories.number)
+        result = self.association.updated_tracks(estimates, end_s, lines, span, with_history, now.table)
+        table = now.table if result.outliers is None else now.table.with_outliers(result.outliers)
+        estimates = self.filter.with_open_coast(result.estimates, estimates, now.estimates, span)
+        now = now.after(end_s, estimates, table, histories)
+        return self._with_histories(now, result, with_history, lines, span), result.owner
 
-    def _decided(
-        self, now: TrackerState, told: AssociationResult, rows: IntArray, rays: LinesOfSight, span: float
+    def _with_histories(
+        self, now: TrackerState, result: AssociationResult, rows: IntArray, lines: LinesOfSight, span: float
     ) -> TrackerState:
-        """Return the situation with the histories of tracks `rows` where they belong, as far as that can be told."""
-        known = now.histories
-        if not len(known.number):
+        """Return the state with the histories of tracks `rows` reassigned as far as the data decide."""
+        histories = now.histories
+        if not len(histories.number):
             return now
-        before, age = now.bank.part(rows), now.time_s - known.begun_s
-        path = self.following.outlook(before, now.time_s)
-        seen = slice_sights(path, told, rows, rays, self.following.chances, span)
-        known, bank = turned(self.filter, known.seen(*seen), before, now.time_s)
-        found = decided(self.filter, known, bank, now.time_s, self.biases.sigma_rad, asked(known, age, span))
-        known, boosts = found.histories, bank.weight[:, 0] > 0.5
-        stays = kept(known, age, boosts, self.boost_lasts_s)
-        open_ = np.flatnonzero(stays & (known.doubt > 0.0))
+        before, age = now.estimates.part(rows), now.time_s - histories.begun_s
+        path = self.association.predicted_measurements(before, now.time_s)
+        measured = slice_measurements(path, result, rows, lines, self.association.model, span)
+        histories, estimates = reweighted(self.filter, histories.with_measurements(*measured), before, now.time_s)
+        assignment = assigned_histories(
+            self.filter,
+            histories,
+            estimates,
+            now.time_s,
+            self.biases.sigma_rad,
+            due_for_assignment(histories, age, span),
+        )
+        histories, boosts = assignment.histories, estimates.weight[:, 0] > 0.5
+        are_kept = are_open(histories, age, boosts, self.boost_history_s)
+        open_ = np.flatnonzero(are_kept & (histories.doubt > 0.0))
         return evolve(
             now,
-            bank=now.bank if found.bank is before else now.bank.put(rows, found.bank),
-            histories=known.of(stays),
-            doubtful=(known.number[open_], found.told.take(open_)),
+            estimates=now.estimates
+            if assignment.estimates is before
+            else now.estimates.put(rows, assignment.estimates),
+            histories=histories.of(are_kept),
+            ambiguous=(histories.number[open_], assignment.reported.take(open_)),
         )
 
-    def estimated(self, now: TrackerState) -> ModeEstimates:
-        """Return the estimates to tell: of a track that may have another's history, all it may have mixed."""
-        number, told = now.doubtful
+    def reported_estimates(self, now: TrackerState) -> ModeEstimates:
+        """Return the estimates to report: of a track with an undecided history, the mixture."""
+        number, mixed = now.ambiguous
         if not len(number):
-            return now.bank
-        here = np.flatnonzero(np.isin(number, now.roster.number))
-        rows = np.searchsorted(now.roster.number, number[here])
-        return now.bank.put(rows, told.take(here)) if len(here) else now.bank
+            return now.estimates
+        here = np.flatnonzero(np.isin(number, now.table.number))
+        rows = np.searchsorted(now.table.number, number[here])
+        return now.estimates.put(rows, mixed.take(here)) if len(here) else now.estimates
 
-    def _launched(self, now: TrackerState) -> TrackerState:
-        """Return the situation with what the young tracks' paths say of their launches."""
-        fresh = now.time_s - now.roster.begun_s <= _YOUNG_S
+    def _with_launch_points(self, now: TrackerState) -> TrackerState:
+        """Return the state with the launch points of young tracks."""
+        fresh = now.time_s - now.table.begun_s <= _YOUNG_S
         if not np.count_nonzero(fresh):
             return now
-        young = np.flatnonzero(fresh & (now.bank.weight[:, 0] > 0.5))
+        young = np.flatnonzero(fresh & (now.estimates.weight[:, 0] > 0.5))
         if not len(young):
             return now
-        told, bank = now.roster.part(young), now.bank.part(young)
-        outlook, noise = self.following.outlook(bank, now.time_s), self.config.jerk_noise_back_m_s3
-        sure = not self.biases.any
-        biased = None if sure else self.biases.covariance(bank.likelier_position_m, now.time_s, told.reports >= 0)
-        found = launches(outlook, told.first_s, self._longest(self.period_s, told), noise, biased)
-        launch, covariance = now.roster.launch.copy(), now.roster.launch_covariance.copy()
-        launch[young], covariance[young] = renewed(GroundPoints(told.launch, told.launch_covariance), found)
-        return now.after(now.time_s, now.bank, now.roster.with_launches(launch, covariance), now.histories)
+        table, estimates = now.table.part(young), now.estimates.part(young)
+        predicted, noise = (
+            self.association.predicted_measurements(estimates, now.time_s),
+            self.config.jerk_noise_back_m_s3,
+        )
+        unbiased = not self.biases.any
+        biased = (
+            None if unbiased else self.biases.covariance(estimates.likelier_position_m, now.time_s, table.reports >= 0)
+        )
+        points = launches(predicted, table.first_s, self._longest_of_sensors(self.period_s, table), noise, biased)
+        launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
+        launch[young], covariance[young] = updated_points(GroundPoints(table.launch, table.launch_covariance), points)
+        return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance), now.histories)
 
-    def _begun(self, now: TrackerState) -> TrackerState:
-        """Return the situation with tracks begun where unclaimed rays show a target."""
-        if len(now.pool.time_s) < self.config.needed_scans:
+    def _with_initiated(self, now: TrackerState) -> TrackerState:
+        """Return the state with tracks initiated from unassigned lines."""
+        if len(now.unclaimed.time_s) < self.config.needed_scans:
             return now
-        shown = initiation.beginnings(now.pool, self.config.needed_scans, self.biases.sigma_rad)
-        if not len(shown.begun):
+        initiation_ = initiation.track_candidates(now.unclaimed, self.config.needed_scans, self.biases.sigma_rad)
+        if not len(initiation_.begun):
             return now
-        first, span = first_bank(shown.begun, now.time_s, self.config), now.time_s - float(now.pool.time_s.min())
-        pairs = self.following.paired(self.filter.outlook(first, now.time_s), now.pool, span)
-        pairs = pairs.take(np.flatnonzero(shown.owned(pairs.track, pairs.ray, now.pool.sensor[pairs.ray])))
-        found = associate_nearest(pairs, now.pool, self.following.chances)
-        bank = self.filter.updated(first, now.time_s, found.sights, span)
-        return self._joined(now, first, AssociationResult(bank, found.owner, found.own, pairs))
+        first, span = (
+            prior_estimates(initiation_.begun, now.time_s, self.config),
+            now.time_s - float(now.unclaimed.time_s.min()),
+        )
+        pairs = self.association.gated_pairs(self.filter.predicted_measurements(first, now.time_s), now.unclaimed, span)
+        pairs = pairs.take(np.flatnonzero(initiation_.owned(pairs.track, pairs.line, now.unclaimed.sensor[pairs.line])))
+        association = associate_nearest(pairs, now.unclaimed, self.association.model)
+        estimates = self.filter.updated(first, now.time_s, association.measurements, span)
+        return self._with_new_tracks(
+            now, first, AssociationResult(estimates, association.owner, association.assigned, pairs)
+        )
 
-    def _joined(self, now: TrackerState, first: ModeEstimates, told: AssociationResult) -> TrackerState:
-        """Return the situation with those new tracks that got their rays, numbered in order."""
-        hits = np.bincount(told.owner[told.owner >= 0], minlength=len(first))
+    def _with_new_tracks(self, now: TrackerState, first: ModeEstimates, result: AssociationResult) -> TrackerState:
+        """Return the state with the new tracks that have enough lines, numbered in order."""
+        hits = np.bincount(result.owner[result.owner >= 0], minlength=len(first))
         good = hits >= self.config.needed_scans
         row = np.append(np.where(good, np.cumsum(good) - 1, -1), -1)
-        owner, count = row[told.owner], int(good.sum())
+        owner, count = row[result.owner], int(good.sum())
         number = np.arange(now.next_number, now.next_number + count)
         fresh = track_management.TrackTable.fresh(number, now.time_s, len(self.period_s))
-        fresh = fresh.seen(owner, now.pool.time_s, now.pool.sensor, now.reported)
+        fresh = fresh.with_detections(owner, now.unclaimed.time_s, now.unclaimed.sensor, now.reported)
         left = np.flatnonzero(owner < 0)
-        path = self.filter.outlook(told.bank, now.time_s)
-        sensor = now.pool.sensor[told.own.ray].astype(np.int64)
-        seen = mean_sights(path, plain(told.own), sensor, self.config.slice_s)
-        begun = Histories(np.arange(len(first)), np.full(len(first), now.time_s), first, *seen).of(good)
+        path = self.filter.predicted_measurements(result.estimates, now.time_s)
+        sensor = now.unclaimed.sensor[result.assigned.line].astype(np.int64)
+        measured = mean_measurements(path, hard_measurements(result.assigned), sensor, self.config.slice_s)
+        begun = Histories(np.arange(len(first)), np.full(len(first), now.time_s), first, *measured).of(good)
         return evolve(
             now,
-            bank=ModeEstimates.concatenate([now.bank, told.bank.take(np.flatnonzero(good))]),
-            roster=track_management.TrackTable.concatenate([now.roster, fresh]),
-            pool=now.pool.take(left),
+            estimates=ModeEstimates.concatenate([now.estimates, result.estimates.take(np.flatnonzero(good))]),
+            table=track_management.TrackTable.concatenate([now.table, fresh]),
+            unclaimed=now.unclaimed.take(left),
             reported=now.reported[left],
             histories=now.histories.joined(evolve(begun, number=number)),
             next_number=now.next_number + count,
         )
 
-    def _kept(self, now: TrackerState, rays: LinesOfSight, owner: IntArray) -> TrackerState:
-        """Return the situation without doubles and without tracks that are lost or came to nothing."""
-        if not len(now.bank.weight):
+    def _pruned(self, now: TrackerState, lines: LinesOfSight, owner: IntArray) -> TrackerState:
+        """Return the state without duplicate, lost and unconfirmed tracks."""
+        if not len(now.estimates.weight):
             return now
-        (state, covariance), roster = self.following.moments(now.bank), now.roster
+        (state, covariance), table = self.association.moments(now.estimates), now.table
         config, place, needed = self.config, state[:, :3], 3 * self.config.needed_scans
-        silent_s = now.time_s - roster.seen_s
+        silent_s = now.time_s - table.seen_s
         drop = silent_s > config.silence_s
-        vague, low = track_management.are_vague(covariance, config.lost_sigma_m), track_management.are_low(place)
-        loose = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
-        if roster.hits.min() < needed or np.count_nonzero(vague | low | loose):
-            rows = loose.nonzero()[0]
+        uncertain, below_ground = (
+            track_management.are_uncertain(covariance, config.lost_sigma_m),
+            track_management.are_below_ground(place),
+        )
+        fast_uncertain = covariance[:, 3, 3] + covariance[:, 4, 4] + covariance[:, 5, 5] > SPEED_SIGMA_M_S**2
+        if table.hits.min() < needed or np.count_nonzero(uncertain | below_ground | fast_uncertain):
+            rows = fast_uncertain.nonzero()[0]
             if len(rows):
-                now = evolve(now, bank=self.following.restrained(now.bank, rows))
-            unseen = silent_s > self._longest(self.patience_s, roster)
-            drop |= track_management.idle(roster, vague, needed, unseen)
-            drop |= low & track_management.came_down(place, covariance, unseen)
+                now = evolve(now, estimates=self.association.with_velocity_prior(now.estimates, rows))
+            unseen = silent_s > self._longest_of_sensors(self.silence_limit_s, table)
+            drop |= track_management.are_idle(table, uncertain, needed, unseen)
+            drop |= below_ground & track_management.have_come_down(place, covariance, unseen)
         if len(state) > 1:
-            now = evolve(now, recent=now.recent.after(roster.number, owner, rays, now.time_s, self.memory_s))
-            wider = self._with_biases(now.bank, now.time_s, roster, covariance)
+            now = evolve(now, sightings=now.sightings.after(table.number, owner, lines, now.time_s, self.memory_s))
+            wider = self._with_biases(now.estimates, now.time_s, table, covariance)
             fast = track_management.are_too_fast(state[:, 3:])
             # The covariance of a track that is nowhere may be nothing that can be solved with.
             wider[fast] = np.eye(6)
-            drop |= fast | doubles(roster.number, state, wider, now.recent, roster.hits)
+            drop |= fast | duplicates(table.number, state, wider, now.sightings, table.hits)
         if not np.count_nonzero(drop):
             return now
         keep = (~drop).nonzero()[0]
-        histories = now.histories.of(np.isin(now.histories.number, roster.number[keep]))
-        return evolve(now, bank=now.bank.take(keep), roster=roster.take(keep), histories=histories)
+        histories = now.histories.of(np.isin(now.histories.number, table.number[keep]))
+        return evolve(now, estimates=now.estimates.take(keep), table=table.take(keep), histories=histories)
 
-    def _longest(self, time_s: FloatArray, roster: track_management.TrackTable) -> FloatArray:
+    def _longest_of_sensors(self, time_s: FloatArray, table: track_management.TrackTable) -> FloatArray:
         """Return the longest of times (sensors,) of the sensors that saw each track (n,), s."""
-        longest: FloatArray = np.max(np.where(roster.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
+        longest: FloatArray = np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
         return longest
 
-    def told(self, now: TrackerState) -> Tracks:
-        """Return what is told of the tracks seen often enough."""
-        sure = now.roster.hits >= 2 * self.config.needed_scans
-        bank, roster = self.estimated(now), now.roster
-        if np.count_nonzero(sure) < len(sure):
-            bank, roster = bank.take(sure), roster.take(sure)
-        state, covariance = self.following.moments(bank)
+    def reported_tracks(self, now: TrackerState) -> Tracks:
+        """Return the reported tracks: those with enough detections."""
+        confirmed = now.table.hits >= 2 * self.config.needed_scans
+        estimates, table = self.reported_estimates(now), now.table
+        if np.count_nonzero(confirmed) < len(confirmed):
+            estimates, table = estimates.take(confirmed), table.take(confirmed)
+        state, covariance = self.association.moments(estimates)
         if self.biases.any:
-            covariance = self._with_biases(bank, now.time_s, roster, covariance)
-        is_free = free_flights(self.filter, bank)
-        return estimates(state, covariance, is_free, roster, now.time_s, self.forces, self._types(roster))
+            covariance = self._with_biases(estimates, now.time_s, table, covariance)
+        is_free = free_flights(self.filter, estimates)
+        return tracks_of(state, covariance, is_free, table, now.time_s, self.forces, self._types(table))
 
     def _with_biases(
-        self, bank: ModeEstimates, time_s: float, roster: track_management.TrackTable, covariance: FloatArray
+        self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray
     ) -> FloatArray:
-        """Return covariances (n, 6, 6) with what the sensors' biases add to the positions."""
+        """Return covariances (n, 6, 6) including the sensors' biases."""
         wider = covariance.copy()
-        wider[:, :3, :3] += self.biases.covariance(bank.likelier_position_m, time_s, roster.reports >= 0)
+        wider[:, :3, :3] += self.biases.covariance(estimates.likelier_position_m, time_s, table.reports >= 0)
         return wider
 
-    def _types(self, roster: track_management.TrackTable) -> FloatArray:
-        """Return the probabilities (n, types) of tracks' types, worked out anew where a report is new."""
-        reports, evidence = roster.reports, self.evidence
-        return self.following.remembered("types", lambda one, _: type_posterior(one, evidence), reports, 0.0)
+    def _types(self, table: track_management.TrackTable) -> FloatArray:
+        """Return the type probabilities (n, types), recomputed for new reports."""
+        reports, type_log_likelihood = table.reports, self.type_log_likelihood
+        return self.association.cached("types", lambda one, _: type_posterior(one, type_log_likelihood), reports, 0.0)
 
-    def nearest(self, now: TrackerState, rays: LinesOfSight) -> IntArray:
-        """Return the number of the track (n,) that each ray is likeliest to belong to; -1 for none.
+    def track_numbers(self, now: TrackerState, lines: LinesOfSight) -> IntArray:
+        """Return the track number (n,) of each line of sight, -1 for none.
 
-        Rays of one sensor and one instant are weighed against each other, and no others: whatever part of the scene is
-        asked for at once, these are in it together.
+        Only lines of one sensor and one instant compete, so the result does not depend on how the scene is cut into
+        calls.
         """
-        if not len(now.bank.weight) or not len(rays.time_s):
-            return nobody(len(rays.time_s))
+        if not len(now.estimates.weight) or not len(lines.time_s):
+            return unassigned(len(lines.time_s))
         ahead = now.time_s + self.config.cadence_s
-        moved = self.following.moved(now.bank, self.config.cadence_s)
-        outlook = self.following.blurred(moved, ahead, now.roster.reports)
-        pairs = self.following.paired(outlook, rays, self.config.cadence_s)
-        sure = now.roster.hits >= 2 * self.config.needed_scans
-        if np.count_nonzero(sure) < len(sure):
-            pairs = pairs.take(np.flatnonzero(sure[pairs.track]))
-        owner = self.following.nearest(pairs, rays.of_instants()).owner
-        return np.concatenate([now.roster.number, _NOBODY])[owner]
+        moved = self.association.predicted(now.estimates, self.config.cadence_s)
+        predicted = self.association.with_bias_covariance(moved, ahead, now.table.reports)
+        pairs = self.association.gated_pairs(predicted, lines, self.config.cadence_s)
+        confirmed = now.table.hits >= 2 * self.config.needed_scans
+        if np.count_nonzero(confirmed) < len(confirmed):
+            pairs = pairs.take(np.flatnonzero(confirmed[pairs.track]))
+        owner = self.association.nearest_association(pairs, lines.of_instants()).owner
+        return np.concatenate([now.table.number, _NOBODY])[owner]
 
 
 def _slice_ends(start_s: float, end_s: float, slice_s: float) -> Iterator[float]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from opir_trackers.arc import fit as arc_fit
-from opir_trackers.arc.ends import impacts, launches, shots, states_at
+from opir_trackers.arc.ends import impacts, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
 from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilities
 from opir_trackers.sensors import SensorSchedule
@@ -58,8 +58,8 @@ def both(times):
 
 def begun(rays, climb_m_s2=15.0, light_time=True, launch_s=0.0):
     owner = np.zeros(len(rays), dtype=np.int64)
-    arcs = ArcFits.unbegun(np.zeros(1, dtype=np.int64), 2)
-    return arc_fit.begun(arcs, rays, owner, np.full(1, launch_s), climb_m_s2, light_time)
+    arcs = ArcFits.unfitted(np.zeros(1, dtype=np.int64), 2)
+    return arc_fit.initialised(arcs, rays, owner, np.full(1, launch_s), climb_m_s2, light_time)
 
 
 def true_impact():
@@ -91,11 +91,11 @@ def test_three_detections_are_enough():
 
 
 def test_two_detections_make_no_arc():
-    assert not begun(rays_at(np.array([31.0, 31.5]), np.array([0, 1]))).is_begun.any()
+    assert not begun(rays_at(np.array([31.0, 31.5]), np.array([0, 1]))).is_fitted.any()
 
 
 def test_looks_of_one_instant_make_no_arc():
-    assert not begun(rays_at(np.full(4, 31.0), np.array([0, 1, 0, 1]))).is_begun.any()
+    assert not begun(rays_at(np.full(4, 31.0), np.array([0, 1, 0, 1]))).is_fitted.any()
 
 
 def test_an_arc_that_is_followed_is_the_arc_of_all_its_rays():
@@ -104,7 +104,7 @@ def test_an_arc_that_is_followed_is_the_arc_of_all_its_rays():
     whole, arcs = begun(rays), begun(rays.take(slice(0, 20)))
     for first in range(20, len(rays), 10):
         part = rays.take(slice(first, first + 10))
-        arcs = arc_fit.taken_in(arcs, part, np.zeros(len(part), dtype=np.int64), np.zeros(1), 15.0, True)
+        arcs = arc_fit.updated(arcs, part, np.zeros(len(part), dtype=np.int64), np.zeros(1), 15.0, True)
     at = np.array([91.0])
     apart = states_at(arcs, at)[0] - states_at(whole, at)[0]
     sigma = np.sqrt(np.diagonal(states_at(whole, at)[1], axis1=1, axis2=2))
@@ -120,7 +120,7 @@ def test_errors_of_an_arc_are_as_its_covariance_says():
     count, sight = 200, rays_at(time_s, sensor)
     rays = LinesOfSight.concatenate([rays_at(time_s, sensor, rng) for _ in range(count)])
     owner = np.repeat(np.arange(count), len(sight))
-    arcs = arc_fit.begun(ArcFits.unbegun(np.arange(count), 2), rays, owner, np.zeros(count), 15.0, True)
+    arcs = arc_fit.initialised(ArcFits.unfitted(np.arange(count), 2), rays, owner, np.zeros(count), 15.0, True)
     state, covariance = states_at(arcs, np.repeat(at, count))
     error = state[:, :3] - truth
     squares = np.sum(error * np.linalg.solve(covariance[:, :3, :3], error[:, :, None])[:, :, 0], axis=1)
@@ -154,7 +154,7 @@ def test_a_second_sensor_ends_the_assumption_of_heights():
     rays = rays_at(later, sensor)
     arcs = alone
     for _ in range(3):
-        arcs = arc_fit.taken_in(arcs, rays, np.zeros(len(rays), dtype=np.int64), np.zeros(1), 15.0, True)
+        arcs = arc_fit.updated(arcs, rays, np.zeros(len(rays), dtype=np.int64), np.zeros(1), 15.0, True)
     # What was linearised about the assumed heights stays so: no longer to the metre, but the heights are gone.
     before, after = (ranges_m(impacts(each)[:1], true_impact()[None])[0] for each in (alone, arcs))
     assert after < 1e-3 * before
@@ -163,10 +163,10 @@ def test_a_second_sensor_ends_the_assumption_of_heights():
 def test_a_short_memory_follows_what_is_recent():
     time_s, sensor = both(np.arange(31.0, 91.0, 1.0))
     arcs = begun(rays_at(time_s, sensor))
-    faded = arcs.faded(0.5)
+    faded = arcs.discounted(0.5)
     state, half = states_at(arcs, np.array([60.0]))[1], states_at(faded, np.array([60.0]))[1]
     assert half == pytest.approx(2.0 * state, rel=1e-6)
-    assert arcs.faded(1.0) is arcs
+    assert arcs.discounted(1.0) is arcs
 
 
 def test_launches_are_where_first_rays_meet_the_ground():
@@ -230,7 +230,7 @@ def test_parameters_of_a_shot_are_those_it_was_made_of():
     azimuth, angle, speed = np.radians(300.0), np.radians(25.0), 6500.0
     local = speed * np.array([np.sin(azimuth) * np.cos(angle), np.cos(azimuth) * np.cos(angle), np.sin(angle)])
     state = np.concatenate([place, local @ local_axes(place)])
-    found = shots(state[None])
+    found = trajectory_parameters(state[None])
     assert [float(part[0]) for part in found] == pytest.approx([azimuth, angle, speed], rel=1e-9)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from opir_trackers.configs import StereoFilterConfig
-from opir_trackers.filter.dynamics import DraggedFall
+from opir_trackers.filter.dynamics import AtmosphericDescent
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.track_priors import filter_of
 
@@ -15,7 +15,7 @@ FORCES = Forces(("j2",), Drag(5000.0))
 
 
 def fall(noise=0.0):
-    return DraggedFall(Motion(COAST, noise, Forces(("j2",))), FORCES.drag)
+    return AtmosphericDescent(Motion(COAST, noise, Forces(("j2",))), FORCES.drag)
 
 
 def states():
@@ -76,7 +76,7 @@ def test_the_stereo_filter_of_a_scene_with_drag_lets_it_slow_what_coasts():
     boost = np.concatenate([start, np.zeros((9, 4))], axis=1), np.broadcast_to(np.eye(10), (9, 10, 10))
     bank = ModeEstimates(np.tile([0.0, 1.0], (9, 1)), *boost, start, root, np.zeros((9, 3)))
     for _ in range(20):
-        bank = filter_.moved(bank, 1.0)
+        bank = filter_.predicted(bank, 1.0)
     expected, free = (
         np.concatenate(propagate(start[:, :3], start[:, 3:], np.full(9, 20.0), forces), axis=1)
         for forces in (FORCES, Forces(("j2",)))
@@ -92,7 +92,7 @@ def light(height_m, speed_m_s, count=8):
     up = rng.normal(size=(count, 3))
     up /= np.linalg.norm(up, axis=1)[:, None]
     state = np.concatenate([(6.378e6 + height_m) * up, speed_m_s * up + 50.0 * rng.normal(size=(count, 3))], axis=1)
-    return state, DraggedFall(Motion(COAST, 0.0, Forces(("j2",))), Drag(10.0))
+    return state, AtmosphericDescent(Motion(COAST, 0.0, Forces(("j2",))), Drag(10.0))
 
 
 @pytest.mark.parametrize("speed_m_s", [300.0, 3000.0])
@@ -135,7 +135,7 @@ def test_no_covariance_explodes_or_collapses_in_thick_air(coefficient_kg_m2):
     boost = np.concatenate([start, np.zeros((8, 4))], axis=1), np.broadcast_to(np.eye(10), (8, 10, 10))
     bank = ModeEstimates(np.tile([0.0, 1.0], (8, 1)), *boost, start, root, np.zeros((8, 3)))
     for _ in range(30):
-        bank = filter_.moved(bank, 1.0)
+        bank = filter_.predicted(bank, 1.0)
         variance = np.linalg.eigvalsh(filter_.moments(bank)[1])
         assert variance.min() > 1e-2
         assert np.sqrt(variance.max()) < 5e4

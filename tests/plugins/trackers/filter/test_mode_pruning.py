@@ -7,13 +7,15 @@ from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import THRUST, Thrust
 
 from opir_core.estimation import square_root
-from opir_core.estimation.lines_of_sight import Sights, axes_across, no_sights
+from opir_core.estimation.lines_of_sight import AngleMeasurements, no_measurements, tangent_axes
 from opir_core.estimation.motion import COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of
 
 FORCES, COUNT, END_S = Forces(), 12, 40.0
-FILTER = ImmFilter(Thrust(0.1, 30.0, 3.0, 0.002, FORCES), Motion(COAST, 0.01, FORCES), 150.0, 1000.0, cold_chance=0.01)
+FILTER = ImmFilter(
+    Thrust(0.1, 30.0, 3.0, 0.002, FORCES), Motion(COAST, 0.01, FORCES), 150.0, 1000.0, coast_detection=0.01
+)
 SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
@@ -30,15 +32,15 @@ def burning(coasts: float) -> ModeEstimates:
     return ModeEstimates(weight, mean, root, *nobody, pace)
 
 
-def looks_at(bank: ModeEstimates, tracks: np.ndarray) -> Sights:
+def looks_at(bank: ModeEstimates, tracks: np.ndarray) -> AngleMeasurements:
     """Return a second's looks of two sensors at the boosts of tracks, one every tenth of a second."""
     rng = np.random.default_rng(4)
     track, time_s = np.repeat(tracks, 20), END_S - np.tile(np.repeat(np.linspace(0.9, 0.0, 10), 2), len(tracks))
     origin = np.tile(SENSORS_M, (10 * len(tracks), 1))
-    place = FILTER.outlook(bank, END_S).positions(track, time_s)
+    place = FILTER.predicted_measurements(bank, END_S).positions(track, time_s)
     apart = place - origin
-    axes = axes_across(apart / np.linalg.norm(apart, axis=1)[:, None])
-    return Sights(
+    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
+    return AngleMeasurements(
         track,
         time_s,
         origin,
@@ -55,22 +57,24 @@ def rows_alike(one: ModeEstimates, other: ModeEstimates, rows: np.ndarray) -> No
 
 def test_silence_finds_the_coast_as_if_no_look_had_been_expected() -> None:
     bank = burning(1e-4)
-    expected, whole = FILTER.expected(bank, 1.0), FILTER.moved(bank, 1.0)
+    expected, whole = FILTER.predicted_open(bank, 1.0), FILTER.predicted(bank, 1.0)
     for rows in (np.arange(COUNT), np.arange(1)):
         part, moved = expected.take(rows), whole.take(rows)
-        dark = FILTER.updated(part, END_S, no_sights(), 1.0)
+        dark = FILTER.updated(part, END_S, no_measurements(), 1.0)
         rows_alike(
-            FILTER.completed(dark, part, bank.take(rows), 1.0), FILTER.updated(moved, END_S, no_sights(), 1.0), rows
+            FILTER.with_open_coast(dark, part, bank.take(rows), 1.0),
+            FILTER.updated(moved, END_S, no_measurements(), 1.0),
+            rows,
         )
         assert dark.weight[:, 1].min() > 0.5
 
 
 def test_of_many_tracks_those_unseen_alone_get_a_coast() -> None:
     bank = burning(1e-4)
-    expected, whole = FILTER.expected(bank, 1.0), FILTER.moved(bank, 1.0)
+    expected, whole = FILTER.predicted_open(bank, 1.0), FILTER.predicted(bank, 1.0)
     seen = np.arange(0, COUNT, 2)
     looks = looks_at(expected, seen)
-    after = FILTER.completed(FILTER.updated(expected, END_S, looks, 1.0), expected, bank, 1.0)
+    after = FILTER.with_open_coast(FILTER.updated(expected, END_S, looks, 1.0), expected, bank, 1.0)
     rows_alike(after, FILTER.updated(whole, END_S, looks, 1.0), np.arange(1, COUNT, 2))
     assert np.all(after.coast_mean[seen] == bank.coast_mean[seen])
     assert np.all(after.weight[seen, 1] < 1e-3)
@@ -82,10 +86,10 @@ def test_of_many_tracks_those_unseen_alone_get_a_coast() -> None:
 
 def test_looks_of_a_second_do_not_tell_a_boost_from_one_just_ended() -> None:
     """What the coast is shut out for: that a target is seen tells, and where it is seen does not."""
-    whole = FILTER.moved(burning(1e-4), 1.0)
+    whole = FILTER.predicted(burning(1e-4), 1.0)
     looks = looks_at(whole, np.arange(COUNT))
     log = [
-        FILTER.taken_in(motion, mean, root, END_S, looks)[2]
+        FILTER.mode_updated(motion, mean, root, END_S, looks)[2]
         for motion, mean, root in (
             (FILTER.boost, whole.boost_mean, whole.boost_root),
             (FILTER.coast, whole.coast_mean, whole.coast_root),
@@ -95,6 +99,6 @@ def test_looks_of_a_second_do_not_tell_a_boost_from_one_just_ended() -> None:
 
 
 def test_where_sensors_follow_bodies_no_coast_is_shut_out() -> None:
-    bank, follows = burning(1e-4), evolve(FILTER, cold_chance=1.0)
-    expected, whole = follows.expected(bank, 1.0), follows.moved(bank, 1.0)
+    bank, follows = burning(1e-4), evolve(FILTER, coast_detection=1.0)
+    expected, whole = follows.predicted_open(bank, 1.0), follows.predicted(bank, 1.0)
     rows_alike(expected, whole, np.arange(COUNT))

@@ -8,7 +8,14 @@ from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import THRUST, Thrust
 from opir_trackers.gating import candidates, gated
 
-from opir_core.estimation.lines_of_sight import LinesOfSight, Sights, axes_across, both_turned, turn_slightly, turned
+from opir_core.estimation.lines_of_sight import (
+    AngleMeasurements,
+    LinesOfSight,
+    both_earth_rotated,
+    earth_rotated,
+    rotate_slightly,
+    tangent_axes,
+)
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.columns import names_of
@@ -17,7 +24,7 @@ FORCES, COUNT, END_S = Forces(), 30, 40.0
 FALL = Motion(COAST, 0.01, FORCES)
 THRUSTING = Thrust(0.1, 30.0, 3.0, 0.002, FORCES)
 FILTERS = {
-    "thrust": ImmFilter(THRUSTING, FALL, 150.0, 1000.0, cold_chance=0.01, pause_s=2.0),
+    "thrust": ImmFilter(THRUSTING, FALL, 150.0, 1000.0, coast_detection=0.01, pause_s=2.0),
     "jerk": ImmFilter(Motion(BOOST, 0.3, FORCES), FALL, 150.0, 1000.0),
 }
 SENSORS_M = 42164e3 * np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -38,15 +45,15 @@ def bank_of(size: int) -> ModeEstimates:
     return ModeEstimates(weight, mean, narrow, coast, np.array(narrow[:, :COAST, :COAST]), pace)
 
 
-def sights_of(bank: ModeEstimates, seen: np.ndarray) -> Sights:
+def sights_of(bank: ModeEstimates, seen: np.ndarray) -> AngleMeasurements:
     """Return ten looks each of two sensors at tracks."""
     rng = np.random.default_rng(6)
     track = np.repeat(seen, 20)
     origin = np.tile(SENSORS_M, (10 * len(seen), 1))
     apart = bank.boost_mean[track, :3] - origin
-    axes = axes_across(apart / np.linalg.norm(apart, axis=1)[:, None])
+    axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
     time_s = END_S - np.tile(np.repeat(np.linspace(1.0, 0.0, 10), 2), len(seen))
-    return Sights(
+    return AngleMeasurements(
         track,
         time_s,
         origin,
@@ -74,18 +81,18 @@ def test_a_track_alone_is_followed_as_among_others(model: str) -> None:
     bank = bank_of(filter_.boost.size)
     # One track in three goes unseen.
     seen = np.flatnonzero(np.arange(COUNT) % 3 > 0)
-    sights, moved = sights_of(bank, seen), filter_.moved(bank, 1.0)
+    sights, moved = sights_of(bank, seen), filter_.predicted(bank, 1.0)
     after = filter_.updated(moved, END_S, sights, 1.0)
-    outlook, moments = filter_.outlook(after, END_S), filter_.moments(after)
+    outlook, moments = filter_.predicted_measurements(after, END_S), filter_.moments(after)
     for row in range(COUNT):
-        alone = filter_.moved(bank.take([row]), 1.0)
+        alone = filter_.predicted(bank.take([row]), 1.0)
         same(alone, moved, row)
         mine = sights.take(np.flatnonzero(sights.track == row))
         told = filter_.updated(alone, END_S, evolve(mine, track=np.zeros(len(mine), dtype=np.int64)), 1.0)
         same(told, after, row)
-        ahead, known = filter_.outlook(told, END_S), filter_.moments(told)
+        ahead, known = filter_.predicted_measurements(told, END_S), filter_.moments(told)
         assert np.allclose(ahead.derivative[0], outlook.derivative[row], rtol=1e-9)
-        spread, others = (side @ side.T for side in (ahead.side[0], outlook.side[row]))
+        spread, others = (side @ side.T for side in (ahead.root[0], outlook.root[row]))
         unit = np.sqrt(np.outer(np.diag(others), np.diag(others))) + 1e-30
         assert np.allclose(spread / unit, others / unit, atol=1e-8)
         assert np.allclose(known[0][0], moments[0][row], rtol=1e-9)
@@ -104,7 +111,7 @@ def test_slopes_and_noise_of_one_thrust_are_those_of_many() -> None:
 def test_rays_are_gated_for_one_track_as_among_others() -> None:
     filter_ = FILTERS["thrust"]
     bank = bank_of(THRUST)
-    outlook, rng = filter_.outlook(bank, END_S), np.random.default_rng(7)
+    outlook, rng = filter_.predicted_measurements(bank, END_S), np.random.default_rng(7)
     time_s = END_S - np.sort(rng.uniform(0.0, 1.0, COUNT))[::-1]
     apart = outlook.positions(np.arange(COUNT), time_s) - SENSORS_M[0]
     direction = apart / np.linalg.norm(apart, axis=1)[:, None] + 2e-5 * rng.normal(size=(COUNT, 3))
@@ -120,10 +127,10 @@ def test_rays_are_gated_for_one_track_as_among_others() -> None:
     whole = gated(outlook, rays, *candidates(outlook, rays, 1.0, 4.5, True), 4.5, True)
     assert len(whole) > COUNT // 2
     for row in range(COUNT):
-        lone = filter_.outlook(bank.take([row]), END_S)
+        lone = filter_.predicted_measurements(bank.take([row]), END_S)
         pairs = gated(lone, rays, *candidates(lone, rays, 1.0, 4.5, True), 4.5, True)
         mine = whole.take(np.flatnonzero(whole.track == row))
-        assert np.array_equal(pairs.ray, mine.ray)
+        assert np.array_equal(pairs.line, mine.line)
         assert np.allclose(pairs.distance, mine.distance, rtol=1e-6, atol=1e-9)
         assert np.allclose(pairs.log_volume, mine.log_volume, rtol=1e-9)
 
@@ -131,11 +138,11 @@ def test_rays_are_gated_for_one_track_as_among_others() -> None:
 def test_a_slight_turn_is_that_of_a_later_time() -> None:
     rng = np.random.default_rng(11)
     place, time_s, later_s = 42164e3 * rng.normal(size=(20, 3)), rng.uniform(0.0, 2e4, 20), rng.uniform(-0.1, 0.1, 20)
-    both = both_turned(place, place[::-1], time_s)
-    turn_slightly(both, later_s)
-    exact = both_turned(place, place[::-1], time_s + later_s)
+    both = both_earth_rotated(place, place[::-1], time_s)
+    rotate_slightly(both, later_s)
+    exact = both_earth_rotated(place, place[::-1], time_s + later_s)
     assert np.linalg.norm(both - exact, axis=2).max() < 4e-11 * np.linalg.norm(place, axis=1).max()
-    assert np.array_equal(exact[0], turned(place, time_s + later_s))
+    assert np.array_equal(exact[0], earth_rotated(place, time_s + later_s))
 
 
 def test_what_is_kept_of_a_step_cannot_be_written_to() -> None:

@@ -6,7 +6,7 @@ from opir_trackers.filter.thrust import THRUST, Thrust
 from scipy.integrate import solve_ivp
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.motion import COAST, Motion, followed, weights_at
+from opir_core.estimation.motion import COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 
 SPIN = np.array([0.0, 0.0, EARTH_ROTATION_RAD_S])
@@ -79,7 +79,9 @@ def test_a_state_moves_the_same_to_the_last_bit_alone_and_among_others() -> None
 def test_the_path_of_a_slice_is_the_motion() -> None:
     start, since = states(20), np.full(20, -1.0)
     assert np.allclose(
-        followed(motion().taylor(start), weights_at(since)), motion().propagated(start, since)[:, :3], atol=0.05
+        taylor_positions(motion().taylor(start), taylor_weights(since)),
+        motion().propagated(start, since)[:, :3],
+        atol=0.05,
     )
 
 

@@ -9,7 +9,7 @@ from opir_trackers.filter.thrust import Thrust
 from opir_trackers.profile import fit
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.geometry import ecef_to_eci
@@ -32,12 +32,12 @@ class Watched:
             track, when = row[seen], time_s[seen]
             origin = ecef_to_eci(GEO_M * np.tile([np.cos(slot), np.sin(slot), 0.0], (len(when), 1)), when)
             line = self.places(track, when) - origin
-            axes = axes_across(line / np.linalg.norm(line, axis=1)[:, None])
+            axes = tangent_axes(line / np.linalg.norm(line, axis=1)[:, None])
             sharp = np.tile(np.eye(2) / SIGMA_RAD, (len(when), 1, 1))
             parts.append((track, when, origin, axes, SIGMA_RAD * rng.normal(size=(len(when), 2)), sharp))
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
         order = np.argsort(columns[1], kind="stable")
-        self.looks = Sights(*(column[order] for column in columns))
+        self.looks = AngleMeasurements(*(column[order] for column in columns))
 
     def places(self, row: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Return inertial positions (n, 3)."""
@@ -64,7 +64,7 @@ def errors(watched: Watched, boost: Dynamics, rate: np.ndarray, sigma: np.ndarra
     squares, off, before = [[] for _ in every], [], 0
     for tick_s in TICKS_S:
         cut = int(np.searchsorted(watched.looks.time_s, tick_s + 1e-9))
-        bank = filter_.updated(filter_.moved(bank, 1.0), tick_s, watched.looks.take(slice(before, cut)), 1.0)
+        bank = filter_.updated(filter_.predicted(bank, 1.0), tick_s, watched.looks.take(slice(before, cut)), 1.0)
         before = cut
         live = np.flatnonzero((burnout > tick_s + 0.1) & (tick_s >= 25.0))
         state, covariance = filter_.moments(bank)
@@ -96,7 +96,7 @@ def test_rays_of_a_target_say_that_it_burns_where_no_sensor_sees_it_cold() -> No
     )
     cuts = np.searchsorted(watched.looks.time_s, [19.5, 20.0])
     for chance in (1.0, 0.01):
-        filter_ = ImmFilter(Motion(BOOST, 0.3, FREE), Motion(COAST, 0.01, FREE), 150.0, 1000.0, cold_chance=chance)
+        filter_ = ImmFilter(Motion(BOOST, 0.3, FREE), Motion(COAST, 0.01, FREE), 150.0, 1000.0, coast_detection=chance)
         weight = filter_.updated(bank, 20.0, watched.looks.take(slice(*cuts)), 0.5).weight
         odds.append(weight[:, 0] / weight[:, 1])
     assert np.allclose(odds[1] / odds[0], 100.0)

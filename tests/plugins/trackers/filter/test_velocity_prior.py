@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, are_loose, restrained
+from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S, have_uncertain_velocity, with_velocity_prior
 
 import opir_core as opir
 from opir_core.constants import EARTH_ROTATION_RAD_S
@@ -17,7 +17,7 @@ def test_only_what_is_too_long_of_a_velocity_shrinks() -> None:
     """Against Bayes' rule for one component: variances 5000² and, of what is measured, such that 2000² comes out."""
     sigma = np.array([3e3, 2e3, 1e3, 5000.0, 1000.0, 10.0, 20.0, 20.0, 20.0, 0.01])
     mean = np.array([6.4e6, 1e5, 2e5, 8000.0, 3000.0, -20.0, 30.0, 0.0, 5.0, 0.01])
-    after, root = restrained(mean[None], np.diag(1.0 / sigma)[None])
+    after, root = with_velocity_prior(mean[None], np.diag(1.0 / sigma)[None])
     share = (SPEED_SIGMA_M_S / 5000.0) ** 2
     ground = -EARTH_ROTATION_RAD_S * mean[1]
     expected = mean.copy()
@@ -33,7 +33,7 @@ def test_what_goes_with_a_velocity_goes_with_it() -> None:
     side = rng.normal(size=(6, 6)) * np.repeat([1e4, 4000.0], 3)[:, None]
     covariance = side @ side.T
     mean = np.concatenate([[7e6, 0.0, 0.0], rng.normal(size=3) * 3000.0])
-    after, root = restrained(mean[None], square_root.root_of_spread(side[None]))
+    after, root = with_velocity_prior(mean[None], square_root.information_root(side[None]))
     variance, axes = np.linalg.eigh(covariance[3:, 3:])
     for long in np.flatnonzero(variance > SPEED_SIGMA_M_S**2):
         row = np.concatenate([np.zeros(3), axes[:, long]])
@@ -49,7 +49,7 @@ def test_what_goes_with_a_velocity_goes_with_it() -> None:
 def test_a_velocity_that_is_known_in_every_direction_is_not_loose() -> None:
     sigma = np.array([[1.0, 1.0, 1.0, 1900.0, 1900.0, 1900.0], [1.0, 1.0, 1.0, 2100.0, 1.0, 1.0]])
     covariance = np.eye(6) * sigma[:, None] ** 2
-    assert are_loose(covariance).tolist() == [False, True]
+    assert have_uncertain_velocity(covariance).tolist() == [False, True]
 
 
 @pytest.mark.parametrize(("altitude_km", "node_deg"), [(1000.0, -130.0), (600.0, -125.0), (1500.0, -95.0)])

@@ -75,5 +75,5 @@ def test_a_burn_goes_on_while_any_sensor_sees_it_and_a_sensor_that_failed_tells_
 
 
 def test_sensors_that_follow_bodies_tell_no_end_of_a_burn_by_silence():
-    watch = evolve(watch_of(2, period_s=0.1, chance=0.8), follows=np.array([True, True]))
+    watch = evolve(watch_of(2, period_s=0.1, chance=0.8), follows_bodies=np.array([True, True]))
     assert not seen_since([40.0, 40.0]).are_out(400.0, watch)[0]

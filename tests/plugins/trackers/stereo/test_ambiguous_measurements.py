@@ -5,11 +5,11 @@ import pytest
 from attrs import evolve
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.stereo.histories import Histories, turned, weighed
-from opir_trackers.stereo.history_assignment import settled_exchanges
+from opir_trackers.stereo.histories import Histories, reweighted, updated_with_likelihood
+from opir_trackers.stereo.history_assignment import swap_log_likelihoods
 from opir_trackers.stereo.measurement_weights import AmbiguousMeasurements
 
-from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 
@@ -47,7 +47,7 @@ def bank_of(states: np.ndarray) -> ModeEstimates:
 def planes(time_s: float, sensor: int) -> np.ndarray:
     """Return the axes (3, 3) of the plane in which the middle is seen."""
     off = COASTING.propagated(MIDDLE[None], np.array([time_s - END_S]))[0, :3] - SENSORS_M[sensor]
-    return axes_across((off / np.linalg.norm(off))[None])[0]
+    return tangent_axes((off / np.linalg.norm(off))[None])[0]
 
 
 def in_plane(states: np.ndarray, time_s: float, sensor: int) -> np.ndarray:
@@ -72,7 +72,7 @@ def scene(states: np.ndarray, seed: int) -> tuple[Histories, np.ndarray]:
     middle = [(k + 0.5, s) for k in range(int(END_S)) for s in (0, 1)]
     axes = np.stack([planes(*one) for one in middle])
     spot = np.arange(2 * len(middle)) % len(middle)
-    sights = Sights(
+    sights = AngleMeasurements(
         np.arange(2 * len(middle)) // len(middle),
         np.array([one[0] for one in middle])[spot],
         SENSORS_M[[one[1] for one in middle]][spot],
@@ -82,12 +82,12 @@ def scene(states: np.ndarray, seed: int) -> tuple[Histories, np.ndarray]:
     )
     rows = np.array([(t, s, r) for t in (0, 1) for s in scan for r in (0, 1)])
     contested = AmbiguousMeasurements(
-        sight=rows[:, 0] * len(middle) + 2 * second[rows[:, 1]] + sensor[rows[:, 1]],
-        ray=2 * rows[:, 1] + rows[:, 2],
+        measurement=rows[:, 0] * len(middle) + 2 * second[rows[:, 1]] + sensor[rows[:, 1]],
+        line=2 * rows[:, 1] + rows[:, 2],
         scan=rows[:, 1],
-        seen=rays[rows[:, 1], rows[:, 2]],
+        measured=rays[rows[:, 1], rows[:, 2]],
         sigma_rad=np.full(len(rows), SIGMA_RAD),
-        odds=np.full(len(rows), ODDS),
+        log_odds=np.full(len(rows), ODDS),
         weight=np.full(len(rows), 0.5),
         end_s=np.full(len(rows), END_S),
     )
@@ -119,7 +119,7 @@ def test_shares_are_the_probabilities_over_all_explanations() -> None:
     ratio = explained(states, rays)[1]
     whole = 1.0 + ratio.sum(axis=(1, 2)) + ratio[:, 0, 0] * ratio[:, 1, 1] + ratio[:, 0, 1] * ratio[:, 1, 0]
     share = ratio * (1.0 + ratio[:, ::-1, ::-1]) / whole[:, None, None]
-    told = turned(FILTER, histories, bank_of(states), END_S)[0].contested.weight.reshape(2, len(rays), 2)
+    told = reweighted(FILTER, histories, bank_of(states), END_S)[0].contested.weight.reshape(2, len(rays), 2)
     # A line of sight stands for a second: within it a path that is off moves by no more than a few metres.
     assert np.allclose(told, share.transpose(1, 0, 2), atol=0.02)
 
@@ -129,7 +129,7 @@ def test_every_turn_raises_the_likelihood_of_all_rays() -> None:
     bank = bank_of(half(0.3 * LOOK_M * ACROSS + 200.0 * WITHIN))
     reached = [explained(bank.coast_mean, rays)[0]]
     for _ in range(12):
-        histories, bank = turned(FILTER, histories, bank, END_S)
+        histories, bank = reweighted(FILTER, histories, bank, END_S)
         reached.append(explained(bank.coast_mean, rays)[0])
     assert np.diff(reached).min() > -0.05
     assert reached[-1] > reached[0] + 20.0
@@ -142,7 +142,7 @@ def test_near_targets_are_not_driven_apart() -> None:
         histories, _ = scene(half(shift * ACROSS), 100 + seed)
         bank = bank_of(half(shift * ACROSS))
         for _ in range(15):
-            histories, bank = turned(FILTER, histories, bank, END_S)
+            histories, bank = reweighted(FILTER, histories, bank, END_S)
         found.append(float((bank.coast_mean[0, :3] - bank.coast_mean[1, :3]) @ ACROSS))
     error = np.std(found, ddof=1) / np.sqrt(len(found))
     assert error < 0.05 * LOOK_M
@@ -169,10 +169,14 @@ def test_an_exchange_is_judged_by_what_both_settle_into() -> None:
     for start in (states, crossed(states)):
         known, bank = histories, bank_of(start)
         for _ in range(15):
-            known, bank = turned(FILTER, known, bank, END_S)
-        others = known.sights.placed(np.where(known.sensor == 1, 1 - known.sights.track, known.sights.track))
-        after = weighed(FILTER, evolve(known.first, weight=bank.weight, pace=bank.pace), END_S, others)[1]
-        gain, _ = settled_exchanges(FILTER, known, bank, END_S, 1, np.array([[0, 1]]), after)
+            known, bank = reweighted(FILTER, known, bank, END_S)
+        others = known.measurements.with_track(
+            np.where(known.sensor == 1, 1 - known.measurements.track, known.measurements.track)
+        )
+        after = updated_with_likelihood(
+            FILTER, evolve(known.first, weight=bank.weight, detection_rate=bank.detection_rate), END_S, others
+        )[1]
+        gain, _ = swap_log_likelihoods(FILTER, known, bank, END_S, 1, np.array([[0, 1]]), after)
         settled.append(explained(bank.coast_mean, rays)[0])
         gains.append(float(gain[0]))
     assert settled[0] > settled[1] + 3.0
@@ -182,7 +186,7 @@ def test_an_exchange_is_judged_by_what_both_settle_into() -> None:
 
 def test_what_settled_tracks_had_is_the_less_others() -> None:
     histories, _ = scene(half(1.0 * LOOK_M * ACROSS), 6)
-    known, _ = turned(FILTER, histories, bank_of(half(1.0 * LOOK_M * ACROSS)), END_S)
-    theirs = known.contested.weight[known.sights.track[known.contested.sight] == 1]
+    known, _ = reweighted(FILTER, histories, bank_of(half(1.0 * LOOK_M * ACROSS)), END_S)
+    theirs = known.contested.weight[known.measurements.track[known.contested.measurement] == 1]
     left = known.of(np.array([True, False])).contested
-    assert np.allclose(np.exp(left.odds - ODDS), np.maximum(1.0 - theirs, 1e-6))
+    assert np.allclose(np.exp(left.log_odds - ODDS), np.maximum(1.0 - theirs, 1e-6))

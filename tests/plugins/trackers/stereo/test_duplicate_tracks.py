@@ -1,9 +1,9 @@
 """Which of two tracks that follow one target is let go, and which two follow two."""
 
 import numpy as np
-from opir_trackers.stereo.track_management import SharedDetections, doubles, remembered_s
+from opir_trackers.stereo.track_management import SharedDetections, duplicates, sighting_memory_s
 
-from opir_core.estimation.lines_of_sight import no_rays
+from opir_core.estimation.lines_of_sight import no_lines_of_sight
 
 NUMBER = np.array([3, 7])
 HITS = np.array([40, 12])
@@ -25,26 +25,28 @@ def sightings(first: list[int], second: list[int]) -> SharedDetections:
 
 
 def test_two_that_are_alike_and_never_seen_in_one_scan_are_one() -> None:
-    assert doubles(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3, 4]), HITS).tolist() == [False, True]
-    assert doubles(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3, 4]), HITS[::-1]).tolist() == [True, False]
+    assert duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3, 4]), HITS).tolist() == [False, True]
+    assert duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3, 4]), HITS[::-1]).tolist() == [True, False]
 
 
 def test_one_scan_that_sees_both_or_too_few_scans_leave_two() -> None:
-    assert not doubles(NUMBER, *states(3e3, 2e3), sightings([1, 2, 3], [3, 4]), HITS).any()
-    assert not doubles(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3]), HITS).any()
-    assert not doubles(NUMBER, *states(3e4, 2e3), sightings([1, 2], [3, 4]), HITS).any()
+    assert not duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2, 3], [3, 4]), HITS).any()
+    assert not duplicates(NUMBER, *states(3e3, 2e3), sightings([1, 2], [3]), HITS).any()
+    assert not duplicates(NUMBER, *states(3e4, 2e3), sightings([1, 2], [3, 4]), HITS).any()
 
 
 def test_one_sensors_tracks_are_one_as_far_apart_as_their_covariances_reach() -> None:
-    told = doubles(NUMBER, *states(250e3, 100e3), sightings([1, 2], [3, 4]), HITS)
+    told = duplicates(NUMBER, *states(250e3, 100e3), sightings([1, 2], [3, 4]), HITS)
     assert told.tolist() == [False, True]
 
 
 def test_scans_are_remembered_as_long_as_slices_are_too_short_for_four_of_them() -> None:
     """Of a sensor with 2 s between scans the last four, of one with 0.2 s those of a slice of 1 s."""
-    memory_s = remembered_s(np.array([2.0, 0.2]), 1.0, 4)
+    memory_s = sighting_memory_s(np.array([2.0, 0.2]), 1.0, 4)
     assert memory_s.tolist() == [8.0, 0.0]
     before = SharedDetections(NUMBER, np.array([0, 1], dtype=np.int32), np.array([5, 50]), np.array([10.0, 10.0]))
     nothing = np.empty(0, dtype=np.int64)
-    later = [before.after(NUMBER, nothing, no_rays(), time_s, memory_s).number.tolist() for time_s in (11.0, 18.5)]
+    later = [
+        before.after(NUMBER, nothing, no_lines_of_sight(), time_s, memory_s).number.tolist() for time_s in (11.0, 18.5)
+    ]
     assert later == [[3], []]

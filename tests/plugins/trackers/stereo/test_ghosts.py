@@ -1,13 +1,13 @@
 """Two tracks that each hold one sensor's rays of the other's target are put right."""
 
 import numpy as np
-from opir_trackers.association import Chances
+from opir_trackers.association import AssociationModel
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import candidates, gated
 from opir_trackers.stereo.ghosts import Slice, without_ghosts
 
-from opir_core.estimation.lines_of_sight import LinesOfSight, axes_across
+from opir_core.estimation.lines_of_sight import LinesOfSight, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.geometry import eci_to_ecef
@@ -24,7 +24,7 @@ def seen(states: np.ndarray, motion: Motion) -> tuple[LinesOfSight, np.ndarray]:
         for sensor, origin in enumerate(SENSORS_M):
             time_s = np.full(2, 0.1 * scan)
             apart = eci_to_ecef(motion.propagated(states, time_s)[:, :3], time_s) - origin
-            axes = axes_across(apart / np.linalg.norm(apart, axis=1)[:, None])
+            axes = tangent_axes(apart / np.linalg.norm(apart, axis=1)[:, None])
             error = SIGMA_RAD * rng.normal(size=(2, 2))
             direction = axes[:, 2] + axes[:, 0] * error[:, :1] + axes[:, 1] * error[:, 1:]
             direction /= np.linalg.norm(direction, axis=1)[:, None]
@@ -54,13 +54,13 @@ def test_an_exchange_of_one_sensors_rays_is_undone_and_a_right_assignment_left_a
         root[:, :COAST, :COAST].copy(),
         np.ones((2, 3)),
     )
-    bank = filter_.moved(bank, 1.0)
-    outlook = filter_.outlook(bank, 1.0)
+    bank = filter_.predicted(bank, 1.0)
+    outlook = filter_.predicted_measurements(bank, 1.0)
     pairs = gated(outlook, rays, *candidates(outlook, rays, 1.0, 5.0, False), 5.0, False)
     assert len(pairs) == 2 * len(rays), "every ray may be either's"
-    known = Slice(filter_, Chances(np.array([0.9, 0.9]), 100.0), False, bank, 1.0, rays)
-    right = pairs.track == whose[pairs.ray]
-    ghostly = np.where(rays.sensor[pairs.ray] == 0, ~right, right)
+    known = Slice(filter_, AssociationModel(np.array([0.9, 0.9]), 100.0), False, bank, 1.0, rays)
+    right = pairs.track == whose[pairs.line]
+    ghostly = np.where(rays.sensor[pairs.line] == 0, ~right, right)
     assert np.array_equal(without_ghosts(known, pairs, right), right)
     put_right = without_ghosts(known, pairs, ghostly)
     assert np.array_equal(put_right, right) or np.array_equal(put_right, ~right), "which track is which is free"

@@ -7,10 +7,10 @@ import pytest
 from attrs import evolve
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.stereo.histories import Histories, lasting_s, mean_sights, with_biases
-from opir_trackers.stereo.history_assignment import decided
+from opir_trackers.stereo.histories import Histories, mean_measurements, smooth_boost_s, with_biases
+from opir_trackers.stereo.history_assignment import assigned_histories
 
-from opir_core.estimation.lines_of_sight import Sights, axes_across
+from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Forces
 from opir_core.scene.reading import scene_from_mapping
@@ -38,7 +38,7 @@ def apart(*shifts_m: np.ndarray) -> np.ndarray:
     return np.stack([FIRST + np.concatenate([shift, np.zeros(3)]) for shift in shifts_m])
 
 
-def looks(states: np.ndarray, seed: int = 3) -> tuple[Sights, np.ndarray]:
+def looks(states: np.ndarray, seed: int = 3) -> tuple[AngleMeasurements, np.ndarray]:
     """Return ten looks a second of both sensors at targets, as sights, and whose sensor each is."""
     rng = np.random.default_rng(seed)
     count = len(states)
@@ -47,13 +47,13 @@ def looks(states: np.ndarray, seed: int = 3) -> tuple[Sights, np.ndarray]:
         place = COASTING.propagated(states, np.full(count, time_s - END_S))[:, :3]
         for sensor, origin in enumerate(SENSORS_M):
             off = place - origin
-            axes = axes_across(off / np.linalg.norm(off, axis=1)[:, None])
+            axes = tangent_axes(off / np.linalg.norm(off, axis=1)[:, None])
             seen = SIGMA_RAD * rng.normal(size=(count, 2))
             whitener = np.tile(np.eye(2) / SIGMA_RAD, (count, 1, 1))
             origins = np.tile(origin, (count, 1))
-            parts.append(Sights(np.arange(count), np.full(count, time_s), origins, axes, seen, whitener))
+            parts.append(AngleMeasurements(np.arange(count), np.full(count, time_s), origins, axes, seen, whitener))
             sensors.append(np.full(count, sensor))
-    return Sights.concatenate(parts), np.concatenate(sensors)
+    return AngleMeasurements.concatenate(parts), np.concatenate(sensors)
 
 
 def begun(states: np.ndarray, sigma_m: float = 5000.0) -> ModeEstimates:
@@ -70,10 +70,10 @@ def known(states: np.ndarray, order: tuple[int, ...]) -> tuple[Histories, ModeEs
     """Return histories in which track k has the second sensor's history of target order[k], and what follows."""
     sights, sensor = looks(states)
     holder = np.argsort(order)
-    sights = sights.placed(np.where(sensor == 1, holder[sights.track], sights.track))
+    sights = sights.with_track(np.where(sensor == 1, holder[sights.track], sights.track))
     first = begun(states)
     bank = FILTER.updated(first, END_S, sights, END_S)
-    means = mean_sights(FILTER.outlook(bank, END_S), sights, sensor, 1.0)
+    means = mean_measurements(FILTER.predicted_measurements(bank, END_S), sights, sensor, 1.0)
     return Histories(np.arange(len(states)), np.zeros(len(states)), first, *means), bank
 
 
@@ -87,14 +87,14 @@ THREE = apart(0.0 * ACROSS, 1500.0 * ACROSS + 900.0 * WITHIN, 3100.0 * ACROSS - 
 @pytest.mark.parametrize("order", list(permutations(range(3))))
 def test_any_exchange_among_three_is_put_right_at_once(order: tuple[int, ...]) -> None:
     histories, bank = known(THREE, order)
-    found = decided(FILTER, histories, bank, END_S, UNBIASED)
+    found = assigned_histories(FILTER, histories, bank, END_S, UNBIASED)
     assert sorted(errors_m(bank, THREE) > 600.0) == sorted(k != place for place, k in enumerate(order))
     # Which track is which is free: each has both histories of one target.
-    nearest = np.array([np.argmin(errors_m(found.bank.take([k]), THREE)) for k in range(3)])
+    nearest = np.array([np.argmin(errors_m(found.estimates.take([k]), THREE)) for k in range(3)])
     assert sorted(nearest.tolist()) == [0, 1, 2]
-    assert (errors_m(found.bank, THREE[nearest]) < 450.0).all()
+    assert (errors_m(found.estimates, THREE[nearest]) < 450.0).all()
     assert (found.histories.doubt < 1e-3).all()
-    assert np.allclose(found.told.coast_mean, found.bank.coast_mean, atol=1.0)
+    assert np.allclose(found.reported.coast_mean, found.estimates.coast_mean, atol=1.0)
 
 
 def test_tracks_that_began_far_off_weigh_one_anothers_histories_all_the_same() -> None:
@@ -107,24 +107,26 @@ def test_tracks_that_began_far_off_weigh_one_anothers_histories_all_the_same() -
     sights, sensor = looks(states)
     # Each sensor's histories are exchanged between the first track and another.
     holder = np.where(sensor == 1, np.array([2, 1, 0])[sights.track], np.array([1, 0, 2])[sights.track])
-    sights = sights.placed(holder)
+    sights = sights.with_track(holder)
     bank = FILTER.updated(first, END_S, sights, END_S)
-    means = mean_sights(FILTER.outlook(bank, END_S), sights, sensor, 1.0)
+    means = mean_measurements(FILTER.predicted_measurements(bank, END_S), sights, sensor, 1.0)
     histories = Histories(np.arange(3), np.zeros(3), first, *means)
-    doubt = decided(FILTER, histories, bank, END_S, UNBIASED).histories.doubt
+    doubt = assigned_histories(FILTER, histories, bank, END_S, UNBIASED).histories.doubt
     assert (doubt > 0.0).all()
 
 
 def test_the_order_of_tracks_does_not_matter() -> None:
     histories, bank = known(THREE, (1, 2, 0))
-    found = decided(FILTER, histories, bank, END_S, UNBIASED)
+    found = assigned_histories(FILTER, histories, bank, END_S, UNBIASED)
     turn = np.array([2, 0, 1])
     place = np.argsort(turn)
     turned = evolve(
-        histories, first=histories.first.take(turn), sights=histories.sights.placed(place[histories.sights.track])
+        histories,
+        first=histories.first.take(turn),
+        measurements=histories.measurements.with_track(place[histories.measurements.track]),
     )
-    other = decided(FILTER, turned, bank.take(turn), END_S, UNBIASED)
-    assert np.allclose(other.bank.coast_mean[place], found.bank.coast_mean, rtol=0.0, atol=1e-3)
+    other = assigned_histories(FILTER, turned, bank.take(turn), END_S, UNBIASED)
+    assert np.allclose(other.estimates.coast_mean[place], found.estimates.coast_mean, rtol=0.0, atol=1e-3)
     assert np.allclose(other.histories.doubt[place], found.histories.doubt, atol=1e-9)
 
 
@@ -132,12 +134,13 @@ def test_what_cannot_be_told_is_told_as_undecided() -> None:
     """Two targets in one plane with both sensors: ghosts explain all looks as well, and lie to both sides of them."""
     states = apart(-1500.0 * WITHIN, 1500.0 * WITHIN)
     ghostly, bank = known(states, (1, 0))
-    found = decided(FILTER, ghostly, bank, END_S, UNBIASED)
+    found = assigned_histories(FILTER, ghostly, bank, END_S, UNBIASED)
     assert ((found.histories.doubt > 0.02) & (found.histories.doubt < 0.98)).all()
-    assert np.linalg.norm(found.told.coast_mean[0, :3] - found.bank.coast_mean[0, :3]) > 20.0
-    told, firm = (FILTER.moments(one)[1][:, :3, :3] for one in (found.told, found.bank))
+    assert np.linalg.norm(found.reported.coast_mean[0, :3] - found.estimates.coast_mean[0, :3]) > 20.0
+    told, firm = (FILTER.moments(one)[1][:, :3, :3] for one in (found.reported, found.estimates))
     shift = (
-        found.told.coast_mean[:, :3] - states[np.argmin([errors_m(found.told, states[[k, k]]) for k in (0, 1)], 0), :3]
+        found.reported.coast_mean[:, :3]
+        - states[np.argmin([errors_m(found.reported, states[[k, k]]) for k in (0, 1)], 0), :3]
     )
     square = np.einsum("ni,nij,nj->n", shift, np.linalg.inv(told), shift)
     assert (square < 16.3).all(), "the truth is within what is told (3 degrees, 99.9 %)"
@@ -150,7 +153,7 @@ def test_mean_sights_tell_what_all_sights_tell() -> None:
     sights, sensor = looks(states)
     first = begun(states)
     every = FILTER.updated(first, END_S, sights, END_S)
-    means, whose = mean_sights(FILTER.outlook(every, END_S), sights, sensor, 1.0)
+    means, whose = mean_measurements(FILTER.predicted_measurements(every, END_S), sights, sensor, 1.0)
     assert sorted(whose.tolist()) == [0] * int(END_S) + [1] * int(END_S)
     few = FILTER.updated(first, END_S, means, END_S)
     sigma = np.sqrt(np.diag(FILTER.moments(every)[1][0]))
@@ -164,27 +167,29 @@ def test_a_history_is_no_surer_than_its_sensors_bias() -> None:
     wide = with_biases(histories, bias)
     sharp = np.einsum("nij,nij->n", wide.whitener, wide.whitener) / 2.0
     for track in range(3):
-        mine = histories.sights.track == track
+        mine = histories.measurements.track == track
         assert 1.0 / np.sqrt(sharp[mine & (histories.sensor == 0)].sum()) == pytest.approx(SIGMA_RAD / np.sqrt(60))
         assert 1.0 / sharp[mine & (histories.sensor == 1)].sum() == pytest.approx(SIGMA_RAD**2 / 60 + 3e-5**2)
-    assert with_biases(histories, UNBIASED) is histories.sights
+    assert with_biases(histories, UNBIASED) is histories.measurements
 
 
 def test_histories_of_some_tracks_keep_their_sights() -> None:
     histories, _ = known(THREE, (0, 1, 2))
     some = histories.of(np.array([True, False, True]))
     assert some.number.tolist() == [0, 2]
-    assert np.array_equal(some.sights.seen, histories.sights.seen[histories.sights.track != 1])
+    assert np.array_equal(
+        some.measurements.measured, histories.measurements.measured[histories.measurements.track != 1]
+    )
     again = some.joined(evolve(histories.of(np.array([False, True, False])), number=np.array([7])))
     assert again.number.tolist() == [0, 2, 7]
-    assert np.bincount(again.sights.track).tolist() == [12, 12, 12]
+    assert np.bincount(again.measurements.track).tolist() == [12, 12, 12]
 
 
 def test_a_boost_is_followed_for_as_long_as_its_jerk_leaves_it_smooth() -> None:
-    long_s = lasting_s(0.3, 720.0, 0.1)
+    long_s = smooth_boost_s(0.3, 720.0, 0.1)
     wander_m = 0.3 * np.sqrt(3.0) * long_s**3.5 / np.sqrt(252.0)
     assert wander_m == pytest.approx(720.0 * np.sqrt(0.1 / long_s))
-    assert lasting_s(0.0, 720.0, 0.1) == np.inf
+    assert smooth_boost_s(0.0, 720.0, 0.1) == np.inf
 
 
 def test_tracks_that_no_history_fits_are_told_with_numbers() -> None:

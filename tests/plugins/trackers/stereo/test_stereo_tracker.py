@@ -10,8 +10,8 @@ from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.stereo.tracker import StereoTracker, stereo_filter
 
-from opir_core.estimation.lines_of_sight import axes_across
-from opir_core.estimation.motion import BOOST, COAST, Motion, followed, weights_at
+from opir_core.estimation.lines_of_sight import tangent_axes
+from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
 from opir_core.flight.forces import Forces
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.interfaces.contexts import TrackerContext
@@ -45,7 +45,7 @@ def launches(
             which.append(np.full(len(scans), number))
     scan, sensor, place, origin = (np.concatenate([row[k] for row in rows]) for k in range(4))
     direction = (place - origin) / np.linalg.norm(place - origin, axis=1)[:, None]
-    axes = axes_across(direction)
+    axes = tangent_axes(direction)
     direction = direction + np.einsum("nk,nkc->nc", 2e-5 * rng.normal(size=(len(scan), 2)), axes[:, :2])
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     order = np.lexsort((sensor, scan))
@@ -179,7 +179,7 @@ def test_biased_sensors_stay_honest() -> None:
     for seed in range(6):
         detections, _ = launches([(5.0, 5.0, 2.0)], 30.0, seed=seed)
         shift = bias_rad * np.random.default_rng(100 + seed).normal(size=(3, 2))
-        axes = axes_across(detections.line_of_sight_ecef)
+        axes = tangent_axes(detections.line_of_sight_ecef)
         turned = detections.line_of_sight_ecef + np.einsum("nk,nkc->nc", shift[detections.sensor], axes[:, :2])
         detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
         told = stepped(stereo_filter(StereoFilterConfig(), context), by_second(detections, 30))
@@ -253,7 +253,7 @@ def test_the_path_is_the_taylor_series_of_the_motion() -> None:
     off = []
     for step in (8.0, 4.0):
         end = motion.propagated(state, np.array([step]))[:, :3]
-        off.append(np.abs(followed(motion.taylor(state), weights_at(np.array([step]))) - end).max())
+        off.append(np.abs(taylor_positions(motion.taylor(state), taylor_weights(np.array([step]))) - end).max())
     assert off[0] < 2e-3
     assert off[0] / off[1] > 25.0
 
@@ -279,7 +279,7 @@ def test_covariances_of_positions_are_those_of_their_sides() -> None:
     side[1, 6:] = 0.0
     outlook = PredictedMeasurements(30.0, np.zeros((5, 5, 3)), side)
     track, time_s = np.arange(40) % 5, 30.0 + rng.uniform(-2.0, 1.0, 40)
-    told = outlook.position_sides(track, time_s)
+    told = outlook.position_roots(track, time_s)
     expected = told @ told.transpose(0, 2, 1)
     scale = np.sqrt(np.einsum("nii,njj->nij", expected, expected))
     assert np.all(np.abs(outlook.position_covariances(track, time_s) - expected) < 1e-12 * scale)
