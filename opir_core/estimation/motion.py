@@ -108,11 +108,7 @@ def taylor_of_one(state: Sequence[float], gravity: Sequence[float], mu_m3_s2: fl
         rate = rate[0] + state[9], rate[1] + state[10], rate[2] + state[11]
     inward = (x * a + y * b + z * c + (u * u + v * v + w * w) - 5.0 * climb * share) / square
     near, along = 3.0 * inward, 6.0 * share
-    bend = (
-        scale * (near * x + along * u - a),
-        scale * (near * y + along * v - b),
-        scale * (near * z + along * w - c),
-    )
+    bend = (scale * (near * x + along * u - a), scale * (near * y + along * v - b), scale * (near * z + along * w - c))
     return [x, y, z, u, v, w, a, b, c, *rate, *bend]
 
 

@@ -92,10 +92,7 @@ class StereoFilterConfig:
         help="looks of a slice are taken in together; never longer than the cadence",
     )
     settling: int = number(
-        default=2,
-        minimum=0,
-        maximum=20,
-        help="how often a slice's rays are assigned anew by the estimates they led to",
+        default=2, minimum=0, maximum=20, help="how often a slice's rays are assigned anew by the estimates they led to"
     )
     gate_sigma: float = number(
         default=4.5, minimum=1.0, maximum=20.0, help="how far from the expected direction a ray may be"
@@ -106,9 +103,7 @@ class StereoFilterConfig:
     needed_scans: int = _needed_scans()
     recent_scans: int = _recent_scans()
     motion: str = text(
-        default="boost-coast",
-        choices=MOTIONS,
-        help="modes a target may be in: boost, free flight, or either",
+        default="boost-coast", choices=MOTIONS, help="modes a target may be in: boost, free flight, or either"
     )
     boost_model: str = text(
         default="thrust",

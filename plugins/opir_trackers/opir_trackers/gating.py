@@ -212,28 +212,19 @@ def gated(
         whole, track, line = _PairGeometry(*(part.take(likely, axis=0) for part in whole)), track[likely], line[likely]
         range_m, measured, sigma = whole.range_m, measured[likely], sigma[likely]
     rows = whole.axes[:, :2] / range_m[:, None, None]
-    innovation_covariance = predicted.projected_covariances(track, whole.time_s, whole.weight, rows)
+    covariance = predicted.projected_covariances(track, whole.time_s, whole.weight, rows)
     if predicted.bias_covariance is not None:
-        innovation_covariance += (rows @ predicted.bias_covariance[track, lines.sensor[line]]) @ rows.transpose(0, 2, 1)
+        covariance += (rows @ predicted.bias_covariance[track, lines.sensor[line]]) @ rows.transpose(0, 2, 1)
     noise = sigma * sigma
-    innovation_covariance[:, 0, 0] += noise
-    innovation_covariance[:, 1, 1] += noise
-    first, both, second = innovation_covariance[:, 0, 0], innovation_covariance[:, 0, 1], innovation_covariance[:, 1, 1]
+    covariance[:, 0, 0] += noise
+    covariance[:, 1, 1] += noise
+    first, both, second = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
     determinant = first * second - both * both
+    log_volume = np.log(determinant)
     x, y = measured[:, 0], measured[:, 1]
     distance = (second * x * x - 2.0 * both * x * y + first * y * y) / determinant
-    pairs = GatedPairs(
-        track,
-        line,
-        whole.time_s,
-        whole.origin_m,
-        whole.axes,
-        measured,
-        innovation_covariance,
-        distance,
-        np.log(determinant),
-        sigma,
-    )
+    geometry = whole.time_s, whole.origin_m, whole.axes
+    pairs = GatedPairs(track, line, *geometry, measured, covariance, distance, log_volume, sigma)
     inside = distance <= gate * gate
     return pairs if np.count_nonzero(inside) == len(inside) else pairs.take(np.flatnonzero(inside))
 

@@ -50,12 +50,7 @@ def burnouts(family: Family, spread: FloatArray) -> tuple[Moments, FloatArray]:
 
 
 def states(
-    family: Family,
-    spread: FloatArray,
-    tick_s: float,
-    ends: Moments,
-    slope: FloatArray,
-    forces: "ForceModel" = "kepler",
+    family: Family, spread: FloatArray, tick_s: float, ends: Moments, slope: FloatArray, forces: "ForceModel" = "kepler"
 ) -> Moments:
     """Return the states (n, 6) at a tick: on the burn, or in free flight from the ends of burns, under forces.
 

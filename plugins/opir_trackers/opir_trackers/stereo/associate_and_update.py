@@ -198,20 +198,16 @@ class AssociateAndUpdate:
         lines: LinesOfSight,
         span: float,
         pairs: GatedPairs,
-        ambiguous: IntArray,
+        busy: IntArray,
     ) -> AssociationResult:
         """Return the result with the lines of the ambiguous tracks reassigned."""
         place = np.full(len(estimates) + 1, -1, dtype=np.int64)
-        place[ambiguous] = np.arange(len(ambiguous))
+        place[busy] = np.arange(len(busy))
         rows = np.flatnonzero(place[pairs.track] >= 0)
-        track, line, before, then = (
-            place[pairs.track[rows]],
-            pairs.line[rows],
-            estimates.take(ambiguous),
-            first.estimates.take(ambiguous),
-        )
-        association, mine, end_s = None, place[first.owner], ahead.time_s
-        bias_covariance = None if ahead.bias_covariance is None else ahead.bias_covariance[ambiguous]
+        track, line = place[pairs.track[rows]], pairs.line[rows]
+        before, then = estimates.take(busy), first.estimates.take(busy)
+        result, mine, end_s = None, place[first.owner], ahead.time_s
+        bias_covariance = None if ahead.bias_covariance is None else ahead.bias_covariance[busy]
         for turn in range(self.config.settling):
             path = self.filter.predicted_measurements(then, end_s)._replace(bias_covariance=bias_covariance)
             closer = gated(path, lines, track, line, _SETTLING_GATE, self.light_time)
@@ -220,19 +216,16 @@ class AssociateAndUpdate:
                 anew = self._without_ghosts(before, end_s, closer, lines, anew)
             if np.array_equal(anew.owner, mine):
                 break
-            association, mine = anew, anew.owner
-            then = self.filter.updated(before, end_s, association.measurements, span)
-        if association is None:
+            result, mine = anew, anew.owner
+            then = self.filter.updated(before, end_s, result.measurements, span)
+        if result is None:
             return first
         others = np.where((first.owner >= 0) & (place[first.owner] < 0), first.owner, -1)
+        owner = np.where(mine >= 0, busy[mine], others)
         kept = first.assigned.take(np.flatnonzero(place[first.assigned.track] < 0))
-        settled = evolve(association.assigned, track=ambiguous[association.assigned.track])
-        return AssociationResult(
-            first.estimates.put(ambiguous, then),
-            np.where(mine >= 0, ambiguous[mine], others),
-            GatedPairs.concatenate([kept, settled]),
-            pairs,
-        )
+        settled = evolve(result.assigned, track=busy[result.assigned.track])
+        assigned = GatedPairs.concatenate([kept, settled])
+        return AssociationResult(first.estimates.put(busy, then), owner, assigned, pairs)
 
     def _without_ghosts(
         self, estimates: ModeEstimates, end_s: float, pairs: GatedPairs, lines: LinesOfSight, association: Association
