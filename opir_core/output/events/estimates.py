@@ -81,7 +81,7 @@ def point_texts(
     columns = (
         rounded_degrees(filled[:, 0]).tolist(),
         rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)).tolist(),
-        _times(filled[:, 2], epoch_us),
+        time_texts(filled[:, 2], epoch_us),
         *(_ellipses(covariance[:, :2, :2], share, reported_sigmas) for share in (CONTAINMENT, *OTHER_CONTAINMENTS)),
         _sigmas(covariance[:, 2, 2]),
     )
@@ -89,7 +89,8 @@ def point_texts(
     return [_encode(point if here else None) for here, point in zip(on_earth.tolist(), points, strict=True)]
 
 
-def _times(time_s: FloatArray, epoch_us: int) -> list[str | None]:
+def time_texts(time_s: FloatArray, epoch_us: int) -> list[str | None]:
+    """Return scene times (n,), s, as timestamps, None if unknown."""
     unix_us, writable = writable_unix_microseconds(time_s, epoch_us)
     texts = timestamp_text(np.where(writable, unix_us, 0))
     return [text if valid else None for text, valid in zip(texts, writable.tolist(), strict=True)]
@@ -155,7 +156,7 @@ def _state_texts(
     finite = _is_finite(state)
     places = rounded(np.where(finite[:, np.newaxis], state, 0.0), METRE_DECIMALS).tolist()
     rows, columns = np.tril_indices(covariance.shape[1])
-    lower, times = covariance[:, rows, columns], _times(time_s, epoch_us)
+    lower, times = covariance[:, rows, columns], time_texts(time_s, epoch_us)
     sigmas_or_none = [each if valid else None for valid, each in zip(_is_finite(radii), radii.tolist(), strict=True)]
     terms = [each if valid else None for valid, each in zip(_is_finite(lower), lower.tolist(), strict=True)]
     values = zip(finite.tolist(), times, places, terms, sigmas_or_none, strict=True)

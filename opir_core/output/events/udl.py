@@ -19,6 +19,7 @@ from opir_core.interfaces.records import Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import UDL_VERSION
 from opir_core.output.events.encoder_input import require_valid
+from opir_core.output.events.estimates import time_texts
 from opir_core.output.events.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
 from opir_core.output.events.text import (
     RATIO_DECIMALS,
@@ -32,9 +33,7 @@ from opir_core.output.events.text import (
     rounded_degrees,
     rounded_longitude_deg,
     taken,
-    timestamp_text,
     vector_texts,
-    writable_unix_microseconds,
 )
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
 
@@ -181,7 +180,8 @@ def _points(
     latitude = number_texts(rounded_degrees(filled[:, 0]))
     longitude = number_texts(rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)))
     areas = _areas(covariance_m2, reported_sigmas)
-    texts = zip(on_earth.tolist(), latitude, longitude, _times(filled[:, 2], epoch_us), areas, strict=True)
+    times = (text.encode() if text else b"" for text in time_texts(filled[:, 2], epoch_us))
+    texts = zip(on_earth.tolist(), latitude, longitude, times, areas, strict=True)
     return [
         b',"%bLat":%b,"%bLon":%b%b%b'
         % (kind, lat, kind, lon, time and b',"%bTime":"%b"' % (kind, time), area and area % (kind, kind))
@@ -189,12 +189,6 @@ def _points(
         else b""
         for is_known, lat, lon, time, area in texts
     ]
-
-
-def _times(time_s: FloatArray, epoch_us: int) -> list[bytes]:
-    unix_us, writable = writable_unix_microseconds(time_s, epoch_us)
-    texts = timestamp_text(np.where(writable, unix_us, 0))
-    return [text.encode() if known else b"" for text, known in zip(texts, writable.tolist(), strict=True)]
 
 
 def _areas(covariance_m2: FloatArray, reported_sigmas: FloatArray | None) -> list[bytes]:

@@ -1,1 +1,1 @@
-"""A live opir simulation behind HTTP."""
+"""A live opir simulation with an HTTP interface."""

@@ -2,9 +2,10 @@
 
 import asyncio
 import re
-from collections.abc import AsyncIterator, Mapping
+import time
+from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import msgspec
 from litestar import HttpMethod, Litestar, Request, Response, get, post, route
@@ -12,7 +13,6 @@ from litestar.exceptions import HTTPException
 from litestar.response import Stream
 
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_http.cached import Cached
 from opir_http.feed import Client
 from opir_http.history import Filter
 from opir_http.metrics import CONTENT_TYPE, metrics_text
@@ -38,6 +38,7 @@ _ENTITY_TAG = re.compile(r'"[0-9a-f]{32}"|\*')
 _FILTERS = ("after", "limit", "min_confidence", "sensor_id", "sensor_type", "since", "target_type", "track_id", "until")
 
 AnyRequest = Request[Any, Any, Any]
+Made = TypeVar("Made")
 
 
 def application(service: Service) -> Litestar:
@@ -102,6 +103,35 @@ def _health_routes(service: Service) -> list[Any]:
         return Response(await counted.get(), media_type=CONTENT_TYPE)
 
     return [live, ready, metrics]
+
+
+class Cached(Generic[Made]):
+    """The result of `make`, called in a thread when the last one is older than `for_s`; for one event loop."""
+
+    def __init__(self, make: Callable[[], Made], for_s: float) -> None:
+        self._make = make
+        self._for_s = for_s
+        self._made: tuple[float, Made] | None = None
+        self._making: asyncio.Task[Made] | None = None
+
+    async def get(self) -> Made:
+        """Return the result; waits for a new one if it is too old."""
+        if self._made is not None and time.monotonic() - self._made[0] < self._for_s:
+            return self._made[1]
+        if self._making is None:
+            self._making = asyncio.create_task(asyncio.to_thread(self._make))
+            self._making.add_done_callback(self._keep)
+        return await asyncio.shield(self._making)
+
+    def forget(self) -> None:
+        """Make a new result for the next request; the one in progress is for earlier requests."""
+        self._made = self._making = None
+
+    def _keep(self, making: "asyncio.Task[Made]") -> None:
+        if making is self._making:
+            self._making = None
+            if not making.cancelled() and making.exception() is None:
+                self._made = time.monotonic(), making.result()
 
 
 class Documents:

@@ -15,9 +15,9 @@ from opir_core.errors import OpirError
 from opir_core.live.running import LiveRun, LiveStatus
 from opir_core.output.events.text import timestamp_text
 from opir_core.output.sink_thread import SinkStatus
-from opir_http.confined import refuse_names, refuse_other_names
 from opir_http.feed import Feed
 from opir_http.problems import ProblemError, problem_of
+from opir_http.reading import refuse_names, refuse_other_names
 from opir_http.settings import LIVE, HttpSettings
 
 _KEYS = 1000
