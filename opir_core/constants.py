@@ -23,3 +23,6 @@ SPEED_OF_LIGHT_M_S = 299792458.0
 
 #: Radius of the geostationary orbit, m: (mu / omega²)^(1/3) with the two constants above.
 GEOSTATIONARY_RADIUS_M = (EARTH_MU_M3_S2 / EARTH_ROTATION_RAD_S**2) ** (1.0 / 3.0)
+
+#: The zonal harmonics of gravity that forces may name, in the order in which they are written.
+ZONAL_FORCES = ("j2", "j3", "j4")

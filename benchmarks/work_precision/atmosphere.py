@@ -19,6 +19,7 @@ import numpy as np
 from atmosphere_left_out import Model, Way, by_region, left_out
 from timing import median_s, multiply_ns
 
+from opir_core.interfaces.radiometric_models import Paths
 from opir_core.radiometry.configs import CLIMATES
 from opir_core.radiometry.long_paths import CLIMBS
 from opir_core.radiometry.lowtran import (
@@ -29,7 +30,6 @@ from opir_core.radiometry.lowtran import (
     node_tables,
     shell_air_mass,
 )
-from opir_core.radiometry.protocols import Paths
 
 #: Where LOWTRAN7's own values between the table's points stand.
 DATA = Path(__file__).parents[2] / "tests" / "data"

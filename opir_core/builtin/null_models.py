@@ -12,7 +12,7 @@ from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import NoConfig
 
 if TYPE_CHECKING:
-    from opir_core.radiometry.protocols import (
+    from opir_core.interfaces.radiometric_models import (
         AtmosphereContext,
         Background,
         BackgroundContext,

@@ -19,12 +19,12 @@ from opir_core.flight.boost import PROFILES_BY_TYPE, BoostPath, BoostProfile, bo
 from opir_core.geometry import Geodetic, ecef_to_geodetic, elevation_rad, geodetic_to_ecef
 from opir_core.geometry.vectors import components, vector
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import SignatureContext, Signatures
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.targets import Targets
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.plume import plume_signatures
-from opir_core.radiometry.protocols import SignatureContext, Signatures
 from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, TARGET_TYPES
 
 _RADIUS_M = 6.371e6

@@ -23,11 +23,11 @@ from opir_core.detection.rejection_sampling import accepted_draws
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.optional import Response
 from opir_core.interfaces.protocols import Measured, RandomDraws
+from opir_core.interfaces.radiometric_models import radiances_and_clutter_w_m2_sr, transmittances
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.environment import RadiometricEnvironment
 from opir_core.planning.looks import blocks
 from opir_core.radiometry.long_paths import as_slice_if_consecutive
-from opir_core.radiometry.protocols import radiances_and_clutter_w_m2_sr, transmittances
 
 
 @frozen(eq=False)

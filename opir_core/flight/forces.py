@@ -7,8 +7,7 @@ import numpy as np
 from attrs import cmp_using, evolve, field, frozen
 from numpy.typing import ArrayLike, NDArray
 
-from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S
-from opir_core.scene.scene import ZONAL_FORCES, SceneDrag, SceneForces
+from opir_core.constants import EARTH_MU_M3_S2, EARTH_ROTATION_RAD_S, ZONAL_FORCES
 
 #: The force model of a point mass alone, propagated in closed form.
 KEPLER: Literal["kepler"] = "kepler"
@@ -140,16 +139,3 @@ def forces_of(model: ForceModel) -> Forces:
     if model == KEPLER:
         return Forces(zonal=())
     raise ValueError(f'forces must be a Forces or "kepler", got {model!r}')
-
-
-def chosen_forces(scene: SceneForces) -> Forces:
-    """Return the forces of a scene."""
-    return Forces(zonal=scene.zonal, drag=None if scene.drag is None else _chosen_drag(scene.drag))
-
-
-def _chosen_drag(scene: SceneDrag) -> Drag:
-    air = scene.exponential
-    if air is None:
-        return Drag(scene.ballistic_coefficient_kg_m2)
-    atmosphere = ExponentialAtmosphere(air.density_kg_m3, air.scale_height_m, air.base_height_m)
-    return Drag(scene.ballistic_coefficient_kg_m2, atmosphere)

@@ -5,7 +5,7 @@ may pass any slice of a run, and the bytes of the events must be the same.
 
 The contexts of `build` are in `opir_core.interfaces.contexts`, optional abilities of components in
 `opir_core.interfaces.optional`. The protocols of signature, source, atmosphere and background models are in
-`opir_core.radiometry.protocols`, imported only for scenes with a radiometric detection model.
+`opir_core.interfaces.radiometric_models`, imported only for scenes with a radiometric detection model.
 """
 
 from collections.abc import Mapping, Sequence

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from attrs import define, field, frozen
@@ -37,9 +37,6 @@ from opir_core.orbits.elements import (
 )
 from opir_core.orbits.mean_elements import omm_complaint, omm_name
 from opir_core.orbits.sgp4_motion import Sgp4Motion, satellite_of_omm, satellite_of_tle
-
-if TYPE_CHECKING:
-    from opir_core.interfaces.protocols import Orbit
 
 
 @frozen
@@ -169,7 +166,7 @@ def _rows_by_number(numbers: FloatArray, rows: RowArray) -> Iterator[tuple[int, 
 _OMM_NAMES = ("OBJECT_NAME", "OBJECT_ID", "NORAD_CAT_ID")
 
 
-def orbit_of(config: OrbitConfig, epoch_us: int) -> "Orbit":
+def orbit_of(config: OrbitConfig, epoch_us: int) -> "GeostationaryOrbit | MovingOrbit":
     """Return the orbit of a configuration, for scenes that start at an epoch, in microseconds of UTC since 1970.
 
     Raises `SceneError` for a file that cannot be read, `ModelError` for a satellite that SGP4 cannot follow to the
@@ -265,7 +262,7 @@ def _node_longitude_rad(config: KeplerConfig | CircularConfig | WalkerConfig, ep
     return math.radians(config.raan_deg or 0.0) - float(gmst_rad(np.datetime64(epoch_us, "us")))
 
 
-def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> "Orbit":
+def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> "GeostationaryOrbit | MovingOrbit":
     if config.tle is not None:
         satellite, name = satellite_of_tle(config.tle), f"object {config.tle[0][2:7].strip()}"
     else:

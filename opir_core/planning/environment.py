@@ -12,11 +12,7 @@ from opir_core.flight.gravity_and_drag import height_m
 from opir_core.geometry.vectors import length
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Band, Sensor
-from opir_core.interfaces.records import Exposures
-from opir_core.planning.targets import Targets
-from opir_core.plugin.components import SignatureModel
-from opir_core.plugin.host import Host
-from opir_core.radiometry.protocols import (
+from opir_core.interfaces.radiometric_models import (
     AtmosphereContext,
     Background,
     BackgroundContext,
@@ -32,6 +28,10 @@ from opir_core.radiometry.protocols import (
     Views,
     intensities_w_sr,
 )
+from opir_core.interfaces.records import Exposures
+from opir_core.planning.targets import Targets
+from opir_core.plugin.components import SignatureModel
+from opir_core.plugin.host import Host
 from opir_core.radiometry.viewing import views
 from opir_core.scene.scene import DEFAULT_SIGNATURE, EMITTER_TYPES, Choice, Scene
 

@@ -24,8 +24,8 @@ from opir_core.scene.scene import Choice, Scene
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
+    from opir_core.interfaces.radiometric_models import Sources
     from opir_core.planning.environment import RadiometricEnvironment
-    from opir_core.radiometry.protocols import Sources
 
 _NS = 1_000_000_000
 
@@ -265,9 +265,16 @@ def _forces(scene: Scene) -> "ForceModel":
     """Return the forces in free flight; two-body motion imports nothing."""
     if scene.forces.is_kepler:
         return "kepler"
-    from opir_core.flight.forces import chosen_forces
+    from opir_core.flight.forces import Drag, ExponentialAtmosphere, Forces
 
-    return chosen_forces(scene.forces)
+    drag, zonal = scene.forces.drag, scene.forces.zonal
+    if drag is None:
+        return Forces(zonal=zonal)
+    air = drag.exponential
+    if air is None:
+        return Forces(zonal=zonal, drag=Drag(drag.ballistic_coefficient_kg_m2))
+    atmosphere = ExponentialAtmosphere(air.density_kg_m3, air.scale_height_m, air.base_height_m)
+    return Forces(zonal=zonal, drag=Drag(drag.ballistic_coefficient_kg_m2, atmosphere))
 
 
 def _uniform(seed: int, *names: str) -> float:

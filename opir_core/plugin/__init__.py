@@ -75,9 +75,7 @@ if TYPE_CHECKING:
         Trajectories,
         Transport,
     )
-    from opir_core.interfaces.records import Batch, ClassifierInputs, Detections, Exposures, Tracks, Window
-    from opir_core.plugin.host import Host
-    from opir_core.radiometry.protocols import (
+    from opir_core.interfaces.radiometric_models import (
         AtmosphereContext,
         Background,
         BackgroundContext,
@@ -89,12 +87,14 @@ if TYPE_CHECKING:
         Transmittance,
         Views,
     )
+    from opir_core.interfaces.records import Batch, ClassifierInputs, Detections, Exposures, Tracks, Window
+    from opir_core.plugin.host import Host
 
 #: The module of each name that is imported on first use.
 _HOMES = {
     name: module
     for module, names in {
-        "radiometry.protocols": (
+        "interfaces.radiometric_models": (
             "AtmosphereContext Background BackgroundContext SignatureContext Paths Signatures SourceContext Sources "
             "Transmittance Views"
         ),

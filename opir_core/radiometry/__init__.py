@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from opir_core.interfaces.radiometric_models import Paths, Views
     from opir_core.radiometry.aperture import (
         irradiance_at_aperture,
         irradiance_of_projected_area,
@@ -28,19 +29,18 @@ if TYPE_CHECKING:
         planck_radiance,
         two_colour_temperature,
     )
-    from opir_core.radiometry.protocols import Paths, Views
 
 #: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "aperture": (
+    "radiometry.aperture": (
         "irradiance_at_aperture irradiance_of_projected_area irradiance_of_sphere minimum_detectable_intensity"
     ),
-    "lowtran": "band_transmittance",
-    "planck": (
+    "radiometry.lowtran": "band_transmittance",
+    "radiometry.planck": (
         "Temperature band_photon_radiance band_radiance band_radiance_slope band_ratio grey_body_intensity "
         "planck_photon_radiance planck_radiance two_colour_temperature"
     ),
-    "protocols": "Paths Views",
+    "interfaces.radiometric_models": "Paths Views",
 }
 
 __all__ = [
@@ -66,7 +66,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     for home, names in _HOMES.items():
         if name in names.split():
-            value = globals()[name] = getattr(import_module(f"opir_core.radiometry.{home}"), name)
+            value = globals()[name] = getattr(import_module(f"opir_core.{home}"), name)
             return value
     raise AttributeError(f"module 'opir_core.radiometry' has no attribute {name!r}")
 

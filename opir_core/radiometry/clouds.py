@@ -8,7 +8,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.geometry.vectors import components, length
-from opir_core.radiometry.protocols import Paths
+from opir_core.interfaces.radiometric_models import Paths
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 
 

@@ -18,10 +18,10 @@ from attrs import frozen
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import Background, BackgroundContext, Transmittance, Views
 from opir_core.radiometry.configs import EarthConfig
 from opir_core.radiometry.long_paths import as_slice_if_consecutive
 from opir_core.radiometry.lowtran import nearest_of, parts_of, require_known_bands
-from opir_core.radiometry.protocols import Background, BackgroundContext, Transmittance, Views
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_background_radiance.csv"
 _OPAQUE = "ANALYTIC_opaque_cloud_top"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.errors import ModelError, Problem, SceneError
-from opir_core.radiometry.protocols import SourceContext
+from opir_core.interfaces.radiometric_models import SourceContext
 from opir_core.radiometry.source_configs import (
     FieldConfig,
     SourceConfig,

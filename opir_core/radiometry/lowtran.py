@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths, Transmittance
 from opir_core.radiometry.clouds import CloudField, Deck, FullDeck, is_hidden
 from opir_core.radiometry.configs import CloudConfig, LowtranConfig
 from opir_core.radiometry.long_paths import (
@@ -34,7 +35,6 @@ from opir_core.radiometry.long_paths import (
     sky_columns,
 )
 from opir_core.radiometry.planck import band_radiance
-from opir_core.radiometry.protocols import AtmosphereContext, Paths, Transmittance
 
 #: The grid: numbers of sines of elevation, from the horizon to the zenith, and of heights from 0 to the top.
 GRID_SHAPE = (125, 401)

@@ -19,9 +19,9 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.flight.boost import PROFILES_BY_TYPE
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import SignatureContext, Signatures
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
-from opir_core.radiometry.protocols import SignatureContext, Signatures
 
 _TABLE = Path(__file__).parents[1] / "data" / "plumes.json"
 

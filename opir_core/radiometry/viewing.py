@@ -8,7 +8,7 @@ from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, intersection_with_ellipsoid, sun_position_eci_m
 from opir_core.geometry.vectors import components, dot, length, vector
-from opir_core.radiometry.protocols import Views
+from opir_core.interfaces.radiometric_models import Views
 
 #: Step of the Sun's position in ECI, s, linear between: an error of at most 1e-7 rad.
 _SUN_STEP_S = 3600.0

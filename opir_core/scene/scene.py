@@ -25,9 +25,6 @@ UNKNOWN_TYPE = REPORTED_TYPES.index("UNKNOWN")
 DEFAULT_SIGNATURE = "plume"
 
 
-#: The zonal harmonics of gravity that a scene may choose, in the order in which they are written down.
-ZONAL_FORCES = ("j2", "j3", "j4")
-
 #: The bands that confirm a detection are a mask of eight bits.
 MAXIMUM_BANDS = 8
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.protocols import Band
-from opir_core.radiometry.protocols import SourceContext
+from opir_core.interfaces.radiometric_models import SourceContext
 from opir_core.radiometry.source_configs import FieldConfig, RegionConfig
 
 SWIR, MWIR = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from attrs import evolve
 
+from opir_core.constants import ZONAL_FORCES
 from opir_core.scene.reading.component_reader import ComponentReader, Settings, component_name
 from opir_core.scene.reading.nodes import (
     MAXIMUM_ID_LENGTH,
@@ -20,7 +21,7 @@ from opir_core.scene.reading.nodes import (
 )
 from opir_core.scene.reading.scene_schema import DEFAULT_TARGET_MODEL
 from opir_core.scene.reading.structuring import block_of, class_reader, items_of, nearest, read_text, refusal, required
-from opir_core.scene.scene import ZONAL_FORCES, Choice, SceneDrag, SceneForces, SceneSource, SceneTarget
+from opir_core.scene.scene import Choice, SceneDrag, SceneForces, SceneSource, SceneTarget
 
 _ID = re.compile(rf"[A-Za-z0-9._:-]{{1,{MAXIMUM_ID_LENGTH}}}")
 

@@ -9,8 +9,15 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import (
+    AtmosphereContext,
+    Background,
+    BackgroundContext,
+    Paths,
+    Transmittance,
+    Views,
+)
 from opir_core.plugin.components import AtmosphereModel, BackgroundModel, Component
-from opir_core.radiometry.protocols import AtmosphereContext, Background, BackgroundContext, Paths, Transmittance, Views
 from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows, insist_rows_stand_alone
 from opir_core.testing.contracts.contract import Contract, insist
 from opir_core.testing.steps import LOOP_STEPS, steps_per_row

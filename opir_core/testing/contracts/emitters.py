@@ -8,8 +8,8 @@ import numpy as np
 
 from opir_core.arrays import FloatArray
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import SignatureContext, Signatures, SourceContext, Sources
 from opir_core.plugin.components import Component, SignatureModel, SourceModel
-from opir_core.radiometry.protocols import SignatureContext, Signatures, SourceContext, Sources
 from opir_core.scene.scene import EMITTER_TYPES, TARGET_TYPES
 from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows, insist_rows_stand_alone
 from opir_core.testing.contracts.contract import Contract, insist

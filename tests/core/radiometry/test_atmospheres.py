@@ -9,12 +9,12 @@ from opir_core.errors import ModelError
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
 from opir_core.geometry.occlusion import grazing_height_m
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import AtmosphereContext, Paths
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.host import Host
 from opir_core.radiometry.clouds import CloudField, FullDeck, is_hidden
 from opir_core.radiometry.configs import CloudConfig, LowtranConfig
 from opir_core.radiometry.lowtran import LowtranAtmosphere, lowtran_atmosphere, parts_of, shell_air_mass
-from opir_core.radiometry.protocols import AtmosphereContext, Paths
 
 SWIR, MWIR = Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0)
 CONTEXT = AtmosphereContext(bands=(SWIR, MWIR), path="atmosphere", seed=5)

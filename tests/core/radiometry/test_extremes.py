@@ -5,9 +5,15 @@ import pytest
 
 from opir_core.geometry import elevation_rad, geodetic_to_ecef
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import (
+    AtmosphereContext,
+    BackgroundContext,
+    Paths,
+    SignatureContext,
+    SourceContext,
+)
 from opir_core.plugin.host import Host
 from opir_core.radiometry.aperture import irradiance_at_aperture, minimum_detectable_intensity
-from opir_core.radiometry.protocols import AtmosphereContext, BackgroundContext, Paths, SignatureContext, SourceContext
 from opir_core.radiometry.viewing import views
 
 HOST = Host.of()

@@ -7,9 +7,9 @@ from scipy import integrate
 
 from opir_core.geometry import local_axes, sun_position_ecef_m
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import AtmosphereContext
 from opir_core.radiometry.configs import LowtranConfig
 from opir_core.radiometry.lowtran import lowtran_atmosphere
-from opir_core.radiometry.protocols import AtmosphereContext
 from opir_core.radiometry.source_configs import GlintConfig
 from opir_core.radiometry.sources import glint_sources, reflectance, slope_density, sunlight_w_m2
 

@@ -14,12 +14,12 @@ import opir_core
 from opir_core.errors import ModelError
 from opir_core.flight.boost import boost_profiles
 from opir_core.interfaces.protocols import Band
+from opir_core.interfaces.radiometric_models import SignatureContext
 from opir_core.plugin.host import Host
 from opir_core.radiometry import planck
 from opir_core.radiometry import plume as plume_module
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.plume import plume_intensity_w_sr, plume_signatures, plume_table
-from opir_core.radiometry.protocols import SignatureContext
 from opir_core.scene.fields import info_of
 
 TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "plumes.json").read_text(encoding="utf-8"))
