@@ -39,6 +39,15 @@ def random_looks(dice: np.random.Generator, rule: RatioGates) -> tuple[np.ndarra
     return snr, noise
 
 
+def integrals(rule: RatioGates, panels: gate_integrals.GatePanels, count: int) -> np.ndarray:
+    """Return the integrals (p,) over panels, with the same number of nodes."""
+    part = np.empty(len(panels.row))
+    for moves in np.unique(panels.moves, axis=1).T:
+        these = np.flatnonzero(np.all(panels.moves == moves[:, None], axis=0))
+        part[these] = gate_integrals._integral(rule, panels.take(these), count)
+    return part
+
+
 def main() -> None:
     """Print the widths."""
     dice = np.random.default_rng(1)
@@ -48,9 +57,9 @@ def main() -> None:
         snr, noise = random_looks(dice, rule)
         near = rule.margins(snr, noise)[:, 1:] < gate_integrals._FAR
         panels = gate_integrals.panels_of(gate_integrals.looks_of(rule, snr, noise, near))
-        exact = gate_integrals.integrals(rule, panels, 96)
+        exact = integrals(rule, panels, 96)
         widths.append(panels.width)
-        errors.append([np.abs(gate_integrals.integrals(rule, panels, count) - exact) for count in gate_integrals.NODES])
+        errors.append([np.abs(integrals(rule, panels, count) - exact) for count in gate_integrals.NODES])
     width, error = np.concatenate(widths), np.concatenate(errors, axis=1)
     print(f"{len(width)} panels, the widest {width.max():.1f}")
     for count, own in zip(gate_integrals.NODES, error, strict=True):

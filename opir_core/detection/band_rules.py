@@ -16,7 +16,7 @@ from scipy.special import log_ndtr, logsumexp, ndtr, ndtri
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.detection.gate_density import FAR, LOG_HALF, GateDensity, by_steepness, log_integral
-from opir_core.detection.gate_integrals import fast_probability
+from opir_core.detection.gate_integrals import Gates, fast_probability
 from opir_core.detection.rejection_sampling import tail_normals, truncated_normals
 from opir_core.detection.threshold import probit
 
@@ -116,19 +116,11 @@ def _row_sum(columns: FloatArray) -> FloatArray:
 
 
 @frozen(eq=False)
-class RatioGates:
-    """`lower` and `upper` (B,) bound the ratio of each band's irradiance to that of the band `reference`."""
+class RatioGates(Gates):
+    """A detection in all bands: signals at least `threshold` in the band `reference` and `coincidence` in the others.
 
-    threshold: float
-    coincidence: float
-    reference: int
-    lower: FloatArray
-    upper: FloatArray
-
-    @property
-    def others(self) -> list[int]:
-        """The numbers of the other bands."""
-        return [band for band in range(len(self.lower)) if band != self.reference]
+    `lower` and `upper` (B,) bound the ratio of each band's irradiance to that of `reference`.
+    """
 
     def log_chances(self, snr: FloatArray, noise: FloatArray, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) in noise (n, B), W/m².

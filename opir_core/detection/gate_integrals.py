@@ -7,9 +7,10 @@ Gauss-Legendre nodes (docs/design/gate_nodes.py). No logarithms are used.
 """
 
 from functools import cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
+from attrs import frozen
 from numpy.polynomial import legendre
 from scipy.special import ndtr
 
@@ -26,32 +27,20 @@ WIDTHS = np.array([5.4, 9.8, 17.7])
 _BLOCK_NODES = 16384
 
 
-class Gates(Protocol):
-    """A rule of ratio gates: see `opir_core.detection.RatioGates`."""
+@frozen(eq=False)
+class Gates:
+    """The limits of `opir_core.detection.RatioGates`."""
 
-    @property
-    def threshold(self) -> float:
-        """The reference band's threshold."""
-
-    @property
-    def coincidence(self) -> float:
-        """The other bands' threshold."""
-
-    @property
-    def reference(self) -> int:
-        """The number of the reference band."""
+    threshold: float
+    coincidence: float
+    reference: int
+    lower: FloatArray
+    upper: FloatArray
 
     @property
     def others(self) -> list[int]:
         """The numbers of the other bands."""
-
-    @property
-    def lower(self) -> FloatArray:
-        """Least ratios (B,) to the reference band."""
-
-    @property
-    def upper(self) -> FloatArray:
-        """Greatest ratios (B,) to the reference band."""
+        return [band for band in range(len(self.lower)) if band != self.reference]
 
 
 class GateLooks(NamedTuple):
@@ -140,15 +129,6 @@ def panels_of(looks: GateLooks) -> GatePanels:
     moves = np.concatenate([middle > looks.low_from[:, row], middle < looks.high_until[:, row]])
     slopes = np.where(moves, np.concatenate([looks.low, looks.high])[:, row], 0.0)
     return GatePanels(looks, row, first, last, moves, (last - first) * np.sqrt(1.0 + np.square(slopes).sum(axis=0)))
-
-
-def integrals(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
-    """Return the integrals (p,) over panels, with the same number of nodes."""
-    part = np.empty(len(panels.row))
-    for moves in np.unique(panels.moves, axis=1).T:
-        these = np.flatnonzero(np.all(panels.moves == moves[:, None], axis=0))
-        part[these] = _integral(rule, panels.take(these), count)
-    return part
 
 
 def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import IntArray, WordArray
+from opir_core.random_streams.philox import mixed
 
 _PURPOSE = b"opir-detection"
 
@@ -61,8 +62,8 @@ def uuid8_words(key_words: WordArray, scan: IntArray) -> WordArray:
     """
     high, low, count = key_words[:, 0], key_words[:, 1], scan.astype(np.uint64)
     words = np.empty((len(count), 2), dtype=np.uint64)
-    words[:, 0] = _mixed(_mixed(count * _HIGH_STEP + high) ^ low) & _VERSION_CLEARED | _VERSION
-    words[:, 1] = _mixed(_mixed(count * _LOW_STEP + low) ^ high) & _VARIANT_CLEARED | _VARIANT
+    words[:, 0] = mixed(mixed(count * _HIGH_STEP + high) ^ low) & _VERSION_CLEARED | _VERSION
+    words[:, 1] = mixed(mixed(count * _LOW_STEP + low) ^ high) & _VARIANT_CLEARED | _VARIANT
     return words
 
 
@@ -80,14 +81,3 @@ def uuid_characters(words: WordArray) -> NDArray[np.uint8]:
     for first, last, place in _GROUPS:
         text[:, place : place + last - first] = digits[:, first:last]
     return text
-
-
-def _mixed(words: WordArray) -> WordArray:
-    """Return 64-bit words mixed one to one: the finaliser of SplitMix64.
-
-    Source: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014, with the constants of
-    Stafford's variant 13, as Java's SplittableRandom has it.
-    """
-    words = (words ^ (words >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    words = (words ^ (words >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return words ^ (words >> np.uint64(31))

@@ -105,7 +105,11 @@ def further_words(seeds: NDArray[np.uint64], numbers: NDArray[np.uint64]) -> NDA
 
     SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014), read anywhere.
     """
-    words = seeds + numbers * _WEYL
+    return mixed(seeds + numbers * _WEYL)
+
+
+def mixed(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return 64-bit words mixed one to one, in place: the finaliser of SplitMix64, Stafford's variant 13."""
     for shift, factor in _MIXING:
         words ^= words >> shift
         words *= factor

@@ -24,7 +24,7 @@ from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.detection_ids import uuid8_words
 from opir_core.random_streams.false_alarm_streams import PLACE_WORDS, Drawn, FalseAlarmStream
 from opir_core.scene.scene import UNKNOWN_TYPE
-from opir_core.simulation.measurement import BITS_SET, classified
+from opir_core.simulation.measurement import classified, classifier_inputs
 
 
 @frozen(eq=False)
@@ -162,20 +162,15 @@ class FalseAlarmGenerator:
         ground = intersection_with_ellipsoid(noise.sensor_ecef_m, noise.line_of_sight_ecef)
         hits = np.isfinite(ground[:, 0])
         range_m, sine = _seen_from(ground, noise.sensor_ecef_m)
-        irradiance = measured.band_irradiance_w_m2
-        return ClassifierInputs(
-            time_s=noise.time_ns.astype(np.float64) * 1e-9,
-            sensor=noise.sensor,
-            target=np.full(rows, -1, dtype=np.int32),
-            range_m=np.where(hits, range_m, length(*components(noise.sensor_ecef_m))),
-            elevation_sine=np.where(hits, np.maximum(sine, 0.0), 0.0),
-            bands=measured.bands,
-            band_count=BITS_SET[measured.bands],
-            band_total=self._band_totals[noise.sensor],
-            detection_count=np.ones(rows, dtype=np.int32),
-            snr=measured.snr,
-            band_irradiance_w_m2=np.empty((rows, 0)) if irradiance is None else irradiance,
-            band_noise_w_m2=np.empty((rows, 0)) if measured.band_noise_w_m2 is None else measured.band_noise_w_m2,
+        return classifier_inputs(
+            measured,
+            noise.time_ns.astype(np.float64) * 1e-9,
+            noise.sensor,
+            np.full(rows, -1, dtype=np.int32),
+            np.where(hits, range_m, length(*components(noise.sensor_ecef_m))),
+            np.where(hits, np.maximum(sine, 0.0), 0.0),
+            self._band_totals[noise.sensor],
+            np.ones(rows, dtype=np.int32),
         )
 
     def _types(self, sightings: ClassifierInputs) -> tuple[NDArray[np.uint8], FloatArray]:

@@ -65,7 +65,18 @@ class DetectionBuilder:
         time_s = hits.time_ns.astype(np.float64) * 1e-9
         exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
         measured = self.detection.measure(exposed, dice) if measured is None else measured
-        sightings = self._classifier_inputs(exposed, measured, hits)
+        self._require_irradiance(measured, len(hits))
+        total = self.band_totals[exposed.sensor]
+        sightings = classifier_inputs(
+            measured,
+            exposed.time_s,
+            exposed.sensor,
+            exposed.target,
+            exposed.range_m,
+            exposed.elevation_sine,
+            total,
+            hits.count,
+        )
         sigma_rad = measured.line_of_sight_sigma_rad
         if sigma_rad is None:
             sigma_rad = states.sigma_rad.take(exposed.sensor)
@@ -75,30 +86,11 @@ class DetectionBuilder:
         )
         return detections, truth
 
-    def _classifier_inputs(self, exposed: Exposures, measured: Measured, hits: Hits) -> ClassifierInputs:
-        return ClassifierInputs(
-            time_s=exposed.time_s,
-            sensor=exposed.sensor,
-            target=exposed.target,
-            range_m=exposed.range_m,
-            elevation_sine=exposed.elevation_sine,
-            bands=measured.bands,
-            band_count=BITS_SET[measured.bands],
-            band_total=self.band_totals[exposed.sensor],
-            detection_count=hits.count,
-            snr=measured.snr,
-            band_irradiance_w_m2=self._band_irradiance(measured, len(hits)),
-            band_noise_w_m2=np.empty((len(hits), 0)) if measured.band_noise_w_m2 is None else measured.band_noise_w_m2,
-        )
-
-    def _band_irradiance(self, measured: Measured, rows: int) -> FloatArray:
-        irradiance = measured.band_irradiance_w_m2
-        if irradiance is None:
-            return np.empty((rows, 0))
+    def _require_irradiance(self, measured: Measured, rows: int) -> None:
         required = (rows, int(self.band_totals.max()))
-        if irradiance.shape != required:
-            raise ModelError(f"the detection model measured irradiances of shape {irradiance.shape}, not {required}")
-        return irradiance
+        if measured.band_irradiance_w_m2 is not None and measured.band_irradiance_w_m2.shape != required:
+            shape = measured.band_irradiance_w_m2.shape
+            raise ModelError(f"the detection model measured irradiances of shape {shape}, not {required}")
 
     def _detections(
         self, exposed: Exposures, sightings: ClassifierInputs, sigma_rad: FloatArray, hits: Hits, dice: RowDraws
@@ -128,6 +120,34 @@ class DetectionBuilder:
         if self.pair_type is None:
             return classified(self.classifier, sightings, dice)
         return self.pair_type.take(hits.pair), np.empty((len(hits), 0))
+
+
+def classifier_inputs(
+    measured: Measured,
+    time_s: FloatArray,
+    sensor: IndexArray,
+    target: IndexArray,
+    range_m: FloatArray,
+    elevation_sine: FloatArray,
+    band_total: IntArray,
+    count: IndexArray,
+) -> ClassifierInputs:
+    """Return the inputs of classifiers and confidence models, with (n, 0) columns for what is not measured."""
+    irradiance, noise = measured.band_irradiance_w_m2, measured.band_noise_w_m2
+    return ClassifierInputs(
+        time_s=time_s,
+        sensor=sensor,
+        target=target,
+        range_m=range_m,
+        elevation_sine=elevation_sine,
+        bands=measured.bands,
+        band_count=BITS_SET[measured.bands],
+        band_total=band_total,
+        detection_count=count,
+        snr=measured.snr,
+        band_irradiance_w_m2=np.empty((len(time_s), 0)) if irradiance is None else irradiance,
+        band_noise_w_m2=np.empty((len(time_s), 0)) if noise is None else noise,
+    )
 
 
 def classified(
