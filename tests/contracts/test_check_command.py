@@ -45,7 +45,7 @@ def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> N
     assert lines[0] == "confidence model weighted of opir-core 0.1.0 (plugin builtin)"
     assert lines[1] == "  kept        Every setting has words that say what it means, and its defaults are lawful."
     count = len(names_of(contract_of("opir_confidence_models")))
-    assert lines[-1] == f"{count} of {count} promises are kept, as expected"
+    assert lines[-1] == f"{count} of {count} conformance tests pass, as expected"
 
 
 def test_what_is_broken_is_told_with_what_to_change() -> None:
