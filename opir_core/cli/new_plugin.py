@@ -27,6 +27,10 @@ _SENSORS = """\
   - {model: generic-scanner, id: S-1, orbital_slot_deg: -100.0}
   - {model: generic-scanner, id: S-2, orbital_slot_deg: -150.0}"""
 
+_OWN_SENSORS = """\
+  - {model: $name, id: S-1, orbital_slot_deg: -100.0}
+  - {model: $name, id: S-2, orbital_slot_deg: -150.0, scan_period_ms: 250}"""
+
 
 @frozen
 class TemplateKind:
@@ -45,9 +49,7 @@ _RADIOMETRIC = "detection: snr"
 
 #: The kinds by their names on the command line.
 KINDS: Mapping[str, TemplateKind] = {
-    "sensor": TemplateKind(
-        "sensor_models", "sensor model", "SensorContract", sensors=_SENSORS.replace("generic-scanner", "$name")
-    ),
+    "sensor": TemplateKind("sensor_models", "sensor model", "SensorContract", sensors=_OWN_SENSORS),
     "constellation": TemplateKind(
         "constellations", "constellation", "ConstellationContract", sensors="  - constellation: $name"
     ),

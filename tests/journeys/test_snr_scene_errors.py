@@ -66,8 +66,8 @@ MISTAKES = {
         ["detection=constant"],
         4,
         (
-            "detection: constant has no probability of detection for a fire: choose a detection model that knows"
-            " radiometry (detection: snr), or leave sources out"
+            "detection: constant has no probability of detection for the source type fire: choose a"
+            " radiometric detection model (detection: snr), or omit the sources"
         ),
     ),
     "an encoder": (["outputs[0].jsonl.encoder=forge-band"], 3, "nearest: forge-bands"),
