@@ -48,7 +48,7 @@ POINTS = {
     "impact_m": ("impact_rmse_km", 1e-3, 1),
     "impact_time_s": ("impact_time_rmse_s", 1.0, 2),
 }
-COUNTS = {"targets": "targets", "launches_told": "launches_reported", "impacts_told": "impacts_reported"}
+COUNTS = {"targets": "targets", "launches_reported": "launches_reported", "impacts_reported": "impacts_reported"}
 CONFIDENCE, BAND = "95 % confidence", "99 % band"
 
 

@@ -250,7 +250,7 @@ def _consistent_cells(figure: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _point_cells(figures: Mapping[str, Any]) -> tuple[str, ...]:
     return (
-        *(str(figures[name]) for name in ("targets", "launches_told", "impacts_told")),
+        *(str(figures[name]) for name in ("targets", "launches_reported", "impacts_reported")),
         _interval(figures["launch_m"], 0),
         _interval(figures["launch_time_s"], 2),
         _interval(figures["impact_m"], 1, 1e-3),

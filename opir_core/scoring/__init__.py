@@ -1,6 +1,6 @@
 """Scores of tracks against truth: errors, consistency, bounds, containment, completeness, purity, GOSPA.
 
-Only this package reads truth beside tracks; no tracker imports it.
+Only scores compare tracks with truth; no tracker imports this package.
 """
 
 from opir_core.scoring.consistency import Consistency, consistency, containment, nees

@@ -1,9 +1,12 @@
-"""Many runs of one scene with several trackers: the same detections to each, run by run."""
+"""Comparison of trackers over many runs of one scene, with the same detections for each tracker."""
 
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import get_context
 from typing import NamedTuple
 
 from attrs import evolve
@@ -22,7 +25,7 @@ from opir_core.simulation.run import run_of_plan
 
 
 class TimedTracker:
-    """A tracker whose time is taken; calls that import something, as the first of a process do, are not counted."""
+    """A tracker with its processor time measured; calls that import modules, as the first ones do, are not counted."""
 
     def __init__(self, tracker: Tracker) -> None:
         self._tracker = tracker
@@ -45,9 +48,9 @@ class TimedTracker:
 
     @contextmanager
     def _timed(self) -> Iterator[None]:
-        known, start = len(sys.modules), time.process_time()
+        modules, start = len(sys.modules), time.process_time()
         yield
-        if len(sys.modules) == known:
+        if len(sys.modules) == modules:
             self.seconds += time.process_time() - start
 
 
@@ -63,38 +66,38 @@ def compared(
 ) -> Mapping[str, Scorecard]:
     """Return the scorecard of each tracker over `runs` runs of a scene file; run k has the scene's seed plus k.
 
-    `trackers` are what a scene may write after `tracker:`; None takes the scene's own. A scene without a tracker, and
-    no tracker given, is a `SceneError`. With several `workers` so many processes run at once, started anew: a script
-    that asks for them does so under `if __name__ == "__main__":`. Figures do not depend on their number, but for times.
-    `on_run` is told of each run that is done: whose, and how many now.
+    `trackers` are values of a scene's `tracker:`; None is the scene's own. Without any tracker a `SceneError` is
+    raised. `workers` is the number of processes; a script with several needs `if __name__ == "__main__":`, because they
+    are spawned. Figures other than times do not depend on it. `on_run` is called after each run with its tracker and
+    number.
     """
     host = Host.discover()
     named = list(dict.fromkeys(trackers)) if trackers else [None]
-    # All are read before any is run: what is wrong with the last is told at once.
+    # All scenes are read before the first run, so that errors in any of them appear at once.
     scenes = {name or scene.tracker.name: scene for name in named for scene in [_scene(path, name, overrides, host)]}
     tasks = [_Task(scene, number, settings) for scene in scenes.values() for number in range(runs)]
-    found, cards = _scored_runs(tasks, workers, host), {}
+    results, cards = _scored_runs(tasks, workers, host), {}
     for label in scenes:
-        judged = []
+        scored = []
         for number in range(runs):
-            judged.append(next(found))
+            scored.append(next(results))
             on_run(label, number + 1)
-        cards[label] = scorecard_of(judged, settings)
+        cards[label] = scorecard_of(scored, settings)
     return cards
 
 
 def _scene(path: str, name: str | None, overrides: Sequence[str], host: Host) -> Scene:
-    """Return the scene with the tracker of a name, or its own; `SceneError` where that makes no tracks."""
+    """Return the scene with the named tracker, or its own; `SceneError` where that reports no tracks."""
     chosen = [] if name is None else [f"tracker={name}"]
     scene = evolve(load_scene(path, overrides=[*overrides, *chosen], host=host), outputs=())
     if compile_plan(scene, host).make_tracker().cadence_s is None:
-        words = f"{scene.tracker.name} makes no tracks to judge; name those that do with --tracker"
+        words = f"{scene.tracker.name} makes no tracks to score; name other trackers with --tracker"
         raise SceneError([Problem("tracker", words)], source=path)
     return scene
 
 
 class _Task(NamedTuple):
-    """A run to judge: the scene, the number of the run, and how."""
+    """A run to score: the scene, the number of the run, and the settings."""
 
     scene: Scene
     number: int
@@ -102,20 +105,16 @@ class _Task(NamedTuple):
 
 
 def _scored_runs(tasks: Sequence[_Task], workers: int, host: Host) -> Iterator[ScoredRun]:
-    """Yield what is found in runs, in their order, so many at once."""
+    """Yield scored runs in order, several at once."""
     if min(workers, len(tasks)) < 2:
         yield from (_scored(task, host) for task in tasks)
         return
-    from concurrent.futures import ProcessPoolExecutor
-    from concurrent.futures.process import BrokenProcessPool
-    from multiprocessing import get_context
-
     # Not forked: other threads, such as a progress bar's, may hold locks.
     with ProcessPoolExecutor(min(workers, len(tasks)), mp_context=get_context("spawn")) as pool:
         try:
             yield from pool.map(_scored, tasks)
         except BrokenProcessPool as error:
-            words = "a worker's process ended before its run did, perhaps for want of memory; give fewer --workers"
+            words = "a worker process ended before its run was complete, possibly out of memory; use fewer --workers"
             raise OpirError(words) from error
 
 

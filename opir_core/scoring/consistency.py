@@ -1,11 +1,7 @@
-"""Whether errors are what the covariances say: NEES, its bands and its distribution, and containment.
+"""Consistency of estimates: NEES, NIS, their χ² bands and distribution, containment, and interval estimates of figures.
 
-Innovations: how far detections are from where the estimate of the tick before expected them, over what it stated.
-
-No truth is needed. The first detection of a track after each tick is taken: what an honest tracker expects of it errs
-independently from tick to tick.
-
-Figures of a scorecard as plain values, each with its 95 % interval.
+Innovations need no truth: the detections are compared with the prediction of the tick before. Only a track's first
+detection after each tick is used, because its innovation is independent from tick to tick.
 """
 
 from collections.abc import Mapping
@@ -13,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from attrs import frozen
+from scipy.stats import chi2, kstest
+from scipy.stats import t as student
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import SPEED_OF_LIGHT_M_S
@@ -27,7 +25,7 @@ CONTAINMENTS = (0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
 
 @frozen
 class Consistency:
-    """The average NEES of samples, its χ² band, and the p-value that the samples are χ² distributed."""
+    """The average NEES of samples, its χ² band, and the p-value of their χ² distribution."""
 
     samples: int
     freedom: int
@@ -38,7 +36,7 @@ class Consistency:
 
     @property
     def is_inside(self) -> bool:
-        """Return whether the average lies in its band."""
+        """Return whether the average is within its band."""
         return self.lower <= self.mean <= self.upper
 
 
@@ -67,11 +65,9 @@ def consistency(values: FloatArray, freedom: int, probability: float = 0.99) -> 
     """Return the average of independent NEES values (n,), its band, and a test of their distribution.
 
     The average of n values of `freedom` degrees is χ² of n · freedom degrees, over n (Bar-Shalom, Li and Kirubarajan,
-    Estimation with Applications to Tracking and Navigation, section 5.4.2). The distribution test is that of
-    Kolmogorov and Smirnov: a mean can be right while single values are not.
+    Estimation with Applications to Tracking and Navigation, section 5.4.2). The distribution test is that of Kolmogorov
+    and Smirnov: a mean can be right while single values are not.
     """
-    from scipy.stats import chi2, kstest
-
     values = values[~np.isnan(values)]
     if not len(values):
         return Consistency(0, freedom, np.nan, np.nan, np.nan, np.nan)
@@ -83,38 +79,34 @@ def consistency(values: FloatArray, freedom: int, probability: float = 0.99) -> 
 
 def containment(values: FloatArray, freedom: int, nominal: float) -> tuple[float, float, float]:
     """Return the share of NEES values within the ellipse of a nominal containment, and its 95 % interval (Wilson)."""
-    from scipy.stats import chi2
-
     values = values[~np.isnan(values)]
     return proportion(int(np.count_nonzero(values <= chi2.ppf(nominal, freedom))), len(values))
 
 
-def on_normal_scale(values: FloatArray, told_sigmas: FloatArray, freedom: int = 2) -> FloatArray:
-    """Return NEES values (n,) of points on the ground, or of other freedom, as if these were normally distributed.
+def on_normal_scale(values: FloatArray, reported_sigmas: FloatArray, freedom: int = 2) -> FloatArray:
+    """Return NEES values (n,) rescaled to a normal distribution of `freedom` degrees.
 
-    `told_sigmas` (n, 3) are the radii of ellipses told of `TRACK_CONTAINMENTS`, nan of a normal distribution. An error
-    on one of these ellipses comes to the χ² quantile of its containment; between them the scale is linear, and beyond
-    the largest it goes on in proportion. So `containment` and `consistency` judge the ellipses that are told.
+    `reported_sigmas` (n, 3) are the reported radii of the ellipses of `TRACK_CONTAINMENTS`, nan for a normal
+    distribution. An error on such an ellipse maps to the χ² quantile of its containment; the scale is linear between
+    them and proportional beyond the largest. So `containment` and `consistency` score the reported ellipses.
     """
-    from scipy.stats import chi2
-
     usual = np.sqrt(chi2.ppf(TRACK_CONTAINMENTS, freedom))
-    is_told = np.asarray(np.isfinite(told_sigmas).all(axis=1))
-    told = np.where(is_told[:, None], told_sigmas, usual)
-    at = np.column_stack([np.zeros(len(told)), told])
+    is_reported = np.asarray(np.isfinite(reported_sigmas).all(axis=1))
+    radii = np.where(is_reported[:, None], reported_sigmas, usual)
+    at = np.column_stack([np.zeros(len(radii)), radii])
     to = np.append(0.0, usual)
     distance = np.sqrt(values)
-    part = np.minimum(np.sum(distance[:, None] > told, axis=1), len(usual) - 1)
-    row = np.arange(len(told))
+    part = np.minimum(np.sum(distance[:, None] > radii, axis=1), len(usual) - 1)
+    row = np.arange(len(radii))
     slope = (to[part + 1] - to[part]) / (at[row, part + 1] - at[row, part])
     within = to[part] + (distance - at[row, part]) * slope
-    beyond = distance * (to[-1] / told[:, -1])
-    scaled = np.square(np.where(distance > told[:, -1], beyond, within))
-    return np.where(is_told, scaled, values)
+    beyond = distance * (to[-1] / radii[:, -1])
+    scaled = np.square(np.where(distance > radii[:, -1], beyond, within))
+    return np.where(is_reported, scaled, values)
 
 
 def proportion(successes: int, trials: int) -> tuple[float, float, float]:
-    """Return a share and its 95 % interval (Wilson, J. Am. Stat. Assoc. 22 (1927), 209); nan of nothing."""
+    """Return a share and its 95 % interval (Wilson, J. Am. Stat. Assoc. 22 (1927), 209); nan without trials."""
     if not trials:
         return np.nan, np.nan, np.nan
     z = 1.959963984540054
@@ -127,10 +119,10 @@ def proportion(successes: int, trials: int) -> tuple[float, float, float]:
 def root_mean_square(error_m: FloatArray, cluster: IntArray | None = None) -> tuple[float, float, float]:
     """Return the root mean square of errors (n,), and its 95 % interval: Student's, for its logarithm.
 
-    Errors of one `cluster` (n,), as those of a track at its ticks, depend on each other: clusters are left out as a
-    whole. The logarithm's standard error is the jackknife's (Efron, The Jackknife, the Bootstrap and Other Resampling
-    Plans, 1982, chapter 3). Of ten normal errors 93 to 94 % of such intervals hold the truth, 84 to 87 % of those of a
-    bootstrap's percentiles. With two or three clusters it is as wide as so few leave it; of one it is not known: nan.
+    Errors of one `cluster` (n,), as those of a track at its ticks, are dependent: the jackknife leaves out whole
+    clusters (Efron, The Jackknife, the Bootstrap and Other Resampling Plans, 1982, chapter 3). With ten normal errors
+    93 to 94 % of such intervals contain the truth, 84 to 87 % of bootstrap percentile intervals. With one cluster the
+    interval is nan.
     """
     known = np.isfinite(error_m)
     square = np.square(error_m[known])
@@ -142,21 +134,19 @@ def root_mean_square(error_m: FloatArray, cluster: IntArray | None = None) -> tu
     others = total.sum() - total
     if len(total) < 2 or not others.min() > 0.0:
         return value, np.nan, np.nan
-    from scipy.stats import t
-
     left_out = 0.5 * np.log(others / (count.sum() - count))
     error = np.sqrt((len(total) - 1) * np.mean(np.square(left_out - left_out.mean())))
-    factor = float(np.exp(t.ppf(0.975, len(total) - 1) * error))
+    factor = float(np.exp(student.ppf(0.975, len(total) - 1) * error))
     return value, value / factor, value * factor
 
 
-#: Detections so long after a tick are left out, s: within it a boost of 50 m/s² strays by 25 m from a straight line.
+#: Detections later than this after a tick are left out, s: a boost of 50 m/s² deviates by 25 m from a straight line.
 REACH_S = 1.0
 
 
 @frozen(eq=False)
 class Innovations(Columns):
-    """One row a tick of a target's track in force: its target, time since ignition, who saw it, and the NIS.
+    """One row per tick of a target's track in force: target, time since ignition, geometry, and the NIS.
 
     The normalised innovation squared has two degrees of freedom: the two angles across the line of sight.
     """
@@ -169,68 +159,68 @@ class Innovations(Columns):
 
     @classmethod
     def empty(cls) -> "Innovations":
-        """Return the record of no rows."""
+        """Return an empty record."""
         real, truth = np.empty(0), np.empty(0, dtype=np.bool_)
         return cls(np.empty(0, dtype=np.int64), real, truth, truth, real)
 
 
 def innovations(evidence: RunEvidence, owners: Ownership) -> Innovations:
     """Return the innovations of the tracks in force, by track."""
-    told = evidence.tracks.take(rows_in_force(evidence, owners))
-    told = told.take(np.isfinite(told.state).all(axis=1) & np.isfinite(told.state_covariance).all(axis=(1, 2)))
-    numbers = np.unique(told.track).tolist()
-    return Innovations.concatenate(_of_track(evidence, told.take(told.track == each), owners) for each in numbers)
+    tracks = evidence.tracks.take(rows_in_force(evidence, owners))
+    tracks = tracks.take(np.isfinite(tracks.state).all(axis=1) & np.isfinite(tracks.state_covariance).all(axis=(1, 2)))
+    numbers = np.unique(tracks.track).tolist()
+    return Innovations.concatenate(_of_track(evidence, tracks.take(tracks.track == each), owners) for each in numbers)
 
 
-def _of_track(evidence: RunEvidence, told: Tracks, owners: Ownership) -> Innovations:
-    row = int(np.searchsorted(owners.track, told.track[0]))
-    mine = np.flatnonzero(evidence.track == owners.track[row])
-    before = np.searchsorted(told.tick_s, evidence.time_s[mine], side="right") - 1
-    mine, before = mine[before >= 0], before[before >= 0]
+def _of_track(evidence: RunEvidence, tracks: Tracks, owners: Ownership) -> Innovations:
+    row = int(np.searchsorted(owners.track, tracks.track[0]))
+    rows = np.flatnonzero(evidence.track == owners.track[row])
+    before = np.searchsorted(tracks.tick_s, evidence.time_s[rows], side="right") - 1
+    rows, before = rows[before >= 0], before[before >= 0]
     before, first = np.unique(before, return_index=True)
-    near = evidence.time_s[mine[first]] - told.tick_s[before] <= REACH_S
-    mine, told = mine[first][near], told.take(before[near])
+    near = evidence.time_s[rows[first]] - tracks.tick_s[before] <= REACH_S
+    rows, tracks = rows[first][near], tracks.take(before[near])
     target = int(owners.target[row])
     return Innovations(
-        target=np.full(len(mine), target, dtype=np.int64),
-        since_s=told.tick_s - evidence.plan.targets.ignition_s[target],
-        is_stereo=np.full(len(mine), owners.is_stereo[row]),
-        is_biased=np.full(len(mine), owners.is_biased[row]),
-        nis=_normalised(evidence, mine, told),
+        target=np.full(len(rows), target, dtype=np.int64),
+        since_s=tracks.tick_s - evidence.plan.targets.ignition_s[target],
+        is_stereo=np.full(len(rows), owners.is_stereo[row]),
+        is_biased=np.full(len(rows), owners.is_biased[row]),
+        nis=_normalised(evidence, rows, tracks),
     )
 
 
-def _normalised(evidence: RunEvidence, rows: IntArray, told: Tracks) -> FloatArray:
-    """Return the NIS (n,) of detections, each against a state that goes straight on to when its light left."""
-    origin, after_s = evidence.sensor_ecef_m[rows], evidence.time_s[rows] - told.tick_s
-    expected = told.state[:, :3] + told.state[:, 3:] * after_s[:, None]
+def _normalised(evidence: RunEvidence, rows: IntArray, tracks: Tracks) -> FloatArray:
+    """Return the NIS (n,) of detections; the state is extrapolated linearly to the time of emission."""
+    origin, after_s = evidence.sensor_ecef_m[rows], evidence.time_s[rows] - tracks.tick_s
+    expected = tracks.state[:, :3] + tracks.state[:, 3:] * after_s[:, None]
     if evidence.plan.scene.light_time:
         after_s = after_s - np.sqrt(np.sum((expected - origin) ** 2, axis=1)) / SPEED_OF_LIGHT_M_S
-        expected = told.state[:, :3] + told.state[:, 3:] * after_s[:, None]
+        expected = tracks.state[:, :3] + tracks.state[:, 3:] * after_s[:, None]
     apart = expected - origin
     range_m = np.sqrt(np.sum(apart * apart, axis=1))
     axes = tangent_axes(apart / range_m[:, None])
-    seen = matvec(axes, evidence.direction_ecef[rows])
-    seen = seen[:, :2] / seen[:, 2:]
+    measured = matvec(axes, evidence.direction_ecef[rows])
+    measured = measured[:, :2] / measured[:, 2:]
     slope = axes[:, :2] / range_m[:, None, None]
     slope = np.concatenate([slope, slope * after_s[:, None, None]], axis=2)
-    spread = slope @ told.state_covariance @ slope.transpose(0, 2, 1)
+    spread = slope @ tracks.state_covariance @ slope.transpose(0, 2, 1)
     spread[:, [0, 1], [0, 1]] += np.square(evidence.sigma_rad[rows])[:, None]
-    found: FloatArray = np.sum(seen * np.linalg.solve(spread, seen[:, :, None])[:, :, 0], axis=1)
-    return found
+    squares: FloatArray = np.sum(measured * np.linalg.solve(spread, measured[:, :, None])[:, :, 0], axis=1)
+    return squares
 
 
 _GROUND_FREEDOM = 2
 
 
 def rms(error: FloatArray, cluster: IntArray | None = None) -> dict[str, Any]:
-    """Return the root mean square of errors (n,); those of a cluster (n,) are not independent of each other."""
+    """Return the root mean square of errors (n,), dependent within a cluster (n,), with its interval."""
     value, lower, upper = root_mean_square(error, cluster)
     return {"value": value, "interval_95": [lower, upper]}
 
 
 def over(figure: Mapping[str, Any], bound: float) -> dict[str, Any]:
-    """Return a figure over a bound."""
+    """Return a figure divided by a bound."""
     low, high = figure["interval_95"]
     return {"value": figure["value"] / bound, "interval_95": [low / bound, high / bound]}
 
@@ -241,34 +231,32 @@ def share(value: float, lower: float, upper: float) -> dict[str, Any]:
 
 
 def mean(values: FloatArray, most: float = np.inf) -> dict[str, Any]:
-    """Return the mean of what is known of independent values (n,) in [0, most], with Student's interval."""
-    from scipy.stats import t
-
+    """Return the mean of the finite ones of independent values (n,) in [0, most], with Student's interval."""
     values = values[np.isfinite(values)]
     if not len(values):
         return {"value": np.nan, "interval_95": [np.nan, np.nan]}
     centre, count = float(values.mean()), len(values)
-    half = float(t.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)) if count > 1 else np.nan
+    half = float(student.ppf(0.975, count - 1) * values.std(ddof=1) / np.sqrt(count)) if count > 1 else np.nan
     return {"value": centre, "interval_95": [max(centre - half, 0.0), min(centre + half, most)]}
 
 
-def consistent(found: Consistency) -> dict[str, Any]:
-    """Return an average NEES or NIS and its band over its degrees of freedom: 1 is honest."""
+def consistent(result: Consistency) -> dict[str, Any]:
+    """Return an average NEES or NIS and its band, over its degrees of freedom: 1 is consistent."""
     return {
-        "samples": found.samples,
-        "mean": found.mean / found.freedom,
-        "band_99": [found.lower / found.freedom, found.upper / found.freedom],
-        "distribution_p": found.p_value,
+        "samples": result.samples,
+        "mean": result.mean / result.freedom,
+        "band_99": [result.lower / result.freedom, result.upper / result.freedom],
+        "distribution_p": result.p_value,
     }
 
 
 def contained(values: FloatArray) -> list[dict[str, Any]]:
-    """Return the containment curve of NEES values (n,) on the ground: nominal shares, and those observed."""
+    """Return the containment curve of NEES values (n,) on the ground: nominal and observed shares."""
     return [{"nominal": nominal, **share(*containment(values, _GROUND_FREEDOM, nominal))} for nominal in CONTAINMENTS]
 
 
 def plain(value: Any) -> Any:
-    """Return figures for JSON, where what is not known is null."""
+    """Return figures for JSON, with null for nan and inf."""
     if isinstance(value, Mapping):
         return {key: plain(each) for key, each in value.items()}
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""What a run's tracks cover, tick by tick: which launches have one, and how far the two sets are from each other."""
+"""Coverage of launches by a run's tracks per tick, and the GOSPA distance between tracks and targets."""
 
 import numpy as np
 from attrs import frozen
@@ -12,7 +12,7 @@ _NS = 1_000_000_000
 
 @frozen(kw_only=True)
 class GospaSettings:
-    """GOSPA's parameters: the cut-off distance c, m, the order p and alpha."""
+    """Parameters of GOSPA: cut-off distance c, m, order p and alpha."""
 
     cutoff_m: float = 5000.0
     order: float = 2.0
@@ -21,11 +21,11 @@ class GospaSettings:
 
 @frozen(eq=False)
 class Coverage:
-    """One row a launch that was detected.
+    """One row per detected launch.
 
-    `share` is of the ticks from its first detection to its burnout the share with a track, `first_track_s` how long
-    after that detection the first came, s, and `tracks` how many it had in all: more than one where a track was lost or
-    doubled.
+    `share` is the fraction of ticks with a track, from the first detection to burnout; `first_track_s` the time from
+    the first detection to the first track, s; `tracks` the number of tracks, more than one where a track was lost or
+    duplicated.
     """
 
     share: FloatArray
@@ -34,39 +34,39 @@ class Coverage:
 
 
 def ticks_s(evidence: RunEvidence) -> FloatArray:
-    """Return the ticks (n,) of a run, s: those at which its tracker is asked, whether or not it told anything then.
+    """Return the ticks (n,) of a run, s, at which its tracker is stepped, with or without reported tracks.
 
-    Where tracks were told at other times, as by a tracker from elsewhere, it is those times.
+    For tracks at other times, as of an external tracker, these are their times.
     """
-    told = np.unique(evidence.tracks.tick_s)
+    times = np.unique(evidence.tracks.tick_s)
     cadence_s, end_ns = evidence.plan.make_tracker().cadence_s, evidence.plan.end_ns
     if cadence_s is None:
-        return told
+        return times
     step_ns = max(1, round(cadence_s * _NS))
-    asked: FloatArray = np.append(np.arange(step_ns, end_ns, step_ns), end_ns) / _NS
-    return asked if np.isin(told, asked).all() else told
+    ticks: FloatArray = np.append(np.arange(step_ns, end_ns, step_ns), end_ns) / _NS
+    return ticks if np.isin(times, ticks).all() else times
 
 
 def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
-    """Return what a run's tracks cover of its launches."""
+    """Return the coverage of a run's launches."""
     ticks, owner = ticks_s(evidence), owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
     shares, firsts, counts = [], [], []
     for target in range(len(evidence.plan.scene.targets)):
-        seen = evidence.time_s[evidence.target == target]
-        if not len(seen):
+        detected_s = evidence.time_s[evidence.target == target]
+        if not len(detected_s):
             continue
-        told = np.unique(evidence.tracks.tick_s[owner == target])
-        due = ticks[(ticks >= seen[0]) & (ticks <= evidence.plan.targets.burnout_s[target])]
-        shares.append(float(np.isin(due, told).mean()) if len(due) else np.nan)
-        firsts.append(float(told[0] - seen[0]) if len(told) else np.nan)
+        times = np.unique(evidence.tracks.tick_s[owner == target])
+        expected = ticks[(ticks >= detected_s[0]) & (ticks <= evidence.plan.targets.burnout_s[target])]
+        shares.append(float(np.isin(expected, times).mean()) if len(expected) else np.nan)
+        firsts.append(float(times[0] - detected_s[0]) if len(times) else np.nan)
         counts.append(np.count_nonzero(owners.target == target))
     return Coverage(np.array(shares), np.array(firsts), np.array(counts, dtype=np.int64))
 
 
 def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSettings) -> FloatArray:
-    """Return (ticks, 5): distance, the three p-th powers, and how many launches there are whose truth is known.
+    """Return (ticks, 5): distance, the three p-th powers, and the number of launches with known truth.
 
-    A track of a launch whose truth is no longer known, as after burnout, is neither found nor false: it is left out.
+    A track of a launch whose truth is no longer known, as after burnout, is left out.
     """
     targets, tracks = evidence.plan.targets, evidence.tracks
     launches = np.arange(len(evidence.plan.scene.targets), dtype=np.int32)
@@ -77,18 +77,17 @@ def gospa_parts(evidence: RunEvidence, owners: Ownership, settings: GospaSetting
         if not len(known):
             continue
         true = true_states(evidence.plan, known, np.full(len(known), tick_s))[:, :3]
-        judged = (tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0])
-        told = tracks.state[judged & ((owner < 0) | np.isin(owner, known)), :3]
-        found = gospa(told, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha)
-        rows.append((found.distance, found.localisation, found.missed, found.false, len(known)))
+        is_finite = (tracks.tick_s == tick_s) & np.isfinite(tracks.state[:, 0])
+        estimates = tracks.state[is_finite & ((owner < 0) | np.isin(owner, known)), :3]
+        result = gospa(estimates, true, cutoff=settings.cutoff_m, order=settings.order, alpha=settings.alpha)
+        rows.append((result.distance, result.localisation, result.missed, result.false, len(known)))
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
 def mean_gospa(parts: FloatArray, order: float) -> FloatArray:
-    """Return a run's mean distance, the same a target, and its three parts a target; nan where no truth was known.
+    """Return a run's mean distance, the same per target, and its three parts per target; nan without truth.
 
-    The distance a target is (d^p / n)^(1/p) of n targets: where each is found, and as far off as any other, it is how
-    far that is, however many there are.
+    The distance per target is (d^p / n)^(1/p) of n targets: if each is tracked with the same error, it is that error.
     """
     if not len(parts):
         return np.full(5, np.nan)

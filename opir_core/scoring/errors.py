@@ -1,4 +1,4 @@
-"""Errors of tracks, row by row: what was estimated against what was true, at every tick and for every target."""
+"""Errors of tracks against truth, row by row: per tick and target, and of launch and impact points."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,12 +18,12 @@ from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force, tr
 
 @frozen(eq=False)
 class StateErrors(Columns):
-    """One row a tick of a target's track in force, while the truth is known.
+    """One row per tick of a target's track in force, while the truth is known.
 
     `since_s` counts from the target's ignition, `seen_s` from its first detection; errors and bounds are in m and m/s;
-    `nees` has six degrees of freedom, and in it is what is told of the radii of states' ellipsoids
-    (`on_normal_scale`). The bounds are those of a known thrust, the free ones those of an unknown one
-    (`opir_core.scoring.bound`). `impact_m` is that of the impact predicted at the tick, along the ground.
+    `nees` has six degrees of freedom and includes the reported radii of the state ellipsoids (`on_normal_scale`). The
+    bounds are for a known thrust, the free ones for an unknown one (`opir_core.scoring.bound`). `impact_m` is the error
+    of the impact predicted at the tick, along the ground.
     """
 
     target: IntArray
@@ -42,7 +42,7 @@ class StateErrors(Columns):
 
     @classmethod
     def empty(cls) -> "StateErrors":
-        """Return the record of no rows."""
+        """Return an empty record."""
         integer, real = np.empty(0, dtype=np.int64), np.empty(0)
         truth = np.empty(0, dtype=np.bool_)
         return cls(integer, real, real, truth, truth, *(real for _ in range(8)))
@@ -50,10 +50,10 @@ class StateErrors(Columns):
 
 @frozen(eq=False)
 class PointErrors(Columns):
-    """One row a target with a track: its last launch and impact estimates against the truth, by two degrees of freedom.
+    """One row per target with a track: errors of its last launch and impact estimates, two degrees of freedom.
 
-    Distances are along the ground, m; times are s, estimated minus true; nan where nothing was estimated. What is told
-    of the radii of impacts' ellipses is in `impact_nees` (`on_normal_scale`).
+    Distances are along the ground, m; times are s, estimated minus true; nan without an estimate. `impact_nees`
+    includes the reported radii of the impact ellipses (`on_normal_scale`).
     """
 
     target: IntArray
@@ -68,56 +68,56 @@ class PointErrors(Columns):
 
     @classmethod
     def empty(cls) -> "PointErrors":
-        """Return the record of no rows."""
+        """Return an empty record."""
         real, truth = np.empty(0), np.empty(0, dtype=np.bool_)
         return cls(np.empty(0, dtype=np.int64), truth, truth, *(real for _ in range(6)))
 
 
 def state_errors(evidence: RunEvidence, owners: Ownership) -> StateErrors:
-    """Return the errors of all targets' tracks in force, by target and then by tick."""
-    told = evidence.tracks.take(rows_in_force(evidence, owners))
-    target = owners.target[np.searchsorted(owners.track, told.track)]
-    parts = (_errors_of(evidence, each, told.take(target == each), owners) for each in np.unique(target).tolist())
+    """Return the errors of all targets' tracks in force, by target and tick."""
+    tracks = evidence.tracks.take(rows_in_force(evidence, owners))
+    target = owners.target[np.searchsorted(owners.track, tracks.track)]
+    parts = (_errors_of(evidence, each, tracks.take(target == each), owners) for each in np.unique(target).tolist())
     return StateErrors.concatenate(parts)
 
 
-def _errors_of(evidence: RunEvidence, target: int, told: Tracks, owners: Ownership) -> StateErrors:
-    everyone = np.full(len(told), target, dtype=np.int32)
-    true = true_states(evidence.plan, everyone, told.tick_s)
-    known = np.isfinite(true).all(axis=1) & np.isfinite(told.state).all(axis=1)
-    told, true = told.take(known), true[known]
-    owner = np.searchsorted(owners.track, told.track)
-    error = told.state - true
+def _errors_of(evidence: RunEvidence, target: int, tracks: Tracks, owners: Ownership) -> StateErrors:
+    everyone = np.full(len(tracks), target, dtype=np.int32)
+    true = true_states(evidence.plan, everyone, tracks.tick_s)
+    known = np.isfinite(true).all(axis=1) & np.isfinite(tracks.state).all(axis=1)
+    tracks, true = tracks.take(known), true[known]
+    owner = np.searchsorted(owners.track, tracks.track)
+    error = tracks.state - true
     looks = np.flatnonzero(evidence.target == target)
-    known_thrust, free_thrust = _bounds(evidence, target, looks, told.tick_s)
+    known_thrust, free_thrust = _bounds(evidence, target, looks, tracks.tick_s)
     return StateErrors(
-        target=np.full(len(told), target, dtype=np.int64),
-        since_s=told.tick_s - evidence.plan.targets.ignition_s[target],
-        seen_s=told.tick_s - (evidence.time_s[looks[0]] if len(looks) else np.nan),
+        target=np.full(len(tracks), target, dtype=np.int64),
+        since_s=tracks.tick_s - evidence.plan.targets.ignition_s[target],
+        seen_s=tracks.tick_s - (evidence.time_s[looks[0]] if len(looks) else np.nan),
         is_stereo=owners.is_stereo[owner],
         is_biased=owners.is_biased[owner],
         position_m=np.linalg.norm(error[:, :3], axis=1),
         velocity_m_s=np.linalg.norm(error[:, 3:], axis=1),
-        nees=on_normal_scale(nees(error, told.state_covariance), told.state_sigmas, 6),
+        nees=on_normal_scale(nees(error, tracks.state_covariance), tracks.state_sigmas, 6),
         position_bound_m=known_thrust[0],
         velocity_bound_m_s=known_thrust[1],
         position_free_bound_m=free_thrust[0],
         velocity_free_bound_m_s=free_thrust[1],
-        impact_m=_impact_error(told, evidence.plan.targets.truth()[target]),
+        impact_m=_impact_error(tracks, evidence.plan.targets.truth()[target]),
     )
 
 
-def _impact_error(told: Tracks, truth: Mapping[str, Any]) -> FloatArray:
-    """Return how far predicted impacts are from the true one along the ground, (n,) m; nan where none is told."""
-    place = np.broadcast_to(np.array(_place(truth.get("impact"))), (len(told), 3))
-    error: FloatArray = np.linalg.norm(ground_error(told.impact, place), axis=1)
+def _impact_error(tracks: Tracks, truth: Mapping[str, Any]) -> FloatArray:
+    """Return the ground distances (n,), m, of predicted impacts from the true one; nan without a prediction."""
+    place = np.broadcast_to(np.array(_place(truth.get("impact"))), (len(tracks), 3))
+    error: FloatArray = np.linalg.norm(ground_error(tracks.impact, place), axis=1)
     return error
 
 
 def _bounds(
     evidence: RunEvidence, target: int, looks: IntArray, tick_s: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
-    """Return the bounds (n,) of position and velocity at ticks (n,), the thrust known and not."""
+    """Return the bounds (n,) of position and velocity at ticks (n,), for known and unknown thrust."""
     plan, time_s = evidence.plan, evidence.time_s[looks]
     sensor = np.empty((len(looks), 3))
     for number in np.unique(evidence.sensor[looks]).tolist():
@@ -126,14 +126,14 @@ def _bounds(
     held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
     position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
     turns = bias_turns(plan.sensors, evidence.sensor[looks], sensor)
-    seen = DetectedLooks(time_s, position, sensor, evidence.sigma_rad[looks], turns)
-    return position_and_velocity(state_bound(tick_s, seen)), position_and_velocity(free_bound(tick_s, seen))
+    looks_seen = DetectedLooks(time_s, position, sensor, evidence.sigma_rad[looks], turns)
+    return position_and_velocity(state_bound(tick_s, looks_seen)), position_and_velocity(free_bound(tick_s, looks_seen))
 
 
 def bias_turns(sensors: Sequence[Sensor], sensor: IndexArray, sensor_ecef_m: FloatArray) -> FloatArray:
-    """Return the turns (n, p, 3), rad, of looks' sensors (n,) by a standard deviation of each bias of those that saw.
+    """Return the rotations (n, p, 3), rad, of looks' sensors (n,) by one standard deviation of each bias.
 
-    As `opir_core.planning.sensor_states` has them: about east and north of the place (n, 3) at which the sensor is.
+    As in `opir_core.planning.pointing_bias`: about east and north of the sensor position (n, 3).
     """
     biased = [each for each in np.unique(sensor).tolist() if sensors[each].line_of_sight_bias_sigma_rad > 0.0]
     turns = np.zeros((len(sensor), 2 * len(biased), 3))
@@ -145,9 +145,9 @@ def bias_turns(sensors: Sequence[Sensor], sensor: IndexArray, sensor_ecef_m: Flo
 
 
 def point_errors(evidence: RunEvidence, owners: Ownership) -> PointErrors:
-    """Return the errors of the launch and impact estimates told last of each target with a track."""
-    told = evidence.tracks.take(last_rows(evidence, owners))
-    owner = np.searchsorted(owners.track, told.track)
+    """Return the errors of the last launch and impact estimates of each target with a track."""
+    tracks = evidence.tracks.take(last_rows(evidence, owners))
+    owner = np.searchsorted(owners.track, tracks.track)
     target = owners.target[owner]
     truth = evidence.plan.targets.truth()
     launch, impact = ([_place(truth[number].get(name)) for number in target.tolist()] for name in ("launch", "impact"))
@@ -155,30 +155,30 @@ def point_errors(evidence: RunEvidence, owners: Ownership) -> PointErrors:
     impact_s = np.array([_time(truth[number].get("impact")) for number in target.tolist()])
     launch_error, impact_error = (
         ground_error(point, np.array(place, dtype=np.float64).reshape(-1, 3))
-        for point, place in ((told.launch, launch), (told.impact, impact))
+        for point, place in ((tracks.launch, launch), (tracks.impact, impact))
     )
     return PointErrors(
         target=target,
         is_stereo=owners.is_stereo[owner],
         is_biased=owners.is_biased[owner],
         launch_m=np.linalg.norm(launch_error, axis=1),
-        launch_nees=nees(launch_error, told.launch_covariance[:, :2, :2]),
-        launch_time_s=told.launch[:, 2] - ignition_s,
+        launch_nees=nees(launch_error, tracks.launch_covariance[:, :2, :2]),
+        launch_time_s=tracks.launch[:, 2] - ignition_s,
         impact_m=np.linalg.norm(impact_error, axis=1),
-        impact_nees=on_normal_scale(nees(impact_error, told.impact_covariance[:, :2, :2]), told.impact_sigmas),
-        impact_time_s=told.impact[:, 2] - impact_s,
+        impact_nees=on_normal_scale(nees(impact_error, tracks.impact_covariance[:, :2, :2]), tracks.impact_sigmas),
+        impact_time_s=tracks.impact[:, 2] - impact_s,
     )
 
 
 def last_rows(evidence: RunEvidence, owners: Ownership) -> IntArray:
-    """Return the rows of the run's tracks that were in force last, one a launch with a track, by launch."""
+    """Return the rows of the run's tracks that were in force last, one per launch with a track, by launch."""
     rows = rows_in_force(evidence, owners)
     target = owners.target[np.searchsorted(owners.track, evidence.tracks.track[rows])]
     return rows[np.append(np.diff(target) != 0, True)] if len(rows) else rows
 
 
 def _place(point: object) -> tuple[float, float, float]:
-    """Return latitude, longitude, rad, and height, m, of a place that the truth tells; nan where it tells none."""
+    """Return latitude, longitude, rad, and height, m, of a point of the truth; nan if missing."""
     if not isinstance(point, dict):
         return np.nan, np.nan, np.nan
     return np.radians(point["lat_deg"]), np.radians(point["lon_deg"]), point.get("height_m", 0.0)
@@ -188,15 +188,15 @@ def _time(point: object) -> float:
     return float(point["time_s"]) if isinstance(point, dict) and "time_s" in point else np.nan
 
 
-#: Beyond this the Earth is no longer flat, m: within it a plane is wrong by 3 cm.
+#: Beyond this distance, m, the geodesic is used: within it a plane is wrong by 3 cm.
 _FLAT_M = 20e3
 
 
 def ground_error(point: FloatArray, place: FloatArray) -> FloatArray:
-    """Return estimated minus true places (n, 2), m east and north at the estimate, as long as the way over the ground.
+    """Return estimated minus true points (n, 2), m east and north at the estimate, with the geodesic's length.
 
-    Seen from the estimate the truth lies at the geodesic's bearing and length: in the plane that touches the Earth
-    there, an error of 8000 km would be one of 6000 km.
+    The true point is placed at the geodesic's bearing and length: in the tangent plane an error of 8000 km would be one
+    of 6000 km.
     """
     latitude, longitude = point[:, 0], point[:, 1]
     here = geodetic_to_ecef(latitude, longitude, np.zeros(len(point)))

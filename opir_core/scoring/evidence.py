@@ -1,9 +1,8 @@
-"""What a score is made of: a run's tracks, whose detections they hold, and where the targets really were.
+"""The data of a score: a run's tracks and detections, the true states, and the target of each track.
 
-Whose tracks are whose: each track belongs to the target that most of its detections came from.
-
-A target may have several tracks, side by side or, where one was lost, one after another. At every tick one of them is
-*in force*: so what is told after a track was lost is judged too, and what two tracks tell at once is not counted twice.
+A track belongs to the target of most of its detections. A target may have several tracks, at the same time or, where
+one was lost, one after another. At every tick one of them is *in force*: so tracks after a loss are scored too, and
+simultaneous tracks count once.
 """
 
 import numpy as np
@@ -14,8 +13,8 @@ from opir_core.interfaces.records import Tracks
 from opir_core.planning.plan import Plan
 from opir_core.simulation.run import Run
 
-#: Positions this long apart give the true velocity, s: the truth is interpolated to a centimetre, and its jerk is below
-#: 2 m/s³, so a parabola's slope is within 0.1 m/s of it, at its ends too.
+#: Step of the finite difference for the true velocity, s: positions are interpolated to a centimetre and the jerk is
+#: below 2 m/s³, so the slope of a parabola is within 0.1 m/s, at the ends too.
 _VELOCITY_STEP_S = 0.25
 
 
@@ -23,7 +22,8 @@ _VELOCITY_STEP_S = 0.25
 class RunEvidence:
     """One run: its tracks by tick, and columns over its detections.
 
-    These are times, sensors, standard deviations of direction per axis, tracks (-1: none) and targets (-1: noise).
+    These are times, sensors, standard deviations of direction per axis, tracks (-1: none) and targets (-1: false
+    alarm).
     """
 
     plan: Plan
@@ -33,10 +33,10 @@ class RunEvidence:
     sigma_rad: FloatArray
     track: IntArray
     target: IndexArray
-    #: Measured unit vectors (n, 3), and where the sensors were (n, 3), ECEF.
+    #: Measured unit vectors (n, 3) and sensor positions (n, 3), ECEF.
     direction_ecef: FloatArray
     sensor_ecef_m: FloatArray
-    #: Time that tracking took, s, or nan where it was not measured.
+    #: Processor time of the tracker, s, or nan if not measured.
     tracking_s: float = np.nan
 
     @property
@@ -46,54 +46,54 @@ class RunEvidence:
 
 
 def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvidence:
-    """Return the evidence of a run in memory; `plan` is that of its scene."""
-    found = run.detections
-    owner, sigma_rad = final_tracks(run.tracks, found.track), found.line_of_sight_sigma_rad
+    """Return the evidence of a run in memory with the plan of its scene."""
+    detections = run.detections
+    owner, sigma_rad = final_tracks(run.tracks, detections.track), detections.line_of_sight_sigma_rad
     return RunEvidence(
         plan=plan,
         tracks=run.tracks,
-        time_s=found.time_s,
-        sensor=found.sensor,
+        time_s=detections.time_s,
+        sensor=detections.sensor,
         sigma_rad=sigma_rad,
         track=owner,
         target=run.truth.target,
-        direction_ecef=found.line_of_sight_ecef,
-        sensor_ecef_m=found.sensor_ecef_m,
+        direction_ecef=detections.line_of_sight_ecef,
+        sensor_ecef_m=detections.sensor_ecef_m,
         tracking_s=tracking_s,
     )
 
 
 def final_tracks(tracks: Tracks, track: IntArray) -> IntArray:
-    """Return the tracks of detections, -1 where the number never appears among the tracks told."""
+    """Return the tracks of detections, -1 where the number is not among the reported tracks."""
     known = np.unique(tracks.track)
     return np.where(np.isin(track, known), track, -1)
 
 
 def true_states(plan: Plan, target: IndexArray, time_s: FloatArray) -> FloatArray:
-    """Return true ECEF states (n, 6) of targets (n,) at times (n,), m and m/s relative to the turning Earth.
+    """Return true ECEF states (n, 6) of targets (n,) at times (n,), m and m/s relative to the rotating Earth.
 
-    nan where the truth is not known: before ignition, and after burnout unless a sensor follows the free flight.
+    nan where the truth is unknown: before ignition, and after burnout unless a sensor detects the free flight.
     """
     start, end = plan.targets.ignition_s[target], plan.targets.end_s[target]
     inside = (time_s >= start) & (time_s <= end)
-    held = np.clip(time_s, start, end)
+    clipped = np.clip(time_s, start, end)
     step = np.minimum(_VELOCITY_STEP_S, 0.5 * (end - start))
     # A parabola through three places: where the truth ends, as at burnout, they lie to one side.
-    middle = np.clip(held, start + step, end - step)
-    position = plan.targets.position_ecef_m(target, held)
+    middle = np.clip(clipped, start + step, end - step)
+    position = plan.targets.position_ecef_m(target, clipped)
     early, there, late = (plan.targets.position_ecef_m(target, middle + side * step) for side in (-1.0, 0.0, 1.0))
     per_step = (1.0 / step)[:, None]
-    bent = (late - 2.0 * there + early) * per_step * ((held - middle) / step)[:, None]
-    states = np.concatenate([position, 0.5 * (late - early) * per_step + bent], axis=1)
+    curvature = (late - 2.0 * there + early) * per_step * ((clipped - middle) / step)[:, None]
+    states = np.concatenate([position, 0.5 * (late - early) * per_step + curvature], axis=1)
     return np.where(inside[:, None], states, np.nan)
 
 
 @frozen(eq=False)
 class Ownership:
-    """One row a track, by number: its target (-1: noise or a source that is no launch), purity, and who saw it.
+    """One row per track, by number: target (-1: false alarms or a source that is no launch), purity and geometry.
 
-    `held` counts the track's detections that came from its target, and `purity` is their share of all its detections.
-    `is_stereo` says whether several sensors saw it, `is_biased` whether one that did has a line-of-sight bias.
+    `held` counts the track's detections from its target, and `purity` is their share of all its detections. `is_stereo`
+    marks tracks with detections of several sensors, `is_biased` those with a sensor that has a line-of-sight bias.
     """
 
     track: IntArray
@@ -105,7 +105,7 @@ class Ownership:
 
 
 def ownership(evidence: RunEvidence) -> Ownership:
-    """Return the owners of all tracks that were ever told."""
+    """Return the targets of all reported tracks."""
     numbers = np.unique(evidence.tracks.track)
     held = np.flatnonzero(evidence.track >= 0)
     row = np.searchsorted(numbers, evidence.track[held])
@@ -130,10 +130,10 @@ def ownership(evidence: RunEvidence) -> Ownership:
 
 
 def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
-    """Return the rows of the run's tracks that are in force, one a launch and tick, by launch and then by tick.
+    """Return the rows of the run's tracks that are in force, one per launch and tick, by launch and tick.
 
-    Of several tracks of a launch that are told at a tick that is the one that holds most of its detections, the
-    earliest of equals.
+    Of several tracks of a launch at a tick it is the one with the most detections of its target, the earliest of
+    equals.
     """
     owner = np.searchsorted(owners.track, evidence.tracks.track)
     target, tick_s = owners.target[owner], evidence.tracks.tick_s

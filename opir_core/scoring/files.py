@@ -24,7 +24,7 @@ from opir_core.scoring.evidence import RunEvidence
 
 
 class _TruthLine(msgspec.Struct):
-    """A line of the truth; what is no detection has other keys."""
+    """A line of the truth; records other than detections have other keys."""
 
     record: str
     detection_id: str = ""
@@ -50,25 +50,24 @@ class _Event(msgspec.Struct):
 def evidence_of_files(
     events: Path, *, truth: Path | None = None, tracks: Path | None = None, manifest: Path | None = None
 ) -> RunEvidence:
-    """Return the evidence of a run from its events (forge), and the truth, tracks and manifest beside the events.
+    """Return the evidence of a run from its events (forge), and the truth, tracks and manifest beside them.
 
-    Any of the three may lie elsewhere; tracks that do need not be those that the run wrote, so that what another
-    tracker made of its events is judged too. Raises `SceneError` that names the file, and line, that is missing, is not
-    what it should be, or is of another run.
+    Any of the three may lie elsewhere; such tracks may be those of another tracker from the same events. Raises
+    `SceneError` with the file and line that is missing, invalid or of another run.
     """
     if not events.name:
-        raise invalid_file(events, "", "is no file of a run's events; give the path that `opir run` wrote them to")
-    made = _existing(manifest or events.with_suffix(".manifest.json"), "manifest")
-    told = read_manifest(made)
-    plan = compile_plan(scene_from_mapping(told["scene"], source=f"the scene in {made}"))
-    without = "; the tracker none makes no tracks: give the run another, with --tracker"
+        raise invalid_file(events, "", "is not a file of events; give the path of the events that `opir run` wrote")
+    manifest_path = _existing(manifest or events.with_suffix(".manifest.json"), "manifest")
+    contents = read_manifest(manifest_path)
+    plan = compile_plan(scene_from_mapping(contents["scene"], source=f"the scene in {manifest_path}"))
+    without = "; the tracker none makes no tracks: choose another one with --tracker"
     place = _existing(tracks or events.with_suffix(".tracks.jsonl"), "tracks", without)
     estimates = read_tracks(place)
     if tracks is None:
-        require_tracks_of_run(place, told)
+        require_tracks_of_run(place, contents)
     targets = _targets(_existing(truth or events.with_suffix(".truth.jsonl"), "truth"), plan)
-    rows = list(_lines(_existing(events, "events"), _Event, "what the encoder forge writes"))
-    require_events_of_run(events, [row.detection_id for row in rows], targets, told)
+    rows = list(_lines(_existing(events, "events"), _Event, "an event of the encoder forge"))
+    require_events_of_run(events, [row.detection_id for row in rows], targets, contents)
     return _evidence(plan, estimates, rows, targets, events)
 
 
@@ -76,7 +75,7 @@ def _evidence(plan: Plan, tracks: Tracks, rows: list[_Event], targets: Mapping[s
     time_s = _times_s(rows, plan, events)
     order = np.argsort(time_s, kind="stable")
     rows = [rows[place] for place in order.tolist()]
-    known = set(tracks.track.tolist())
+    numbers = set(tracks.track.tolist())
     origin = np.array([row.sensor_position_ecef_m for row in rows], dtype=np.float64).reshape(-1, 3)
     angles = np.radians([[row.azimuth_deg, row.elevation_deg] for row in rows]).reshape(-1, 2)
     return RunEvidence(
@@ -85,7 +84,7 @@ def _evidence(plan: Plan, tracks: Tracks, rows: list[_Event], targets: Mapping[s
         time_s=time_s[order],
         sensor=_sensors(rows, plan, events),
         sigma_rad=np.array([row.line_of_sight_sigma_urad for row in rows]) * 1e-6,
-        track=np.array([row.track_id if row.track_id in known else -1 for row in rows], dtype=np.int64),
+        track=np.array([row.track_id if row.track_id in numbers else -1 for row in rows], dtype=np.int64),
         target=np.array([targets[row.detection_id] for row in rows], dtype=np.int32),
         direction_ecef=line_of_sight(origin, angles[:, 0], angles[:, 1]),
         sensor_ecef_m=origin,
@@ -101,11 +100,11 @@ def _sensors(rows: list[_Event], plan: Plan, path: Path) -> np.ndarray[Any, np.d
 
 
 def _targets(path: Path, plan: Plan) -> Mapping[str, int]:
-    """Return the target of each detection, -1 for noise."""
+    """Return the target of each detection, -1 for false alarms."""
     number = {id_: place for place, id_ in enumerate(plan.targets.ids)}
     owners: dict[str, int] = {}
     launches = []
-    for row in _lines(path, _TruthLine, "what opir writes"):
+    for row in _lines(path, _TruthLine, "a line of opir's truth"):
         if row.record == "target":
             launches.append(msgspec.structs.asdict(row))
         elif row.record == "detection":
@@ -125,19 +124,19 @@ def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
             try:
                 yield decoder.decode(line)
             except (msgspec.DecodeError, UnicodeDecodeError) as error:
-                raise invalid_file(path, f"line {number}", f"not {due}: {error}") from error
+                raise invalid_file(path, f"line {number}", f"is not {due}: {error}") from error
 
 
 def _times_s(rows: list[_Event], plan: Plan, path: Path) -> np.ndarray[Any, np.dtype[np.float64]]:
     try:
         stamps = np.array([row.timestamp.removesuffix("Z") for row in rows], dtype="datetime64[us]")
     except ValueError as error:
-        raise invalid_file(path, "timestamp", f"not what opir writes: {error}") from error
+        raise invalid_file(path, "timestamp", f"is not a timestamp of opir: {error}") from error
     return (stamps.astype(np.int64) - plan.scene.epoch_us).astype(np.float64) * 1e-6
 
 
 def _existing(path: Path, what: str, more: str = "") -> Path:
     if path.is_file():
         return path
-    words = f"there is no file of the {what}; `opir run` writes events, truth, tracks and manifest side by side{more}"
+    words = f"there is no {what} file; `opir run` writes events, truth, tracks and manifest side by side{more}"
     raise invalid_file(path, "", words)

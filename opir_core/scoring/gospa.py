@@ -1,11 +1,12 @@
-"""GOSPA: the distance between a set of estimates and a set of true states.
+"""The GOSPA distance between a set of estimates and a set of true states.
 
-Pure functions of arrays. The assignment is the optimal one (scipy.optimize.linear_sum_assignment).
+Functions of arrays. The assignment is optimal (scipy.optimize.linear_sum_assignment).
 """
 
 import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from opir_core.arrays import FloatArray, IntArray
 
@@ -62,8 +63,6 @@ def _assigned(
     """Return the p-th powers of the cut-off distances of the best assignment, and its pairs, by estimate."""
     if not len(estimate) or not len(truth):
         return np.empty(0), np.empty((0, 2), dtype=np.int64)
-    from scipy.optimize import linear_sum_assignment
-
     apart = np.sqrt(np.sum((np.asarray(estimate)[:, None, :] - np.asarray(truth)[None, :, :]) ** 2, axis=2))
     power = np.minimum(apart, cutoff) ** order
     rows, columns = linear_sum_assignment(power)

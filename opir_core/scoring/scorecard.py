@@ -1,4 +1,4 @@
-"""The scorecard: every figure of a tracker over runs, each with its interval, mono and stereo apart."""
+"""The scorecard: a tracker's figures over runs, each with its interval, by sensor geometry."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -27,14 +27,15 @@ from opir_core.scoring.evidence import Ownership, RunEvidence, ownership
 
 _STATE_FREEDOM = 6
 _DIRECTION_FREEDOM = 2
-#: Targets are judged apart by who saw them: several sensors or one, and whether one of these has a bias.
+#: Sensor geometries: whether several sensors saw the target, and whether one of them has a bias.
 GEOMETRIES: Mapping[str, tuple[bool, bool]] = {
     "mono": (False, False),
     "stereo": (True, False),
     "mono_biased": (False, True),
     "stereo_biased": (True, True),
 }
-#: Errors are held against bounds of the position below this, m: above, directions alone say little of the place.
+#: Errors are divided by bounds where the position bound is below this, m: above, directions hardly determine the
+#: position.
 LARGEST_BOUND_M = 100e3
 #: More targets than a scene can have.
 _MANY = 10**9
@@ -42,12 +43,12 @@ _MANY = 10**9
 
 @frozen(kw_only=True)
 class ScoreSettings(GospaSettings):
-    """What a score depends on beside the runs: GOSPA's parameters, and bins of time since ignition."""
+    """Settings of a score: GOSPA's parameters, and bins of time since ignition."""
 
     bin_s: float = 20.0
 
 
-#: The settings unless told otherwise.
+#: The default settings.
 USUAL_SETTINGS = ScoreSettings()
 
 
@@ -58,13 +59,13 @@ class Scorecard:
     figures: Mapping[str, Any]
 
     def as_plain(self) -> Any:
-        """Return the figures for JSON, where what is not known is null."""
+        """Return the figures for JSON, with null for unknown values."""
         return plain(self.figures)
 
 
 @frozen(eq=False)
 class ScoredRun:
-    """What was found in one run: errors row by row, and counts."""
+    """The scored data of one run: errors row by row, and counts."""
 
     seed: int
     is_biased: bool
@@ -82,29 +83,29 @@ class ScoredRun:
 
 
 def scorecard(evidences: Iterable[RunEvidence], settings: ScoreSettings = USUAL_SETTINGS) -> Scorecard:
-    """Return the scorecard of runs of one scene and one tracker; runs are looked at one at a time."""
+    """Return the scorecard of runs of one scene and one tracker; runs are scored one at a time."""
     return scorecard_of([scored_run(evidence, settings) for evidence in evidences], settings)
 
 
-def scorecard_of(judged: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecard:
-    """Return the scorecard of runs that were judged, each with the same settings."""
-    geometry = {name: _geometry(judged, *seen, settings) for name, seen in GEOMETRIES.items()}
-    biased = any(each.is_biased for each in judged)
+def scorecard_of(runs: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecard:
+    """Return the scorecard of scored runs with the same settings."""
+    geometry = {name: _geometry(runs, *seen, settings) for name, seen in GEOMETRIES.items()}
+    biased = any(each.is_biased for each in runs)
     return Scorecard(
         {
-            "runs": len(judged),
-            "seeds": [each.seed for each in judged],
+            "runs": len(runs),
+            "seeds": [each.seed for each in runs],
             "sensors_biased": biased,
-            **_counts(judged),
+            **_counts(runs),
             **geometry,
-            "gospa": _gospa(judged, settings),
-            **_reported_types(judged),
+            "gospa": _gospa(runs, settings),
+            **_reported_types(runs),
         }
     )
 
 
 def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
-    """Return what is found in a run."""
+    """Return the scored data of a run."""
     owners = ownership(evidence)
     return ScoredRun(
         seed=evidence.plan.scene.seed,
@@ -124,52 +125,51 @@ def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
 
 
 def _types(evidence: RunEvidence, owners: Ownership) -> FloatArray:
-    """Return counts (true types, reported types) of the type posteriors told last of each launch."""
+    """Return counts (true types, reported types) of the last reported type of each launch."""
     count = np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES)))
-    told = evidence.tracks.take(last_rows(evidence, owners))
-    target = owners.target[np.searchsorted(owners.track, told.track)]
-    known = np.isfinite(told.type_probability).all(axis=1)
-    likeliest = told.type_probability[known].argmax(axis=1)
+    tracks = evidence.tracks.take(last_rows(evidence, owners))
+    target = owners.target[np.searchsorted(owners.track, tracks.track)]
+    known = np.isfinite(tracks.type_probability).all(axis=1)
+    likeliest = tracks.type_probability[known].argmax(axis=1)
     np.add.at(count, (evidence.plan.targets.type_code[target[known]], likeliest), 1)
     return count
 
 
-def _counts(judged: Sequence[ScoredRun]) -> dict[str, Any]:
-    launches = sum(each.launches for each in judged)
+def _counts(runs: Sequence[ScoredRun]) -> dict[str, Any]:
+    launches = sum(each.launches for each in runs)
     tracks, completeness, first_track_s = (
-        np.concatenate([getattr(each.coverage, name) for each in judged])
-        for name in ("tracks", "share", "first_track_s")
+        np.concatenate([getattr(each.coverage, name) for each in runs]) for name in ("tracks", "share", "first_track_s")
     )
-    purity = np.concatenate([each.owners.purity[each.owners.target >= 0] for each in judged])
+    purity = np.concatenate([each.owners.purity[each.owners.target >= 0] for each in runs])
     return {
         "launches_tracked": share(*proportion(int(np.count_nonzero(tracks)), launches)),
         "tracks_a_launch": mean(tracks[tracks > 0].astype(np.float64)),
-        "false_tracks_a_run": mean(np.array([np.count_nonzero(each.owners.target < 0) for each in judged])),
+        "false_tracks_a_run": mean(np.array([np.count_nonzero(each.owners.target < 0) for each in runs])),
         "purity": mean(purity, 1.0),
         "completeness": mean(completeness, 1.0),
         "first_track_after_s": mean(first_track_s),
-        "tracking_us_a_detection": _pace(judged, [each.detections for each in judged]),
-        "tracking_us_a_track_update": _pace(judged, [each.track_updates for each in judged]),
+        "tracking_us_a_detection": _pace(runs, [each.detections for each in runs]),
+        "tracking_us_a_track_update": _pace(runs, [each.track_updates for each in runs]),
     }
 
 
-def _pace(judged: Sequence[ScoredRun], count: Sequence[int]) -> dict[str, Any]:
-    """Return the time of tracking a count, µs, over runs."""
-    taken = np.array([each.tracking_s for each in judged])
+def _pace(runs: Sequence[ScoredRun], count: Sequence[int]) -> dict[str, Any]:
+    """Return the processor time per count, µs, over runs."""
+    taken = np.array([each.tracking_s for each in runs])
     return mean(1e6 * taken / np.maximum(np.array(count), 1))
 
 
-def _geometry(judged: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, settings: ScoreSettings) -> dict[str, Any]:
-    """Return the figures of the targets that one sensor saw, or several, none of them with a bias, or some."""
-    states = StateErrors.concatenate(each.states for each in judged)
-    points = PointErrors.concatenate(each.points for each in judged)
-    found = Innovations.concatenate(each.innovations for each in judged)
-    run = np.repeat(np.arange(len(judged)), [len(each.states) for each in judged])
-    mine, seen, told = (
-        (each.is_stereo == is_stereo) & (each.is_biased == is_biased) for each in (states, found, points)
+def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, settings: ScoreSettings) -> dict[str, Any]:
+    """Return the figures of the targets of one geometry."""
+    states = StateErrors.concatenate(each.states for each in runs)
+    points = PointErrors.concatenate(each.points for each in runs)
+    innovations = Innovations.concatenate(each.innovations for each in runs)
+    run = np.repeat(np.arange(len(runs)), [len(each.states) for each in runs])
+    state_rows, innovation_rows, point_rows = (
+        (each.is_stereo == is_stereo) & (each.is_biased == is_biased) for each in (states, innovations, points)
     )
-    states, run, points = states.take(mine), run[mine], points.take(told)
-    nis, nis_bin = found.nis[seen], _bins(found.since_s[seen], settings)
+    states, run, points = states.take(state_rows), run[state_rows], points.take(point_rows)
+    nis, nis_bin = innovations.nis[innovation_rows], _bins(innovations.since_s[innovation_rows], settings)
     bins = _bins(states.since_s, settings)
     return {
         "by_time": [
@@ -181,8 +181,8 @@ def _geometry(judged: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, set
             for number in np.unique(bins).tolist()
         ],
         "targets": len(points),
-        "launches_told": int(np.count_nonzero(np.isfinite(points.launch_m))),
-        "impacts_told": int(np.count_nonzero(np.isfinite(points.impact_m))),
+        "launches_reported": int(np.count_nonzero(np.isfinite(points.launch_m))),
+        "impacts_reported": int(np.count_nonzero(np.isfinite(points.impact_m))),
         "launch_m": rms(points.launch_m),
         "launch_time_s": rms(points.launch_time_s),
         "impact_m": rms(points.impact_m),
@@ -197,9 +197,9 @@ def _bins(since_s: FloatArray, settings: ScoreSettings) -> IntArray:
 
 
 def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
-    """Return the figures of one bin of time since ignition; NEES by the last tick of each target in it alone.
+    """Return the figures of one bin of time since ignition, with the NEES of each target's last tick only.
 
-    Ticks of one target are not independent of each other, which the χ² band takes them to be.
+    Ticks of one target are dependent, which the χ² band assumes they are not.
     """
     track = run * _MANY + states.target
     return {
@@ -216,29 +216,31 @@ def _bin(states: StateErrors, run: IntArray) -> dict[str, Any]:
 def _over_bounds(
     states: StateErrors, track: IntArray, name: str, position_m: FloatArray, velocity_m_s: FloatArray
 ) -> dict[str, Any]:
-    """Return bounds, and errors over them, at the ticks at which directions tell the place to `LARGEST_BOUND_M`."""
-    told = position_m < LARGEST_BOUND_M
+    """Return bounds and errors over them, at ticks with a bound below `LARGEST_BOUND_M`."""
+    determined = position_m < LARGEST_BOUND_M
     figures = {}
     for what, unit, error, bound in (
         ("position", "m", states.position_m, position_m),
         ("velocity", "m_s", states.velocity_m_s, velocity_m_s),
     ):
-        figures[f"{what}_{name}bound_{unit}"] = rms(bound[told])["value"]
-        figures[f"{what}_over_{name}bound"] = over(rms(error[told], track[told]), rms(bound[told])["value"])
+        figures[f"{what}_{name}bound_{unit}"] = rms(bound[determined])["value"]
+        figures[f"{what}_over_{name}bound"] = over(
+            rms(error[determined], track[determined]), rms(bound[determined])["value"]
+        )
     return figures
 
 
 def _last_of_each(states: StateErrors) -> BoolArray:
-    """Return which rows are the last of their track in a bin; rows of a track stand together, in order of time."""
+    """Return which rows are the last of their track in a bin; rows are sorted by track and time."""
     if not len(states):
         return np.empty(0, dtype=np.bool_)
     changes = (np.diff(states.target) != 0) | (np.diff(states.since_s) <= 0.0)
     return np.append(changes, True)
 
 
-def _gospa(judged: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, Any]:
+def _gospa(runs: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, Any]:
     """Return the distances, averaged over the ticks of a run, and their parts, which are p-th powers."""
-    means = np.array([mean_gospa(each.gospa_parts, settings.order) for each in judged]).reshape(-1, 5)
+    means = np.array([mean_gospa(each.gospa_parts, settings.order) for each in runs]).reshape(-1, 5)
     names = ("mean_m", "a_target_m", "localisation_a_target", "missed_a_target", "false_a_target")
     return {
         "cutoff_m": settings.cutoff_m,
@@ -248,12 +250,12 @@ def _gospa(judged: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, An
     }
 
 
-def _reported_types(judged: Sequence[ScoredRun]) -> dict[str, Any]:
-    """Return the share of types told right, and the confusion matrix."""
-    count = sum((each.confusion for each in judged), np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES))))
+def _reported_types(runs: Sequence[ScoredRun]) -> dict[str, Any]:
+    """Return the share of types reported correctly, and the confusion matrix."""
+    count = sum((each.confusion for each in runs), np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES))))
     right = sum(int(count[row, REPORTED_TYPES.index(true)]) for row, true in enumerate(TARGET_TYPES))
     confusion = {
-        true: {told: int(count[row, column]) for column, told in enumerate(REPORTED_TYPES)}
+        true: {reported: int(count[row, column]) for column, reported in enumerate(REPORTED_TYPES)}
         for row, true in enumerate(TARGET_TYPES)
         if count[row].any()
     }

@@ -111,7 +111,7 @@ def test_a_run_s_files_that_something_else_wrote_are_told(
 def test_scores_of_what_is_no_run_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is no file of a run's events" in told(capsys, "score", "", code=2)
     (folder / TRACKS).unlink()
-    assert "there is no file of the tracks" in told(capsys, "score", EVENTS, code=2)
+    assert "there is no tracks file" in told(capsys, "score", EVENTS, code=2)
 
 
 TABLE = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n0,{x},0,0\n10,7e6,1,0\n"

@@ -1,4 +1,4 @@
-"""Stone Soup's trackers behind opir's contract (`tracker: stonesoup`), and opir's detections as a Stone Soup reader.
+"""Stone Soup's trackers as an opir tracker (`tracker: stonesoup`), and opir's detections as a Stone Soup reader.
 
-Stone Soup is imported with the modules `models`, `reader` and `tracker`; a scene does so only by naming the tracker.
+The modules `models`, `reader` and `tracker` import Stone Soup; a scene imports them only if it names the tracker.
 """

@@ -1,7 +1,7 @@
-"""opir's motion and lines of sight as Stone Soup models.
+"""opir's motion and measurement models as Stone Soup models.
 
-States are Earth-fixed (ECEF, WGS 84): position, velocity over the Earth, and, as far as the motion has them, specific
-force (all but gravity) and its rate; metres and seconds, in this order, x, y, z each.
+States are Earth-fixed (ECEF, WGS 84): position, velocity relative to the Earth and, depending on the motion, specific
+force (all but gravity) and its rate; metres and seconds, x, y, z each.
 """
 
 from datetime import timedelta
@@ -28,11 +28,10 @@ _SPIN = EARTH_ROTATION_RAD_S * np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0
 
 
 class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  # type: ignore[misc]
-    """Motion under gravity over the turning Earth, driven by white noise in the state's last derivative.
+    """Motion under gravity relative to the rotating Earth, with white noise in the last derivative of the state.
 
-    Two-body motion (6; with the zonal harmonics that `forces` has), a nearly constant specific force (9), or a nearly
-    constant rate of it (12): `opir_core.estimation.motion`, carried from the inertial frame to ECEF. Drag is left
-    out.
+    Two-body motion (6; with the zonal harmonics of `forces`), a nearly constant specific force (9), or a nearly
+    constant rate of it (12): `opir_core.estimation.motion` in ECEF. Drag is neglected.
     """
 
     ndim_state: int = Property(default=9, doc="6, 9 or 12")
@@ -64,7 +63,7 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
         return np.asarray(_earth_fixed(self.ndim_state, step_s) @ matrix @ _inertial(self.ndim_state))
 
     def covar(self, **kwargs: Any) -> Any:
-        """Return the covariance (d, d) of the noise gathered in `time_interval`."""
+        """Return the process-noise covariance (d, d) of `time_interval`."""
         step_s = _seconds(kwargs["time_interval"])
         root = self._motion.noise_root(np.array([step_s]))
         if root is None:
@@ -74,11 +73,11 @@ class EarthFixedTransition(TransitionModel, GaussianModel, TimeVariantModel):  #
 
 
 class SightModel(CartesianToElevationBearing):  # type: ignore[misc]
-    """Elevation and bearing of a target as a sensor in ECEF sees it, light time included.
+    """Elevation and bearing of a target from a sensor in ECEF, including light time.
 
     `axes` (3, 3) are the sensor's, as rows in ECEF: bearing is from the first towards the second, elevation from their
-    plane towards the third. `translation_offset` is the sensor's place at the look, m. The state is that at the look:
-    light left range/c before, where the target was then.
+    plane towards the third. `translation_offset` is the sensor position at the look, m. The state is that at the look;
+    light was emitted range/c before.
     """
 
     axes: Any = Property(default=None, doc="the sensor's axes as rows in ECEF")
@@ -96,7 +95,7 @@ class SightModel(CartesianToElevationBearing):  # type: ignore[misc]
         return StateVectors([np.arctan2(z, np.hypot(x, y)), np.arctan2(y, x)]) + noise
 
     def jacobian(self, state: Any, **_: Any) -> FloatArray:
-        """Return what elevation and bearing gain for each component of the state, (2, d)."""
+        """Return the Jacobian (2, d) of elevation and bearing by the state."""
         columns = np.asarray(state.state_vector, dtype=np.float64)
         local, delay, toward = self._seen(columns)
         x, y, z = local[:, 0]
@@ -112,7 +111,7 @@ class SightModel(CartesianToElevationBearing):  # type: ignore[misc]
         return matrix
 
     def _seen(self, columns: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return positions (3, n) in the sensor's axes when light left, the delays (n,), and unit vectors (3, n)."""
+        """Return positions (3, n) in the sensor's axes at emission, delays (n,), and unit vectors (3, n)."""
         apart = columns[:3] - np.asarray(self.translation_offset, dtype=np.float64)
         range_m = np.sqrt((apart * apart).sum(axis=0))
         delay = range_m / SPEED_OF_LIGHT_M_S * self.light_time
@@ -128,7 +127,7 @@ def free_forces(forces: ForceModel) -> Forces:
 def sensor_axes(sensor_ecef_m: FloatArray) -> FloatArray:
     """Return a sensor's axes (3, 3), rows in ECEF: to the Earth's centre, west, and north (x, y, z; right-handed).
 
-    On the Earth's axis they are what they would be at longitude 0.
+    On the Earth's axis they are those at longitude 0.
     """
     down = -sensor_ecef_m / np.sqrt((sensor_ecef_m * sensor_ecef_m).sum())
     length = np.hypot(down[0], down[1])
@@ -148,7 +147,7 @@ def _inertial(size: int) -> FloatArray:
 
 
 def _earth_fixed(size: int, step_s: float) -> FloatArray:
-    """Return the matrix (d, d) back to ECEF, of which that inertial frame was `step_s` ago."""
+    """Return the matrix (d, d) to ECEF from the inertial frame of `step_s` ago."""
     turn = earth_rotated(np.eye(3), np.full(3, -step_s)).T
     matrix: FloatArray = np.zeros((size, size))
     for block in range(0, size, 3):

@@ -30,7 +30,7 @@ _STEPS = timedelta(microseconds=1)
 
 @frozen
 class SensorSight:
-    """One line of sight: microseconds of UTC since 1970, sensor, its place and the direction in ECEF, and its error."""
+    """One line of sight: microseconds of UTC since 1970, sensor, its position, the direction, and its error; ECEF."""
 
     time_us: int
     sensor_id: str
@@ -70,9 +70,9 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
 
     @classmethod
     def of_events(cls, path: str | Path, **settings: Any) -> "OpirDetectionReader":
-        """Return the reader of a file of events in the encoding `forge`, a line each.
+        """Return the reader of a file of events in the encoding `forge`, one per line.
 
-        Raises `SceneError` that names the file and line that is not such an event.
+        Raises `SceneError` with the file and line that is invalid.
         """
         return cls(sights=sorted(_events(Path(path)), key=lambda sight: (sight.time_us, sight.sensor_id)), **settings)
 
@@ -96,7 +96,7 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
 def detection_of(sight: SensorSight, ndim_state: int, light_time: bool) -> Detection:
     """Return a line of sight as a detection with its measurement model.
 
-    The error across is the same both ways, so that of the bearing grows with 1 / cos(elevation).
+    The error across the line is isotropic, so that of the bearing is proportional to 1 / cos(elevation).
     """
     axes = sensor_axes(sight.sensor_ecef_m)
     x, y, z = axes @ sight.direction_ecef

@@ -1,4 +1,4 @@
-"""What a scene may set of the tracker `stonesoup`. Nothing heavy is imported here."""
+"""Settings of the tracker `stonesoup`. Nothing heavy is imported here."""
 
 from attrs import frozen
 
@@ -11,7 +11,7 @@ MOTIONS = ("acceleration", "jerk", "two-body")
 
 @frozen(kw_only=True)
 class StoneSoupConfig:
-    """What a scene may set of the tracker `stonesoup`."""
+    """Settings of the tracker `stonesoup`."""
 
     cadence_s: float = number(
         default=1.0, unit="s", minimum=0.01, maximum=60.0, help="time between two estimates of a track"
@@ -22,7 +22,7 @@ class StoneSoupConfig:
     association: str = text(
         default="gnn",
         choices=ASSOCIATIONS,
-        help="gnn: GNNWith2DAssignment, one to one; jpda: JPDAwithEHM2, all assignments, each as probable as it is",
+        help="gnn: GNNWith2DAssignment, one to one; jpda: JPDAwithEHM2, all assignments weighted by probability",
     )
     motion: str = text(
         default="acceleration",
@@ -35,34 +35,41 @@ class StoneSoupConfig:
         unit="m/s²/√s, m/s³/√s or m/s/√s",
         minimum=0.0,
         maximum=1000.0,
-        help="how fast the last derivative of the motion wanders: of the force, of its rate, or of the velocity",
+        help="process-noise density of the last derivative of the motion: force, its rate, or velocity",
     )
     detection_probability: float = number(
-        default=0.9, above=0.0, below=1.0, help="chance that a look at a track's target detects it"
+        default=0.9, above=0.0, below=1.0, help="P_d, probability that a look at a track's target detects it"
     )
     gate_probability: float = number(
-        default=0.9999, above=0.0, below=1.0, help="chance that a track's own detection passes its gate"
+        default=0.9999, above=0.0, below=1.0, help="probability that a track's own detection passes its gate"
     )
     false_alarms_per_sr: float = number(
-        default=100.0, unit="1/sr", above=0.0, maximum=1e9, help="expected false alarms a look, by solid angle"
+        default=100.0,
+        unit="1/sr",
+        above=0.0,
+        maximum=1e9,
+        help="clutter density: expected false alarms per look and solid angle",
     )
     needed_hits: int = number(
-        default=4, minimum=1, maximum=100, help="a track is told of once so many detections were its own"
+        default=4,
+        minimum=1,
+        maximum=100,
+        help="number of detections that confirm a track; only confirmed tracks are reported",
     )
     tentative_s: float = number(
         default=30.0,
         unit="s",
         above=0.0,
         maximum=1e6,
-        help="a track not yet told of, or less certain than lost_sigma_m, is dropped if unseen for longer",
+        help="an unconfirmed track, or one above lost_sigma_m, is deleted after this time without detection",
     )
     silence_s: float = number(
-        default=120.0, unit="s", above=0.0, maximum=1e6, help="a track unseen for longer is dropped"
+        default=120.0, unit="s", above=0.0, maximum=1e6, help="a track is deleted after this time without detection"
     )
     lost_sigma_m: float = number(
         default=300e3,
         unit="m",
         above=0.0,
         maximum=1e9,
-        help="a track less certain than this is dropped once it is unseen for tentative_s",
+        help="a track with a larger position sigma is deleted after tentative_s without detection",
     )

@@ -1,4 +1,4 @@
-"""Stone Soup behind opir's contract of a tracker."""
+"""Stone Soup as an opir tracker."""
 
 from collections.abc import Iterator
 from datetime import datetime, timedelta
@@ -26,11 +26,11 @@ _UNIX = datetime(1970, 1, 1)
 
 
 class StoneSoupTracker:
-    """A Stone Soup multi-target tracker, stepped on opir's ticks.
+    """A Stone Soup multi-target tracker, stepped at opir's ticks.
 
-    `tracker` has `update_tracker(time, detections)`, `tracks` and `data_associator`, as Stone Soup's simple trackers
-    have; `predictor` carries its states, Earth-fixed as in `opir_stonesoup.models`, to the ticks. A track is told of
-    once `needed_hits` detections were its own, and numbered then, in the order in which the tracks began.
+    `tracker` has `update_tracker(time, detections)`, `tracks` and `data_associator`, like Stone Soup's simple trackers;
+    `predictor` predicts its states, Earth-fixed as in `opir_stonesoup.models`, to the ticks. A track is reported once
+    it has `needed_hits` detections; numbers follow the order in which tracks began.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class StoneSoupTracker:
         self._next_number = 0
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return track numbers (n,), -1 for none, judged by the tracks as of the last tick; changes nothing."""
+        """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
         known = OrderedSet(self._number)
         numbers: list[int] = []
         for time, found in self._frames(detections):
@@ -58,11 +58,11 @@ class StoneSoupTracker:
         return np.array(numbers, dtype=np.int64)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Take in the detections since the last tick and return the estimates at this one, sorted by track."""
+        """Return the estimates at this tick, sorted by track, after the detections since the last one."""
         for time, found in self._frames(detections):
             self._tracker.update_tracker(time, found)
         self._count()
-        return self._told(tick_s)
+        return self._tracks(tick_s)
 
     def _frames(self, detections: Detections) -> Iterator[tuple[datetime, Any]]:
         sights = sights_of(detections, self._ids, self._epoch_us)
@@ -70,7 +70,7 @@ class StoneSoupTracker:
         return iter(OpirDetectionReader(sights=sights, ndim_state=size, light_time=self._light_time))
 
     def _count(self) -> None:
-        """Number the tracks that were seen often enough since the last tick, and forget those that ended."""
+        """Number the tracks confirmed since the last tick, and drop those that ended."""
         sure = [track for track in self._tracker.tracks if has_hits(track, self._needed_hits)]
         fresh = [track for track in sure if track not in self._number]
         self._number = {track: number for track, number in self._number.items() if track in self._tracker.tracks}
@@ -78,7 +78,7 @@ class StoneSoupTracker:
             self._number[track] = self._next_number
             self._next_number += 1
 
-    def _told(self, tick_s: float) -> Tracks:
+    def _tracks(self, tick_s: float) -> Tracks:
         count = len(self._number)
         time = _UNIX + timedelta(microseconds=self._epoch_us + round(tick_s * 1e6))
         now = [self._predictor.predict(track[-1], timestamp=time) for track in self._number]
@@ -131,7 +131,7 @@ def filter_of(config: StoneSoupConfig, context: TrackerContext) -> tuple[Any, An
 
 
 def _likeliest(hypothesis: Any) -> Any:
-    """Return the detection that a track most likely has, or None."""
+    """Return the likeliest detection of a track's hypotheses, or None."""
     best = (
         max(hypothesis, key=lambda each: each.probability) if hasattr(hypothesis, "single_hypotheses") else hypothesis
     )

@@ -35,19 +35,19 @@ def opir_trackers() -> Iterable[TrackerModel]:
     """Yield `kepler-arc`, `stereo-filter` and `boost-profile`."""
     yield TrackerModel(
         name="kepler-arc",
-        summary="a Keplerian arc fitted to three or more detections, an empirical sigma of the impact (the paper's)",
+        summary="a Keplerian arc fitted to three or more detections, with the paper's empirical impact sigma",
         config=KeplerArcConfig,
         build=_kepler_arc,
     )
     yield TrackerModel(
         name="stereo-filter",
-        summary="any number of sensors, sequential: boost, its thrust about along the velocity, and coast side by side",
+        summary="a multi-sensor IMM filter of two modes: boost with thrust about along the velocity, and coast",
         config=StereoFilterConfig,
         build=_stereo_filter,
     )
     yield TrackerModel(
         name="boost-profile",
-        summary="boost profiles of every class fitted to each track: launch, burnout, impact, type, with covariances",
+        summary="boost profiles of all classes fitted to each track: launch, burnout, impact, type, with covariances",
         config=BoostProfileConfig,
         build=_boost_profile,
     )

@@ -165,7 +165,7 @@ def test_a_spoilt_track_is_told_with_its_line(copied, name, value, message):
 def test_lines_of_other_shapes_are_told_with_what_is_due(copied):
     events = copied.read_text()
     copied.write_text('{"id": 3}\n')
-    with pytest.raises(SceneError, match="line 1: not what the encoder forge writes"):
+    with pytest.raises(SceneError, match="line 1: is not an event of the encoder forge"):
         evidence_of_files(copied)
     copied.write_text(events)
     copied.with_suffix(".tracks.jsonl").write_text("{}\n")

@@ -172,7 +172,7 @@ def test_a_process_that_dies_is_told_in_a_line(tmp_path, capsys, monkeypatch):
     (tmp_path / "scene.yaml").write_text(json.dumps(SCENE))
     assert main(["compare", str(tmp_path / "scene.yaml"), "--runs", "2", "--workers", "2"]) == 1
     told = capsys.readouterr().err
-    assert "a worker's process ended before its run did, perhaps for want of memory; give fewer --workers" in told
+    assert "a worker process ended before its run was complete, possibly out of memory; use fewer --workers" in told
     assert "Traceback" not in told
 
 
@@ -182,13 +182,13 @@ def test_a_process_that_dies_is_told_in_a_line(tmp_path, capsys, monkeypatch):
         (["compare", "SCENE", "--runs", "0"], "--runs: 0 is not a number of runs"),
         (
             ["compare", "SCENE", "--tracker", "none", "--runs", "1"],
-            "none makes no tracks to judge; name those that do with --tracker",
+            "none makes no tracks to score; name other trackers with --tracker",
         ),
         (["compare", "SCENE", "--workers", "0"], "--workers: 0 is not a number of processes; give 1 or more"),
         (["compare", "SCENE", "--alpha", "3"], "--alpha: must be in (0, 2]"),
         (["compare", "SCENE", "--order", "300"], "--order: too large"),
         (["compare", "SCENE", "--bin-s", "inf"], "--bin-s: must be at least 0.01 and finite"),
-        (["score", "nothing.jsonl"], "there is no file of the manifest"),
+        (["score", "nothing.jsonl"], "there is no manifest file"),
     ],
 )
 def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, message):
