@@ -120,8 +120,8 @@ def _solved(upper: FloatArray, right: FloatArray) -> FloatArray:
             raise np.linalg.LinAlgError("Singular matrix")
         alone: FloatArray = lone[None]
         return alone
-    found: Any = np.linalg.solve(upper, right)
-    solution: FloatArray = found
+    raw: Any = np.linalg.solve(upper, right)
+    solution: FloatArray = raw
     return solution
 
 

@@ -89,8 +89,8 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
             yield self._step(step)
 
     def _step(self, sights: Sequence[SensorSight]) -> tuple[datetime, "OrderedSet[Detection]"]:
-        found = [detection_of(sight, self.ndim_state, self.light_time) for sight in sights]
-        return found[0].timestamp, OrderedSet(found)
+        detections = [detection_of(sight, self.ndim_state, self.light_time) for sight in sights]
+        return detections[0].timestamp, OrderedSet(detections)
 
 
 def detection_of(sight: SensorSight, ndim_state: int, light_time: bool) -> Detection:

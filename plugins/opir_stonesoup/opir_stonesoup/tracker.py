@@ -51,16 +51,16 @@ class StoneSoupTracker:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
         known = OrderedSet(self._number)
         numbers: list[int] = []
-        for time, found in self._frames(detections):
-            hypotheses = self._tracker.data_associator.associate(known, found, time) if known else {}
+        for time, detected in self._frames(detections):
+            hypotheses = self._tracker.data_associator.associate(known, detected, time) if known else {}
             owner = {_likeliest(hypothesis): self._number[track] for track, hypothesis in hypotheses.items()}
-            numbers += [owner.get(detection, -1) for detection in found]
+            numbers += [owner.get(detection, -1) for detection in detected]
         return np.array(numbers, dtype=np.int64)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         """Return the estimates at this tick, sorted by track, after the detections since the last one."""
-        for time, found in self._frames(detections):
-            self._tracker.update_tracker(time, found)
+        for time, detected in self._frames(detections):
+            self._tracker.update_tracker(time, detected)
         self._count()
         return self._tracks(tick_s)
 
@@ -71,8 +71,8 @@ class StoneSoupTracker:
 
     def _count(self) -> None:
         """Number the tracks confirmed since the last tick, and drop those that ended."""
-        sure = [track for track in self._tracker.tracks if has_hits(track, self._needed_hits)]
-        fresh = [track for track in sure if track not in self._number]
+        confirmed = [track for track in self._tracker.tracks if has_hits(track, self._needed_hits)]
+        fresh = [track for track in confirmed if track not in self._number]
         self._number = {track: number for track, number in self._number.items() if track in self._tracker.tracks}
         for track in sorted(fresh, key=_began):
             self._number[track] = self._next_number

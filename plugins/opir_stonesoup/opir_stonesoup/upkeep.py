@@ -1,4 +1,4 @@
-"""Where Stone Soup tracks begin and end: the ground that a ray meets, and silence."""
+"""Initiation of Stone Soup tracks near the ground, and their deletion after a time without detection."""
 
 from datetime import datetime, timedelta
 from itertools import islice
@@ -28,17 +28,17 @@ from opir_core.geometry.occlusion import intersection_with_ellipsoid
 
 
 class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
-    """A track for each detection that belongs to none: near the ground where the ray meets it, then updated by it.
+    """A track for each unassociated detection: near the ground on its line of sight, updated by it.
 
-    What is known before is what the tracker `stereo-filter` takes to be known of a place that one sensor sees
-    (docs/explanation/association.md). A ray that misses the Earth begins nothing.
+    The prior is that of the tracker `stereo-filter` for a cluster of one sensor (docs/explanation/association.md). A
+    line that misses the Earth starts no track.
     """
 
     updater: Any = Property(doc="the tracker's updater")
     ndim_state: int = Property(default=9, doc="6, 9 or 12")
 
     def initiate(self, detections: Any, timestamp: datetime, **_: Any) -> "OrderedSet[Track]":
-        """Return tracks that begin with unassociated detections."""
+        """Return tracks started by unassociated detections."""
         tracks: OrderedSet[Track] = OrderedSet([])
         for detection in detections:
             model = detection.measurement_model
@@ -53,10 +53,10 @@ class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
 
 
 class SilenceDeleter(Deleter):  # type: ignore[misc]
-    """Tracks end that are unseen for too long, the sooner if seen seldom so far, or if little is known of them.
+    """Deletion of tracks without detection for too long, sooner for tentative or uncertain ones.
 
-    How little is known ends no track that goes on being seen. One sensor alone leaves a target open along its lines of
-    sight, by hundreds of kilometres in the end; a track begun in its place would take it to be near the ground.
+    Uncertainty deletes no track that is still detected. One sensor leaves the position along its line of sight open, by
+    hundreds of kilometres in the end; a new track in its place would be assumed near the ground.
     """
 
     needed_hits: int = Property(doc="detections after which a track is no longer tentative")
@@ -65,7 +65,7 @@ class SilenceDeleter(Deleter):  # type: ignore[misc]
     lost_sigma_m: float = Property(doc="standard deviation of a position, on any axis, beyond which it is tentative")
 
     def check_for_deletion(self, track: Any, timestamp: datetime | None = None, **_: Any) -> bool:
-        """Return whether a track ends."""
+        """Return whether a track is deleted."""
         now = track.timestamp if timestamp is None else timestamp
         seen = next(state.timestamp for state in reversed(track.states) if isinstance(state, Update))
         variance = np.diag(track.covar)[:3]
@@ -75,13 +75,13 @@ class SilenceDeleter(Deleter):  # type: ignore[misc]
 
 
 def has_hits(track: Any, needed: int) -> bool:
-    """Return whether so many detections were a track's own."""
+    """Return whether a track has at least this number of detections."""
     updates = (state for state in track.states if isinstance(state, Update))
     return next(islice(updates, needed - 1, None), None) is not None
 
 
 def ground_prior(place_ecef_m: FloatArray, ndim_state: int) -> tuple[FloatArray, FloatArray]:
-    """Return mean (d, 1) and covariance (d, d) in ECEF of a target near the ground at a place (3,)."""
+    """Return mean (d, 1) and covariance (d, d) in ECEF of a target near the ground at a position (3,)."""
     begun = TrackCandidates(place_ecef_m[None], np.zeros(1), _ONE)
     axes = prior_axes(begun)[0]
     sides, speed = prior_sigmas(begun)

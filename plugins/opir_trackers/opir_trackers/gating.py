@@ -107,9 +107,9 @@ def _middles(lines: LinesOfSight, which: IntArray, sensors: int) -> tuple[FloatA
 
 def _parallax(lines: LinesOfSight, which: IntArray, origin: FloatArray) -> FloatArray:
     """Return the largest distance of each sensor from its mean position, m."""
-    stray, apart = np.zeros(len(origin)), lines.origin_ecef_m - origin.take(which, axis=0)
-    np.maximum.at(stray, which, np.sqrt(dot(apart, apart)))
-    return stray
+    distance_m, apart = np.zeros(len(origin)), lines.origin_ecef_m - origin.take(which, axis=0)
+    np.maximum.at(distance_m, which, np.sqrt(dot(apart, apart)))
+    return distance_m
 
 
 def _directions(
@@ -141,7 +141,7 @@ def _touching(
 ) -> tuple[IntArray, IntArray]:
     """Return tracks and lines whose distance is within `reach`, found by bins, sorted."""
     octave, square = np.ceil(np.log2(np.clip(reach, _FINEST, 1.0))).astype(np.int64), reach * reach
-    tracks, found = [], []
+    tracks, line_rows = [], []
     for level in np.unique(octave):
         mine = np.flatnonzero(octave == level)
         keys = _keys(which, _bins(direction, level))
@@ -153,10 +153,10 @@ def _touching(
         apart -= middle.take(entry, axis=0)
         near = (dot(apart, apart) <= square.take(entry)).nonzero()[0]
         tracks.append(track.take(entry.take(near)))
-        found.append(line.take(near))
-    pair_track, pair_ray = np.concatenate([*tracks, _NONE]), np.concatenate([*found, _NONE])
-    order = np.lexsort((pair_ray, pair_track))
-    return pair_track[order], pair_ray[order]
+        line_rows.append(line.take(near))
+    pair_track, pair_line = np.concatenate([*tracks, _NONE]), np.concatenate([*line_rows, _NONE])
+    order = np.lexsort((pair_line, pair_track))
+    return pair_track[order], pair_line[order]
 
 
 _NONE = np.empty(0, dtype=np.int64)

@@ -93,7 +93,7 @@ def _parts_of(time_s: FloatArray, scan: IntArray, direction: FloatArray, sigma_r
         looks[mine] += 1.0
         mean[mine] += (direction[rows] - mean[mine]) / looks[mine][:, None]
         part[rows], seen_s[mine] = mine, time_s[rows]
-    # A ray that came before the first of its own part may have gone to a neighbour's.
+    # A line before the first of its own part may have been assigned to a neighbour's.
     row, new = _assigned(direction, sigma_rad, mean[:total], np.sqrt(1.0 / looks[:total]), ranks(scan - scan.min()))
     part[row] = new
     return part

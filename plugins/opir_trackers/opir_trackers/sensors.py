@@ -116,7 +116,7 @@ def position_covariance(
     range_square = np.sum(apart * apart, axis=2)
     across = np.eye(3) - apart[:, :, :, None] * apart[:, :, None, :] / range_square[:, :, None, None]
     weight_m2 = np.where(seen, weight / range_square, 0.0)
-    # A second's rays count far more than what was known beforehand, in whatever direction they tell anything.
+    # In observed directions the lines of one second outweigh the prior.
     total = np.sum(weight_m2[:, :, None, None] * across, axis=1) + np.eye(3) / _PRIOR_SIGMA_M**2
     bias_effect = np.sum(
         (weight_m2 * weight_m2 * range_square * np.square(bias_sigma_rad))[:, :, None, None] * across, axis=1

@@ -83,7 +83,7 @@ class AssociateAndUpdate:
 
     def predicted_measurements(self, estimates: ModeEstimates, time_s: float) -> PredictedMeasurements:
         """Return the predictions of the estimates about their time."""
-        return self.cached("outlook", self.filter.predicted_measurements, estimates, time_s)
+        return self.cached("predicted_measurements", self.filter.predicted_measurements, estimates, time_s)
 
     def with_bias_covariance(self, estimates: ModeEstimates, time_s: float, reports: IntArray) -> PredictedMeasurements:
         """Return the predictions including the biases of the sensors that see each track, by `reports`."""

@@ -328,11 +328,11 @@ def _gated_histories(
     last = np.zeros(len(whole.root), dtype=np.int64)
     last[theirs.track] = np.arange(len(theirs))
     place = whole.derivative[rows, 0]
-    # A track that another sensor's rays put elsewhere is still seen in its own direction: look as far as it may be off.
+    # Another sensor's lines may have shifted a track, which is still seen in its own direction: search that far.
     reach = _REACH * (without.position_bound_m(0.0)[rows] + float(whole.position_bound_m(0.0)[rows].max()))
-    found = cKDTree(place).query_ball_point(without.derivative[rows, 0], reach, return_sorted=True)
-    track = np.repeat(rows, [len(near) for near in found])
-    source = rows[np.concatenate([np.array(near, dtype=np.int64) for near in found])]
+    neighbours = cKDTree(place).query_ball_point(without.derivative[rows, 0], reach, return_sorted=True)
+    track = np.repeat(rows, [len(near) for near in neighbours])
+    source = rows[np.concatenate([np.array(near, dtype=np.int64) for near in neighbours])]
     others = track != source
     track, source = np.concatenate([rows, track[others]]), np.concatenate([rows, source[others]])
     measurements = theirs.take(last[source])
@@ -369,7 +369,7 @@ def _moment_matched(
     rows: IntArray, trials: _Trials, chosen: BoolArray, beta: FloatArray, estimates: ModeEstimates
 ) -> ModeEstimates:
     """Return the estimates of tracks (rows) as mixtures over possible histories, by moment matching."""
-    stands = _mixture_member(trials, chosen)
+    member = _mixture_member(trials, chosen)
     order = np.lexsort((-beta, trials.track))
     order = order[beta[order] > _LEAST_SHARE]
     start, stop = np.searchsorted(trials.track[order], rows), np.searchsorted(trials.track[order], rows, side="right")
@@ -378,7 +378,7 @@ def _moment_matched(
     pick = order[np.where(there, cluster, start[:, None])]
     share = np.where(there, beta[pick], 0.0)
     share /= share.sum(axis=1, keepdims=True)
-    parts = [trials.estimates.take(stands[pick[:, column]]) for column in range(_MIXED)]
+    parts = [trials.estimates.take(member[pick[:, column]]) for column in range(_MIXED)]
     boost = square_root.moment_matched(share, tuple(p.boost_mean for p in parts), tuple(p.boost_root for p in parts))
     coast = square_root.moment_matched(share, tuple(p.coast_mean for p in parts), tuple(p.coast_root for p in parts))
     own = estimates.take(rows)

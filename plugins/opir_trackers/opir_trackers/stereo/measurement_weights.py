@@ -209,7 +209,7 @@ def reweighted(
     most = np.bincount(assigned.track, weight, len(before))
     left = np.bincount(assigned.track, weight * (1.0 - 0.5 * (1.0 - weight) * square), len(before))
     part = np.maximum(left / np.maximum(most, LEAST_WEIGHT), _LEAST_TOLD)[assigned.track]
-    # Where the path is, such rays pull it as far as they do with their weights, and are as much less sure.
+    # The rescaled measurements move the estimate as far as the weighted ones, with less information.
     seen = place + (assigned.measured - place) / part[:, None]
     after = filter_.updated(before, span.end_s, _weighted(assigned, seen, weight * part), span.long_s)
     return ReweightedEstimates(after, log_likelihood)

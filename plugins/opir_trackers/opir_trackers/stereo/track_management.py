@@ -95,9 +95,9 @@ def _near(position: FloatArray, sigma_m: FloatArray) -> IntArray:
     wide = np.flatnonzero(reach_m > _NEAR_M)
     if len(wide):
         # Of two tracks that are alike at such a distance the less certain one reaches the other.
-        found = tree.query_ball_point(position[wide], reach_m[wide], return_sorted=True)
-        other = np.concatenate([np.array(rows, dtype=np.int64) for rows in found])
-        pairs = np.sort(np.stack([np.repeat(wide, [len(rows) for rows in found]), other], axis=1), axis=1)
+        neighbours = tree.query_ball_point(position[wide], reach_m[wide], return_sorted=True)
+        other = np.concatenate([np.array(rows, dtype=np.int64) for rows in neighbours])
+        pairs = np.sort(np.stack([np.repeat(wide, [len(rows) for rows in neighbours]), other], axis=1), axis=1)
         near = np.unique(np.concatenate([near, pairs[pairs[:, 0] < pairs[:, 1]]]), axis=0)
     ordered: IntArray = near[np.lexsort((near[:, 1], near[:, 0]))]
     return ordered
