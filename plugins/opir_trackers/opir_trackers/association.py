@@ -200,7 +200,7 @@ def _equivalent_measurements(
     root, inverse, turned, middle, half = (part[useful] for part in (root, inverse, turned, middle, half))
     less, more = (1.0 / np.minimum(share, 1.0) for share in (middle - half, middle + half))
     slope = np.divide(more - less, 2.0 * half, out=np.zeros_like(half), where=half > 0.0)
-    # The inverse of M, its eigenvalues cut at 1; S M⁻¹ S - H P Hᵀ is M⁻¹ - I + R here, never less than the noise of one line of sight.
+    # The inverse of M, its eigenvalues cut at 1; S M⁻¹ S - H P Hᵀ is M⁻¹ - I + R here, at least the noise of one line.
     over = slope[:, None, None] * turned + (0.5 * (less + more) - slope * middle)[:, None, None] * _UNIT
     effective = root @ (over - _UNIT) @ root.transpose(0, 2, 1)
     effective[:, [0, 1], [0, 1]] += np.square(first.sigma_rad[useful])[:, None]

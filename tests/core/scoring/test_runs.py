@@ -136,7 +136,7 @@ def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
         "NIS/2",
         "impact km",
         "reported SRBM",
-        "located, missed, false",
+        "localisation, missed, false",
         "tracks per launch",
     ):
         assert figure in told
