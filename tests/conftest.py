@@ -6,9 +6,10 @@ from collections.abc import Sequence
 import pytest
 from hypothesis import HealthCheck, settings
 
+FULL_EXAMPLES = 100
 SHARED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True}
 settings.register_profile("quick", max_examples=30, **SHARED)
-settings.register_profile("full", max_examples=100, **SHARED)
+settings.register_profile("full", max_examples=FULL_EXAMPLES, **SHARED)
 settings.load_profile("quick")
 
 SLOW_TIME_LIMIT_S = 600
@@ -20,9 +21,11 @@ LEFT_OUT_NAME = "slow_tests_left_out"
 
 
 def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
-    """Give slow tests a longer time limit than the default in pyproject.toml."""
+    """Give slow tests, and properties with all examples, a longer time limit than the default in pyproject.toml."""
+    slow = {"slow", "hypothesis"} if settings().max_examples >= FULL_EXAMPLES else {"slow"}
     for item in items:
-        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+        markers = {marker.name for marker in item.iter_markers()}
+        if markers & slow and "timeout" not in markers:
             item.add_marker(pytest.mark.timeout(SLOW_TIME_LIMIT_S))
 
 

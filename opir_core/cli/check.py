@@ -14,7 +14,7 @@ from opir_core.plugin.host import Host
 from opir_core.scene.reading.loading import overridden
 from opir_core.scene.reading.nodes import Node
 from opir_core.scene.reading.plain_data import data_of_node
-from opir_core.testing.contract_runner import BAD, KEPT, Verdict, contract_for, verdicts
+from opir_core.testing.contracts import BAD, PASSED, ConformanceResult, conformance_results, contract_for
 
 #: The exit code of a failed conformance test, as of models that return invalid values.
 _FAILED_EXIT_CODE = 4
@@ -37,10 +37,10 @@ def check(arguments: argparse.Namespace) -> int:
     components = components_named(Host.discover(), arguments.name, arguments.kind)
     settings, expected = _settings(arguments.settings), _expected(arguments.expect)
     contracts = [(one, contract_for(one.component.hook, arguments.name, settings, expected)) for one in components]
-    results = [(one, list(verdicts(contract))) for one, contract in contracts]
+    results = [(one, list(conformance_results(contract))) for one, contract in contracts]
     text = _as_json(results) if arguments.json else "\n\n".join(_as_text(*result) for result in results)
     sys.stdout.write(text + "\n")
-    return _FAILED_EXIT_CODE if any(verdict.state in BAD for _, one in results for verdict in one) else 0
+    return _FAILED_EXIT_CODE if any(result.state in BAD for _, rows in results for result in rows) else 0
 
 
 def _settings(written: Sequence[str]) -> Mapping[str, Any]:
@@ -60,27 +60,26 @@ def _expected(written: Sequence[str]) -> Mapping[str, str]:
     return {word.partition("=")[0]: word.partition("=")[2] for word in written}
 
 
-def _as_text(owned: OwnedComponent, verdicts: Sequence[Verdict]) -> str:
+def _as_text(owned: OwnedComponent, results: Sequence[ConformanceResult]) -> str:
     component = owned.component
-    bad = [verdict for verdict in verdicts if verdict.state in BAD]
     lines = [f"{component.kind} {component.name} of {owned.owner}"]
-    for verdict in verdicts:
-        lines.append(f"  {verdict.state:10}  {verdict.promise}")
-        if verdict.state != KEPT:
-            lines += [f"              {verdict.test}: {verdict.seen}", f"              {verdict.change}"]
-    passed = len(verdicts) - len(bad)
-    lines.append(f"{passed} of {len(verdicts)} conformance tests pass{', as expected' if not bad else ''}")
+    for result in results:
+        lines.append(f"  {result.state:7}  {result.requirement}")
+        if result.state != PASSED:
+            lines += [f"           {result.test}: {result.seen}", f"           {result.change}"]
+    passing = sum(result.state not in BAD for result in results)
+    lines.append(f"{passing} of {len(results)} conformance tests pass")
     return "\n".join(line.rstrip() for line in lines)
 
 
-def _as_json(results: Sequence[tuple[OwnedComponent, Sequence[Verdict]]]) -> str:
+def _as_json(reports: Sequence[tuple[OwnedComponent, Sequence[ConformanceResult]]]) -> str:
     rows = [
         {
             "kind": owned.component.kind,
             "name": owned.component.name,
             **asdict(owned.owner),
-            "tests": [asdict(verdict) for verdict in verdicts],
+            "tests": [asdict(result) for result in results],
         }
-        for owned, verdicts in results
+        for owned, results in reports
     ]
     return json.dumps(rows, indent=2)

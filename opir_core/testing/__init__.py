@@ -1,29 +1,33 @@
-"""For plugin authors: contracts to inherit, doubles of the parts a component works with, and a pytest plugin.
+"""For plugin authors: conformance tests to inherit, test doubles, and a pytest plugin.
 
-Each name is imported when it is first used, so the pytest plugin costs nothing where no contract is tested.
+Each name is imported when it is first used, so that the pytest plugin is cheap without conformance tests.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from opir_core.testing.contracts.atmospheres_and_backgrounds import AtmosphereContract, BackgroundContract
     from opir_core.testing.contracts.confidence_and_classifiers import ClassifierContract, ConfidenceContract
-    from opir_core.testing.contracts.contract import Broken, Contract, insist
+    from opir_core.testing.contracts.contract import ConformanceError, Contract, require
     from opir_core.testing.contracts.detection import DetectionContract
-    from opir_core.testing.contracts.emitters import SignatureContract, SourceContract
     from opir_core.testing.contracts.outputs import EncoderContract, SinkContract
+    from opir_core.testing.contracts.radiometry import (
+        AtmosphereContract,
+        BackgroundContract,
+        SignatureContract,
+        SourceContract,
+    )
     from opir_core.testing.contracts.scenes import SceneContract
     from opir_core.testing.contracts.sensors import ConstellationContract, SensorContract
     from opir_core.testing.contracts.targets import TargetContract
     from opir_core.testing.contracts.trackers import TrackerContract
     from opir_core.testing.doubles import (
-        AscendingTargets,
         CertainDetection,
         CountingTracker,
         FullConfidence,
-        NoAnswer,
         SilentTracker,
+        UnknownClassifier,
+        VerticalTargets,
         stub_estimates,
         stub_plan,
         stub_scene,
@@ -33,37 +37,34 @@ if TYPE_CHECKING:
 
 #: The module of each name, by which it is imported when it is first used.
 _HOMES = {
-    "contracts.atmospheres_and_backgrounds": "AtmosphereContract BackgroundContract",
     "contracts.confidence_and_classifiers": "ClassifierContract ConfidenceContract",
-    "contracts.contract": "Broken Contract insist",
+    "contracts.contract": "ConformanceError Contract require",
     "contracts.detection": "DetectionContract",
-    "contracts.emitters": "SignatureContract SourceContract",
     "contracts.outputs": "EncoderContract SinkContract",
+    "contracts.radiometry": "AtmosphereContract BackgroundContract SignatureContract SourceContract",
     "contracts.scenes": "SceneContract",
     "contracts.sensors": "ConstellationContract SensorContract",
     "contracts.targets": "TargetContract",
     "contracts.trackers": "TrackerContract",
     "doubles": (
-        "AscendingTargets CertainDetection CountingTracker FullConfidence NoAnswer SilentTracker "
+        "CertainDetection CountingTracker FullConfidence SilentTracker UnknownClassifier VerticalTargets "
         "stub_estimates stub_plan stub_scene stub_sensor stub_window"
     ),
 }
 
 __all__ = [
-    "AscendingTargets",
     "AtmosphereContract",
     "BackgroundContract",
-    "Broken",
     "CertainDetection",
     "ClassifierContract",
     "ConfidenceContract",
+    "ConformanceError",
     "ConstellationContract",
     "Contract",
     "CountingTracker",
     "DetectionContract",
     "EncoderContract",
     "FullConfidence",
-    "NoAnswer",
     "SceneContract",
     "SensorContract",
     "SignatureContract",
@@ -72,7 +73,9 @@ __all__ = [
     "SourceContract",
     "TargetContract",
     "TrackerContract",
-    "insist",
+    "UnknownClassifier",
+    "VerticalTargets",
+    "require",
     "stub_estimates",
     "stub_plan",
     "stub_scene",

@@ -1,7 +1,7 @@
-"""The test bench: one small scene of everything awkward, run with a component in it.
+"""The test scene of conformance tests: a small scene of edge cases, run with the component under test.
 
-Three sensors, one of them moving high over the pole; launches on the equator across the antimeridian, close to the
-pole, in full view, and on the far side of the Earth, where the geostationary sensors are blind.
+Three sensors, one of them moving, high over the pole; launches across the antimeridian, close to the pole, in full
+view, and on the far side of the Earth, out of view of the geostationary sensors.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,7 +22,7 @@ from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.simulation.run import plan_windows
 
-#: What a scene file holds, as plain values.
+#: A scene file as plain values.
 SceneFile = Mapping[str, Any]
 
 _POLAR_ORBIT = {
@@ -39,7 +39,7 @@ NEIGHBOUR_SENSOR = {"model": "generic-scanner", "id": "NEIGHBOUR", "orbital_slot
 
 
 def launch(name: str, kind: str, start: tuple[float, float], aim: tuple[float, float], time_s: float) -> dict[str, Any]:
-    """Return the block of a target of the model `ballistic`; places are (lat_deg, lon_deg)."""
+    """Return the block of a target of the model `ballistic`; positions are (lat_deg, lon_deg)."""
     return {
         "id": name,
         "type": kind,
@@ -60,7 +60,7 @@ NEIGHBOUR_TARGET = launch("NEIGHBOUR", "ICBM", (35.5, -119.0), (5.0, 160.0), 4.0
 
 
 def bench_scene(**changes: Any) -> dict[str, Any]:
-    """Return the bench's scene as plain values; `changes` replace its keys."""
+    """Return the test scene as plain values; `changes` replace its keys."""
     scene: dict[str, Any] = {
         "scene": "bench",
         "epoch": "2026-04-01T12:00:00Z",
@@ -77,7 +77,7 @@ def bench_scene(**changes: Any) -> dict[str, Any]:
 
 
 def bench_host(plugins: Iterable[str]) -> Host:
-    """Return a host of everything installed, and of plugins given as names of modules."""
+    """Return a host of all installed plugins and of the given plugin modules."""
     host = Host.discover()
     for name in plugins:
         host.register(import_module(name))
@@ -86,7 +86,7 @@ def bench_host(plugins: Iterable[str]) -> Host:
 
 @frozen(eq=False)
 class BenchRun:
-    """What a scene came to: its plan, all detections with their truth, and the events, line by line."""
+    """A run: its plan, all detections with their truth, and the events as lines."""
 
     plan: Plan
     detections: Detections
@@ -94,14 +94,14 @@ class BenchRun:
     lines: tuple[bytes, ...]
 
     def lines_of(self, sensors: Iterable[str], targets: Iterable[str]) -> tuple[bytes, ...]:
-        """Return the events of some sensors and targets, by ids, and the sensors' noise; each detection has a line."""
-        wanted_sensors, wanted_targets = frozenset(sensors), frozenset(targets)
+        """Return the events of some sensors: those of some targets, by ids, and false alarms."""
+        sensor_ids, target_ids = frozenset(sensors), frozenset(targets)
         ids = self.plan.targets.ids
         rows = zip(self.detections.sensor.tolist(), self.truth.target.tolist(), self.lines, strict=True)
         return tuple(
             line
             for sensor, target, line in rows
-            if self.plan.sensors[sensor].id in wanted_sensors and (target < 0 or ids[target] in wanted_targets)
+            if self.plan.sensors[sensor].id in sensor_ids and (target < 0 or ids[target] in target_ids)
         )
 
 
@@ -111,7 +111,7 @@ def planned(scene: SceneFile, host: Host) -> Plan:
 
 
 def bench_run(scene: SceneFile, host: Host, *, window_s: float | None = None) -> BenchRun:
-    """Return what a scene comes to; events are those of the encoder `forge`."""
+    """Return the run of a scene; its events are those of the encoder `forge`."""
     plan = planned(scene, host)
     encoder = encoder_of(plan)
     windows = list(plan_windows(plan, window_s))
@@ -134,7 +134,7 @@ def encoder_of(plan: Plan, name: str = "forge") -> Encoder:
 
 @frozen(eq=False)
 class LookTable:
-    """All looks of a plan that see their target, as models get them, read-only; `row` and `pair` find their dice."""
+    """All looks of a plan with a visible target: read-only exposures, and the random draws of each row."""
 
     exposures: Exposures
     numbers: WindowNumbers
@@ -153,13 +153,13 @@ class LookTable:
         numbers = WindowNumbers(streams, looks.active, looks.first_scan, looks.scans)
         return cls(table.freeze(), numbers, streams, row, pair)
 
-    def dice(self, rows: Any) -> RandomDraws:
-        """Return the dice of some of the looks."""
+    def draws(self, rows: Any) -> RandomDraws:
+        """Return the random draws of some of the looks."""
         return self.numbers.of(self.row[rows], self.pair[rows])
 
 
-def sightings_of(plan: Plan, looks: LookTable) -> ClassifierInputs:
-    """Return all looks of a plan as if each had detected, in each way that bands, counts and SNR can be."""
+def classifier_inputs(plan: Plan, looks: LookTable) -> ClassifierInputs:
+    """Return classifier inputs in which each look detects, with all combinations of bands, counts and SNR."""
     exposed, rows = looks.exposures, np.arange(len(looks.exposures))
     totals = np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64)[exposed.sensor]
     counts = rows % totals + 1

@@ -1,7 +1,4 @@
-"""Small, honest stand-ins for every part of a simulation, so that one part can be tested without the others.
-
-Windows made to order, for the tests of encoders and sinks.
-"""
+"""Test doubles of the parts of a simulation, and windows of given detections for tests of encoders and sinks."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -30,9 +27,9 @@ _SIGMA_RAD = 2e-5
 
 
 def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = None, **columns: Any) -> Window:
-    """Return a window of detections of sensor 0, one a second from `first_scan` on; `columns` replace any of theirs.
+    """Return a window of detections of sensor 0, one a second from `first_scan` on.
 
-    A replacing value is broadcast to its column; without `estimates` there are none.
+    `columns` replace columns of the detections; values are broadcast.
     """
     scan = np.arange(first_scan, first_scan + count)
     detections = evolve(_detections(scan), **{name: _like(name, value, count) for name, value in columns.items()})
@@ -48,7 +45,7 @@ def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = N
 
 
 def stub_estimates(count: int, **columns: Any) -> Tracks:
-    """Return estimates of which only tick (0, 1, … s) and track (0) are known; `columns` replace any of theirs."""
+    """Return estimates with tick (0, 1, … s), track (0) and nan; `columns` replace columns."""
     unknown = {
         name: np.full((count, *column.shape[1:]), np.nan)
         for name, column in _columns(Tracks.empty()).items()
@@ -110,8 +107,8 @@ _NS = 1_000_000_000
 
 
 @frozen(eq=False)
-class AscendingTargets:
-    """Targets that rise straight up from places (n,) at one speed, burning all the while."""
+class VerticalTargets:
+    """Targets that climb vertically from positions (n,) at constant speed from ignition to burnout."""
 
     latitude_deg: FloatArray
     longitude_deg: FloatArray
@@ -141,18 +138,18 @@ class AscendingTargets:
 
 @frozen
 class CertainDetection:
-    """Detects with one probability, in every band, without SNR; as constant for a pair or look by look."""
+    """A detection model of one probability, in the first band, without SNR; constant for a pair or look by look."""
 
     chance: float = 1.0
     is_constant: bool = True
     needs_geometry: bool = False
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray | None:
-        """Return the probability for every pair, or None where it is to be asked for look by look."""
+        """Return the probability of each pair, or None: look by look."""
         return np.full(len(sensor), self.chance) if self.is_constant else None
 
     def probability(self, exposures: Exposures) -> FloatArray:
-        """Return the probability for every look."""
+        """Return the probability of each look."""
         return np.full(len(exposures), self.chance)
 
     def measure(self, exposures: Exposures, dice: RandomDraws) -> Measured:
@@ -161,11 +158,11 @@ class CertainDetection:
 
 
 @frozen
-class NoAnswer:
-    """Classifies nothing."""
+class UnknownClassifier:
+    """A classifier that reports UNKNOWN."""
 
     def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8] | None:
-        """Return None: ask for each detection."""
+        """Return None: detection by detection."""
         return None
 
     def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
@@ -175,7 +172,7 @@ class NoAnswer:
 
 @frozen
 class FullConfidence:
-    """Is sure of everything."""
+    """A confidence model of 1."""
 
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return 1 for all."""
@@ -184,12 +181,12 @@ class FullConfidence:
 
 @frozen
 class SilentTracker:
-    """Never steps, never associates."""
+    """A tracker that never steps and never associates."""
 
     cadence_s: float | None = None
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return no track for any."""
+        """Return -1 for each detection."""
         return np.full(len(detections), -1, dtype=np.int64)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
@@ -198,7 +195,7 @@ class SilentTracker:
 
 
 class CountingTracker:
-    """One track a sensor, whose state tells how many detections came by: it shows what a tracker is fed, and when."""
+    """A tracker with one track per sensor, whose state is the number of detections so far; records its ticks."""
 
     def __init__(self, cadence_s: float = 1.0) -> None:
         self.cadence_s: float | None = cadence_s
@@ -206,12 +203,12 @@ class CountingTracker:
         self.ticks: list[tuple[float, int]] = []
 
     def associate(self, detections: Detections) -> IntArray:
-        """Return the sensor's track where it was known at the last tick."""
+        """Return the track of the sensor if it existed at the last tick."""
         known = np.array(sorted(self.counts), dtype=np.int64)
         return np.where(np.isin(detections.sensor, known), detections.sensor, -1).astype(np.int64)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Count the detections and return one row a sensor seen so far."""
+        """Count the detections; return one row per sensor with detections so far."""
         self.ticks.append((tick_s, len(detections)))
         for sensor in detections.sensor.tolist():
             self.counts[sensor] = self.counts.get(sensor, 0) + 1
@@ -221,7 +218,7 @@ class CountingTracker:
         rows = sorted(self.counts.items())
         count = len(rows)
         state = np.zeros((count, 6))
-        state[:, 0] = [seen for _, seen in rows]
+        state[:, 0] = [detections for _, detections in rows]
         return Tracks(
             tick_s=np.full(count, tick_s),
             track=np.array([sensor for sensor, _ in rows], dtype=np.int64),
@@ -238,7 +235,7 @@ class CountingTracker:
 
 
 def stub_sensor(id: str = "S-1", slot_deg: float = 0.0, **changes: Any) -> Sensor:  # noqa: A002
-    """Return a staring sensor in a geostationary slot, 10 looks a second; `changes` set any of its fields."""
+    """Return a staring sensor in a geostationary slot with 10 looks a second; `changes` set fields."""
     settings: dict[str, Any] = {
         "id": id,
         "type": "STUB",
@@ -255,7 +252,7 @@ def stub_sensor(id: str = "S-1", slot_deg: float = 0.0, **changes: Any) -> Senso
 
 
 def stub_scene(*, seed: int = 0, duration_s: float = 100.0, light_time: bool = True) -> Scene:
-    """Return a scene that names nothing."""
+    """Return a scene without sensors, targets and models."""
     nothing = Choice("", "stub", NoConfig(), "")
     return Scene(
         name="stub",
@@ -282,7 +279,7 @@ def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], 
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
     models: dict[str, Any] = {
         "detection": CertainDetection(),
-        "classifier": NoAnswer(),
+        "classifier": UnknownClassifier(),
         "confidence": FullConfidence(),
         "make_tracker": SilentTracker,
     }

@@ -1,4 +1,4 @@
-"""Does a value follow a JSON Schema? Of the schema language, what the schemas of this house use, and nothing else."""
+"""Validation of values against JSON Schema: the keywords that the core's schemas use."""
 
 import math
 import re
@@ -31,28 +31,28 @@ _KNOWN = {"type", "enum", "const", "properties", "required", "additionalProperti
 _NOTES = {"$schema", "$id", "$defs", "title", "description", "format", "examples"}
 
 
-def faults_in(value: Any, schema: Schema) -> list[str]:
-    """Return what is wrong with a value, each fault with its path; raises `ValueError` for a keyword not known here."""
-    return list(_faults(value, schema, schema, "event"))
+def schema_errors(value: Any, schema: Schema) -> list[str]:
+    """Return the errors of a value, each with its path; raises `ValueError` for an unsupported keyword."""
+    return list(_errors(value, schema, schema, "event"))
 
 
-def _faults(value: Any, schema: Schema, root: Schema, path: str) -> Iterator[str]:
+def _errors(value: Any, schema: Schema, root: Schema, path: str) -> Iterator[str]:
     unknown = schema.keys() - _KNOWN - _NOTES
     if unknown:
-        raise ValueError(f"the schema has {', '.join(sorted(unknown))}, which is not looked at here")
+        raise ValueError(f"the schema has {', '.join(sorted(unknown))}, which is not supported")
     if "$ref" in schema:
-        yield from _faults(value, _referred(schema["$ref"], root), root, path)
-    if "anyOf" in schema and all(any(_faults(value, option, root, path)) for option in schema["anyOf"]):
-        yield f"{path}: {value!r} is none of what it may be"
-    yield from _own_faults(value, schema, path)
+        yield from _errors(value, _resolved(schema["$ref"], root), root, path)
+    if "anyOf" in schema and all(any(_errors(value, option, root, path)) for option in schema["anyOf"]):
+        yield f"{path}: {value!r} matches none of the alternatives"
+    yield from _own_errors(value, schema, path)
     if isinstance(value, dict):
-        yield from _faults_in_object(value, schema, root, path)
+        yield from _object_errors(value, schema, root, path)
     if isinstance(value, list) and "items" in schema:
         for place, item in enumerate(value):
-            yield from _faults(item, schema["items"], root, f"{path}[{place}]")
+            yield from _errors(item, schema["items"], root, f"{path}[{place}]")
 
 
-def _own_faults(value: Any, schema: Schema, path: str) -> Iterator[str]:
+def _own_errors(value: Any, schema: Schema, path: str) -> Iterator[str]:
     kinds = schema.get("type", [])
     kinds = [kinds] if isinstance(kinds, str) else kinds
     if kinds and not any(_TYPES[kind](value) for kind in kinds):
@@ -64,22 +64,22 @@ def _own_faults(value: Any, schema: Schema, path: str) -> Iterator[str]:
         yield f"{path}: {value!r} is not {schema['const']!r}"
     for keyword, (kind, holds) in _BOUNDS.items():
         if keyword in schema and isinstance(value, kind) and not holds(value, schema[keyword]):
-            yield f"{path}: {value!r} breaks {keyword} {schema[keyword]!r}"
+            yield f"{path}: {value!r} violates {keyword} {schema[keyword]!r}"
 
 
-def _faults_in_object(value: dict[str, Any], schema: Schema, root: Schema, path: str) -> Iterator[str]:
+def _object_errors(value: dict[str, Any], schema: Schema, root: Schema, path: str) -> Iterator[str]:
     properties: Mapping[str, Schema] = schema.get("properties", {})
     for name in schema.get("required", ()):
         if name not in value:
             yield f"{path}.{name}: is missing"
     for name, item in value.items():
         if name in properties:
-            yield from _faults(item, properties[name], root, f"{path}.{name}")
+            yield from _errors(item, properties[name], root, f"{path}.{name}")
         elif schema.get("additionalProperties") is False:
             yield f"{path}.{name}: is not in the schema"
 
 
-def _referred(reference: str, root: Schema) -> Schema:
+def _resolved(reference: str, root: Schema) -> Schema:
     found: Any = root
     for step in reference.removeprefix("#/").split("/"):
         found = found[step]

@@ -1,7 +1,7 @@
-"""Another Python process, with another hash seed and a history of its own, that runs the bench's scenes.
+"""A second Python process with a different hash seed, which runs the test scenes.
 
 `python -m opir_core.testing.other_process` reads requests as lines of JSON and answers each with a line of JSON. One
-such process serves all tests of a session: what a component keeps from one run to the next shows as a difference too.
+process serves all tests of a session, so state that a component keeps between runs shows as a difference.
 """
 
 import atexit
@@ -15,15 +15,15 @@ from functools import cache
 
 from opir_core.testing.bench import SceneFile, bench_host, bench_run
 
-#: The processes differ in how they hash text, whatever the parent's seed.
+#: The hash seed of the process; the second one if the parent has the first.
 _HASH_SEED = "20260401"
 _OTHER_HASH_SEED = "7"
 
 
-def lines_elsewhere(scene: SceneFile, plugins: Sequence[str]) -> tuple[bytes, ...]:
-    """Return the events of a scene as the other process makes them; raises `RuntimeError` with its words if it fails.
+def events_in_other_process(scene: SceneFile, plugins: Sequence[str]) -> tuple[bytes, ...]:
+    """Return the events of a scene from the other process; raises `RuntimeError` with its message if it fails.
 
-    `plugins` are the names of modules that hold plugins which are not installed.
+    `plugins` are the modules of plugins that are not installed.
     """
     other = _process()
     assert other.stdin is not None
@@ -57,10 +57,10 @@ def _end(other: "subprocess.Popen[str]") -> None:
 
 def _serve() -> None:
     for request in sys.stdin:
-        asked = json.loads(request)
-        sys.path[:] = asked["path"]
+        arguments = json.loads(request)
+        sys.path[:] = arguments["path"]
         try:
-            lines = bench_run(asked["scene"], bench_host(asked["plugins"])).lines
+            lines = bench_run(arguments["scene"], bench_host(arguments["plugins"])).lines
             answer: dict[str, object] = {"lines": [base64.b64encode(line).decode() for line in lines]}
         except Exception as error:
             answer = {"error": f"{type(error).__name__}: {error}"}

@@ -1,6 +1,6 @@
-"""The pytest plugin: contracts' expected failures, strict, and a fixture for running scenes.
+"""The pytest plugin: expected failures of conformance tests, and a fixture that runs scenes.
 
-It is loaded wherever opir-core is installed, so it imports nothing of it before a contract is collected.
+pytest loads it wherever opir-core is installed, so it imports the core only when a conformance test is collected.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from opir_core.testing.bench import BenchRun
 
 
-#: Where the parent of all contracts is; it is not imported to find out whether a class is one.
+#: The module of the base class of conformance tests, compared by name so that it need not be imported.
 _CONTRACT = "opir_core.testing.contracts.contract"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests that a contract expects to fail: with their reasons, and strictly."""
+    """Mark expected failures of conformance tests as strict xfail, with their reasons."""
     for item in items:
         expected: Mapping[str, str] = _expected(item)
         if item.name in expected:
@@ -25,7 +25,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _expected(item: pytest.Item) -> Mapping[str, str]:
-    """Return the expected failures of an item's contract; raises where one names no test, or has no reason."""
+    """Return the expected failures of an item's class; raises if one is an unknown test or has no reason."""
     contract: Any = getattr(item, "cls", None)
     if not any(parent.__module__ == _CONTRACT for parent in getattr(contract, "__mro__", ())):
         return {}
@@ -38,7 +38,7 @@ def _expected(item: pytest.Item) -> Mapping[str, str]:
 
 @pytest.fixture
 def opir_bench() -> "Callable[..., BenchRun]":
-    """Return a function that runs the bench's scene with changes: `opir_bench(tracker="my-tracker")`."""
+    """Return a function that runs the test scene with changes: `opir_bench(tracker="my-tracker")`."""
     from opir_core.testing.bench import bench_host, bench_run, bench_scene
 
     def run(**changes: Any) -> "BenchRun":

@@ -3,8 +3,8 @@
 import broken_components
 import pytest
 
-from opir_core.testing import Broken
-from opir_core.testing.contract_runner import contract_for
+from opir_core.testing import ConformanceError
+from opir_core.testing.contracts import contract_for
 from opir_core.testing.contracts.contract import Contract
 
 MUTANTS = sorted(
@@ -35,7 +35,7 @@ def test_a_mutant_is_caught_by_the_named_test(mutant: tuple[str, str], test: str
     contract = contract_of_mutant(*mutant)
     with pytest.raises(Exception) as caught:  # noqa: PT011 - a fault may also be one that raises
         getattr(contract(), test)()
-    assert isinstance(caught.value, Broken) or mutant[1] in RAISING
+    assert isinstance(caught.value, ConformanceError) or mutant[1] in RAISING
 
 
 #: Mutants whose fault raises of itself, before the contract can judge.
@@ -48,8 +48,8 @@ RAISING = {
 
 def test_what_the_mutants_are_made_of_is_sound() -> None:
     """The trackers, sinks and models that mutants inherit keep their contracts, so each fault is the mutation's own."""
-    from opir_core.testing.contract_runner import verdicts
+    from opir_core.testing.contracts import PASSED, conformance_results
 
     for hook, name in sorted(broken_components.SOUND):
-        bad = [row for row in verdicts(contract_of_mutant(hook, name)) if row.state != "kept"]
+        bad = [row for row in conformance_results(contract_of_mutant(hook, name)) if row.state != PASSED]
         assert not bad, (name, bad)

@@ -10,14 +10,13 @@ import pytest
 
 from opir_core.cli.main import main
 from opir_core.plugin.components import CATALOGUE
-from opir_core.testing.contract_runner import contract_for, verdicts
-from opir_core.testing.contracts import HOMES, contract_of
+from opir_core.testing.contracts import HOMES, conformance_results, contract_for, contract_of
 from opir_core.testing.contracts.contract import test_names as names_of
-from opir_core.testing.json_schema import faults_in
+from opir_core.testing.json_schema import schema_errors
 
 pytest_plugins = ["pytester"]
 
-UNEVEN = "test_draws_of_others_are_left_alone"
+UNEVEN = "test_results_of_others_do_not_change"
 
 
 def opir(*words: str) -> subprocess.CompletedProcess[str]:
@@ -33,9 +32,9 @@ def test_every_kind_has_a_contract_with_promises_in_words() -> None:
         tests = names_of(contract)
         assert len(tests) >= 5, contract
         for test in tests:
-            promise = (getattr(contract, test).__doc__ or "").strip()
-            assert promise.endswith("."), f"{contract.__name__}.{test}"
-            assert "\n" not in promise
+            requirement = (getattr(contract, test).__doc__ or "").strip()
+            assert requirement.endswith("."), f"{contract.__name__}.{test}"
+            assert "\n" not in requirement
 
 
 def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> None:
@@ -43,20 +42,20 @@ def test_what_is_kept_is_told_promise_by_promise_and_pytest_is_not_needed() -> N
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
     assert lines[0] == "confidence model weighted of opir-core 0.1.0 (plugin builtin)"
-    assert lines[1] == "  kept        Every setting has words that say what it means, and its defaults are lawful."
+    assert lines[1] == "  passed   Every setting has a help text, and the defaults are valid."
     count = len(names_of(contract_of("opir_confidence_models")))
-    assert lines[-1] == f"{count} of {count} conformance tests pass, as expected"
+    assert lines[-1] == f"{count} of {count} conformance tests pass"
 
 
 def test_what_is_broken_is_told_with_what_to_change() -> None:
     told = {
         row.test: row
-        for row in verdicts(contract_for("opir_detection_models", "moody", {}, {}, ("broken_components",)))
+        for row in conformance_results(contract_for("opir_detection_models", "moody", {}, {}, ("broken_components",)))
     }
     row = told["test_the_same_seed_gives_the_same_bytes"]
-    assert row.state == "broken"
+    assert row.state == "failed"
     assert "in a second run there are" in row.seen
-    assert "Draw random numbers only from the dice" in row.change
+    assert "Draw random numbers only from the argument `dice`" in row.change
 
 
 @pytest.mark.parametrize(
@@ -66,8 +65,12 @@ def test_what_is_broken_is_told_with_what_to_change() -> None:
         (["check", "weighted", "--set", "bnad=2"], 4, "bnad: unknown key; did you mean band?"),
         (["check", "weighted", "--set", "band"], 2, "has no '='; write path=value"),
         (["check", "weighted", "--expect", "test_x"], 2, "write TEST=REASON, with a reason"),
-        (["check", "weighted", "--expect", "test_every_setting=x"], 2, "the nearest is 'test_every_setting_says_what"),
-        (["check", "null", "--expect", "test_every_event_is_accounted_for=x"], 4, "it is kept"),
+        (
+            ["check", "weighted", "--expect", "test_every_setting=x"],
+            2,
+            "the nearest is 'test_every_setting_is_documented'",
+        ),
+        (["check", "null", "--expect", "test_every_event_is_accounted_for=x"], 4, "it passes"),
     ],
 )
 def test_what_is_asked_wrongly_is_told(
@@ -82,7 +85,7 @@ def test_json_has_every_verdict(capsys: pytest.CaptureFixture[str]) -> None:
     (told,) = json.loads(capsys.readouterr().out)
     assert (told["kind"], told["name"], told["distribution"]) == ("sink", "null", "opir-core")
     assert [row["test"] for row in told["tests"]] == names_of(contract_of("opir_sinks"))
-    assert {row["state"] for row in told["tests"]} == {"kept"}
+    assert {row["state"] for row in told["tests"]} == {"passed"}
 
 
 CONTRACT_FILE = """
@@ -99,8 +102,8 @@ class TestMoody(ConfidenceContract):
     ("name", "expected", "outcomes"),
     [
         ("certain-by-rank", {}, {"failed": 1}),
-        ("certain-by-rank", {"test_each_detection_has_its_own_confidence": "ranks are its point"}, {"xfailed": 1}),
-        ("weighted", {"test_each_detection_has_its_own_confidence": "ranks are its point"}, {"failed": 1}),
+        ("certain-by-rank", {"test_confidences_are_independent": "ranks are its point"}, {"xfailed": 1}),
+        ("weighted", {"test_confidences_are_independent": "ranks are its point"}, {"failed": 1}),
         ("weighted", {}, {"passed": 1}),
     ],
 )
@@ -108,7 +111,7 @@ def test_expected_failures_are_strict_in_pytest(
     pytester: pytest.Pytester, name: str, expected: dict[str, str], outcomes: dict[str, int]
 ) -> None:
     pytester.makepyfile(CONTRACT_FILE.format(name=name, expected=expected))
-    chosen = "test_each_detection_has_its_own_confidence"
+    chosen = "test_confidences_are_independent"
     pytester.runpytest_inprocess("-p", "no:cacheprovider", "-k", chosen).assert_outcomes(**outcomes)
 
 
@@ -171,9 +174,9 @@ SCHEMA = {
 def test_conforming_agrees_with_jsonschema(value: object) -> None:
     import jsonschema
 
-    assert bool(faults_in(value, SCHEMA)) == (not jsonschema.Draft202012Validator(SCHEMA).is_valid(value))
+    assert bool(schema_errors(value, SCHEMA)) == (not jsonschema.Draft202012Validator(SCHEMA).is_valid(value))
 
 
 def test_a_schema_word_that_is_not_looked_at_is_refused() -> None:
     with pytest.raises(ValueError, match="oneOf"):
-        faults_in(1, {"oneOf": []})
+        schema_errors(1, {"oneOf": []})

@@ -17,8 +17,6 @@ from attrs import evolve
 from http_service import Stand, serving
 from opir_http.openapi import document
 
-pytestmark = pytest.mark.requests
-
 #: How long the requests of each kind go on, s; by default the steps along links are bounded by their number alone.
 FOR_S = int(os.environ.get("OPIR_SCHEMATHESIS_S", "3"))
 STEPS = ("--max-time", str(FOR_S)) if "OPIR_SCHEMATHESIS_S" in os.environ else ()

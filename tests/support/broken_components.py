@@ -95,7 +95,7 @@ def _phase_beyond(sensor: Any) -> Any:
     return evolve(sensor, scan=OwnScan(sensor.scan, beyond))
 
 
-@sensor_mutant("phase-by-rank", "test_each_target_has_its_own_phase")
+@sensor_mutant("phase-by-rank", "test_phases_are_independent")
 def _phase_by_rank(sensor: Any) -> Any:
     return evolve(sensor, scan=OwnScan(sensor.scan, by_rank))
 
@@ -111,7 +111,7 @@ class FractionalScan:
         return self.scan.phase_ns(*where)
 
 
-@sensor_mutant("period-of-fractions", "test_look_times_increase_and_keep_the_period")
+@sensor_mutant("period-of-fractions", "test_looks_are_whole_periods_apart")
 def _period_of_fractions(sensor: Any) -> Any:
     return evolve(sensor, scan=FractionalScan(sensor.scan))
 
@@ -145,17 +145,17 @@ def _orbit_in_km(sensor: Any) -> Any:
     return evolve(sensor, orbit=OwnOrbit(sensor.orbit, in_km, True))
 
 
-@sensor_mutant("stationary-that-drifts", "test_a_stationary_orbit_stays")
+@sensor_mutant("stationary-that-drifts", "test_a_stationary_orbit_does_not_move")
 def _stationary_that_drifts(sensor: Any) -> Any:
     return evolve(sensor, orbit=OwnOrbit(sensor.orbit, drifting, True))
 
 
-@sensor_mutant("orbit-by-batch", "test_each_moment_has_its_own_position")
+@sensor_mutant("orbit-by-batch", "test_positions_are_independent")
 def _orbit_by_batch(sensor: Any) -> Any:
     return evolve(sensor, orbit=OwnOrbit(sensor.orbit, centred, False))
 
 
-@sensor_mutant("bands-upside-down", "test_fields_are_lawful")
+@sensor_mutant("bands-upside-down", "test_fields_are_valid")
 def _bands_upside_down(sensor: Any) -> Any:
     return evolve(sensor, bands=(Band("SWIR", 2.9, 2.5),))
 
@@ -177,7 +177,7 @@ class MuteConfig(ScannerConfig):
     gain: float = 1.0
 
 
-@sensor_mutant("mute-setting", "test_every_setting_says_what_it_means", MuteConfig)
+@sensor_mutant("mute-setting", "test_every_setting_is_documented", MuteConfig)
 def _mute_setting(sensor: Any) -> Any:
     return sensor
 
@@ -237,7 +237,7 @@ class ByWindow(Changed):
         return np.full(len(exposures), 0.3 + 0.6 * (first % 7.0) / 7.0)
 
 
-@detection_mutant("by-mean", "test_each_look_has_its_own_probability")
+@detection_mutant("by-mean", "test_probabilities_are_independent")
 class ByMean(Changed):
     """Looks are compared with the mean of those asked about with them."""
 
@@ -253,7 +253,7 @@ class ByNumber(Changed):
         return 0.2 + 0.15 * exposures.target
 
 
-@detection_mutant("by-crowd", "test_draws_of_others_are_left_alone")
+@detection_mutant("by-crowd", "test_results_of_others_do_not_change")
 class ByCrowd(Changed):
     """Less likely the more targets there are."""
 
@@ -277,7 +277,7 @@ class TwoMinds(Changed):
         return np.full(len(sensor), 0.4)
 
 
-@detection_mutant("needs-what-it-denies", "test_geometry_is_asked_for_where_it_is_read")
+@detection_mutant("needs-what-it-denies", "test_geometry_is_declared_if_it_is_used")
 class NeedsWhatItDenies(Changed):
     """Reads geometry and says it needs none."""
 
@@ -293,7 +293,7 @@ class NeedsWhatItDenies(Changed):
         return np.clip(1.0 - exposures.range_m / 1e9, 0.0, 1.0)
 
 
-@detection_mutant("bandless", "test_bands_that_confirm_are_the_sensors")
+@detection_mutant("bandless", "test_confirming_bands_are_the_sensors_bands")
 class Bandless(Changed):
     """No band confirms."""
 
@@ -301,7 +301,7 @@ class Bandless(Changed):
         return Measured(np.zeros(len(exposures), dtype=np.uint8), np.full(len(exposures), np.nan))
 
 
-@detection_mutant("snr-by-rank", "test_each_detection_is_measured_on_its_own")
+@detection_mutant("snr-by-rank", "test_measurements_are_independent")
 class SnrByRank(Changed):
     """The SNR is the place in the call."""
 
@@ -309,7 +309,7 @@ class SnrByRank(Changed):
         return Measured(np.ones(len(exposures), dtype=np.uint8), np.arange(len(exposures), dtype=np.float64))
 
 
-@detection_mutant("draws-again", "test_the_engines_own_numbers_are_left_alone")
+@detection_mutant("draws-again", "test_reserved_random_streams_are_not_used")
 class DrawsAgain(Changed):
     """The SNR is drawn from the numbers that decided the detection."""
 
@@ -317,7 +317,7 @@ class DrawsAgain(Changed):
         return Measured(np.ones(len(exposures), dtype=np.uint8), dice.uniforms("detection")[:, 0])
 
 
-@detection_mutant("tired", "test_detections_come_at_the_stated_rate")
+@detection_mutant("tired", "test_detections_occur_at_the_stated_rate")
 class Tired(Changed):
     """Every second call is answered with half of what the others are."""
 
@@ -337,7 +337,7 @@ class PromisesNoise(Changed):
         return np.full(len(self.band_count), 0.1)
 
 
-@detection_mutant("noise-of-targets", "test_noise_crosses_as_often_as_stated")
+@detection_mutant("noise-of-targets", "test_false_alarms_occur_at_the_stated_rate")
 class NoiseOfTargets(Changed):
     """Its rate of false alarms depends on the number of targets."""
 
@@ -365,7 +365,7 @@ class OtherResponse(Changed):
         return Measured(np.ones(len(sensor), dtype=np.uint8), response.snr[:, 0])
 
 
-@detection_mutant("look-by-look", "test_looks_are_not_worked_through_one_by_one")
+@detection_mutant("look-by-look", "test_looks_are_computed_as_arrays")
 class LookByLook(Changed):
     """A loop over looks."""
 
@@ -373,7 +373,7 @@ class LookByLook(Changed):
         return np.array([0.5 if range_m > 0.0 else 0.0 for range_m in exposures.range_m.tolist()])
 
 
-@detection_mutant("clock-watcher", "test_clock_network_and_global_random_numbers_are_not_asked")
+@detection_mutant("clock-watcher", "test_clock_network_and_global_random_state_are_not_used")
 class ClockWatcher(Changed):
     """Looks at the clock, and makes nothing of it."""
 
@@ -382,7 +382,7 @@ class ClockWatcher(Changed):
         return super().probability(exposures)
 
 
-@detection_mutant("date-watcher", "test_clock_network_and_global_random_numbers_are_not_asked")
+@detection_mutant("date-watcher", "test_clock_network_and_global_random_state_are_not_used")
 class DateWatcher(Changed):
     """Looks at the date."""
 
@@ -391,7 +391,7 @@ class DateWatcher(Changed):
         return super().probability(exposures)
 
 
-@detection_mutant("global-dice", "test_clock_network_and_global_random_numbers_are_not_asked")
+@detection_mutant("global-dice", "test_clock_network_and_global_random_state_are_not_used")
 class GlobalDice(Changed):
     """Draws from numpy's global generator."""
 
@@ -400,7 +400,7 @@ class GlobalDice(Changed):
         return super().probability(exposures)
 
 
-@detection_mutant("seeds-the-world", "test_clock_network_and_global_random_numbers_are_not_asked")
+@detection_mutant("seeds-the-world", "test_clock_network_and_global_random_state_are_not_used")
 class SeedsTheWorld(Changed):
     """Seeds Python's global generator."""
 
@@ -409,7 +409,7 @@ class SeedsTheWorld(Changed):
         return super().probability(exposures)
 
 
-@detection_mutant("entropy", "test_clock_network_and_global_random_numbers_are_not_asked")
+@detection_mutant("entropy", "test_clock_network_and_global_random_state_are_not_used")
 class Entropy(Changed):
     """Asks for entropy."""
 
@@ -418,7 +418,7 @@ class Entropy(Changed):
         return super().probability(exposures)
 
 
-@detection_mutant("phones-home", "test_clock_network_and_global_random_numbers_are_not_asked")
+@detection_mutant("phones-home", "test_clock_network_and_global_random_state_are_not_used")
 class PhonesHome(Changed):
     """Opens a socket."""
 
@@ -428,7 +428,7 @@ class PhonesHome(Changed):
         return super().probability(exposures)
 
 
-@detection_mutant("afraid-of-the-empty", "test_an_empty_sky_is_no_error")
+@detection_mutant("afraid-of-the-empty", "test_a_scene_without_targets_runs")
 class AfraidOfTheEmpty(Changed):
     """Fails where there is nothing to see."""
 
@@ -436,7 +436,7 @@ class AfraidOfTheEmpty(Changed):
         int(np.min(np.asarray(self.type_code)))
 
 
-@detection_mutant("infinitely-clear", "test_columns_hold_at_pole_antimeridian_and_far_side")
+@detection_mutant("infinitely-clear", "test_columns_are_valid_at_pole_antimeridian_and_far_side")
 class InfinitelyClear(Changed):
     """An infinite SNR, over the pole."""
 
@@ -480,7 +480,7 @@ def confidence_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
     return offered
 
 
-@confidence_mutant("certain-by-rank", "test_each_detection_has_its_own_confidence")
+@confidence_mutant("certain-by-rank", "test_confidences_are_independent")
 def certain_by_rank(confidence: FloatArray, _sightings: ClassifierInputs) -> FloatArray:
     return np.linspace(0.0, 1.0, len(confidence))
 
@@ -490,7 +490,7 @@ def snr_for_granted(confidence: FloatArray, sightings: ClassifierInputs) -> Floa
     return np.clip(confidence * sightings.snr, 0.0, 1.0)
 
 
-@confidence_mutant("one-by-one", "test_detections_are_not_worked_through_one_by_one")
+@confidence_mutant("one-by-one", "test_detections_are_computed_as_arrays")
 def one_by_one(confidence: FloatArray, _sightings: ClassifierInputs) -> FloatArray:
     return np.array([min(value, 1.0) for value in confidence.tolist()])
 
@@ -523,7 +523,7 @@ def classifier_build(made: type[ConfusionClassifier]) -> Callable[..., Any]:
     return build
 
 
-mutant(ClassifierModel, "unknown-codes", "test_codes_are_of_types_that_are_reported", ConfusionConfig)(
+mutant(ClassifierModel, "unknown-codes", "test_codes_are_reported_types", ConfusionConfig)(
     classifier_build(UnknownCodes)
 )
 mutant(ClassifierModel, "three-states", "test_pairs_and_detections_agree", ConfusionConfig)(
@@ -613,13 +613,13 @@ tracker_mutant("sound-tracker", "")(OneTrack)
 detection_mutant("sound-detection", "")(Changed)
 
 
-@tracker_mutant("foresees", "test_association_names_known_tracks")
+@tracker_mutant("foresees", "test_associations_are_to_existing_tracks")
 class Foresees(OneTrack):
     def associate(self, detections: Detections) -> Any:
         return detections.sensor.astype(np.int64)
 
 
-@tracker_mutant("learns-while-asked", "test_association_changes_nothing")
+@tracker_mutant("learns-while-asked", "test_associate_has_no_side_effects")
 class LearnsWhileAsked(OneTrack):
     def associate(self, detections: Detections) -> Any:
         answer = super().associate(detections)
@@ -627,7 +627,7 @@ class LearnsWhileAsked(OneTrack):
         return answer
 
 
-@tracker_mutant("first-come", "test_each_detection_is_associated_on_its_own")
+@tracker_mutant("first-come", "test_associations_are_independent")
 class FirstCome(OneTrack):
     def associate(self, detections: Detections) -> Any:
         answer = super().associate(detections)
@@ -635,14 +635,14 @@ class FirstCome(OneTrack):
         return answer
 
 
-@tracker_mutant("reads-counts", "test_only_what_is_measured_is_read")
+@tracker_mutant("reads-counts", "test_only_measured_columns_are_used")
 class ReadsCounts(OneTrack):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         self.count += int(detections.detection_count.sum())
         return super().step(tick_s, detections)
 
 
-@tracker_mutant("unsorted", "test_rows_of_a_tick_are_in_order")
+@tracker_mutant("unsorted", "test_tracks_of_a_tick_are_sorted")
 class Unsorted(OneTrack):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         return super().step(tick_s, detections).take(slice(None, None, -1))
@@ -664,7 +664,7 @@ class Overconfident(OneTrack):
         return tracks
 
 
-@tracker_mutant("in-degrees", "test_shapes_and_places_are_lawful")
+@tracker_mutant("in-degrees", "test_shapes_and_positions_are_valid")
 class InDegrees(OneTrack):
     def tracks(self, tick_s: float, number: Any) -> Tracks:
         tracks = super().tracks(tick_s, number)
@@ -672,7 +672,7 @@ class InDegrees(OneTrack):
         return tracks
 
 
-@tracker_mutant("sure-of-all", "test_shapes_and_places_are_lawful")
+@tracker_mutant("sure-of-all", "test_shapes_and_positions_are_valid")
 class SureOfAll(OneTrack):
     def tracks(self, tick_s: float, number: Any) -> Tracks:
         tracks = super().tracks(tick_s, number)
@@ -680,7 +680,7 @@ class SureOfAll(OneTrack):
         return tracks
 
 
-@tracker_mutant("holds-less-farther-out", "test_shapes_and_places_are_lawful")
+@tracker_mutant("holds-less-farther-out", "test_shapes_and_positions_are_valid")
 class HoldsLessFartherOut(OneTrack):
     def tracks(self, tick_s: float, number: Any) -> Tracks:
         tracks = super().tracks(tick_s, number)
@@ -688,7 +688,7 @@ class HoldsLessFartherOut(OneTrack):
         return tracks
 
 
-@tracker_mutant("remembers-all", "test_work_grows_with_the_detections")
+@tracker_mutant("remembers-all", "test_work_grows_linearly_with_detections")
 class RemembersAll(OneTrack):
     def __init__(self) -> None:
         super().__init__(1.0)
@@ -709,7 +709,7 @@ class SharedMemory(OneTrack):
         self.seen = SharedMemory.everywhere
 
 
-@tracker_mutant("sees-ghosts", "test_ticks_without_detections_are_no_error")
+@tracker_mutant("sees-ghosts", "test_ticks_without_detections_are_accepted")
 class SeesGhosts(OneTrack):
     def step(self, tick_s: float, detections: Detections) -> Tracks:
         self.seen.add(0)
@@ -722,13 +722,13 @@ class StandsStill(OneTrack):
         super().__init__(-1.0)
 
 
-@tracker_mutant("loses-its-state", "test_a_tracker_pickles_in_mid_run")
+@tracker_mutant("loses-its-state", "test_a_tracker_pickles_between_ticks")
 class LosesItsState(OneTrack):
     def __reduce__(self) -> Any:
         return (LosesItsState, ())
 
 
-@tracker_mutant("meddles", "test_association_changes_nothing")
+@tracker_mutant("meddles", "test_associate_has_no_side_effects")
 class Meddles(OneTrack):
     def associate(self, detections: Detections) -> Any:
         self.seen ^= {0}
@@ -777,7 +777,7 @@ def target_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
     return offered
 
 
-@target_mutant("burns-for-ever", "test_positions_are_known_throughout_the_burn_and_nowhere_else")
+@target_mutant("burns-for-ever", "test_positions_are_finite_during_the_burn_only")
 def burns_for_ever(made: Any, _place: Any, target: Any, time_s: FloatArray) -> FloatArray:
     return made.position_ecef_m(target, np.clip(time_s, made.ignition_s[target], made.burnout_s[target]))
 
@@ -787,17 +787,17 @@ def jumps(made: Any, place: Any, target: Any, time_s: FloatArray) -> FloatArray:
     return place + np.where(time_s - made.ignition_s[target] > 30.0, 5e4, 0.0)[:, None]
 
 
-@target_mutant("led-astray", "test_bodies_are_known_to_the_end_of_their_flight_and_burns_stay_as_they_were")
+@target_mutant("led-astray", "test_free_flight_extends_to_end_s_and_burns_do_not_change")
 def led_astray(made: Any, place: Any, _target: Any, _time_s: FloatArray) -> FloatArray:
     return place if made.coast is None else place + 1.0
 
 
-@target_mutant("swarm", "test_each_moment_has_its_own_position")
+@target_mutant("swarm", "test_positions_are_independent")
 def swarm(_made: Any, place: Any, _target: Any, _time_s: FloatArray) -> FloatArray:
     return place + 1e-3 * (place - np.nanmean(place, axis=0)) if len(place) else place
 
 
-@target_mutant("flies-by-number", "test_each_target_flies_on_its_own")
+@target_mutant("flies-by-number", "test_targets_are_independent")
 def flies_by_number(_made: Any, place: Any, target: Any, _time_s: FloatArray) -> FloatArray:
     return place + 10.0 * target[:, None]
 
@@ -847,12 +847,12 @@ class NanInJson(OwnEncoder):
         return b"".join(json.dumps({"snr": snr}).encode() + b"\n" for snr in window.detections.snr.tolist())
 
 
-@encoder_mutant("unsaid", "test_says_what_it_writes")
+@encoder_mutant("unsaid", "test_media_type_and_schema_version_are_stated")
 class Unsaid(OwnEncoder):
     content_type = ""
 
 
-@encoder_mutant("stamps", "test_clock_network_and_global_random_numbers_are_not_asked")
+@encoder_mutant("stamps", "test_clock_network_and_global_random_state_are_not_used")
 class Stamps(OwnEncoder):
     def encode(self, window: Window) -> bytes:
         time.time_ns()
@@ -884,7 +884,7 @@ def sink_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
     return offered
 
 
-@sink_mutant("one-too-many", "test_nothing_written_is_nothing_delivered")
+@sink_mutant("one-too-many", "test_a_sink_without_windows_delivers_nothing")
 class OneTooMany(Counts):
     wrong = 1
 
@@ -895,14 +895,14 @@ class LosesSome(Counts):
         self.taken += len(window.detections) - (len(window.detections) > 20)
 
 
-@sink_mutant("trips-over-nothing", "test_windows_without_events_are_taken")
+@sink_mutant("trips-over-nothing", "test_windows_without_events_are_accepted")
 class TripsOverNothing(Counts):
     def write(self, window: Window) -> None:
         self.taken += 1 + int(np.argmax(window.detections.time_ns)) if len(window.detections) == 3 else 0
         window.detections.time_ns[0]
 
 
-@sink_mutant("scribbles", "test_windows_are_left_as_they_are")
+@sink_mutant("scribbles", "test_windows_are_not_modified")
 class Scribbles(Counts):
     def write(self, window: Window) -> None:
         super().write(window)
@@ -910,7 +910,7 @@ class Scribbles(Counts):
         window.detections.confidence[:] = 0.0
 
 
-@sink_mutant("knows-no-tracks", "test_awkward_windows_are_taken")
+@sink_mutant("knows-no-tracks", "test_edge_case_windows_are_accepted")
 class KnowsNoTracks(Counts):
     def write(self, window: Window) -> None:
         self.taken += int(np.sum(window.detections.track < 0))

@@ -1,82 +1,135 @@
-"""Comparisons of contracts: rows on their own against rows together, one run's events against another's."""
+"""Checks that conformance tests share: independence of rows, equal events, pickling, statistical bounds of 99.9 %."""
 
+import math
 import pickle
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from opir_core.testing.contracts.contract import Broken, insist
+from opir_core.arrays import FloatArray
+from opir_core.testing.contracts.contract import ConformanceError, require
+from opir_core.testing.execution_monitor import LOOP_STEPS, outside_inputs, steps_per_row
 
 Compute = Callable[[Any], Any]
 
+#: The standard normal's 99.95 % point: the probability beyond it, both sides together, is 0.1 %.
+Z_999 = 3.2905267314919255
 
-def insist_rows_stand_alone(what: str, compute: Compute, rows: int) -> None:
-    """Insist that `compute(chosen)` gives for each row what it gives when all rows come at once, to the last bit."""
+
+def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
+    """Require that `compute(chosen)` returns for each row the same bits as `compute` of all rows."""
     everyone = np.arange(rows)
     whole = np.asarray(compute(everyone))
-    insist_rows(what, whole, rows)
+    require_rows(what, whole, rows)
     choices = {
         "in reverse": everyone[::-1],
-        "every third alone": everyone[::3],
-        "the last alone": everyone[-1:],
+        "every third": everyone[::3],
+        "the last only": everyone[-1:],
         "none": everyone[:0],
     }
-    for how, chosen in choices.items():
+    for selection, chosen in choices.items():
         part = np.asarray(compute(chosen))
-        insist_rows(what, part, len(chosen))
+        require_rows(what, part, len(chosen))
         differs = ~_equal(part, whole[chosen])
         if differs.any():
             row = int(np.flatnonzero(differs)[0])
-            raise Broken(
-                f"{what} of row {int(chosen[row])} is {whole[chosen][row]} among all rows and {part[row]} with the rows"
-                f" taken {how}",
-                "Compute each row from its own columns alone: no sums, means, sorting or running state over rows, and"
-                " draw random numbers for all rows that are handed in.",
+            raise ConformanceError(
+                f"{what} of row {int(chosen[row])} is {whole[chosen][row]} among all rows and {part[row]}"
+                f" in a selection ({selection})",
+                "Compute each row from its own columns: no sums, means, sorting or running state over rows. Draw random"
+                " numbers for all rows of the call.",
             )
 
 
-def insist_rows(what: str, values: Any, rows: int) -> None:
-    """Insist that there is one value for each row."""
-    insist(
+def require_rows(what: str, values: Any, rows: int) -> None:
+    """Require one value for each row."""
+    require(
         np.ndim(values) >= 1 and len(values) == rows,
         f"{what} has shape {np.shape(values)} for {rows} rows",
-        f"Return an array of one row for each row handed in, here ({rows}, ...); none for none.",
+        f"Return an array with one row for each row of the input, here ({rows}, ...), and an empty one for none.",
     )
 
 
-def insist_same_lines(ours: Sequence[bytes], others: Sequence[bytes], where: str, change: str) -> None:
-    """Insist that two runs have the same events."""
-    if list(ours) == list(others):
+def require_array_computation(what: str, compute: Callable[[int], object], few: int, many: int) -> None:
+    """Require that `compute(rows)` takes about as many steps of Python for many rows as for few."""
+    steps = steps_per_row(compute, few, many)
+    require(
+        steps < LOOP_STEPS,
+        f"each additional {what} takes {steps:.1f} steps of Python",
+        f"Replace the loop over each {what} by arithmetic on whole columns.",
+    )
+
+
+def require_no_outside_inputs(act: Callable[[], object], change: str) -> None:
+    """Require that a function uses neither clock, entropy, network nor global random state."""
+    inputs = outside_inputs(act)
+    require(not inputs, f"it uses {'; '.join(inputs[:3])}", change)
+
+
+def require_same_events(expected: Sequence[bytes], lines: Sequence[bytes], where: str, change: str) -> None:
+    """Require that two runs have the same events, line by line."""
+    if list(expected) == list(lines):
         return
-    pairs = zip(ours, others, strict=False)
-    first = next((place for place, (one, other) in enumerate(pairs) if one != other), min(len(ours), len(others)))
-    told = " and ".join(_line(lines, first) for lines in (ours, others))
-    raise Broken(f"{where} there are {len(others)} events instead of {len(ours)}, or others: {told}", change)
+    pairs = zip(expected, lines, strict=False)
+    first = next((row for row, (one, other) in enumerate(pairs) if one != other), min(len(expected), len(lines)))
+    differing = " and ".join(_line(each, first) for each in (expected, lines))
+    raise ConformanceError(
+        f"{where} there are {len(lines)} events instead of {len(expected)}, or different ones: {differing}", change
+    )
 
 
-def insist_complete(part: Any, abilities: Sequence[type]) -> None:
-    """Insist that a built part has all members of an optional protocol, or none of them."""
+def require_complete_abilities(part: Any, abilities: Sequence[type]) -> None:
+    """Require that a built part has all members of an optional protocol, or none of them."""
     for ability in abilities:
         members = [name for name in vars(ability) if not name.startswith("_")]
         missing = [name for name in members if not hasattr(part, name)]
         if missing and len(missing) < len(members):
-            raise Broken(
+            raise ConformanceError(
                 f"it has some members of {ability.__name__} and lacks {', '.join(missing)}",
                 f"Implement all of opir_core.plugin.{ability.__name__}, or none of it.",
             )
 
 
-def insist_pickles(part: Any) -> Any:
-    """Insist that a built part can be pickled, and return its copy."""
+def require_pickling(part: Any) -> Any:
+    """Return a pickled copy of a built part; raises `ConformanceError` if it cannot be pickled."""
     try:
         return pickle.loads(pickle.dumps(part))
     except Exception as error:
-        raise Broken(
+        raise ConformanceError(
             f"{type(part).__name__} cannot be pickled: {error}",
-            "Keep no open files, locks, lambdas or local functions in what build returns; define classes and functions"
-            " at the top of a module.",
+            "Keep no open files, locks, lambdas or local functions in the object that build returns. Define classes and"
+            " functions at module level.",
         ) from error
+
+
+def count_excess(count: float, chances: FloatArray) -> float:
+    """Return the distance of a count from its expectation, in half widths of its 99.9 % interval; inside up to 1.
+
+    `chances` (n,) are those of independent trials. The half width is that of the normal with the count's variance
+    (Poisson binomial); half a count is the continuity correction.
+    """
+    spread = math.sqrt(float(np.sum(chances * (1.0 - chances))))
+    return max(abs(count - float(np.sum(chances))) - 0.5, 0.0) / max(Z_999 * spread, 1e-9)
+
+
+def rate_excess(count: float, expected: float) -> float:
+    """Return the distance of a Poisson count from its mean, in half widths of its 99.9 % interval (normal)."""
+    return max(abs(count - expected) - 0.5, 0.0) / max(Z_999 * math.sqrt(expected), 1e-9)
+
+
+def uniformity_excess(values: FloatArray) -> float:
+    """Return the Kolmogorov-Smirnov distance of values (n,) from uniform on [0, 1], in units of its 99.9 % point.
+
+    Stephens' form of the point for finite n (J. R. Stat. Soc. B 32, 1970): D (sqrt n + 0.12 + 0.11 / sqrt n) <= 1.950.
+    """
+    count = len(values)
+    if count == 0:
+        return 0.0
+    ordered = np.sort(values)
+    steps = np.arange(count + 1) / count
+    distance = float(max(np.max(steps[1:] - ordered), np.max(ordered - steps[:-1])))
+    return distance * (math.sqrt(count) + 0.12 + 0.11 / math.sqrt(count)) / 1.950
 
 
 def _equal(one: Any, other: Any) -> Any:
@@ -84,5 +137,5 @@ def _equal(one: Any, other: Any) -> Any:
     return same.all(axis=tuple(range(1, same.ndim)))
 
 
-def _line(lines: Sequence[bytes], place: int) -> str:
-    return lines[place].decode(errors="replace")[:300] if place < len(lines) else "nothing"
+def _line(lines: Sequence[bytes], row: int) -> str:
+    return lines[row].decode(errors="replace")[:300] if row < len(lines) else "nothing"

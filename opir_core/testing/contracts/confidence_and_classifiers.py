@@ -1,4 +1,4 @@
-"""The contracts of what judges detections: confidence models and classifiers."""
+"""Conformance tests of confidence models and classifiers."""
 
 from functools import cache
 from typing import Any, ClassVar
@@ -9,76 +9,74 @@ from opir_core.interfaces.optional import PosteriorClassifier
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.testing.bench import LookTable, bench_scene, sightings_of
+from opir_core.testing.bench import LookTable, bench_scene, classifier_inputs
 from opir_core.testing.contracts.comparisons import (
-    insist_complete,
-    insist_pickles,
-    insist_rows,
-    insist_rows_stand_alone,
+    require_array_computation,
+    require_complete_abilities,
+    require_independent_rows,
+    require_pickling,
+    require_rows,
 )
-from opir_core.testing.contracts.contract import insist
-from opir_core.testing.contracts.detection import RESERVED_PURPOSES, WatchedDice
+from opir_core.testing.contracts.contract import require
+from opir_core.testing.contracts.detection import RESERVED_PURPOSES, RecordingDraws
 from opir_core.testing.contracts.scenes import SceneContract
-from opir_core.testing.steps import LOOP_STEPS, steps_per_row
-
-_ARRAYS = "Replace the loop over detections by arithmetic on whole columns."
 
 
 class ConfidenceContract(SceneContract):
-    """What a confidence model promises."""
+    """Conformance tests of a confidence model."""
 
     kind: ClassVar[type[Component]] = ConfidenceModel
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the bench's scene with the confidence model."""
+        """Return the test scene with the confidence model."""
         return bench_scene(**{"confidence": {"model": cls.name, **cls.block()}, **changes})
 
     @classmethod
     @cache
-    def sightings(cls) -> ClassifierInputs:
-        """Return sightings of every kind."""
+    def inputs(cls) -> ClassifierInputs:
+        """Return inputs with all combinations of bands, counts and SNR."""
         plan = cls.plan()
-        return sightings_of(plan, LookTable.of(plan))
+        return classifier_inputs(plan, LookTable.of(plan))
 
     def test_confidences_lie_in_the_unit_interval(self) -> None:
-        """There is one confidence for each detection, in [0, 1], whatever is unknown of it."""
-        seen = self.sightings()
+        """Each detection has a confidence in [0, 1], also with unknown SNR."""
+        seen = self.inputs()
         confidence = self.plan().confidence.confidence(seen)
-        insist_rows("confidence", confidence, len(seen))
-        insist(
+        require_rows("confidence", confidence, len(seen))
+        require(
             confidence.dtype == np.float64 and bool(np.all((confidence >= 0.0) & (confidence <= 1.0))),
             f"confidences are {confidence.dtype} from {np.min(confidence)} to {np.max(confidence)}",
             "Return float64 in [0, 1], never nan: snr is nan where the detection model has none; clip at the end.",
         )
 
-    def test_each_detection_has_its_own_confidence(self) -> None:
-        """The confidence of a detection does not depend on which detections are judged with it."""
-        model, seen = self.plan().confidence, self.sightings()
-        insist_rows_stand_alone("confidence", lambda rows: model.confidence(seen.take(rows).freeze()), len(seen))
+    def test_confidences_are_independent(self) -> None:
+        """The confidence of a detection does not depend on the other detections of the call."""
+        model, seen = self.plan().confidence, self.inputs()
+        require_independent_rows("confidence", lambda rows: model.confidence(seen.take(rows).freeze()), len(seen))
 
-    def test_detections_are_not_worked_through_one_by_one(self) -> None:
-        """More detections take no more steps of Python: the work is done on arrays."""
-        model, seen = self.plan().confidence, self.sightings()
-        many = len(seen)
-        steps = steps_per_row(lambda rows: model.confidence(seen.take(slice(0, rows)).freeze()), many // 4, many)
-        insist(steps < LOOP_STEPS, f"each detection more takes {steps:.1f} steps of Python", _ARRAYS)
+    def test_detections_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the detections: computations are on arrays."""
+        model, seen = self.plan().confidence, self.inputs()
+        require_array_computation(
+            "detection", lambda rows: model.confidence(seen.take(slice(0, rows)).freeze()), len(seen) // 4, len(seen)
+        )
 
     def test_a_built_model_pickles(self) -> None:
-        """The built model can be pickled, and its copy says the same."""
-        model, seen = self.plan().confidence, self.sightings()
-        same = np.array_equal(insist_pickles(model).confidence(seen), model.confidence(seen))
-        insist(same, "a pickled copy gives other confidences", "Keep all state in fields that pickle.")
+        """The built model can be pickled, and its copy returns the same."""
+        model, seen = self.plan().confidence, self.inputs()
+        same = np.array_equal(require_pickling(model).confidence(seen), model.confidence(seen))
+        require(same, "a pickled copy gives other confidences", "Keep all state in fields that pickle.")
 
 
 class ClassifierContract(SceneContract):
-    """What a classifier promises."""
+    """Conformance tests of a classifier."""
 
     kind: ClassVar[type[Component]] = ClassifierModel
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the bench's scene with the classifier."""
+        """Return the test scene with the classifier."""
         detection = "snr" if getattr(cls.component().config, "needs_irradiance", False) else "constant"
         chosen = {"detection": detection, "classification": {"model": cls.name, **cls.block()}}
         return bench_scene(**{**chosen, **changes})
@@ -91,72 +89,73 @@ class ClassifierContract(SceneContract):
 
     @classmethod
     @cache
-    def sightings(cls) -> ClassifierInputs:
-        """Return sightings of every kind."""
-        return sightings_of(cls.plan(), cls.looks())
+    def inputs(cls) -> ClassifierInputs:
+        """Return inputs with all combinations of bands, counts and SNR."""
+        return classifier_inputs(cls.plan(), cls.looks())
 
-    def test_codes_are_of_types_that_are_reported(self) -> None:
-        """There is one code for each detection, of a type that an event may report."""
-        codes = self._codes(np.arange(len(self.sightings())))
-        insist_rows("reported_type", codes, len(self.sightings()))
-        insist(
+    def test_codes_are_reported_types(self) -> None:
+        """Each detection has the code of a type that events may report."""
+        codes = self._codes(np.arange(len(self.inputs())))
+        require_rows("reported_type", codes, len(self.inputs()))
+        require(
             codes.dtype == np.uint8 and bool(np.all(codes < len(REPORTED_TYPES))),
             f"codes are {codes.dtype} up to {np.max(codes)}",
             f"Return uint8 codes into REPORTED_TYPES: {', '.join(REPORTED_TYPES)}.",
         )
 
-    def test_each_detection_has_its_own_type(self) -> None:
-        """The type reported does not depend on which detections are judged with it."""
-        insist_rows_stand_alone("reported_type", self._codes, len(self.sightings()))
+    def test_types_are_independent(self) -> None:
+        """The reported type does not depend on the other detections of the call."""
+        require_independent_rows("reported_type", self._codes, len(self.inputs()))
 
     def test_pairs_and_detections_agree(self) -> None:
-        """Where one type holds for all detections of a pair, it is that of each detection."""
+        """The type of a pair, if it has one, is that of all its detections."""
         plan, looks = self.plan(), self.looks()
         of_pair = plan.classifier.pair_type(plan.pairs.sensor, plan.pairs.target, looks.streams.of_pairs())
         if of_pair is None:
             return
-        insist_rows("pair_type", of_pair, len(plan.pairs))
-        same = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.sightings()))))
-        insist(same, "pair_type and reported_type differ", "Draw both from dice.pair_uniforms, or return None.")
+        require_rows("pair_type", of_pair, len(plan.pairs))
+        same = np.array_equal(of_pair[looks.pair], self._codes(np.arange(len(self.inputs()))))
+        require(same, "pair_type and reported_type differ", "Draw both from dice.pair_uniforms, or return None.")
 
     def test_optional_abilities_are_complete(self) -> None:
-        """An optional protocol is implemented with all its members, or not at all."""
-        insist_complete(self.plan().classifier, (PosteriorClassifier,))
+        """An optional protocol is implemented completely or not at all."""
+        require_complete_abilities(self.plan().classifier, (PosteriorClassifier,))
 
     def test_type_probabilities_agree_with_types(self) -> None:
-        """The posteriors of a `PosteriorClassifier` sum to 1 and lead to the types that it reports."""
-        model, seen = self.plan().classifier, self.sightings()
+        """The posteriors of a `PosteriorClassifier` sum to 1 and give the types that it reports."""
+        model, seen = self.plan().classifier, self.inputs()
         if not isinstance(model, PosteriorClassifier):
             return
         posterior = model.log_posterior(seen)
-        insist_rows("log_posterior", posterior, len(seen))
+        require_rows("log_posterior", posterior, len(seen))
         total = np.exp(posterior).sum(axis=1)
         sums_to_one = posterior.shape[1] == len(REPORTED_TYPES) and bool(np.all(np.abs(total - 1.0) < 1e-6))
         change = "Return natural logarithms of probabilities over REPORTED_TYPES, one row per detection."
-        insist(sums_to_one, "type probabilities do not sum to 1", change)
+        require(sums_to_one, "type probabilities do not sum to 1", change)
         same = np.array_equal(model.reported(posterior), self._codes(np.arange(len(seen))))
-        insist(same, "reported and reported_type differ", "Return reported(log_posterior(...)) from reported_type.")
+        require(same, "reported and reported_type differ", "Return reported(log_posterior(...)) from reported_type.")
 
-    def test_the_engines_own_numbers_are_left_alone(self) -> None:
-        """Classifying draws no number that the engine uses itself."""
-        dice = WatchedDice(self.looks().dice(np.arange(len(self.sightings()))))
-        self.plan().classifier.reported_type(self.sightings(), dice)
+    def test_reserved_random_streams_are_not_used(self) -> None:
+        """Classification does not use the purposes of the engine's random streams."""
+        dice = RecordingDraws(self.looks().draws(np.arange(len(self.inputs()))))
+        self.plan().classifier.reported_type(self.inputs(), dice)
         taken = sorted(dice.purposes & RESERVED_PURPOSES)
-        insist(not taken, f"it draws by the purpose {', '.join(taken)}", "Choose a purpose of your own, e.g. its name.")
+        require(
+            not taken, f"it draws by the purpose {', '.join(taken)}", "Choose a purpose of your own, e.g. its name."
+        )
 
-    def test_detections_are_not_worked_through_one_by_one(self) -> None:
-        """More detections take no more steps of Python: the work is done on arrays."""
-        many = len(self.sightings())
-        steps = steps_per_row(lambda rows: self._codes(np.arange(rows)), many // 4, many)
-        insist(steps < LOOP_STEPS, f"each detection more takes {steps:.1f} steps of Python", _ARRAYS)
+    def test_detections_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the detections: computations are on arrays."""
+        many = len(self.inputs())
+        require_array_computation("detection", lambda rows: self._codes(np.arange(rows)), many // 4, many)
 
     def test_a_built_classifier_pickles(self) -> None:
-        """The built classifier can be pickled, and its copy says the same."""
-        model, rows = self.plan().classifier, np.arange(len(self.sightings()))
-        copy = insist_pickles(model)
-        same = np.array_equal(copy.reported_type(self.sightings(), self.looks().dice(rows)), self._codes(rows))
-        insist(same, "a pickled copy gives other types", "Keep all state in fields that pickle.")
+        """The built classifier can be pickled, and its copy returns the same."""
+        model, rows = self.plan().classifier, np.arange(len(self.inputs()))
+        copy = require_pickling(model)
+        same = np.array_equal(copy.reported_type(self.inputs(), self.looks().draws(rows)), self._codes(rows))
+        require(same, "a pickled copy gives other types", "Keep all state in fields that pickle.")
 
     def _codes(self, rows: Any) -> Any:
-        seen = self.sightings().take(rows).freeze()
-        return self.plan().classifier.reported_type(seen, self.looks().dice(rows))
+        seen = self.inputs().take(rows).freeze()
+        return self.plan().classifier.reported_type(seen, self.looks().draws(rows))

@@ -1,7 +1,4 @@
-"""A contract: the component it is about, and what all its tests start from.
-
-The verdict of a contract's test: what a component does, and what to change.
-"""
+"""The base class of conformance tests, and the error that a failed one raises."""
 
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -15,8 +12,8 @@ from opir_core.scene.reading.structuring import class_reader
 from opir_core.testing.bench import BenchRun, bench_host, bench_run
 
 
-class Broken(AssertionError):  # noqa: N818 - a verdict, as pytest.Failed
-    """A promise that a component does not keep; `seen` says what was seen, `change` what to change."""
+class ConformanceError(AssertionError):
+    """A requirement that a component does not meet: `seen` is the observation, `change` the remedy."""
 
     def __init__(self, seen: str, change: str) -> None:
         self.seen = seen
@@ -24,25 +21,25 @@ class Broken(AssertionError):  # noqa: N818 - a verdict, as pytest.Failed
         super().__init__(f"{seen}\n{change}")
 
 
-def insist(kept: object, seen: str, change: str) -> None:
-    """Raise `Broken` unless a promise is kept."""
-    if not kept:
-        raise Broken(seen, change)
+def require(condition: object, seen: str, change: str) -> None:
+    """Raise `ConformanceError` with the observation and the remedy unless a condition holds."""
+    if not condition:
+        raise ConformanceError(seen, change)
 
 
 class Contract:
-    """The tests that every component of a kind passes.
+    """The conformance tests of a kind of component.
 
-    Inherit the contract of your kind in a test file and give the component's `name`:
+    Inherit the class of your kind in a test file and set the component's `name`:
 
         class TestMySensor(SensorContract):
             name = "my-sensor"
             settings = {"scan_period_ms": 50.0}
 
-    `settings` is its block in a scene. `plugins` are names of modules that hold plugins which are not installed.
-    `expected_failures` are tests that it fails, each with a reason; one that passes all the same is a failure.
-    A test's docstring is its promise; what breaks one is raised as `Broken`, with what to change. No test needs pytest:
-    `opir check` runs the same methods.
+    `settings` is its block in a scene. `plugins` are the modules of plugins that are not installed.
+    `expected_failures` maps tests that it fails to reasons; such a test must fail. The docstring of a test is the
+    requirement; a component that does not meet it raises `ConformanceError`. `opir check` runs the same methods
+    without pytest.
     """
 
     kind: ClassVar[type[Component]]
@@ -54,7 +51,7 @@ class Contract:
     @classmethod
     @cache
     def host(cls) -> Host:
-        """Return the host that has the component."""
+        """Return the plugin host with the component."""
         return bench_host(cls.plugins)
 
     @classmethod
@@ -64,7 +61,7 @@ class Contract:
 
     @classmethod
     def config(cls, **settings: Any) -> Any:
-        """Return the component's configuration as a scene would read it, with more settings."""
+        """Return the component's configuration as read from a scene, with additional settings."""
         return read_config(cls.component(), {**cls.block(), **settings})
 
     @classmethod
@@ -74,35 +71,35 @@ class Contract:
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the bench's scene with the component in it; `changes` replace keys."""
+        """Return the test scene with the component; `changes` replace keys."""
         raise NotImplementedError
 
     @classmethod
     @cache
     def run(cls) -> BenchRun:
-        """Return the run of the scene, made once."""
+        """Return the run of the scene, computed once."""
         return cls.run_of(cls.scene())
 
     @classmethod
-    def run_of(cls, scene: Mapping[str, Any], **how: Any) -> BenchRun:
-        """Return the run of any scene."""
-        return bench_run(scene, cls.host(), **how)
+    def run_of(cls, scene: Mapping[str, Any], **options: Any) -> BenchRun:
+        """Return the run of a scene."""
+        return bench_run(scene, cls.host(), **options)
 
 
 def read_config(component: Any, settings: Mapping[str, Any]) -> Any:
-    """Return a component's configuration, read as from a scene; raises `Broken` where its own settings do not fit."""
+    """Return a component's configuration, read as from a scene; raises `ConformanceError` if invalid."""
     try:
         preset = component.presets.get(settings.get("preset"), {})
         written = {key: value for key, value in settings.items() if key != "preset"}
         node: Node = node_of_data({**preset, **written})
         return class_reader(component.config)(node)
     except InvalidNode as refused:
-        told = "; ".join(
+        problems = "; ".join(
             f"{complaint.path.lstrip('.')}: {complaint.message}".removeprefix(": ") for complaint in refused.complaints
         )
-        raise Broken(
-            f"{component.kind} {component.name} does not read its settings: {told}",
-            "Give the contract settings = {...} (opir check: --set key=value), or the fields lawful defaults.",
+        raise ConformanceError(
+            f"{component.kind} {component.name} rejects its settings: {problems}",
+            "Give the contract settings = {...} (opir check: --set key=value), or the fields valid defaults.",
         ) from refused
 
 
@@ -114,8 +111,8 @@ def test_names(contract: type[Contract]) -> list[str]:
     return list(names)
 
 
-def promise(contract: type[Contract], test: str) -> str:
-    """Return what a test promises, in one line."""
+def requirement(contract: type[Contract], test: str) -> str:
+    """Return the requirement that a test checks, in one line."""
     return (getattr(contract, test).__doc__ or test).strip().splitlines()[0]
 
 

@@ -1,4 +1,4 @@
-"""The contract of detection models: exposures to probability of detection."""
+"""Conformance tests of detection models."""
 
 from functools import cache
 from typing import Any, ClassVar
@@ -11,56 +11,57 @@ from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.testing.bench import LookTable, bench_scene
-from opir_core.testing.chance import excess_of_count, excess_of_rate
 from opir_core.testing.contracts.comparisons import (
-    insist_complete,
-    insist_pickles,
-    insist_rows,
-    insist_rows_stand_alone,
+    count_excess,
+    rate_excess,
+    require_array_computation,
+    require_complete_abilities,
+    require_independent_rows,
+    require_pickling,
+    require_rows,
 )
-from opir_core.testing.contracts.contract import insist
+from opir_core.testing.contracts.contract import require
 from opir_core.testing.contracts.scenes import SceneContract
-from opir_core.testing.steps import LOOP_STEPS, steps_per_row
 
-#: Purposes whose numbers the engine draws itself.
+#: The purposes of the engine's own random streams.
 RESERVED_PURPOSES = frozenset({"detection", "line-of-sight", "scan-phase"})
 
 
-class WatchedDice:
-    """Dice that keep note of the purposes they are asked for."""
+class RecordingDraws:
+    """Random draws that record their purposes."""
 
     def __init__(self, dice: RandomDraws, purposes: set[str] | None = None) -> None:
         self._dice = dice
         self.purposes: set[str] = set() if purposes is None else purposes
 
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
-        """Return the numbers of the dice."""
+        """Return the numbers of the wrapped draws."""
         self.purposes.add(purpose)
         return self._dice.uniforms(purpose, words)
 
     def normals(self, purpose: str, count: int = 1) -> FloatArray:
-        """Return the numbers of the dice."""
+        """Return the numbers of the wrapped draws."""
         self.purposes.add(purpose)
         return self._dice.normals(purpose, count)
 
     def pair_uniforms(self, purpose: str, words: int = 1) -> FloatArray:
-        """Return the numbers of the dice."""
+        """Return the numbers of the wrapped draws."""
         self.purposes.add(purpose)
         return self._dice.pair_uniforms(purpose, words)
 
     def take(self, rows: Any) -> RandomDraws:
-        """Return the dice of some of the rows."""
-        return WatchedDice(self._dice.take(rows), self.purposes)
+        """Return the draws of some of the rows."""
+        return RecordingDraws(self._dice.take(rows), self.purposes)
 
 
 class DetectionContract(SceneContract):
-    """What a detection model promises."""
+    """Conformance tests of a detection model."""
 
     kind: ClassVar[type[Component]] = DetectionModel
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the bench's scene with the detection model."""
+        """Return the test scene with the detection model."""
         return bench_scene(**{"detection": {"model": cls.name, **cls.block()}, **changes})
 
     @classmethod
@@ -75,39 +76,41 @@ class DetectionContract(SceneContract):
         return LookTable.of(cls.plan())
 
     def test_probabilities_lie_in_the_unit_interval(self) -> None:
-        """There is one probability for each look, in [0, 1]."""
+        """Each look has a probability in [0, 1]."""
         exposed = self.looks().exposures
         probability = self.model().probability(exposed)
-        insist_rows("probability", probability, len(exposed))
-        insist(
+        require_rows("probability", probability, len(exposed))
+        require(
             probability.dtype == np.float64 and bool(np.all((probability >= 0.0) & (probability <= 1.0))),
             f"probabilities are {probability.dtype} from {np.min(probability)} to {np.max(probability)}",
-            "Return float64 in [0, 1], never nan: clip what rounding takes outside; 0 where nothing can be said.",
+            "Return float64 in [0, 1], never nan: clip rounding errors; 0 where the probability is unknown.",
         )
 
-    def test_each_look_has_its_own_probability(self) -> None:
-        """The probability of a look does not depend on which looks are asked about with it."""
+    def test_probabilities_are_independent(self) -> None:
+        """The probability of a look does not depend on the other looks of the call."""
         model, exposed = self.model(), self.looks().exposures
-        insist_rows_stand_alone(
+        require_independent_rows(
             "probability", lambda rows: model.probability(exposed.take(rows).freeze()), len(exposed)
         )
 
     def test_pairs_and_looks_agree(self) -> None:
-        """Where a probability holds for all looks of a pair, it is that of its looks, and known for no pairs too."""
+        """The probability of a pair, if it has one, is that of all its looks."""
         model, exposed = self.model(), self.looks().exposures
         of_pair = model.pair_probability(exposed.sensor, exposed.target)
         if of_pair is None:
             return
-        insist_rows_stand_alone(
+        require_independent_rows(
             "pair_probability",
             lambda rows: model.pair_probability(exposed.sensor[rows], exposed.target[rows]),
             len(exposed),
         )
         same = np.array_equal(of_pair, model.probability(exposed))
-        insist(same, "pair_probability and probability differ", "Return None from pair_probability where looks differ.")
+        require(
+            same, "pair_probability and probability differ", "Return None from pair_probability where looks differ."
+        )
 
-    def test_geometry_is_asked_for_where_it_is_read(self) -> None:
-        """A model that says it needs no geometry gives the same without."""
+    def test_geometry_is_declared_if_it_is_used(self) -> None:
+        """A model with `needs_geometry = False` returns the same probabilities without geometry."""
         model, exposed = self.model(), self.looks().exposures
         if model.needs_geometry:
             return
@@ -119,68 +122,70 @@ class DetectionContract(SceneContract):
             same = np.array_equal(model.probability(bare), model.probability(exposed))
         except (IndexError, ValueError):
             same = False
-        insist(same, "needs_geometry is false, and geometry is read", "Say needs_geometry = True.")
+        require(same, "needs_geometry is False, but geometry is used", "Set needs_geometry = True.")
 
-    def test_bands_that_confirm_are_the_sensors(self) -> None:
-        """Each detection is confirmed by at least one band, and by none that its sensor does not have."""
+    def test_confirming_bands_are_the_sensors_bands(self) -> None:
+        """Each detection has at least one confirming band, and only bands of its sensor."""
         looks, rows = self.looks(), np.arange(len(self.looks().exposures))
-        measured = self.model().measure(looks.exposures, looks.dice(rows))
-        insist_rows("the bands measured", measured.bands, len(rows))
-        insist_rows("the snr measured", measured.snr, len(rows))
+        measured = self.model().measure(looks.exposures, looks.draws(rows))
+        require_rows("the bands measured", measured.bands, len(rows))
+        require_rows("the snr measured", measured.snr, len(rows))
         counts = np.array([len(sensor.bands) for sensor in self.plan().sensors])[looks.exposures.sensor]
-        insist(
+        require(
             measured.bands.dtype == np.uint8 and bool(np.all((measured.bands > 0) & (measured.bands >> counts == 0))),
             "a mask of bands is empty, or has bits beyond the sensor's bands",
-            "Bit b stands for the sensor's band b; set at least the first where no band is sure; return uint8.",
+            "Bit b stands for the sensor's band b; set at least the first if none confirms; return uint8.",
         )
-        insist(not np.isinf(measured.snr).any(), "an snr is infinite", "Return finite values, or nan for none.")
+        require(not np.isinf(measured.snr).any(), "an snr is infinite", "Return finite values, or nan for none.")
 
-    def test_each_detection_is_measured_on_its_own(self) -> None:
-        """What is measured of a look does not depend on which looks are measured with it."""
+    def test_measurements_are_independent(self) -> None:
+        """The measurement of a look does not depend on the other looks of the call."""
         model, looks = self.model(), self.looks()
 
         def measured(rows: Any) -> FloatArray:
-            found = model.measure(looks.exposures.take(rows).freeze(), looks.dice(rows))
-            return np.stack([found.bands.astype(np.float64), found.snr], axis=1)
+            result = model.measure(looks.exposures.take(rows).freeze(), looks.draws(rows))
+            return np.stack([result.bands.astype(np.float64), result.snr], axis=1)
 
-        insist_rows_stand_alone("what is measured", measured, len(looks.exposures))
+        require_independent_rows("the measurement", measured, len(looks.exposures))
 
-    def test_the_engines_own_numbers_are_left_alone(self) -> None:
-        """Measuring draws no number that the engine uses itself."""
+    def test_reserved_random_streams_are_not_used(self) -> None:
+        """Measurements do not use the purposes of the engine's random streams."""
         looks = self.looks()
-        dice = WatchedDice(looks.dice(np.arange(len(looks.exposures))))
+        dice = RecordingDraws(looks.draws(np.arange(len(looks.exposures))))
         self.model().measure(looks.exposures, dice)
         taken = sorted(dice.purposes & RESERVED_PURPOSES)
-        insist(not taken, f"it draws by the purpose {', '.join(taken)}", "Choose a purpose of your own, e.g. its name.")
-
-    def test_detections_come_at_the_stated_rate(self) -> None:
-        """Looks detect as often as the probabilities say, within 99.9 %."""
-        looks, found = self.looks(), int(np.sum(self.run().truth.target >= 0))
-        chances = self.model().probability(looks.exposures)
-        insist(
-            excess_of_count(found, chances) <= 1.0,
-            f"{found} looks detect, where the probabilities add up to {chances.sum():.1f}",
-            "probability(...) must say the same of a look whenever it is asked.",
+        require(
+            not taken, f"it draws by the purpose {', '.join(taken)}", "Choose a purpose of your own, e.g. its name."
         )
 
-    def test_noise_crosses_as_often_as_stated(self) -> None:
-        """False alarms of a `FalseAlarmModel` come at the rate that it states, within 99.9 %."""
+    def test_detections_occur_at_the_stated_rate(self) -> None:
+        """The number of detections agrees with the probabilities, within 99.9 %."""
+        looks, count = self.looks(), int(np.sum(self.run().truth.target >= 0))
+        chances = self.model().probability(looks.exposures)
+        require(
+            count_excess(count, chances) <= 1.0,
+            f"{count} looks detect; the probabilities add up to {chances.sum():.1f}",
+            "probability(...) must return the same value for a look in each call.",
+        )
+
+    def test_false_alarms_occur_at_the_stated_rate(self) -> None:
+        """False alarms of a `FalseAlarmModel` occur at its stated rate, within 99.9 %."""
         model = self.model()
         if not isinstance(model, FalseAlarmModel):
             return
         per_scan = model.rate_per_scan
         run = self.run_of(self.scene(targets=[]))
         scans = [run.plan.end_ns / sensor.scan.period_ns for sensor in run.plan.sensors]
-        due, found = float(np.sum(per_scan * np.array(scans))), int(np.sum(run.truth.target < 0))
-        insist(
-            excess_of_rate(found, due) <= 1.0,
-            f"noise crosses {found} times, where the stated rates add up to {due:.1f}",
-            "rate_per_scan is the mean number of exceedances in one scan of a sensor's whole field of regard.",
+        expected, count = float(np.sum(per_scan * np.array(scans))), int(np.sum(run.truth.target < 0))
+        require(
+            rate_excess(count, expected) <= 1.0,
+            f"there are {count} false alarms; the stated rates add up to {expected:.1f}",
+            "rate_per_scan is the mean number of false alarms in one scan of a sensor's field of regard.",
         )
 
     def test_optional_abilities_are_complete(self) -> None:
-        """An optional protocol is implemented with all its members, or not at all."""
-        insist_complete(self.model(), (SignalModel, FalseAlarmModel))
+        """An optional protocol is implemented completely or not at all."""
+        require_complete_abilities(self.model(), (SignalModel, FalseAlarmModel))
 
     def test_expected_measurements_agree_with_probabilities(self) -> None:
         """The quantiles that a `SignalModel` returns are those of its probabilities."""
@@ -190,23 +195,22 @@ class DetectionContract(SceneContract):
         from scipy.special import ndtr
 
         response = model.response(exposed)
-        insist_rows("response", response.snr, len(exposed))
+        require_rows("response", response.snr, len(exposed))
         same = response.probit is not None and np.allclose(ndtr(response.probit), model.probability(exposed), atol=1e-9)
-        insist(same, "response and probability differ", "Return the standard normal quantile of P_d as probit.")
+        require(same, "response and probability differ", "Return the standard normal quantile of P_d as probit.")
 
-    def test_looks_are_not_worked_through_one_by_one(self) -> None:
-        """More looks take no more steps of Python: the work is done on arrays."""
+    def test_looks_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the looks: computations are on arrays."""
         model, exposed = self.model(), self.looks().exposures
-        many = len(exposed)
-        steps = steps_per_row(lambda rows: model.probability(exposed.take(slice(0, rows)).freeze()), many // 4, many)
-        insist(
-            steps < LOOP_STEPS,
-            f"each look more takes {steps:.1f} steps of Python",
-            "Replace the loop over looks by arithmetic on whole columns.",
+        require_array_computation(
+            "look",
+            lambda rows: model.probability(exposed.take(slice(0, rows)).freeze()),
+            len(exposed) // 4,
+            len(exposed),
         )
 
     def test_a_built_model_pickles(self) -> None:
-        """The built model can be pickled, and its copy says the same."""
-        copy, exposed = insist_pickles(self.model()), self.looks().exposures
+        """The built model can be pickled, and its copy returns the same."""
+        copy, exposed = require_pickling(self.model()), self.looks().exposures
         same = np.array_equal(copy.probability(exposed), self.model().probability(exposed))
-        insist(same, "a pickled copy gives other probabilities", "Keep all state in fields that pickle.")
+        require(same, "a pickled copy gives other probabilities", "Keep all state in fields that pickle.")

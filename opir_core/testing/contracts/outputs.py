@@ -1,4 +1,4 @@
-"""The contracts of what lets events out: encoders and sinks."""
+"""Conformance tests of event encoders and sinks."""
 
 import json
 import os
@@ -23,15 +23,18 @@ from opir_core.plugin.components import Component, EventEncoder, SinkModel
 from opir_core.scene.scene import Choice
 from opir_core.simulation.run import plan_windows
 from opir_core.testing.bench import bench_scene, encoder_of, planned
-from opir_core.testing.contracts.comparisons import insist_complete, insist_pickles
-from opir_core.testing.contracts.contract import Broken, Contract, insist
+from opir_core.testing.contracts.comparisons import (
+    require_complete_abilities,
+    require_no_outside_inputs,
+    require_pickling,
+)
+from opir_core.testing.contracts.contract import ConformanceError, Contract, require
 from opir_core.testing.doubles import stub_estimates, stub_window
-from opir_core.testing.json_schema import faults_in
-from opir_core.testing.watching import asked_of_the_world
+from opir_core.testing.json_schema import schema_errors
 
 
-def awkward_windows() -> Mapping[str, Window]:
-    """Return windows that encoders have trouble with, by what they are; all of sensor 0."""
+def edge_case_windows() -> Mapping[str, Window]:
+    """Return windows of edge cases of sensor 0, by description."""
     pole, edge, zero = [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], np.zeros(3)
     known = stub_estimates(
         2,
@@ -48,20 +51,20 @@ def awkward_windows() -> Mapping[str, Window]:
         "at the antimeridian": stub_window(3, sensor_ecef_m=[-4.2e7, -1e-3, 0.0], line_of_sight_ecef=edge),
         "with an estimate": stub_window(2, track=0, estimate=0, estimates=known),
         "with unknown estimates": stub_window(2, track=7, estimate=1, estimates=stub_estimates(2)),
-        "with nothing known": stub_window(2, snr=np.nan, confidence=0.0, bands=0),
-        "sure of everything": stub_window(2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=zero[0]),
+        "with unknown values": stub_window(2, snr=np.nan, confidence=0.0, bands=0),
+        "with full confidence": stub_window(2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=zero[0]),
     }
 
 
 class EncoderContract(Contract):
-    """What an event encoder promises."""
+    """Conformance tests of an event encoder."""
 
     kind: ClassVar[type[Component]] = EventEncoder
 
     @classmethod
     @cache
     def encoder(cls) -> Encoder:
-        """Return the built encoder, for the bench's sensors."""
+        """Return the built encoder, for the sensors of the test scene."""
         plan = planned(bench_scene(), cls.host())
         context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)
         made: Encoder = cls.component().build(cls.config(), context)
@@ -70,25 +73,25 @@ class EncoderContract(Contract):
     @classmethod
     @cache
     def windows(cls) -> tuple[Window, ...]:
-        """Return the windows of the bench's scene."""
+        """Return the windows of the test scene."""
         return tuple(plan_windows(planned(bench_scene(), cls.host()), 10.0))
 
-    def test_says_what_it_writes(self) -> None:
-        """It has a media type and a version of its schema."""
+    def test_media_type_and_schema_version_are_stated(self) -> None:
+        """The encoder states a media type and a schema version."""
         encoder: Any = self.encoder()
-        kept = encoder.content_type.count("/") == 1 and encoder.schema_version.strip()
-        insist(kept, "content_type or schema_version says nothing", "Give a media type, type/subtype, and a version.")
+        valid = encoder.content_type.count("/") == 1 and encoder.schema_version.strip()
+        require(valid, "content_type or schema_version is invalid", "Set a media type, type/subtype, and a version.")
 
     def test_each_detection_is_one_line(self) -> None:
-        """Each detection with a message is one, ended by a newline and containing none; no detections are no bytes."""
+        """Each encodable detection is one line, ended by its only newline; no detections give no bytes."""
         encoder = self.encoder()
-        for name, window in {**awkward_windows(), "empty": stub_window(0)}.items():
+        for name, window in {**edge_case_windows(), "empty": stub_window(0)}.items():
             text: Any = encoder.encode(window)
             expected = len(only_encodable(window, encoder).detections)
-            insist(
+            require(
                 isinstance(text, bytes) and text.count(b"\n") == expected and text[-1:] in (b"", b"\n"),
                 f"a window of {expected} detections ({name}) gives {text.count(bytes([10]))} lines",
-                "Return bytes: one line a detection, each ended by a newline, escaped inside.",
+                "Return bytes: one line per detection, ended by a newline, with escapes inside.",
             )
 
     def test_windows_encode_alone_as_together(self) -> None:
@@ -98,123 +101,122 @@ class EncoderContract(Contract):
             middle = len(window.detections) // 2
             halves = (_part(window, slice(0, middle)), _part(window, slice(middle, None)))
             same = encoder.encode(window) == b"".join(map(encoder.encode, halves))
-            insist(same, "a window cut in two gives other bytes", "Encode each row from its own columns alone.")
+            require(same, "a window cut in two gives other bytes", "Encode each row from its own columns alone.")
 
     def test_no_truth_is_written(self) -> None:
-        """What was really there changes no byte."""
+        """The truth changes no byte."""
         encoder = self.encoder()
         for window in self.windows():
             if len(window.truth):
-                lie = evolve(window.truth, range_m=window.truth.range_m + 1e6, target=window.truth.target[::-1])
-                same = encoder.encode(window) == encoder.encode(evolve(window, truth=lie))
-                insist(same, "the truth shows in the bytes", "Read window.detections and window.estimates alone.")
+                changed = evolve(window.truth, range_m=window.truth.range_m + 1e6, target=window.truth.target[::-1])
+                same = encoder.encode(window) == encoder.encode(evolve(window, truth=changed))
+                require(same, "the bytes depend on the truth", "Use window.detections and window.estimates only.")
 
     def test_json_follows_the_schema(self) -> None:
-        """What calls itself JSON is JSON, without NaN; of the core's schema version, it follows the core's schema."""
+        """A JSON media type means JSON without NaN; with the core's schema version, events conform to its schema."""
         encoder, schema = self.encoder(), detection_schema()
         if "json" not in encoder.content_type:
             return
-        for name, window in awkward_windows().items():
+        for name, window in edge_case_windows().items():
             for line in encoder.encode(window).splitlines():
                 event = _json_of(line, name)
-                faults = faults_in(event, schema) if encoder.schema_version == SCHEMA_VERSION else []
-                insist(not faults, f"{name}: {'; '.join(faults[:3])}", "See opir schema detection.")
+                errors = schema_errors(event, schema) if encoder.schema_version == SCHEMA_VERSION else []
+                require(not errors, f"{name}: {'; '.join(errors[:3])}", "See opir schema detection.")
 
-    def test_clock_network_and_global_random_numbers_are_not_asked(self) -> None:
-        """Neither the clock, nor entropy, nor the network, nor random numbers that all share, are asked."""
-        asked = asked_of_the_world(lambda: [self.encoder().encode(window) for window in self.windows()])
-        change = "An event says when it was detected, in scene time; its id is that of the detection."
-        insist(not asked, f"it asks {'; '.join(asked[:3])}", change)
+    def test_clock_network_and_global_random_state_are_not_used(self) -> None:
+        """Clock, entropy, network and global random state are not used."""
+        change = "Take the time and the id of an event from its detection."
+        require_no_outside_inputs(lambda: [self.encoder().encode(window) for window in self.windows()], change)
 
     def test_a_built_encoder_pickles(self) -> None:
-        """The built encoder can be pickled, and its copy writes the same."""
+        """The built encoder can be pickled, and its copy returns the same bytes."""
         window = self.windows()[2]
-        same = insist_pickles(self.encoder()).encode(window) == self.encoder().encode(window)
-        insist(same, "a pickled copy writes other bytes", "Keep all state in fields that pickle.")
+        same = require_pickling(self.encoder()).encode(window) == self.encoder().encode(window)
+        require(same, "a pickled copy returns other bytes", "Keep all state in fields that pickle.")
 
 
 class SinkContract(Contract):
-    """What a sink promises. It is run in an empty folder; a setting named `path` is given a file there."""
+    """Conformance tests of a sink, in an empty folder; a setting `path` gets a file there."""
 
     kind: ClassVar[type[Component]] = SinkModel
 
     @classmethod
     def block(cls) -> Mapping[str, Any]:
-        """Return the settings, with a file for sinks that write one."""
+        """Return the settings, with a file if the sink needs one."""
         needs_path = "path" in fields_dict(cls.component().config) and "path" not in cls.settings
         return {**cls.settings, **({"path": "events.out"} if needs_path else {})}
 
     @classmethod
     @cache
     def windows(cls) -> tuple[Window, ...]:
-        """Return the windows of the bench's scene, empty ones among them."""
+        """Return the windows of the test scene, some of them empty."""
         return tuple(plan_windows(cls.plan(), 10.0))
 
     @classmethod
     @cache
     def plan(cls) -> Plan:
-        """Return the plan of the bench's scene."""
+        """Return the plan of the test scene."""
         return planned(bench_scene(), cls.host())
 
     @contextmanager
     def opened(self) -> Iterator[Sink]:
-        """Give the built sink, in a folder of its own."""
+        """Yield the built sink, in an empty folder."""
         with _empty_folder():
             yield opened_sink(self.plan(), Choice(SinkModel.hook, self.name, self.config(), "outputs[0]"))
 
     def test_every_event_is_accounted_for(self) -> None:
-        """What was delivered, spooled and dropped adds up to what was written."""
+        """Delivered, spooled, dropped and withheld events add up to the events written."""
         with self.opened() as sink:
             for window in self.windows():
                 sink.write(window)
             events = sum(len(window.detections) for window in self.windows())
             if isinstance(sink, MonitoredSink):
-                _insist_accounts(sink.delivery_so_far(), events)
-            _insist_accounts(sink.close(), events)
+                _require_accounts(sink.delivery_so_far(), events)
+            _require_accounts(sink.close(), events)
 
     def test_optional_abilities_are_complete(self) -> None:
-        """An optional protocol is implemented with all its members, or not at all."""
+        """An optional protocol is implemented completely or not at all."""
         with self.opened() as sink:
-            insist_complete(sink, (BufferingSink,))
+            require_complete_abilities(sink, (BufferingSink,))
             sink.close()
 
-    def test_nothing_written_is_nothing_delivered(self) -> None:
-        """A sink that is closed at once has delivered nothing."""
+    def test_a_sink_without_windows_delivers_nothing(self) -> None:
+        """A sink closed without windows has delivered nothing."""
         with self.opened() as sink:
-            _insist_accounts(sink.close(), 0)
+            _require_accounts(sink.close(), 0)
 
-    def test_windows_without_events_are_taken(self) -> None:
-        """Windows without events are no error and no event."""
+    def test_windows_without_events_are_accepted(self) -> None:
+        """Windows without events are accepted."""
         with self.opened() as sink:
             for count in (0, 3, 0):
                 sink.write(stub_window(count))
-            _insist_accounts(sink.close(), 3)
+            _require_accounts(sink.close(), 3)
 
-    def test_windows_are_left_as_they_are(self) -> None:
-        """A sink changes nothing in the windows it is given: other sinks get the same ones."""
+    def test_windows_are_not_modified(self) -> None:
+        """A sink does not change its windows: other sinks get the same ones."""
         before = [encoder_of(self.plan()).encode(window) for window in self.windows()]
         with self.opened() as sink:
             for window in self.windows():
                 sink.write(window)
             sink.close()
         after = [encoder_of(self.plan()).encode(window) for window in self.windows()]
-        insist(before == after, "a window is different after it was written", "Copy columns before changing them.")
+        require(before == after, "a window changes when it is written", "Copy columns before changing them.")
 
-    def test_awkward_windows_are_taken(self) -> None:
-        """Detections over the pole, at the antimeridian, with and without estimates, are taken like any other."""
+    def test_edge_case_windows_are_accepted(self) -> None:
+        """Detections over the pole, at the antimeridian, with and without estimates are accepted."""
         with self.opened() as sink:
-            for window in awkward_windows().values():
+            for window in edge_case_windows().values():
                 sink.write(window)
-            _insist_accounts(sink.close(), sum(len(window.detections) for window in awkward_windows().values()))
+            _require_accounts(sink.close(), sum(len(window.detections) for window in edge_case_windows().values()))
 
 
-def _insist_accounts(delivery: Delivery, events: int) -> None:
-    insist(isinstance(delivery, Delivery), f"close returns {delivery!r}", "Return a Delivery.")
-    told = (delivery.delivered, delivery.spooled, delivery.dropped, delivery.withheld)
-    insist(
-        min(told) >= 0 and sum(told) == events + delivery.recovered,
-        f"of {events} events {told[0]} are delivered, {told[1]} spooled, {told[2]} dropped and {told[3]} withheld",
-        "Count in write; close waits for what is under way, and returns a Delivery of all events written.",
+def _require_accounts(delivery: Delivery, events: int) -> None:
+    require(isinstance(delivery, Delivery), f"close returns {delivery!r}", "Return a Delivery.")
+    counts = (delivery.delivered, delivery.spooled, delivery.dropped, delivery.withheld)
+    require(
+        min(counts) >= 0 and sum(counts) == events + delivery.recovered,
+        f"of {events} events {counts[0]} are delivered, {counts[1]} spooled, {counts[2]} dropped, {counts[3]} withheld",
+        "Count events in write; close waits for pending events and returns the Delivery of all.",
     )
 
 
@@ -229,12 +231,14 @@ def _json_of(line: bytes, name: str) -> Any:
     try:
         return json.loads(line, parse_constant=refuse)
     except ValueError as error:
-        raise Broken(f"{name}: a line is not JSON: {error}", "Write null for what is unknown, never NaN.") from error
+        raise ConformanceError(
+            f"{name}: a line is not JSON: {error}", "Write null for what is unknown, never NaN."
+        ) from error
 
 
 @contextmanager
 def _empty_folder() -> Iterator[None]:
-    here = os.getcwd()  # noqa: PTH109 - to come back to
+    here = os.getcwd()  # noqa: PTH109
     with tempfile.TemporaryDirectory(prefix="opir-check-") as folder:
         os.chdir(folder)
         try:

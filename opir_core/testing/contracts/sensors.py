@@ -1,4 +1,4 @@
-"""The contract of sensor models and of the constellations that carry them."""
+"""Conformance tests of sensor models and constellations."""
 
 import json
 import math
@@ -16,36 +16,41 @@ from opir_core.plugin.components import Component, Constellation, SensorModel
 from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, bench_scene
-from opir_core.testing.chance import excess_of_count, excess_of_distribution
-from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows_stand_alone, insist_same_lines
-from opir_core.testing.contracts.contract import Broken, insist
+from opir_core.testing.contracts.comparisons import (
+    count_excess,
+    require_independent_rows,
+    require_pickling,
+    require_same_events,
+    uniformity_excess,
+)
+from opir_core.testing.contracts.contract import ConformanceError, require
 from opir_core.testing.contracts.scenes import SceneContract
 
-#: The id of the sensor under test in the bench's scene.
+#: The id of the sensor under test in the test scene.
 SUBJECT = "SUBJECT"
 
 _EPOCH_US = 1_775_044_800_000_000
 _SPEED_LIMIT_M_S = 1.2e4
-#: What the core's lines of sight are certain for (`opir_core.planning.visibility`).
+#: The limit for which the core's visibility is exact (`opir_core.planning.visibility`).
 _ACCELERATION_LIMIT_M_S2 = 100.0
 _LEAST_RADIUS_M = 6.4e6
 
 
 class SensorContract(SceneContract):
-    """What a sensor model promises. A sensor that needs a place gets the slot of 100 degrees west."""
+    """Conformance tests of a sensor model. A sensor that needs a slot or an orbit gets the slot 100 degrees west."""
 
     kind: ClassVar[type[Component]] = SensorModel
 
     @classmethod
     def block(cls) -> Mapping[str, Any]:
-        """Return the settings, with a place for sensors whose place a scene says."""
-        placed = {"orbital_slot_deg", "orbit"} & cls.settings.keys()
-        needs_place = "orbital_slot_deg" in fields_dict(cls.component().config) and not placed
-        return {**cls.settings, **({"orbital_slot_deg": -100.0} if needs_place else {})}
+        """Return the settings, with a slot if the sensor needs one."""
+        given = {"orbital_slot_deg", "orbit"} & cls.settings.keys()
+        needs_slot = "orbital_slot_deg" in fields_dict(cls.component().config) and not given
+        return {**cls.settings, **({"orbital_slot_deg": -100.0} if needs_slot else {})}
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the bench's scene with the sensor first; every look detects."""
+        """Return the test scene with the sensor first; every look detects."""
         subject = {"model": cls.name, "id": SUBJECT, **cls.block()}
         certain = {"detection": "always", "classification": "none"}
         return bench_scene(**{"sensors": [subject, *SENSORS[1:]], **certain, **changes})
@@ -57,14 +62,14 @@ class SensorContract(SceneContract):
         made: Sensor = cls.component().build(cls.config(), SensorContext(id=SUBJECT, epoch_us=_EPOCH_US))
         return made
 
-    def test_fields_are_lawful(self) -> None:
-        """Bands, angles, errors and probabilities are what the engine can use."""
+    def test_fields_are_valid(self) -> None:
+        """Bands, angles, errors and probabilities are valid."""
         sensor: Any = self.sensor()
         names = [band.name for band in sensor.bands]
         half, least = sensor.field_of_regard_half_angle_rad, sensor.minimum_elevation_rad
-        lawful = {
-            "id: the one of the context": sensor.id == SUBJECT,
-            "type: a word": isinstance(sensor.type, str) and bool(sensor.type.strip()),
+        valid = {
+            "id: that of the context": sensor.id == SUBJECT,
+            "type: not empty": isinstance(sensor.type, str) and bool(sensor.type.strip()),
             f"bands: 1 to {MAXIMUM_BANDS}, each name once": 1 <= len(set(names)) == len(names) <= MAXIMUM_BANDS,
             "bands: 0 < lower_um < upper_um": all(0.0 < band.lower_um < band.upper_um for band in sensor.bands),
             "orbital_slot_deg: in [-180, 360] or None": sensor.orbital_slot_deg is None
@@ -77,104 +82,105 @@ class SensorContract(SceneContract):
             and all(map(is_probability, sensor.detection_probability.values())),
             "confusion: rows that sum to 1": confusion_complaint(sensor.confusion) is None,
         }
-        for promise, kept in lawful.items():
-            insist(kept, f"{promise} is not so", "Check it in the configuration class, or give it another default.")
+        for condition, holds in valid.items():
+            require(holds, f"not valid: {condition}", "Validate it in the configuration class, or change its default.")
 
     def test_settings_are_plain_values(self) -> None:
-        """The settings that the manifest records are plain values."""
+        """The settings in the manifest are plain values."""
         try:
             json.dumps(dict(self.sensor().settings), allow_nan=False)
         except (TypeError, ValueError) as error:
-            raise Broken(
+            raise ConformanceError(
                 f"settings are not plain values: {error}", "Give Sensor settings=attrs.asdict(config)."
             ) from error
 
-    def test_look_times_increase_and_keep_the_period(self) -> None:
-        """Looks at one target follow each other by exactly one period, or by a whole number where some are not seen."""
+    def test_looks_are_whole_periods_apart(self) -> None:
+        """Looks at one target are whole periods apart."""
         period_ns: Any = self.sensor().scan.period_ns
-        insist(
+        require(
             isinstance(period_ns, int) and period_ns > 0,
             f"period_ns is {period_ns!r}",
             "Make the period a whole, positive number of nanoseconds.",
         )
         run = self.run()
-        mine = run.detections.sensor == _place_of(run)
+        mine = run.detections.sensor == _subject_index(run)
         for target in sorted(set(run.truth.target[mine].tolist())):
             gaps = np.diff(run.detections.time_ns[mine & (run.truth.target == target)])
-            insist(
+            require(
                 bool(np.all((gaps > 0) & (gaps % period_ns == 0))),
                 f"looks at one target come {gaps.min(initial=period_ns)} ns apart, with a period of {period_ns} ns",
                 "phase_ns(...) is one offset for all scans of a target; scan k looks at phase + k * period.",
             )
 
     def test_phases_lie_in_the_period(self) -> None:
-        """Offsets are whole nanoseconds in [0, period), for targets anywhere, also right below the sensor."""
+        """Offsets are whole nanoseconds in [0, period) for targets anywhere, also at the nadir."""
         scan, here = self.sensor().scan, self._here()
         for uniform in (0.0, 0.37, 1.0 - 2.0**-53):
-            phase = scan.phase_ns(here, _places_m(here), uniform)
-            insist(
+            phase = scan.phase_ns(here, _targets_m(here), uniform)
+            require(
                 phase.dtype == np.int64 and bool(np.all((phase >= 0) & (phase < scan.period_ns))),
-                f"phase_ns gives {phase.dtype} from {phase.min()} to {phase.max()}, with a period of {scan.period_ns}",
-                "Return whole numbers (int64) in [0, period): floor, then remainder, and 0 where there is no angle.",
+                f"phase_ns is {phase.dtype} from {phase.min()} to {phase.max()}, the period {scan.period_ns}",
+                "Return whole numbers (int64) in [0, period): floor, then remainder; 0 if the angle is undefined.",
             )
 
-    def test_each_target_has_its_own_phase(self) -> None:
-        """The offset of a target does not depend on which others are asked about with it."""
+    def test_phases_are_independent(self) -> None:
+        """The offset of a target does not depend on the other rows of the call."""
         scan, here = self.sensor().scan, self._here()
-        places = _places_m(here)
-        insist_rows_stand_alone("phase_ns", lambda rows: scan.phase_ns(here, places[rows], 0.25), len(places))
+        targets = _targets_m(here)
+        require_independent_rows("phase_ns", lambda rows: scan.phase_ns(here, targets[rows], 0.25), len(targets))
 
     def test_orbit_is_above_the_ground_and_smooth(self) -> None:
-        """Positions are finite, above the ground, and move as a satellite does."""
+        """Positions are finite, above the ground and continuous, with bounded speed and acceleration."""
         orbit, time_s = self.sensor().orbit, np.linspace(0.0, 86_400.0, 24 * 60 + 1)
-        place_m = orbit.position_ecef_m(time_s)
-        insist(place_m.shape == (len(time_s), 3), f"position_ecef_m gives {place_m.shape}", "Return (n, 3) for (n,).")
-        radius_m = np.sqrt(np.sum(place_m**2, axis=1))
-        insist(
+        position_m = orbit.position_ecef_m(time_s)
+        require(
+            position_m.shape == (len(time_s), 3), f"position_ecef_m is {position_m.shape}", "Return (n, 3) for (n,)."
+        )
+        radius_m = np.sqrt(np.sum(position_m**2, axis=1))
+        require(
             bool(np.all(radius_m > _LEAST_RADIUS_M)),
-            f"it comes to {radius_m.min():.0f} m of the Earth's centre",
-            "Positions are in metres, Earth-centred and Earth-fixed, and above the ground.",
+            f"it is {radius_m.min():.0f} m from the Earth's centre",
+            "Positions are ECEF, in metres, above the ground.",
         )
         close_s = np.arange(0.0, 600.0)
         velocity = np.diff(orbit.position_ecef_m(close_s), axis=0)
-        speed, turn = np.abs(velocity).max(), np.abs(np.diff(velocity, axis=0)).max()
-        insist(
-            speed < _SPEED_LIMIT_M_S and turn < _ACCELERATION_LIMIT_M_S2,
-            f"it moves up to {speed:.0f} m/s and turns by up to {turn:.1f} m/s in a second",
-            "Positions are continuous, in ECEF, in metres; time is in seconds after the epoch.",
+        speed, acceleration = np.abs(velocity).max(), np.abs(np.diff(velocity, axis=0)).max()
+        require(
+            speed < _SPEED_LIMIT_M_S and acceleration < _ACCELERATION_LIMIT_M_S2,
+            f"its speed is up to {speed:.0f} m/s, its acceleration up to {acceleration:.1f} m/s2",
+            "Positions are continuous, ECEF, in metres; time is in seconds since the epoch.",
         )
 
-    def test_a_stationary_orbit_stays(self) -> None:
-        """An orbit that says it is stationary has one position."""
+    def test_a_stationary_orbit_does_not_move(self) -> None:
+        """An orbit with `is_stationary` has one position."""
         orbit = self.sensor().orbit
-        place_m = orbit.position_ecef_m(np.array([0.0, 1.0, 43_200.0]))
-        insist(
-            not orbit.is_stationary or bool(np.all(place_m == place_m[0])),
-            "is_stationary is true, and the position changes",
-            "Say is_stationary = False: the engine asks for a stationary sensor's position once.",
+        position_m = orbit.position_ecef_m(np.array([0.0, 1.0, 43_200.0]))
+        require(
+            not orbit.is_stationary or bool(np.all(position_m == position_m[0])),
+            "is_stationary is True, but the position changes",
+            "Set is_stationary = False: the engine computes a stationary sensor's position once.",
         )
 
-    def test_each_moment_has_its_own_position(self) -> None:
-        """The position at a time does not depend on which other times are asked for."""
+    def test_positions_are_independent(self) -> None:
+        """The position at a time does not depend on the other times of the call."""
         orbit, time_s = self.sensor().orbit, np.linspace(0.0, 5000.0, 61)
-        insist_rows_stand_alone("position_ecef_m", lambda rows: orbit.position_ecef_m(time_s[rows]), len(time_s))
+        require_independent_rows("position_ecef_m", lambda rows: orbit.position_ecef_m(time_s[rows]), len(time_s))
 
-    def test_lines_of_sight_scatter_as_stated(self) -> None:
-        """The errors of measured lines of sight have the stated standard deviation and are normal."""
+    def test_line_of_sight_errors_follow_the_stated_sigma(self) -> None:
+        """Errors of measured lines of sight are normal, with the stated standard deviation."""
         run = self.run_of(self.scene(sensors=self.scene()["sensors"][:1], seed=5))
         stated = run.detections.line_of_sight_sigma_rad
         error = _errors_rad(run)[stated > 0.0]
         # Two independent normal errors: the square over 2 sigma squared is exponential.
-        excess = excess_of_distribution(-np.expm1(-0.5 * (error / stated[stated > 0.0]) ** 2))
-        insist(
+        excess = uniformity_excess(-np.expm1(-0.5 * (error / stated[stated > 0.0]) ** 2))
+        require(
             excess <= 1.0,
-            f"{len(error)} errors of lines of sight are {excess:.2f} times as far from the stated distribution as"
-            " chance explains (99.9 %)",
+            f"the distribution of {len(error)} line-of-sight errors deviates by {excess:.2f} times the 99.9 % limit",
             "State the standard deviation of each of two axes across the line of sight, in radians.",
         )
 
-    def test_detections_come_at_the_stated_rate(self) -> None:
-        """With detection: constant, looks detect as often as the stated probabilities say (99.9 %)."""
+    def test_detections_occur_at_the_stated_rate(self) -> None:
+        """With detection: constant, the number of detections agrees with the stated probabilities (99.9 %)."""
         probability = self.sensor().detection_probability
         if not set(TARGET_TYPES) <= probability.keys():
             return
@@ -182,33 +188,33 @@ class SensorContract(SceneContract):
         every, drawn = self.run_of(scene), self.run_of({**scene, "detection": "constant"})
         types = every.plan.targets.type_code[every.truth.target]
         chances = np.array([probability[name] for name in TARGET_TYPES])[types]
-        excess = excess_of_count(len(drawn.lines), chances)
-        insist(
+        excess = count_excess(len(drawn.lines), chances)
+        require(
             excess <= 1.0,
-            f"{len(drawn.lines)} of {len(chances)} looks detect, where {chances.sum():.1f} are due",
+            f"{len(drawn.lines)} of {len(chances)} looks detect; the expectation is {chances.sum():.1f}",
             "The look times of a sensor must not depend on the detection model.",
         )
 
-    def test_draws_of_others_are_left_alone(self) -> None:
-        """One more sensor of this model changes no event of the others, and a neighbour none of its own."""
+    def test_results_of_others_do_not_change(self) -> None:
+        """The sensor does not change the events of other sensors, and another sensor does not change its events."""
         scene = self.scene()
         without = self.run_of({**scene, "sensors": scene["sensors"][1:]})
         others = self.run().lines_of([sensor.id for sensor in without.plan.sensors], without.plan.targets.ids)
-        change = "A sensor is built from its own block and context; it keeps nothing that others could see."
-        insist_same_lines(without.lines, others, "beside this sensor", change)
+        change = "Build each sensor from its own block and context; share no state."
+        require_same_events(without.lines, others, "with this sensor", change)
         grown = self.run_of({**scene, "sensors": [NEIGHBOUR_SENSOR, *scene["sensors"]]})
-        kept = grown.lines_of([SUBJECT], grown.plan.targets.ids)
+        lines = grown.lines_of([SUBJECT], grown.plan.targets.ids)
         own = self.run().lines_of([SUBJECT], grown.plan.targets.ids)
-        insist_same_lines(own, kept, "with a neighbour", change)
+        require_same_events(own, lines, "with a neighbour", change)
 
     def test_a_built_sensor_pickles(self) -> None:
-        """The built sensor can be pickled, and its copy looks and moves the same."""
+        """The built sensor can be pickled, and its copy returns the same positions and phases."""
         sensor, here = self.sensor(), self._here()
-        copy, time_s, places = insist_pickles(sensor), np.linspace(0.0, 600.0, 7), _places_m(here)
-        moves, moved = (one.orbit.position_ecef_m(time_s) for one in (sensor, copy))
-        looks, looked = (one.scan.phase_ns(here, places, 0.5) for one in (sensor, copy))
-        same = np.array_equal(moves, moved) and np.array_equal(looks, looked)
-        insist(same, "a pickled copy moves or looks differently", "Keep all state in fields that pickle.")
+        copy, time_s, targets = require_pickling(sensor), np.linspace(0.0, 600.0, 7), _targets_m(here)
+        position_m, copied_m = (one.orbit.position_ecef_m(time_s) for one in (sensor, copy))
+        phase, copied = (one.scan.phase_ns(here, targets, 0.5) for one in (sensor, copy))
+        same = np.array_equal(position_m, copied_m) and np.array_equal(phase, copied)
+        require(same, "a pickled copy returns other positions or phases", "Keep all state in fields that pickle.")
 
     def _here(self) -> FloatArray:
         here: FloatArray = self.sensor().orbit.position_ecef_m(np.zeros(1))[0]
@@ -216,7 +222,7 @@ class SensorContract(SceneContract):
 
 
 class ConstellationContract(SensorContract):
-    """What a constellation promises: what its sensor model does where its satellites are, and a fleet that runs."""
+    """Conformance tests of a constellation: those of its sensor model with its first satellite, and a run of all."""
 
     @classmethod
     def constellation(cls) -> Constellation:
@@ -225,7 +231,7 @@ class ConstellationContract(SensorContract):
 
     @classmethod
     def component(cls) -> Any:
-        """Return the sensor model that the satellites carry."""
+        """Return the sensor model of the satellites."""
         return cls.host().component(SensorModel, cls.constellation().model)
 
     @classmethod
@@ -236,30 +242,30 @@ class ConstellationContract(SensorContract):
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the bench's scene with the first satellite."""
+        """Return the test scene with the first satellite."""
         subject = {"model": cls.constellation().model, "id": SUBJECT, **cls.block()}
         certain = {"detection": "always", "classification": "none"}
         return bench_scene(**{"sensors": [subject, *SENSORS[1:]], **certain, **changes})
 
-    def test_the_whole_fleet_runs(self) -> None:
-        """A scene that names the constellation has all its satellites, by their ids, each at its own place."""
+    def test_the_constellation_runs(self) -> None:
+        """A scene with the constellation has all its satellites, each at its own position."""
         run = self.run_of(bench_scene(sensors=[{"constellation": self.name}], classification="none"))
         ids = [row["id"] for row in self.constellation().satellites]
-        insist([sensor.id for sensor in run.plan.sensors] == ids, "the fleet is another in a scene", "Check the ids.")
-        places = {tuple(sensor.orbit.position_ecef_m(np.zeros(1))[0].tolist()) for sensor in run.plan.sensors}
-        insist(
-            len(places) == len(ids),
-            f"{len(ids)} satellites are at {len(places)} places at the epoch",
+        require([sensor.id for sensor in run.plan.sensors] == ids, "a scene has other satellites", "Check the ids.")
+        positions = {tuple(sensor.orbit.position_ecef_m(np.zeros(1))[0].tolist()) for sensor in run.plan.sensors}
+        require(
+            len(positions) == len(ids),
+            f"{len(ids)} satellites are at {len(positions)} positions at the epoch",
             "Give each satellite a slot or an orbit of its own.",
         )
 
 
-def _place_of(run: BenchRun) -> int:
+def _subject_index(run: BenchRun) -> int:
     return [sensor.id for sensor in run.plan.sensors].index(SUBJECT)
 
 
-def _places_m(here: FloatArray) -> FloatArray:
-    """Return targets (n, 3): a grid over the globe, the poles, the antimeridian, right below and right behind."""
+def _targets_m(here: FloatArray) -> FloatArray:
+    """Return targets (n, 3): a grid over the globe, the poles, the antimeridian, the nadir and its antipode."""
     latitude, longitude = np.radians(np.mgrid[-90:91:30, -180:181:36].reshape(2, -1))
     ring = np.stack(
         [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=1
@@ -269,14 +275,14 @@ def _places_m(here: FloatArray) -> FloatArray:
 
 
 def _errors_rad(run: BenchRun) -> FloatArray:
-    """Return the angles (n,) between measured and true lines of sight; what a sensor's bias adds is true here."""
-    plan, seen = run.plan, run.detections
-    offset_m = plan.targets.position_ecef_m(run.truth.target, run.truth.emission_time_s) - seen.sensor_ecef_m
+    """Return the angles (n,) between measured and true lines of sight; the true one includes the sensor's bias."""
+    plan, detections = run.plan, run.detections
+    offset_m = plan.targets.position_ecef_m(run.truth.target, run.truth.emission_time_s) - detections.sensor_ecef_m
     true = offset_m / np.sqrt(np.sum(offset_m**2, axis=1))[:, None]
     if plan.bias is not None:
         x, y, z = true.T
-        true = np.stack(plan.bias.applied(x, y, z, seen.sensor, seen.sensor_ecef_m), axis=1)
-    # The chord between two unit vectors; for angles this small an inverse cosine would keep no digits.
-    chord = np.sqrt(np.sum((seen.line_of_sight_ecef - true) ** 2, axis=1))
+        true = np.stack(plan.bias.applied(x, y, z, detections.sensor, detections.sensor_ecef_m), axis=1)
+    # From the chord between unit vectors: for small angles an arccosine would lose all digits.
+    chord = np.sqrt(np.sum((detections.line_of_sight_ecef - true) ** 2, axis=1))
     angle: FloatArray = 2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0))
     return angle

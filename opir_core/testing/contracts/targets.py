@@ -1,4 +1,4 @@
-"""The contract of target models: launches to trajectories."""
+"""Conformance tests of target models."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -14,22 +14,26 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.plugin.components import Component, TargetModel
 from opir_core.scene.scene import EMITTER_TYPES
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
-from opir_core.testing.contracts.comparisons import insist_pickles, insist_rows_stand_alone, insist_same_lines
-from opir_core.testing.contracts.contract import Broken, insist, read_config
+from opir_core.testing.contracts.comparisons import (
+    require_array_computation,
+    require_independent_rows,
+    require_pickling,
+    require_same_events,
+)
+from opir_core.testing.contracts.contract import ConformanceError, read_config, require
 from opir_core.testing.contracts.scenes import SceneContract
-from opir_core.testing.steps import LOOP_STEPS, steps_per_row
 
 _SPEED_LIMIT_M_S = 1.2e4
-#: What the core's lines of sight are certain for (`opir_core.planning.visibility`).
+#: The limit for which the core's visibility is exact (`opir_core.planning.visibility`).
 _ACCELERATION_LIMIT_M_S2 = 100.0
 _LEAST_RADIUS_M = 6.35e6
 
 
 class TargetContract(SceneContract):
-    """What a target model promises.
+    """Conformance tests of a target model.
 
-    `launches` are blocks of targets, each with an `id`; `settings` are added to each. The bench's own, with type,
-    launch and aim, do for models that take these.
+    `launches` are target blocks, each with an `id`; `settings` are added to each. The default ones have type, launch
+    and aim.
     """
 
     kind: ClassVar[type[Component]] = TargetModel
@@ -47,12 +51,12 @@ class TargetContract(SceneContract):
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the bench's scene with targets of the model."""
+        """Return the test scene with targets of the model."""
         return bench_scene(**{"targets": cls.blocks(), **changes})
 
     @classmethod
     def made(cls, blocks: Sequence[Mapping[str, Any]], *, free_flight: bool = False) -> Trajectories:
-        """Return the trajectories of some blocks of targets; with `free_flight` a sensor follows them after burnout."""
+        """Return the trajectories of target blocks; with `free_flight` a sensor follows them after burnout."""
         settings = [{key: value for key, value in block.items() if key not in ("id", "model")} for block in blocks]
         context = TargetContext(
             ids=tuple(block["id"] for block in blocks),
@@ -69,123 +73,126 @@ class TargetContract(SceneContract):
         """Return the trajectories of the scene's targets."""
         return cls.made(cls.blocks())
 
-    def test_types_and_times_are_lawful(self) -> None:
-        """Each target has a type, and burns for a time."""
+    def test_types_and_times_are_valid(self) -> None:
+        """Each target has a known type, and a burnout after its ignition."""
         made, rows = self.targets(), len(self.launches)
-        insist(
+        require(
             made.type_code.shape == made.ignition_s.shape == made.burnout_s.shape == (rows,),
             f"{rows} targets have {made.type_code.shape} types and {made.ignition_s.shape} ignitions",
             "Return one row for each configuration, in their order.",
         )
-        insist(
+        require(
             bool(np.all(made.type_code < len(EMITTER_TYPES)) and np.all(made.burnout_s > made.ignition_s)),
             "a type is unknown, or a burn ends before it begins",
             "type_code is an index into TARGET_TYPES; burnout_s comes after ignition_s.",
         )
 
-    def test_positions_are_known_throughout_the_burn_and_nowhere_else(self) -> None:
-        """Positions are finite from ignition to burnout, both included, and nan before and after."""
+    def test_positions_are_finite_during_the_burn_only(self) -> None:
+        """Positions are finite from ignition to burnout inclusive, and nan before and after."""
         made = self.targets()
         for row in range(len(self.launches)):
             start, end = float(made.ignition_s[row]), float(made.burnout_s[row])
-            inside = made.position_ecef_m(*_moments(row, np.linspace(start, end, 101)))
-            outside = made.position_ecef_m(*_moments(row, np.array([start - 1.0, end + 1.0])))
-            insist(
+            inside = made.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
+            outside = made.position_ecef_m(*_at(row, np.array([start - 1.0, end + 1.0])))
+            require(
                 bool(np.isfinite(inside).all() and np.isnan(outside).all()),
-                f"target {row} has a place outside its burn, or none inside",
+                f"target {row} has a position outside its burn, or none inside",
                 "Return (n, 3) that is finite at ignition_s <= time_s <= burnout_s and nan elsewhere.",
             )
 
-    def test_bodies_are_known_to_the_end_of_their_flight_and_burns_stay_as_they_were(self) -> None:
-        """Where a sensor follows bodies and the model has `end_s`, positions go on to it; those of the burn stay."""
+    def test_free_flight_extends_to_end_s_and_burns_do_not_change(self) -> None:
+        """Positions of a model with `end_s` extend to it if a sensor follows bodies; the burn does not change."""
         alone, followed = self.targets(), self.made(self.blocks(), free_flight=True)
         if not isinstance(followed, FreeFlight):
             return
         for row in range(len(self.launches)):
             start, burnout, end = (float(v[row]) for v in (alone.ignition_s, alone.burnout_s, followed.end_s))
-            flight = followed.position_ecef_m(*_moments(row, np.linspace(start, end, 101)))
-            after = followed.position_ecef_m(*_moments(row, np.array([end + 1.0])))
-            insist(
+            flight = followed.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
+            after = followed.position_ecef_m(*_at(row, np.array([end + 1.0])))
+            require(
                 bool(end >= burnout and np.isfinite(flight).all() and np.isnan(after).all()),
-                f"target {row} has no place on its way to end_s, or one after it",
+                f"target {row} has no position before end_s, or one after it",
                 "Return positions from ignition_s to end_s, both included, and nan elsewhere.",
             )
-            burn = _moments(row, np.linspace(start, burnout, 101))
-            insist(
+            burn = _at(row, np.linspace(start, burnout, 101))
+            require(
                 followed.position_ecef_m(*burn).tobytes() == alone.position_ecef_m(*burn).tobytes(),
-                f"target {row} burns elsewhere once a sensor follows it",
-                "Compute the burn in one way, followed or not: else one sensor changes what the others see.",
+                f"target {row} has other positions in its burn if a sensor follows it",
+                "Compute the burn in the same way with and without free flight.",
             )
 
     def test_paths_are_above_the_ground_and_smooth(self) -> None:
-        """Positions are above the ground and move as a body does: no jumps."""
+        """Positions are above the ground and continuous, with bounded speed and acceleration."""
         made = self.targets()
         for row in range(len(self.launches)):
             time_s = np.arange(float(made.ignition_s[row]), float(made.burnout_s[row]), 0.5)
-            place_m = made.position_ecef_m(*_moments(row, time_s))
+            place_m = made.position_ecef_m(*_at(row, time_s))
             velocity = np.diff(place_m, axis=0) / 0.5
             speed, turn = np.abs(velocity).max(), np.abs(np.diff(velocity, axis=0)).max() / 0.5
             radius_m = np.sqrt(np.sum(place_m**2, axis=1))
-            insist(
+            require(
                 radius_m.min() > _LEAST_RADIUS_M and speed < _SPEED_LIMIT_M_S and turn < _ACCELERATION_LIMIT_M_S2,
                 f"target {row} comes to {radius_m.min():.0f} m of the Earth's centre, flies at up to {speed:.0f} m/s"
                 f" and changes speed by up to {turn:.0f} m/s in a second",
                 "Positions are ECEF, metres, continuous, with accelerations below 100 m/s2.",
             )
 
-    def test_each_moment_has_its_own_position(self) -> None:
-        """The position of a target at a time does not depend on what else is asked about with it."""
+    def test_positions_are_independent(self) -> None:
+        """The position of a target at a time does not depend on the other rows of the call."""
         made, count = self.targets(), len(self.launches)
         target = np.tile(np.arange(count, dtype=np.int32), 41)
         share = np.repeat(np.linspace(0.0, 1.0, 41), count)
         time_s = made.ignition_s[target] + share * (made.burnout_s - made.ignition_s)[target]
-        insist_rows_stand_alone(
+        require_independent_rows(
             "position_ecef_m", lambda rows: made.position_ecef_m(target[rows], time_s[rows]), len(target)
         )
 
-    def test_each_target_flies_on_its_own(self) -> None:
-        """A target built alone flies as it does among others."""
+    def test_targets_are_independent(self) -> None:
+        """A target built alone has the same trajectory as among others."""
         made = self.targets()
         for row, block in enumerate(self.blocks()):
             alone = self.made([block])
             time_s = np.linspace(float(made.ignition_s[row]), float(made.burnout_s[row]), 23)
-            together = made.position_ecef_m(*_moments(row, time_s))
-            same = np.array_equal(alone.position_ecef_m(*_moments(0, time_s)), together)
-            insist(same, f"target {row} flies differently alone", "Compute each target from its own configuration.")
+            together = made.position_ecef_m(*_at(row, time_s))
+            same = np.array_equal(alone.position_ecef_m(*_at(0, time_s)), together)
+            require(
+                same, f"target {row} has another trajectory alone", "Compute each target from its own configuration."
+            )
 
     def test_truth_is_plain_values(self) -> None:
-        """The truth has one mapping of plain values for each target."""
-        told = self.targets().truth()
+        """The truth has one mapping of plain values per target."""
+        truth = self.targets().truth()
         try:
-            json.dumps([dict(row) for row in told], allow_nan=False)
+            json.dumps([dict(row) for row in truth], allow_nan=False)
         except (TypeError, ValueError) as error:
-            raise Broken(
+            raise ConformanceError(
                 f"the truth is not plain values: {error}", "Return numbers, text and lists; no nan."
             ) from error
-        insist(len(told) == len(self.launches), f"the truth has {len(told)} rows", "Return one mapping a target.")
+        require(len(truth) == len(self.launches), f"the truth has {len(truth)} rows", "Return one mapping a target.")
 
-    def test_moments_are_not_worked_through_one_by_one(self) -> None:
-        """More moments take no more steps of Python: the work is done on arrays."""
+    def test_times_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the times: computations are on arrays."""
         made = self.targets()
         span = (float(made.ignition_s[0]), float(made.burnout_s[0]))
-        steps = steps_per_row(lambda rows: made.position_ecef_m(*_moments(0, np.linspace(*span, rows))), 100, 1000)
-        insist(steps < LOOP_STEPS, f"each moment more takes {steps:.1f} steps of Python", "Compute whole columns.")
+        require_array_computation(
+            "time", lambda rows: made.position_ecef_m(*_at(0, np.linspace(*span, rows))), 100, 1000
+        )
 
-    def test_draws_of_others_are_left_alone(self) -> None:
-        """Targets of this model change no event of targets of another, nor those of theirs."""
+    def test_results_of_others_do_not_change(self) -> None:
+        """A target of another model does not change the events of targets of this model."""
         grown = self.run_of(self.scene(targets=[NEIGHBOUR_TARGET, *self.blocks()]))
         ids = [block["id"] for block in self.blocks()]
-        kept = grown.lines_of([sensor.id for sensor in grown.plan.sensors], ids)
-        change = "A target is built from its own block; it keeps nothing that others could see."
-        insist_same_lines(self.run().lines, kept, "with a neighbour", change)
+        lines = grown.lines_of([sensor.id for sensor in grown.plan.sensors], ids)
+        change = "Build each target from its own block; share no state."
+        require_same_events(self.run().lines, lines, "with a neighbour", change)
 
     def test_built_targets_pickle(self) -> None:
-        """The built targets can be pickled, and their copies fly the same."""
+        """The built trajectories can be pickled, and their copy returns the same."""
         made = self.targets()
-        moments = _moments(0, np.linspace(float(made.ignition_s[0]), float(made.burnout_s[0]), 11))
-        same = np.array_equal(insist_pickles(made).position_ecef_m(*moments), made.position_ecef_m(*moments))
-        insist(same, "a pickled copy flies differently", "Keep all state in fields that pickle.")
+        moments = _at(0, np.linspace(float(made.ignition_s[0]), float(made.burnout_s[0]), 11))
+        same = np.array_equal(require_pickling(made).position_ecef_m(*moments), made.position_ecef_m(*moments))
+        require(same, "a pickled copy returns other positions", "Keep all state in fields that pickle.")
 
 
-def _moments(row: int, time_s: FloatArray) -> tuple[IndexArray, FloatArray]:
+def _at(row: int, time_s: FloatArray) -> tuple[IndexArray, FloatArray]:
     return np.full(len(time_s), row, dtype=np.int32), time_s

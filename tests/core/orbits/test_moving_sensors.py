@@ -13,7 +13,7 @@ from opir_core.interfaces.records import Detections
 from opir_core.orbits import circular_elements, highly_elliptical_elements, slot_elements
 from opir_core.orbits.orbit_models import SPAN_S, MovingOrbit, TwoBodyMotion
 from opir_core.simulation.engine import Engine
-from opir_core.testing import AscendingTargets, CertainDetection, stub_plan, stub_scene, stub_sensor
+from opir_core.testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 
 #: A burn across the seam of two spans.
 IGNITION_S = SPAN_S - 15.0
@@ -37,7 +37,7 @@ def plan_of(names):
     ]
     rng = np.random.default_rng(7)
     start_s = IGNITION_S + rng.uniform(0.0, 5.0, 12)
-    targets = AscendingTargets(rng.uniform(-40, 60, 12), rng.uniform(-60, 60, 12), start_s, start_s + 25.0)
+    targets = VerticalTargets(rng.uniform(-40, 60, 12), rng.uniform(-60, 60, 12), start_s, start_s + 25.0)
     scene = stub_scene(duration_s=END_NS * 1e-9)
     return stub_plan(sensors, targets, [f"T{n}" for n in range(12)], scene, detection=CertainDetection(0.7, False))
 

@@ -19,19 +19,19 @@ from opir_core.sensors.scan_patterns import AlignedScan
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import window_edges_ns
 from opir_core.testing import (
-    AscendingTargets,
     CertainDetection,
     CountingTracker,
+    VerticalTargets,
     stub_plan,
     stub_scene,
     stub_sensor,
 )
 
 
-def targets(count: int = 3, seed: int = 5) -> AscendingTargets:
+def targets(count: int = 3, seed: int = 5) -> VerticalTargets:
     rng = np.random.default_rng(seed)
     ignition = rng.uniform(1.0, 20.0, count)
-    return AscendingTargets(rng.uniform(-60, 60, count), rng.uniform(-60, 60, count), ignition, ignition + 30.0)
+    return VerticalTargets(rng.uniform(-60, 60, count), rng.uniform(-60, 60, count), ignition, ignition + 30.0)
 
 
 def ids(count: int) -> list[str]:
@@ -102,7 +102,7 @@ def test_an_estimate_is_of_the_last_tick_before_its_detection() -> None:
 
 def test_another_sensor_or_target_leaves_the_old_ones_alone() -> None:
     some, more = targets(4), [stub_sensor("A", -20.0), stub_sensor("NEW", 10.0), stub_sensor("B", 75.0)]
-    few = AscendingTargets(*(getattr(some, name)[[0, 1, 3]] for name in ("latitude_deg", "longitude_deg")), *(
+    few = VerticalTargets(*(getattr(some, name)[[0, 1, 3]] for name in ("latitude_deg", "longitude_deg")), *(
         getattr(some, name)[[0, 1, 3]] for name in ("ignition_s", "burnout_s")))  # fmt: skip
     scene = stub_scene(duration_s=60)
     detection = CertainDetection(0.4)
@@ -136,7 +136,7 @@ def test_without_light_time_a_look_sees_the_target_where_it_is() -> None:
 
 
 def test_a_launch_on_a_scan_is_first_seen_a_period_later_and_last_at_burnout() -> None:
-    one = AscendingTargets(np.zeros(1), np.zeros(1), np.array([10.0]), np.array([310.0]), speed_m_s=10.0)
+    one = VerticalTargets(np.zeros(1), np.zeros(1), np.array([10.0]), np.array([310.0]), speed_m_s=10.0)
     for period_ms, looks in ((200, 1500), (100, 3000), (50, 6000)):
         sensor = stub_sensor(scan=AlignedScan(period_ms * 1_000_000))
         plan = stub_plan([sensor], one, ["T"], stub_scene(duration_s=400, light_time=False))
@@ -147,7 +147,7 @@ def test_a_launch_on_a_scan_is_first_seen_a_period_later_and_last_at_burnout() -
 
 
 def test_line_of_sight_errors_are_normal_with_the_stated_sigma_in_both_directions() -> None:
-    one = AscendingTargets(np.array([40.0]), np.array([20.0]), np.zeros(1), np.array([900.0]), speed_m_s=10.0)
+    one = VerticalTargets(np.array([40.0]), np.array([20.0]), np.zeros(1), np.array([900.0]), speed_m_s=10.0)
     sensor = stub_sensor(line_of_sight_sigma_rad=3e-5, scan=AlignedScan(20_000_000))
     window = run(stub_plan([sensor], one, ["T"], stub_scene(duration_s=1000)), [10**12])[0]
     place = one.position_ecef_m(window.truth.target, window.truth.emission_time_s)
@@ -175,7 +175,7 @@ def test_azimuth_and_elevation_are_those_of_the_measured_line_of_sight() -> None
 
 
 def test_a_target_behind_the_earth_is_skipped_with_its_reason() -> None:
-    far_side = AscendingTargets(np.zeros(1), np.array([180.0]), np.zeros(1), np.array([60.0]))
+    far_side = VerticalTargets(np.zeros(1), np.array([180.0]), np.zeros(1), np.array([60.0]))
     plan = stub_plan([stub_sensor()], far_side, ["T"], stub_scene())
     assert plan.pairs.blocked.tolist() == [Blocked.BEHIND_EARTH]
     assert run(plan, [10**11])[0].looks == 0
@@ -187,14 +187,14 @@ def test_a_target_outside_the_field_of_regard_is_skipped_with_its_reason() -> No
 
 
 def test_a_target_below_the_minimum_elevation_is_skipped_with_its_reason() -> None:
-    one = AscendingTargets(np.array([60.0]), np.array([60.0]), np.zeros(1), np.array([60.0]))
+    one = VerticalTargets(np.array([60.0]), np.array([60.0]), np.zeros(1), np.array([60.0]))
     plan = stub_plan([stub_sensor(minimum_elevation_rad=1.0)], one, ["T"], stub_scene())
     assert plan.pairs.blocked.tolist() == [Blocked.BELOW_MINIMUM_ELEVATION]
 
 
 def test_a_target_that_rises_over_the_limb_is_seen_exactly_when_it_is_not_occluded() -> None:
     # 82.5 degrees of longitude away a site is hidden; the target clears the limb as it climbs.
-    one = AscendingTargets(np.zeros(1), np.array([82.5]), np.zeros(1), np.array([90.0]), speed_m_s=2000.0)
+    one = VerticalTargets(np.zeros(1), np.array([82.5]), np.zeros(1), np.array([90.0]), speed_m_s=2000.0)
     sensor = stub_sensor(scan=AlignedScan(10_000_000))
     plan = stub_plan([sensor], one, ["T"], stub_scene(light_time=False))
     found = run(plan, [10**11])[0].detections
@@ -234,7 +234,7 @@ def test_a_model_that_returns_no_probability_is_refused(chance: float) -> None:
 
 
 def test_a_scene_without_targets_has_empty_windows() -> None:
-    nobody = AscendingTargets(*(np.zeros(0) for _ in range(4)))
+    nobody = VerticalTargets(*(np.zeros(0) for _ in range(4)))
     plan = stub_plan([stub_sensor()], nobody, [], stub_scene())
     assert len(run(plan, [10**11])[0].detections) == 0
 

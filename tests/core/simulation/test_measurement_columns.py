@@ -21,7 +21,7 @@ from opir_core.planning.sensor_states import PointingBias
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.run import plan_windows
 from opir_core.simulation.summary import Tally
-from opir_core.testing import AscendingTargets, CertainDetection, stub_plan, stub_scene, stub_sensor
+from opir_core.testing import CertainDetection, VerticalTargets, stub_plan, stub_scene, stub_sensor
 from opir_core.testing.doubles import stub_window
 
 BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0))
@@ -40,8 +40,8 @@ class Radiometer(CertainDetection):
         return Measured(np.ones(rows, np.uint8), np.ones(rows), sigma_rad, np.full((rows, self.bands), 1e-9))
 
 
-def one_target(speed_m_s: float = 10.0) -> AscendingTargets:
-    return AscendingTargets(np.array([40.0]), np.array([20.0]), np.array([1.0]), np.array([900.0]), speed_m_s=speed_m_s)
+def one_target(speed_m_s: float = 10.0) -> VerticalTargets:
+    return VerticalTargets(np.array([40.0]), np.array([20.0]), np.array([1.0]), np.array([900.0]), speed_m_s=speed_m_s)
 
 
 def windows_of(plan: Any, *edges_s: float) -> list[Window]:

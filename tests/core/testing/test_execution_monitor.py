@@ -3,7 +3,7 @@
 import gc
 import time
 
-from opir_core.testing.watching import asked_of_the_world
+from opir_core.testing.execution_monitor import outside_inputs
 
 
 def many_containers() -> list[list[int]]:
@@ -16,7 +16,7 @@ def test_what_hangs_on_the_collector_is_not_asked_by_the_code_that_sets_it_off()
 
     gc.callbacks.append(timed)
     try:
-        assert asked_of_the_world(many_containers) == []
+        assert outside_inputs(many_containers) == []
         assert gc.isenabled()
     finally:
         gc.callbacks.remove(timed)
@@ -25,5 +25,5 @@ def test_what_hangs_on_the_collector_is_not_asked_by_the_code_that_sets_it_off()
 def test_the_clock_is_seen_however_it_was_imported():
     from time import monotonic
 
-    (told,) = asked_of_the_world(lambda: monotonic())
-    assert told.startswith("the clock: time.monotonic (testing/test_watching.py, line ")
+    (told,) = outside_inputs(lambda: monotonic())
+    assert told.startswith("the clock: time.monotonic (testing/test_execution_monitor.py, line ")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from opir_core.testing.chance import Z_999, excess_of_count, excess_of_distribution, excess_of_rate
+from opir_core.testing.contracts.comparisons import Z_999, count_excess, rate_excess, uniformity_excess
 
 
 def test_the_half_width_is_that_of_999_permille() -> None:
@@ -14,13 +14,13 @@ def test_the_half_width_is_that_of_999_permille() -> None:
 def test_counts_of_independent_chances_stay_inside_as_often_as_stated() -> None:
     chances = np.random.default_rng(1).uniform(0.05, 0.95, 400)
     draws = (np.random.default_rng(2).random((20_000, 400)) < chances).sum(axis=1)
-    outside = sum(excess_of_count(float(seen), chances) > 1.0 for seen in draws)
+    outside = sum(count_excess(float(seen), chances) > 1.0 for seen in draws)
     assert outside <= stats.binom.isf(0.001, 20_000, 0.001)
 
 
 def test_counts_at_rates_stay_inside_about_as_often_as_stated() -> None:
     draws = np.random.default_rng(3).poisson(60.0, 20_000)
-    outside = sum(excess_of_rate(float(seen), 60.0) > 1.0 for seen in draws)
+    outside = sum(rate_excess(float(seen), 60.0) > 1.0 for seen in draws)
     # The normal's half width is a little narrow for a Poisson tail; three in a thousand is its worst above 50.
     assert outside <= stats.binom.isf(0.001, 20_000, 0.002)
 
@@ -30,15 +30,15 @@ def test_the_distance_of_distributions_is_kolmogorovs() -> None:
     count = len(values)
     distance = stats.kstest(values, "uniform").statistic
     due = distance * (np.sqrt(count) + 0.12 + 0.11 / np.sqrt(count)) / 1.950
-    assert excess_of_distribution(values) == pytest.approx(due, rel=1e-12)
+    assert uniformity_excess(values) == pytest.approx(due, rel=1e-12)
     # At Stephens' point, the probability of what lies beyond it is 0.1 %.
     at_the_point = 1.950 / (np.sqrt(count) + 0.12 + 0.11 / np.sqrt(count))
     assert stats.kstwo.sf(at_the_point, count) == pytest.approx(0.001, rel=0.05)
 
 
 def test_what_is_off_is_found() -> None:
-    assert excess_of_count(260, np.full(400, 0.5)) > 1.0
-    assert excess_of_rate(100, 60.0) > 1.0
-    assert excess_of_distribution(np.random.default_rng(5).beta(1.5, 1.0, 500)) > 1.0
-    assert excess_of_count(0, np.zeros(5)) == 0.0
-    assert excess_of_distribution(np.empty(0)) == 0.0
+    assert count_excess(260, np.full(400, 0.5)) > 1.0
+    assert rate_excess(100, 60.0) > 1.0
+    assert uniformity_excess(np.random.default_rng(5).beta(1.5, 1.0, 500)) > 1.0
+    assert count_excess(0, np.zeros(5)) == 0.0
+    assert uniformity_excess(np.empty(0)) == 0.0
