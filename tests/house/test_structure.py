@@ -81,6 +81,21 @@ def test_no_imports_run_in_a_circle() -> None:
     assert not left, "a circle runs through some of these"
 
 
+#: Imports inside functions are for what is heavy or optional: the budget only falls.
+LAZY_IMPORTS = 50
+
+
+def test_few_imports_stand_inside_functions() -> None:
+    lazy = [
+        f"{module}:{inner.lineno}"
+        for module, path in CORE_MODULES.items()
+        for node in functions(path)
+        for inner in ast.walk(node)
+        if isinstance(inner, ast.Import | ast.ImportFrom)
+    ]
+    assert len(lazy) <= LAZY_IMPORTS, lazy
+
+
 def test_no_module_lies_flat_in_the_core() -> None:
     assert {path.stem for path in CORE.glob("*.py")} == FLAT
 
