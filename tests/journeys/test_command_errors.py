@@ -87,9 +87,9 @@ BROKEN = [
     (TRACKS, r'"tick_s":[0-9.]+', '"tick_s":7.5', "line 2: track 0 has two rows at 7.5 s"),
     (TRACKS, r'"state":\[[^]]*\]', '"state":[1]', "line 1: state: not what opir writes: 6 numbers or nulls expected"),
     (TRACKS, r'\A(.*?)"state":\[[^]]*\]', r'\1"state":[1]', "line 1: state: not what opir writes"),
-    (TRUTH, r'"target_id":"T1"', '"target_id":[]', "line 1: not what opir writes"),
+    (TRUTH, r'"target_id":"T1"', '"target_id":[]', "line 1: is not a line of opir's truth"),
     (TRUTH, r'"detection_id"', '"x"', "is not in the truth: the files are of different runs"),
-    (EVENTS, r'"timestamp":"[^"]*"', '"timestamp":"x"', "timestamp: not what opir writes"),
+    (EVENTS, r'"timestamp":"[^"]*"', '"timestamp":"x"', "timestamp: is not a timestamp of opir"),
     (EVENTS, r'"sensor_id":"[^"]*"', '"sensor_id":"X"', "has no sensor X: the files are of different runs"),
     (MANIFEST, r"(?s)\A.*", "[]", "not what opir writes: a manifest has a block scene"),
     (MANIFEST, r"(?s)\A.*", "{}", "not what opir writes: a manifest has a block scene"),
@@ -109,7 +109,7 @@ def test_a_run_s_files_that_something_else_wrote_are_told(
 
 
 def test_scores_of_what_is_no_run_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "is no file of a run's events" in told(capsys, "score", "", code=2)
+    assert "is not a file of events" in told(capsys, "score", "", code=2)
     (folder / TRACKS).unlink()
     assert "there is no tracks file" in told(capsys, "score", EVENTS, code=2)
 

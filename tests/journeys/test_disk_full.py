@@ -44,7 +44,7 @@ def test_what_a_full_disk_kept_arrives_from_it(tmp_path: Path) -> None:
         assert int(found[1]) > 1000
         rest = opir(broker.address, topic, kept / "spool", tmp_path, "--set", "targets=[]")
         assert rest.returncode == 0, rest.stderr
-        assert "of them left in the spool by an earlier run" in rest.stdout + rest.stderr
+        assert "of them from the spool of an earlier run" in rest.stdout + rest.stderr
         ids = [json.loads(message.value())["detection_id"] for message in messages(broker.address, topic)]
     assert len(set(ids)) == len(ids) == int(found[1])
 

@@ -42,7 +42,7 @@ print(json.dumps([after_discovery, names, after_names, sorted(sys.modules)]))
 
 def run(code, *folders):
     root = Path(opir_core.__file__).parents[1]
-    path = ":".join(map(str, [root, *folders]))
+    path = ":".join(map(str, [*folders, root]))
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         capture_output=True,
