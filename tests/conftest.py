@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -59,7 +60,7 @@ def pytest_testnodedown(node: object) -> None:
         config.stash[LEFT_OUT] = max(config.stash.get(LEFT_OUT, 0), output.get(LEFT_OUT_NAME, 0))
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     """Print how many slow tests were left out, and how to run them."""
     if count := config.stash.get(LEFT_OUT, 0):
         tests = "slow test was" if count == 1 else "slow tests were"

@@ -168,7 +168,7 @@ def _words(kind: TemplateKind, name: str) -> Mapping[str, str]:
 
 def _dependencies(code: str) -> str:
     """Return the requirements of a plugin's code, as an array of TOML without brackets."""
-    bounds = {"attrs": "attrs>=24.2", "numpy": "numpy>=1.26"}
+    bounds = {"attrs": "attrs>=24.2", "numpy": "numpy>=2.0.2"}
     named = [bound for module, bound in bounds.items() if re.search(rf"^(from|import) {module}\b", code, re.MULTILINE)]
     return ", ".join(f'"{requirement}"' for requirement in [*named, f"opir-core{_core_range(__version__)}"])
 
