@@ -1,0 +1,46 @@
+"""How many imports lie between a module and the files that use it."""
+
+import ast
+from collections.abc import Iterable
+from pathlib import Path
+
+
+def source_files(root: Path) -> list[str]:
+    """Return the modules of opir_core and the plugins, sorted, relative to the root."""
+    found = [*(root / "opir_core").rglob("*.py"), *(root / "plugins").glob("*/opir_*/**/*.py")]
+    return sorted(str(path.relative_to(root)) for path in found)
+
+
+def imports_of(root: Path, files: Iterable[str]) -> dict[str, set[str]]:
+    """Return, for every file, those of the files that it imports or names in a string, as entry points do."""
+    modules = {module_of(file): file for file in files}
+    return {file: _named(root / file, module, modules) - {file} for module, file in modules.items()}
+
+
+def distances(file: str, imports: dict[str, set[str]]) -> dict[str, int]:
+    """Return, for every file that uses a file, the number of imports between them (1: directly)."""
+    found, front = dict[str, int](), {file}
+    while front:
+        front = {user for user, used in imports.items() if used & front} - found.keys() - {file}
+        found |= dict.fromkeys(front, 1 + max(found.values(), default=0))
+    return found
+
+
+def module_of(file: str) -> str:
+    """Return the name under which others import a file: a plugin's and a test's lie below folders on the path."""
+    parts = Path(file).with_suffix("").parts
+    inner = parts[2:] if parts[0] in ("plugins", "tests") else parts
+    return ".".join(inner[:-1] if inner[-1] == "__init__" else inner)
+
+
+def _named(path: Path, module: str, modules: dict[str, str]) -> set[str]:
+    names = set[str]()
+    package = module if path.stem == "__init__" else module.rpartition(".")[0]
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{name.name}" for name in node.names} | {node.module or ""}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            names |= {node.value, f"{node.value}.plugin", f"{package}.{node.value}", f"opir_core.{node.value}"}
+    return {modules[name] for name in names if name in modules}
