@@ -8,6 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from opir_core.detection.band_rules import RatioGates
+    from opir_core.detection.cfar import (
+        cfar_false_alarm_probability,
+        cfar_loss,
+        cfar_probability_of_detection,
+        cfar_threshold,
+    )
+    from opir_core.detection.correlated_looks import effective_looks
     from opir_core.detection.latency import cumulative_probability, latency_cdf, latency_mean, latency_quantile
     from opir_core.detection.threshold import (
         false_alarm_probability,
@@ -22,6 +29,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "latency": "cumulative_probability latency_cdf latency_mean latency_quantile",
     "band_rules": "RatioGates",
+    "cfar": "cfar_false_alarm_probability cfar_loss cfar_probability_of_detection cfar_threshold",
+    "correlated_looks": "effective_looks",
     "threshold": (
         "false_alarm_probability log_probability_of_detection m_of_n_probability probability_of_detection "
         "required_snr threshold_sigma"
@@ -30,7 +39,12 @@ _HOMES = {
 
 __all__ = [
     "RatioGates",
+    "cfar_false_alarm_probability",
+    "cfar_loss",
+    "cfar_probability_of_detection",
+    "cfar_threshold",
     "cumulative_probability",
+    "effective_looks",
     "false_alarm_probability",
     "latency_cdf",
     "latency_mean",

@@ -3,7 +3,8 @@
 The chain is source, path, aperture: a `Signatures` model gives in-band radiant intensity at the source (W/sr), a
 `Transmittance` the share of it that leaves the atmosphere along a path, `irradiance_at_aperture` the irradiance at the
 sensor (W/m²); a `Background` gives the radiance behind the target (W m⁻² sr⁻¹). These protocols are in
-`opir_core.plugin`. Each name is imported when it is first used.
+`opir_core.plugin`. For the focal plane: spots, pixels, electrons, noise, centroids, and the clutter that filters leave.
+Each name is imported when it is first used.
 """
 
 from importlib import import_module
@@ -17,7 +18,29 @@ if TYPE_CHECKING:
         irradiance_of_sphere,
         minimum_detectable_intensity,
     )
+    from opir_core.radiometry.clutter import (
+        FrameDifference,
+        SpatialTransfer,
+        structure_correlation,
+        structure_spectrum,
+    )
+    from opir_core.radiometry.focal_plane import (
+        airy_sigma_rad,
+        blurred_sigma_rad,
+        centroid_factor_rad,
+        centroid_sigma_rad,
+        electrons_per_w_m2,
+        ensquared_energy,
+        instantaneous_field_of_view_rad,
+        joined_centroid_variance,
+        noise_electrons,
+        noise_equivalent_irradiance,
+        photon_centroid_variance,
+        sampling_ratio,
+        saturation_irradiance,
+    )
     from opir_core.radiometry.lowtran import band_transmittance
+    from opir_core.radiometry.pixel_filters import filter_weights, mean_shares, noise_gain, signal_gain
     from opir_core.radiometry.planck import (
         Temperature,
         band_photon_radiance,
@@ -35,7 +58,14 @@ _HOMES = {
     "radiometry.aperture": (
         "irradiance_at_aperture irradiance_of_projected_area irradiance_of_sphere minimum_detectable_intensity"
     ),
+    "radiometry.clutter": "FrameDifference SpatialTransfer structure_correlation structure_spectrum",
+    "radiometry.focal_plane": (
+        "airy_sigma_rad blurred_sigma_rad centroid_factor_rad centroid_sigma_rad electrons_per_w_m2 ensquared_energy "
+        "instantaneous_field_of_view_rad joined_centroid_variance noise_electrons noise_equivalent_irradiance "
+        "photon_centroid_variance sampling_ratio saturation_irradiance"
+    ),
     "radiometry.lowtran": "band_transmittance",
+    "radiometry.pixel_filters": "filter_weights mean_shares noise_gain signal_gain",
     "radiometry.planck": (
         "Temperature band_photon_radiance band_radiance band_radiance_slope band_ratio grey_body_intensity "
         "planck_photon_radiance planck_radiance two_colour_temperature"
@@ -44,21 +74,42 @@ _HOMES = {
 }
 
 __all__ = [
+    "FrameDifference",
     "Paths",
+    "SpatialTransfer",
     "Temperature",
     "Views",
+    "airy_sigma_rad",
     "band_photon_radiance",
     "band_radiance",
     "band_radiance_slope",
     "band_ratio",
     "band_transmittance",
+    "blurred_sigma_rad",
+    "centroid_factor_rad",
+    "centroid_sigma_rad",
+    "electrons_per_w_m2",
+    "ensquared_energy",
+    "filter_weights",
     "grey_body_intensity",
+    "instantaneous_field_of_view_rad",
     "irradiance_at_aperture",
     "irradiance_of_projected_area",
     "irradiance_of_sphere",
+    "joined_centroid_variance",
+    "mean_shares",
     "minimum_detectable_intensity",
+    "noise_electrons",
+    "noise_equivalent_irradiance",
+    "noise_gain",
+    "photon_centroid_variance",
     "planck_photon_radiance",
     "planck_radiance",
+    "sampling_ratio",
+    "saturation_irradiance",
+    "signal_gain",
+    "structure_correlation",
+    "structure_spectrum",
     "two_colour_temperature",
 ]
 

@@ -1,0 +1,46 @@
+"""Cell-averaging CFAR on Gaussian amplitudes: the threshold follows the noise of N reference cells.
+
+The signal of a cell less the mean of the reference cells, over their standard deviation times √(1 + 1/N), has Student's
+t distribution with N - 1 degrees of freedom; with a signal the noncentral one. Source: S. M. Kay, Fundamentals of
+Statistical Signal Processing II: Detection Theory (1998), example 9.1. Signals are in standard deviations of the noise.
+Arguments of all functions broadcast.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import nctdtr, nctdtrinc, ndtri, stdtr, stdtrit
+
+from opir_core.arrays import FloatArray
+
+
+def cfar_threshold(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArray:
+    """Return the thresholds on Student's t that N = `cells` reference cells need for false-alarm probabilities."""
+    threshold: FloatArray = -stdtrit(np.asarray(cells, dtype=np.float64) - 1.0, false_alarm_probability)
+    return threshold
+
+
+def cfar_false_alarm_probability(threshold: ArrayLike, cells: ArrayLike) -> FloatArray:
+    """Return the false-alarm probabilities of thresholds on Student's t with N = `cells` reference cells."""
+    probability: FloatArray = stdtr(np.asarray(cells, dtype=np.float64) - 1.0, -np.asarray(threshold, dtype=np.float64))
+    return probability
+
+
+def cfar_probability_of_detection(snr: ArrayLike, threshold: ArrayLike, cells: ArrayLike) -> FloatArray:
+    """Return the probabilities of detection of signals, with a threshold on Student's t and N = `cells` cells."""
+    count = np.asarray(cells, dtype=np.float64)
+    shift = np.asarray(snr, dtype=np.float64) / np.sqrt(1.0 + 1.0 / count)
+    probability: FloatArray = 1.0 - nctdtr(count - 1.0, shift, threshold)
+    return probability
+
+
+def cfar_loss(false_alarm_probability: ArrayLike, cells: ArrayLike) -> FloatArray:
+    """Return the CFAR losses, at least 1: the SNR for P_d = 1/2 with N = `cells` cells over that with known noise.
+
+    20 log10 of it is the loss in dB. A loss divides the SNR: P_d = Q(T - SNR / loss) with the threshold T of known
+    noise is exact at P_d = 1/2 and within 0.03 elsewhere, from 16 cells on and P_fa down to 2.8e-7.
+    """
+    count = np.asarray(cells, dtype=np.float64)
+    threshold = cfar_threshold(false_alarm_probability, count)
+    needed = nctdtrinc(count - 1.0, 0.5, threshold) * np.sqrt(1.0 + 1.0 / count)
+    loss: FloatArray = needed / -ndtri(np.asarray(false_alarm_probability, dtype=np.float64))
+    return loss

@@ -1,0 +1,162 @@
+"""Clutter: what a filter leaves of a background with structure, in closed form.
+
+The background's radiance has the two-dimensional power spectrum of a Matérn field (of von Kármán's form): flat up to
+the wavenumber 1/scale and falling as k^-α above. Its correlation is that of `structure_correlation`; for α = 3 it is
+exp(-r/scale), which a medium of two phases with random borders has, like broken cloud (P. Debye, H. R. Anderson and H.
+Brumberger, J. Appl. Phys. 28 (1957) 679).
+
+The variance left by a spatial filter and a difference of two frames is the integral of the spectrum times the squared
+transfer functions of spot and pixel, times that of the filter, times that of the frames' displacement: 2 (1 - J0(k d)
+exp(-k² s²)) for a drift by d in an unknown direction and a registration error of s per frame and axis. For small
+displacements this is the structure's gradient times the displacement, in general twice one minus the correlation.
+Angles, lengths on the sky and displacements are in pixels; variances are of a field of unit variance.
+"""
+
+import math
+
+import numpy as np
+from attrs import frozen
+from numpy.typing import ArrayLike
+from scipy.special import gamma, j0, kv
+
+from opir_core.arrays import FloatArray
+
+#: Nodes of a panel of Gauss-Legendre quadrature.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+#: Range of wavenumbers, per pixel: below the first a field is uniform, up to the second panels are even in logarithm.
+_LEAST, _EVEN = 1e-9, 0.25
+#: exp(-x²) beyond this is no part of a double's sum.
+_FAR = 6.0
+#: The most panels of the even part: displacements of hundreds of pixels decorrelate frames without being resolved.
+_MOST_PANELS = 1500
+
+
+def structure_spectrum(wavenumber: ArrayLike, scale: ArrayLike, exponent: ArrayLike) -> FloatArray:
+    """Return power spectral densities P(k) = 2π (α - 2) ℓ² (1 + k² ℓ²)^(-α/2) of fields of unit variance.
+
+    Outer scale ℓ in any unit of length, wavenumber k in radians per that unit, exponent α above 2; the variance is the
+    integral of P over the plane of wavenumbers, over (2π)². Source: P. Guttorp and T. Gneiting, Biometrika 93 (2006)
+    989.
+    """
+    outer, power = np.asarray(scale, dtype=np.float64), np.asarray(exponent, dtype=np.float64)
+    scaled = np.asarray(wavenumber, dtype=np.float64) * outer
+    return np.asarray(2.0 * np.pi * (power - 2.0) * np.square(outer) * (1.0 + scaled * scaled) ** (-0.5 * power))
+
+
+def structure_correlation(distance: ArrayLike, scale: ArrayLike, exponent: ArrayLike) -> FloatArray:
+    """Return the correlations of a field at distances r: 2^(1-ν) / Γ(ν) (r/ℓ)^ν K_ν(r/ℓ) with ν = α/2 - 1.
+
+    Distance and outer scale ℓ are in one unit; 1 at distance 0. The Fourier transform of `structure_spectrum`.
+    """
+    order = 0.5 * np.asarray(exponent, dtype=np.float64) - 1.0
+    far = np.asarray(distance, dtype=np.float64) / np.asarray(scale, dtype=np.float64)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        value = 2.0 ** (1.0 - order) / gamma(order) * far**order * kv(order, far)
+    return np.where(far > 0.0, value, 1.0)
+
+
+@frozen
+class FrameDifference:
+    """The difference of a frame and one of `lag_s` earlier.
+
+    Every frame is off by a registration error of standard deviation `registration` per axis, pixels, new from frame to
+    frame; the line of sight drifts over the scene at `drift_per_s`, pixels per s, in an unknown direction.
+    """
+
+    lag_s: float
+    registration: float
+    drift_per_s: float
+
+    def transfer(self, wavenumber: FloatArray) -> FloatArray:
+        """Return the squared transfer function at wavenumbers per pixel: 2 (1 - J0(k d) exp(-k² s²))."""
+        # The difference from 1 without cancellation.
+        off = -np.expm1(-np.square(wavenumber * self.registration))
+        drifted = _one_less_j0(wavenumber * (self.drift_per_s * self.lag_s))
+        return np.asarray(2.0 * (off + drifted - off * drifted))
+
+
+def _one_less_j0(at: FloatArray) -> FloatArray:
+    """Return 1 - J0(x), by its series where x is small."""
+    quarter = 0.25 * at * at
+    return np.where(at < 1e-2, quarter * (1.0 - 0.25 * quarter), 1.0 - j0(at))
+
+
+@frozen(eq=False)
+class SpatialTransfer:
+    """The mean over directions of the squared transfer functions of spot, pixel and filter.
+
+    `wavenumber` (q,) are nodes, radians per pixel; `weight` (q,) that mean times the weight of the node in an integral
+    over the plane of wavenumbers, over (2π)².
+    """
+
+    wavenumber: FloatArray
+    weight: FloatArray
+
+    @classmethod
+    def of(cls, weights: FloatArray, sigma: float, farthest: float = 0.0) -> "SpatialTransfer":
+        """Return the transfer of a filter (m, m) behind spots of width `sigma`, pixels.
+
+        `farthest` is the largest displacement, pixels, that is looked at.
+        """
+        most = max(_FAR / max(sigma, 0.05), 2.0 * _EVEN)
+        wavenumber, step = _radial_nodes(most, len(weights) + farthest)
+        count = math.ceil(0.75 * most * (len(weights) + 1)) + 16
+        angle = np.pi * np.arange(count) / count
+        x, y = wavenumber[:, None] * np.cos(angle), wavenumber[:, None] * np.sin(angle)
+        place = np.arange(len(weights)) - 0.5 * (len(weights) - 1)
+        along, across = (np.exp(1j * axis[..., None] * place) for axis in (x, y))
+        passed = np.abs(((along @ weights) * across).sum(axis=-1))
+        passed *= np.sinc(0.5 * x / np.pi) * np.sinc(0.5 * y / np.pi)
+        window = np.square(passed).mean(axis=1) * np.exp(-np.square(wavenumber * sigma))
+        return cls(wavenumber, window * wavenumber * step / (2.0 * np.pi))
+
+    def variance(self, scale: ArrayLike, exponent: float, frames: FrameDifference | None = None) -> FloatArray:
+        """Return the variances left of fields of outer scales (…), pixels, and an exponent."""
+        weight = self.weight if frames is None else self.weight * frames.transfer(self.wavenumber)
+        return self._integral(scale, exponent, weight)
+
+    def correlation(
+        self,
+        scale: float,
+        exponent: float,
+        interval_s: ArrayLike,
+        frames: FrameDifference | None = None,
+        motion_per_s: float = 0.0,
+    ) -> FloatArray:
+        """Return the correlations (…) of what is left at one target in looks that are intervals (…), s, apart.
+
+        `motion_per_s` is the target's motion over the scene, pixels per s, in an unknown direction. Without frames the
+        sensor neither drifts nor jitters: structure changes only by the target's motion.
+        """
+        time = np.asarray(interval_s, dtype=np.float64)
+        moved = j0(motion_per_s * np.abs(time)[..., None] * self.wavenumber)
+        if frames is None:
+            common = self.weight * moved
+        else:
+            both = 2.0 * self._frame(frames, time)
+            early, late = self._frame(frames, time - frames.lag_s), self._frame(frames, time + frames.lag_s)
+            common = self.weight * moved * (both - early - late)
+        field = structure_spectrum(self.wavenumber, scale, exponent)
+        return np.asarray((field * common).sum(axis=-1) / self.variance(scale, exponent, frames))
+
+    def _frame(self, frames: FrameDifference, time_s: FloatArray) -> FloatArray:
+        """Return the transfer (…, q) of the displacement of two frames some time apart; 1 of a frame with itself."""
+        apart = np.abs(time_s)[..., None]
+        blurred = np.exp(-np.square(self.wavenumber * frames.registration)) * j0(
+            self.wavenumber * frames.drift_per_s * apart
+        )
+        return np.where(apart > 0.0, blurred, 1.0)
+
+    def _integral(self, scale: ArrayLike, exponent: float, weight: FloatArray) -> FloatArray:
+        outer = np.asarray(scale, dtype=np.float64)[..., None]
+        return np.asarray((structure_spectrum(self.wavenumber, outer, exponent) * weight).sum(axis=-1))
+
+
+def _radial_nodes(most: float, farthest: float) -> tuple[FloatArray, FloatArray]:
+    """Return the nodes (q,) and weights of panels up to a wavenumber that resolve waves over a distance, pixels."""
+    folds = math.ceil(math.log(_EVEN / _LEAST))
+    low = np.geomspace(_LEAST, _EVEN, 2 * folds + 1)
+    panels = min(math.ceil((most - _EVEN) * max(farthest, 4.0) / math.pi), _MOST_PANELS)
+    edges = np.concatenate([low, np.linspace(_EVEN, most, panels + 1)[1:]])
+    half, middle = 0.5 * np.diff(edges)[:, None], 0.5 * (edges[1:] + edges[:-1])[:, None]
+    return (middle + half * _NODES).ravel(), (half * _WEIGHTS).ravel()
