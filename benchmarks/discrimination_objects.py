@@ -15,6 +15,8 @@ from opir_core.simulation.run import Run
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
 KINDS = ("fire", "flare", "glint")
 PERIOD_S, DURATION_S = 2.0, 256.0
+#: All sensors look at the same whole periods, at which the moments lie.
+ALIGNED = {"scan_period_ms": 1e3 * PERIOD_S, "scan_phase": "aligned"}
 RADIUS_KM, SLOT_KM = 6371.0, 42164.2
 BRIGHTNESS, COLOUR, AREA = 0.2, 0.05, 1.0
 CODES = (*REPORTED_TYPES, "not detected")
@@ -42,7 +44,7 @@ def population(launches: int, sources: int, seed: int) -> Population:
     targets = [launched(rng, kind, number) for kind in TARGET_TYPES for number in range(launches)]
     blocks = [sourced(rng, kind, sources) for kind in KINDS]
     sensors = [
-        {"model": model, "id": f"{model}{suffix}", "orbital_slot_deg": 0.0, "scan_period_ms": 1e3 * PERIOD_S, **rule}
+        {"model": model, "id": f"{model}{suffix}", "orbital_slot_deg": 0.0, **ALIGNED, **rule}
         for model in SENSORS
         for suffix, rule in (("", {}), ("-ANY", {"spectral_discrimination": "none"}))
     ]

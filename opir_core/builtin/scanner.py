@@ -20,7 +20,6 @@ CONFUSION = {
 @with_defaults(
     bands={"SWIR": (2.5, 3.0), "MWIR": (4.2, 4.45)},
     scan_period_ms=500.0,
-    scan_phase="random",
     detection_probability={"ICBM": 0.8, "IRBM": 0.6, "SRBM": 0.4},
     line_of_sight_sigma_urad=20.0,
     confusion=CONFUSION,

@@ -57,7 +57,8 @@ def _as_text(plan: Mapping[str, Any]) -> str:
     if plan["noise"]:
         noise = [(row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_hour']:.3g}") for row in plan["noise"]]
         parts.append(table(("sensor", "false alarms per scan", "per hour"), noise, numbers=(1, 2)))
-    return "\n\n".join([*parts, "\n".join(f"not computed: {line}" for line in plan["not_computed"])])
+    parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
+    return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
 
 
 def _pair_cells(row: Mapping[str, Any]) -> tuple[str, ...]:

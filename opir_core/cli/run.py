@@ -18,7 +18,9 @@ from opir_core.errors import Problem, SceneError, unwritable
 from opir_core.output.delivery import RunOutcome, deliver
 from opir_core.output.pump import SinkReport
 from opir_core.plugin.host import Host
+from opir_core.plugin.registry import warn
 from opir_core.scene.scene import Scene
+from opir_core.simulation.scan_alignment import alignment_warnings
 
 _STANDARD_OUTPUT = "-"
 _DEFAULT_OUT = "events.jsonl"
@@ -50,6 +52,9 @@ def run(arguments: argparse.Namespace) -> int:
     manifest = _beside(scene, arguments.manifest, "manifest.json")
     files = {"truth": truth, "tracks": tracks, "manifest": manifest}
     _require_own_paths(arguments, scene, files)
+    if not arguments.quiet:
+        for warning in alignment_warnings(plan):
+            warn(warning)
     with progress(scene.duration_s, is_shown=not arguments.quiet and sys.stderr.isatty()) as update:
         outcome = deliver(
             plan,

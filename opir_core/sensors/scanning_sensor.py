@@ -75,12 +75,13 @@ class ScanningSensorConfig(RadiometerConfig):
     )
     scan_pattern: str = text(default="staring", choices=SCAN_PATTERNS, help="how the field of regard is covered")
     scan_phase: str = text(
-        default="aligned",
+        default="random",
         choices=SCAN_PHASES,
-        source="aligned: the convention behind the latencies of the opir-simulator paper (2026), section 5.1",
-        help="when in the period a look falls: at whole periods of scene time, so that a launch on a scan instant is"
-        " first seen a full period after ignition (aligned); at an offset drawn once a sensor (random); where the"
-        " pattern reaches the target (swept)",
+        source="random: a launch does not wait for a scan. aligned: the convention behind the latencies of the"
+        " opir-simulator paper (2026), section 5.1",
+        help="when in the period a look falls: at an offset drawn once a sensor (random); where the pattern reaches the"
+        " target (swept); at whole periods of scene time, so that a launch on a scan instant is first seen a full"
+        " period after ignition (aligned)",
     )
     raster_rows: int = number(
         default=8, minimum=1, maximum=100, help="rows of a step-stare raster, for scan_phase: swept"

@@ -11,6 +11,7 @@ from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
 from opir_core.simulation.manifest import components_used
 from opir_core.simulation.run import window_edges_ns
+from opir_core.simulation.scan_alignment import alignment_warnings
 
 _REASONS = {
     Blocked.NO_LOOK: "no scan falls into the {part} before the scene ends",
@@ -21,7 +22,7 @@ _REASONS = {
 
 
 def explained(plan: Plan) -> Mapping[str, Any]:
-    """Return components, pairs and looks, skipped pairs, noise and omitted computations of a plan, as plain values."""
+    """Return components, pairs and looks, skipped pairs, noise, omitted computations and warnings, as plain values."""
     looking = np.flatnonzero(plan.pairs.looks > 0)
     return {
         "scene": plan.scene.name,
@@ -33,6 +34,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "skipped": [_skipped(plan, row) for row in np.flatnonzero(plan.pairs.looks == 0).tolist()],
         "noise": _noise(plan),
         "not_computed": _not_computed(plan),
+        "warnings": alignment_warnings(plan),
     }
 
 

@@ -154,6 +154,19 @@ def test_explain_tells_pairs_and_what_is_skipped(tmp_path: Path) -> None:
     assert max(rates.values()) == pytest.approx(8.73, rel=1e-3)
 
 
+def test_aligned_scans_on_ignitions_are_warned_of(tmp_path: Path) -> None:
+    aligned = ("--set", "sensors[0].preset=paper")
+    done = opir(tmp_path, "run", FIRST_LIGHT, *aligned)
+    assert done.returncode == 0
+    assert "DSP-1" in done.stderr
+    assert "set scan_phase: random" in done.stderr
+    assert opir(tmp_path, "run", FIRST_LIGHT, *aligned, "--quiet").stderr == ""
+    told = opir(tmp_path, "explain", FIRST_LIGHT, *aligned)
+    assert told.stdout.rstrip().splitlines()[-1] == f"warning: {done.stderr.strip()}"
+    assert told.stderr == ""
+    assert "warning" not in opir(tmp_path, "explain", FIRST_LIGHT).stdout
+
+
 def test_plugins_are_listed_with_their_versions(tmp_path: Path) -> None:
     rows = json.loads(opir(tmp_path, "plugins", "--json").stdout)
     assert {row["distribution"] for row in rows} >= {"opir-core", "opir-dsp", "opir-sbirs", "opir-nextgen"}

@@ -31,6 +31,9 @@ NOTIONAL_CONFUSION = {
     "SRBM": {"ICBM": 0.05, "IRBM": 0.20, "SRBM": 0.45, "UNKNOWN": 0.30},
 }
 
+#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1).
+PAPER_PRESET = {"scan_phase": "aligned"}
+
 HERITAGE = {
     "bands": {"SWIR": (2.5, 3.0), "MWIR": (4.2, 4.45)},
     "scan_period_ms": 10_000.0,
@@ -58,7 +61,7 @@ class DspConfig(ScanningSensorConfig):
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `DSP`."""
     summary = "spinning long-wave scanner with one band (preset heritage: 2.7 and 4.3 um, 10 s)"
-    yield scanning_model("DSP", summary, DspConfig, presets={"heritage": HERITAGE})
+    yield scanning_model("DSP", summary, DspConfig, presets={"heritage": HERITAGE, "paper": PAPER_PRESET})
 
 
 @hookimpl

@@ -25,6 +25,9 @@ NOTIONAL_CONFUSION = {
     "SRBM": {"ICBM": 0.005, "IRBM": 0.025, "SRBM": 0.95, "UNKNOWN": 0.02},
 }
 
+#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1).
+PAPER_PRESET = {"scan_phase": "aligned"}
+
 
 @with_defaults(
     bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0), "LWIR": (8.0, 12.0)}, PAPER),
@@ -48,7 +51,8 @@ class NextGenConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `NEXTGEN-GEO`."""
-    yield scanning_model("NEXTGEN-GEO", "staring three-band array with a triple-coincidence test", NextGenConfig)
+    summary = "staring three-band array with a triple-coincidence test"
+    yield scanning_model("NEXTGEN-GEO", summary, NextGenConfig, presets={"paper": PAPER_PRESET})
 
 
 @hookimpl

@@ -25,6 +25,9 @@ NOTIONAL_CONFUSION = {
     "SRBM": {"ICBM": 0.03, "IRBM": 0.10, "SRBM": 0.77, "UNKNOWN": 0.10},
 }
 
+#: Scans at whole periods of scene time, the convention of the paper's latencies (section 5.1).
+PAPER_PRESET = {"scan_phase": "aligned"}
+
 
 @with_defaults(
     bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)}, PAPER),
@@ -45,7 +48,8 @@ class SbirsConfig(ScanningSensorConfig):
 @hookimpl
 def opir_sensor_models() -> Iterable[SensorModel]:
     """Yield the sensor model `SBIRS-GEO`."""
-    yield scanning_model("SBIRS-GEO", "step-staring two-band sensor with a dual-band ratio test", SbirsConfig)
+    summary = "step-staring two-band sensor with a dual-band ratio test"
+    yield scanning_model("SBIRS-GEO", summary, SbirsConfig, presets={"paper": PAPER_PRESET})
 
 
 @hookimpl

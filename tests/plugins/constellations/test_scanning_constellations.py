@@ -182,6 +182,13 @@ def test_the_heritage_preset_has_the_public_figures():
 
 
 @ALL
+def test_the_paper_preset_aligns_scans_which_are_random_by_default(name):
+    assert isinstance(sensor_of(name).scan, scan_patterns.RandomScan)
+    assert model_of(name).presets["paper"] == {"scan_phase": "aligned"}
+    assert isinstance(sensor_of(name, **model_of(name).presets["paper"]).scan, scan_patterns.AlignedScan)
+
+
+@ALL
 def test_the_scene_lines_of_the_readme_are_read(name):
     readme = (ROOT / "plugins" / PACKAGES[name] / "README.md").read_text(encoding="utf-8")
     lines = yaml.safe_load(readme.partition("```yaml\n")[2].partition("```")[0])
