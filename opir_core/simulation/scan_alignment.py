@@ -32,11 +32,13 @@ def alignment_warnings(plan: Plan) -> list[str]:
         events += [name] if is_met.any() else []
     if not events:
         return []
-    return [
-        f"aligned scan phases: looks of {_ids(np.unique(looking.sensor[met]), [sensor.id for sensor in plan.sensors])}"
-        f" coincide with {' and '.join(events)} of {_ids(np.unique(looking.target[met]), targets.ids)}, so latencies show"
+    sensors = _ids(np.unique(looking.sensor[met]), [sensor.id for sensor in plan.sensors])
+    launches = _ids(np.unique(looking.target[met]), targets.ids)
+    warning = (
+        f"aligned scan phases: looks of {sensors} coincide with {' and '.join(events)} of {launches}, so latencies show"
         " the scan phase, not the sensor; set scan_phase: random (aligned is the paper's convention)"
-    ]
+    )
+    return [warning]
 
 
 def _on_scan_instant(time_s: FloatArray, period_ns: IntArray, end_ns: int) -> BoolArray:
