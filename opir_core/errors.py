@@ -84,6 +84,16 @@ def way_to_write(error: OSError, path: Path) -> str:
     return "make room, or give a path on another disk" if error.errno == ENOSPC else "give a writable path"
 
 
+def with_article(noun: str) -> str:
+    """Return a noun with its indefinite article, `an encoder`."""
+    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
+
+
+def kind_of(value: object) -> str:
+    """Return what a value is, `a list` or `None`."""
+    return "None" if value is None else with_article(type(value).__name__)
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return `; the nearest is 'X'`, or "" where no known name is similar. Letter case is ignored."""
     matches = nearest_names(name, known)

@@ -10,10 +10,10 @@ from attrs import asdict, frozen
 
 from opir_core.cli.terminal import table
 from opir_core.errors import PluginError, nearest_names
-from opir_core.plugin.catalogue import PluginRow
 from opir_core.plugin.components import CATALOGUE, Component, Constellation, Provenance
 from opir_core.plugin.error_messages import PACKAGES, way_to_install
 from opir_core.plugin.host import Host
+from opir_core.plugin.registry import PluginRow
 from opir_core.scene.field_rows import REQUIRED, field_rows, plain, shown
 
 #: The hooks by the names of their kinds on the command line: `sensor-model`, `tracker`.

@@ -16,7 +16,7 @@ from string import Template
 from attrs import frozen
 
 from opir_core._version import __version__
-from opir_core.errors import PluginError
+from opir_core.errors import PluginError, with_article
 from opir_core.plugin.discovery import core_sources, installed_sources
 from opir_core.plugin.host import Host
 
@@ -93,7 +93,7 @@ def new_plugin(arguments: argparse.Namespace) -> int:
         *(f"{folder / path}" for path in contents),
         "",
         "next:",
-        f"  python -m pip install -e {_as_pip_path(folder)}",
+        f"  python -m pip install -e {folder if folder.is_absolute() else f'./{folder}'}",  # a bare name is of an index
         f"  opir check {arguments.name}",
         f"  opir run {folder / 'scene.yaml'}",
     ]
@@ -101,16 +101,11 @@ def new_plugin(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _as_pip_path(folder: Path) -> str:
-    """Return a folder as pip accepts it: pip looks for a bare name in an index."""
-    return str(folder) if folder.is_absolute() else f"./{folder}"
-
-
 def plugin_files(kind: str, name: str, host: Host) -> Mapping[str, str]:
     """Return the text of each file of a new plugin's package by its path; raises `PluginError` for an invalid name."""
     error = _error_in_name(kind, name, host)
     if error:
-        raise PluginError(f"{_article(KINDS[kind].words)} cannot be named {name!r}: {error}")
+        raise PluginError(f"{with_article(KINDS[kind].words)} cannot be named {name!r}: {error}")
     words = _words(KINDS[kind], name)
     code = _filled(f"{kind}/plugin.py", words)
     package = words["package"]
@@ -159,7 +154,7 @@ def _words(kind: TemplateKind, name: str) -> Mapping[str, str]:
         "hook": kind.hook,
         "kind": kind.words,
         "kind_plural": f"{kind.words}s",
-        "Article": _article(kind.words).partition(" ")[0].capitalize(),
+        "Article": with_article(kind.words).partition(" ")[0].capitalize(),
         "Contract": kind.contract,
     }
     chosen = {"choice": kind.choice, "sensors": kind.sensors, "target": kind.target}
@@ -182,7 +177,3 @@ def _core_range(version: str) -> str:
     """Return the versions of opir-core that a plugin written for one works with, `>=0.1,<0.2` for 0.1.0."""
     major, minor = map(int, version.split(".")[:2])
     return f">={major}.{minor},<{major + 1}" if major else f">=0.{minor},<0.{minor + 1}"
-
-
-def _article(words: str) -> str:
-    return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"

@@ -14,7 +14,7 @@ from opir_core.errors import Problem, SceneError
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
 from opir_core.scoring import scorecard
 from opir_core.scoring.comparison import compared
-from opir_core.scoring.files import evidence_of_files
+from opir_core.scoring.evidence import evidence_of_files
 from opir_core.scoring.scorecard import GEOMETRIES, Scorecard, ScoreSettings
 
 Cards = Mapping[str, Scorecard]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from attrs import evolve, frozen
 
-from opir_core.errors import ModelError, OpirError
+from opir_core.errors import ModelError, OpirError, kind_of
 from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
 from opir_core.planning.looks import LookGeometry
@@ -202,8 +202,7 @@ def _tracker_fault(part: Any) -> str:
     """Return what a tracker lacks, or ""; one that never steps needs no methods."""
     if getattr(part, "cadence_s", 0.0) is None:
         return ""
-    name = type(part).__name__
-    what = "None" if part is None else f"{'an' if name[:1] in 'AEIOUaeiou' else 'a'} {name}"
+    what = kind_of(part)
     missing = [method for method in _TRACKER_METHODS if not callable(getattr(part, method.partition("(")[0], None))]
     if missing:
         return f"build made {what} without {' and '.join(missing)}"

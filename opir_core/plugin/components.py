@@ -34,20 +34,8 @@ class Provenance:
 class PluginFailure:
     """A plugin that cannot be used, with the reason; none of its components is available."""
 
-    plugin: str
-    distribution: str
-    version: str
+    provenance: Provenance
     reason: str
-
-    @classmethod
-    def of(cls, owner: Provenance, reason: str) -> "PluginFailure":
-        """Return the failure of an owner."""
-        return cls(owner.plugin, owner.distribution, owner.version, reason)
-
-    @property
-    def provenance(self) -> Provenance:
-        """Return the owner."""
-        return Provenance(self.plugin, self.distribution, self.version)
 
     def __str__(self) -> str:
         """Return the failure as one line."""

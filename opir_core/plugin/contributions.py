@@ -7,13 +7,14 @@ registered with a pluggy manager of its own and its hooks are never called toget
 import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from itertools import islice
 from typing import Any
 
 import pluggy
 from attrs import frozen, has
 
-from opir_core.errors import nearest
+from opir_core.errors import kind_of, nearest, with_article
 from opir_core.plugin.components import CATALOGUE, Component, Constellation
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer
 from opir_core.plugin.error_messages import described_error, one_line
@@ -26,7 +27,6 @@ MAXIMUM_COMPONENTS = 10_000
 HOOKS = (*CATALOGUE, COMMAND_HOOK)
 
 _ORDERING_OPTIONS = ("tryfirst", "trylast", "wrapper", "hookwrapper")
-
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+-]{0,63}")
 _NAME_RULE = "names are 1 to 64 letters, digits and . _ + -, and begin with a letter or a digit"
@@ -53,15 +53,14 @@ def contributions_of(plugin: object) -> Contributions:
             for component in _yielded(implementation, hook):
                 _add(components, component, hook, kind)
     commands = implementations.get(COMMAND_HOOK, ())
-    return Contributions(components, tuple(_command_adder(implementation) for implementation in commands))
+    return Contributions(components, tuple(partial(_add_commands, implementation) for implementation in commands))
 
 
 def _implementations(plugin: object) -> dict[str, Sequence[pluggy.HookImpl]]:
     manager = pluggy.PluginManager(PROJECT)
     manager.add_hookspecs(CatalogueHooks)
     manager.add_hookspecs(ExtensionHooks)
-    faults = [*_faults_in_marks(manager, plugin)]
-    if faults:
+    if faults := list(_faults_in_marks(manager, plugin)):
         raise InvalidPlugin("; ".join(faults))
     try:
         manager.register(plugin, name="plugin")
@@ -100,16 +99,14 @@ def _marked(manager: pluggy.PluginManager, plugin: object) -> dict[str, Mapping[
 def _faults_in_signatures(manager: pluggy.PluginManager, plugin: object) -> Iterable[str]:
     for name, options in _marked(manager, plugin).items():
         hook = (options or {}).get("specname") or name
-        spec: Any = getattr(manager.hook, hook).spec if hook in HOOKS else None
-        required = _required_arguments(getattr(plugin, name)) if spec else []
-        if set(required).difference(spec.argnames if spec else ()):
+        if hook not in HOOKS:
+            continue
+        spec: Any = getattr(manager.hook, hook).spec
+        parameters = inspect.signature(getattr(plugin, name)).parameters.values()
+        positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+        required = [item.name for item in parameters if item.kind in positional and item.default is item.empty]
+        if set(required).difference(spec.argnames):
             yield f"{name} takes ({', '.join(required)}), but {hook} is called with ({', '.join(spec.argnames)})"
-
-
-def _required_arguments(function: Callable[..., Any]) -> list[str]:
-    parameters = inspect.signature(function).parameters.values()
-    positional = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    return [item.name for item in parameters if item.kind in positional and item.default is item.empty]
 
 
 def _yielded(implementation: pluggy.HookImpl, hook: str) -> list[Any]:
@@ -121,7 +118,7 @@ def _yielded(implementation: pluggy.HookImpl, hook: str) -> list[Any]:
     if items is None:
         if inspect.iscoroutine(product):
             product.close()
-        raise InvalidPlugin(f"{hook} returned {_article(product)} instead of an iterable of {CATALOGUE[hook].__name__}")
+        raise InvalidPlugin(f"{hook} returned {kind_of(product)} instead of an iterable of {CATALOGUE[hook].__name__}")
     if len(items) > MAXIMUM_COMPONENTS:
         raise InvalidPlugin(f"{hook} yields more than {MAXIMUM_COMPONENTS} components")
     return items
@@ -134,32 +131,20 @@ def _add(
     kind: type[Component] | type[Constellation],
 ) -> None:
     if not isinstance(component, kind):
-        raise InvalidPlugin(f"{hook} yielded {_article(component)} instead of {_article_of(kind.__name__)}")
-    fault = fault_in(component)
+        raise InvalidPlugin(f"{hook} yielded {kind_of(component)} instead of {with_article(kind.__name__)}")
+    fault = _fault_in(component)
     if fault:
-        raise InvalidPlugin(f"{hook} yielded {_article_of(kind.kind)} {fault}")
+        raise InvalidPlugin(f"{hook} yielded {with_article(kind.kind)} {fault}")
     if (hook, component.name) in components:
         raise InvalidPlugin(f"{hook} yielded two {kind.kind}s named {component.name!r}")
     components[hook, component.name] = component
 
 
-def _command_adder(implementation: pluggy.HookImpl) -> Callable[[Any], None]:
-    def add(commands: Any) -> None:
-        implementation.function(*(commands for _ in implementation.argnames))
-
-    return add
+def _add_commands(implementation: pluggy.HookImpl, commands: Any) -> None:
+    implementation.function(*(commands for _ in implementation.argnames))
 
 
-def _article(value: object) -> str:
-    return "None" if value is None else _article_of(type(value).__name__)
-
-
-def _article_of(noun: str) -> str:
-    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
-
-
-def fault_in(component: Component | Constellation) -> str:
-    """Return the error in a component (`named 'a b'; …`, `named 'A' without …`), or "" if it is valid."""
+def _fault_in(component: Component | Constellation) -> str:
     name: Any = component.name
     summary: Any = component.summary
     if not isinstance(name, str) or not _NAME.fullmatch(name):

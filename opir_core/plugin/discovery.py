@@ -2,8 +2,12 @@
 
 A distribution names its plugin modules in the entry-point group `opir` (`dsp = "opir_dsp.plugin"`). In the group
 `opir.components` it may list its components by hook and name (`"sensor_models.DSP" = "opir_dsp.plugin"`): then the
-plugin is imported only when one of them is requested. The versions of opir-core that it requires are those of its
-dependency (`opir_core.plugin.requirements`).
+plugin is imported only when one of them is requested.
+
+The versions of opir-core that a plugin requires are those of its dependency (`dependencies = ["opir-core>=0.1,<0.2"]`,
+PEP 440). pip checks them at installation. The host checks them again, because opir-core may have been replaced since,
+and rejects the plugin without importing it. Only release numbers are compared; a clause that cannot be read is ignored,
+for rejecting it is the installer's task.
 
 The metadata files are read directly: importing and querying `importlib.metadata` costs several times as much (measured
 in `docs/design/discovery_cost.py`). It is used only for what is not a directory: archives, eggs, and finders other than
@@ -23,7 +27,64 @@ from attrs import frozen
 
 from opir_core._version import __version__
 from opir_core.plugin.components import CATALOGUE, Provenance
-from opir_core.plugin.requirements import core_specifier, error_of_requirement
+
+_CORE = re.compile(r"opir[-_.]+core\s*(?:\[[^]]*\])?\s*\(?((?:[~=!<>][^;@()]*)?)\)?\s*(?:;(.*))?", re.IGNORECASE)
+_CLAUSE = re.compile(r"(~=|==|!=|<=|>=|<|>)\s*v?(\d+(?:\.\d+)*)(\.\*)?")
+
+
+def core_specifier(requirements: Iterable[str]) -> str:
+    """Return the specifier of opir-core among requirements (the values of `Requires-Dist`), `>=0.1,<0.2`; "" for none.
+
+    Requirements of extras do not count.
+    """
+    found = (_CORE.fullmatch(requirement.strip()) for requirement in requirements)
+    clauses = {
+        "".join(clause.split())
+        for match in found
+        if match and "extra" not in (match[2] or "")
+        for clause in match[1].split(",")
+    }
+    return ",".join(sorted(clauses - {""}, reverse=True))
+
+
+def error_of_requirement(specifier: str, distribution: str, core_version: str) -> str:
+    """Return why a plugin that requires `specifier` cannot be used with this core, or "" where it can."""
+    if all(_admits(clause, core_version) for clause in specifier.split(",")):
+        return ""
+    return (
+        f"requires opir-core {specifier}, and opir-core {core_version} is installed; install an opir-core in that"
+        f" range, or a release of {distribution} for opir-core {core_version}"
+    )
+
+
+def _admits(clause: str, version: str) -> bool:
+    match = _CLAUSE.fullmatch(clause)
+    if match is None:
+        return True
+    operator, bound, is_prefix = match[1], _release(match[2]), bool(match[3])
+    installed = _release(version)
+    if operator == "~=":
+        return _padded(installed, bound) >= _padded(bound, installed) and _starts(installed, bound[:-1])
+    is_equal = _starts(installed, bound) if is_prefix else _padded(installed, bound) == _padded(bound, installed)
+    if operator in ("==", "!="):
+        return is_equal == (operator == "==")
+    is_less = _padded(installed, bound) < _padded(bound, installed)
+    return ("=" in operator and is_equal) or (not is_equal and is_less == operator.startswith("<"))
+
+
+def _release(version: str) -> tuple[int, ...]:
+    """Return the numbers of a version's release, (0, 1, 0) of `0.1.0rc1`."""
+    match = re.match(r"\d+(?:\.\d+)*", version)
+    return tuple(map(int, match[0].split("."))) if match else ()
+
+
+def _padded(release: tuple[int, ...], other: tuple[int, ...]) -> tuple[int, ...]:
+    return release + (0,) * (len(other) - len(release))
+
+
+def _starts(release: tuple[int, ...], prefix: tuple[int, ...]) -> bool:
+    return _padded(release, prefix)[: len(prefix)] == prefix
+
 
 _METADATA_FOLDERS = (".dist-info", ".egg-info")
 _METADATA_FILES = ("METADATA", "PKG-INFO")
@@ -58,7 +119,8 @@ def distributions_with(groups: Collection[str]) -> list[Distribution]:
         entry_points = {group: sections[group] for group in groups if group in sections}
         if entry_points:
             name, version, requires_core = _headers(read, folder_name)
-            found.setdefault(_canonical(name), Distribution(name, version, requires_core, entry_points))
+            canonical = re.sub(r"[-_.]+", "-", name).lower()
+            found.setdefault(canonical, Distribution(name, version, requires_core, entry_points))
     return [found[key] for key in sorted(found)]
 
 
@@ -95,28 +157,19 @@ def _readers_by_importlib(**where: Any) -> Iterator[tuple[str, _Reader]]:
     from importlib import metadata
 
     for distribution in metadata.distributions(**where):
-        yield "", partial(_text, distribution.read_text)
-
-
-def _text(read: Callable[[str], str | None], file_name: str) -> str:
-    return read(file_name) or ""
+        yield "", partial(lambda read, file_name: read(file_name) or "", distribution.read_text)
 
 
 def _sections(text: str) -> dict[str, list[tuple[str, str]]]:
     sections: dict[str, list[tuple[str, str]]] = {}
     group = ""
-    for line in _lines(text):
+    for line in map(str.strip, text.splitlines()):
         if line.startswith("[") and line.endswith("]"):
             group = line[1:-1].strip()
-        elif "=" in line:
+        elif "=" in line and not line.startswith("#"):
             name, _, value = line.partition("=")
             sections.setdefault(group, []).append((name.strip(), value.strip()))
     return sections
-
-
-def _lines(text: str) -> Iterable[str]:
-    stripped = (line.strip() for line in text.splitlines())
-    return (line for line in stripped if line and not line.startswith("#"))
 
 
 def _headers(read: _Reader, folder_name: str) -> tuple[str, str, str]:
@@ -130,10 +183,6 @@ def _headers(read: _Reader, folder_name: str) -> tuple[str, str, str]:
     stem_name, _, stem_version = folder_name.rpartition(".")[0].partition("-")
     name, version = (headers.get(key, [""])[-1] for key in ("name", "version"))
     return name or stem_name, version or stem_version, core_specifier(headers.get("requires-dist", ()))
-
-
-def _canonical(name: str) -> str:
-    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 PLUGIN_GROUP = "opir"

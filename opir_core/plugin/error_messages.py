@@ -5,7 +5,7 @@ from pathlib import PurePath
 
 from attrs import frozen
 
-from opir_core.errors import nearest, nearest_names
+from opir_core.errors import nearest, nearest_names, with_article
 from opir_core.plugin.components import CATALOGUE, PluginFailure, Provenance
 from opir_core.plugin.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
 
@@ -131,11 +131,7 @@ def _left_out(search: Search, selection: Selection) -> Iterable[str]:
 def _of_other_kinds(search: Search, claims: Claims) -> Iterable[str]:
     for (hook, name), owners in sorted(claims.items()):
         if name == search.name and hook not in (search.hook, COMMAND_HOOK):
-            yield f"{name!r} is {_one(CATALOGUE[hook].kind)} of {owners[0]}, not {_one(search.kind)}"
-
-
-def _one(kind: str) -> str:
-    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
+            yield f"{name!r} is {with_article(CATALOGUE[hook].kind)} of {owners[0]}, not {with_article(search.kind)}"
 
 
 def _listed(owners_by_name: Mapping[str, Sequence[Provenance]]) -> str:
@@ -146,10 +142,10 @@ def _way_out(owners: Sequence[Provenance]) -> str:
     registered = [owner.plugin for owner in owners if not owner.distribution]
     if registered:
         return f"leave out {' or '.join(registered)}, which this program registered"
-    plugins = sorted({owner.plugin for owner in owners} - set(CORE_PLUGINS))
-    if len({owner.plugin for owner in owners}) < len(owners):
+    plugins = {owner.plugin for owner in owners}
+    if len(plugins) < len(owners):
         return "uninstall all of them but one"
-    without = " or ".join(plugins)
+    without = " or ".join(sorted(plugins - set(CORE_PLUGINS)))
     return f"uninstall all of them but one, or set OPIR_PLUGINS to the plugins to use, without {without}"
 
 
@@ -180,7 +176,10 @@ def _place(error: BaseException) -> str:
         path = PurePath(frame.f_code.co_filename)
         line = f"{'/'.join(path.parts[-2:])}, line {trace.tb_lineno}"
         trace = trace.tb_next
-        if _is_machinery(path):
+        folder = path.parent.parts
+        if not _LIBRARIES.isdisjoint(folder) or str(path).startswith("<frozen "):
+            continue
+        if any(folder[-len(own) :] == own for own in _MACHINERY):
             continue
         if path.is_relative_to(_CORE):
             of_core = line
@@ -189,10 +188,3 @@ def _place(error: BaseException) -> str:
         package = package or root
         of_plugin = line if root == package else of_plugin
     return of_plugin or of_core
-
-
-def _is_machinery(path: PurePath) -> bool:
-    folder = path.parent.parts
-    if not _LIBRARIES.isdisjoint(folder):
-        return True
-    return str(path).startswith("<frozen ") or any(folder[-len(own) :] == own for own in _MACHINERY)

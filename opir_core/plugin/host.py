@@ -12,13 +12,12 @@ from types import EllipsisType
 from typing import Any, Self, TypeVar, overload
 
 from opir_core.errors import PluginError
-from opir_core.plugin import catalogue, error_messages
-from opir_core.plugin.catalogue import PluginRow
+from opir_core.plugin import error_messages
 from opir_core.plugin.components import CATALOGUE, Component, Constellation, PluginFailure, Provenance
 from opir_core.plugin.contributions import Contributions
 from opir_core.plugin.discovery import Selection, Source, core_sources, installed_sources, selected
 from opir_core.plugin.error_messages import Search
-from opir_core.plugin.registry import Registry, outcome_of, warn
+from opir_core.plugin.registry import PluginRow, Registry, outcome_of, warn
 
 #: The environment variable that lists the plugins allowed.
 ALLOW_VARIABLE = "OPIR_PLUGINS"
@@ -100,11 +99,11 @@ class Host:
     def names(self, hook: Hook) -> list[str]:
         """Return the names offered under a hook, sorted; plugins that advertise their names are not imported."""
         wanted = _hook_name(hook)
-        return sorted({name for offered, name in catalogue.claims(self.registry) if offered == wanted})
+        return sorted({name for offered, name in self.registry.claims() if offered == wanted})
 
     def catalogue(self) -> list[PluginRow]:
         """Return a row for every plugin, sorted by name; loads all that are allowed."""
-        return catalogue.rows(self.registry)
+        return self.registry.rows()
 
     @property
     def failures(self) -> tuple[PluginFailure, ...]:
@@ -125,7 +124,7 @@ class Host:
             raise PluginError(error_messages.contested(search, [source.provenance for source in claimants]))
         if not claimants:
             self.registry.load_all()
-            known = catalogue.claims(self.registry)
+            known = self.registry.claims()
             raise PluginError(error_messages.missing(search, known, self.failures, self.registry.selection))
         outcome = self.registry.load(claimants[0])
         if isinstance(outcome, PluginFailure):

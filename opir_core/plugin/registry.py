@@ -3,10 +3,42 @@
 from collections.abc import Iterable
 from typing import Any
 
-from opir_core.plugin.components import PluginFailure, Provenance
+from attrs import frozen
+
+from opir_core.plugin.components import CATALOGUE, PluginFailure, Provenance
 from opir_core.plugin.contributions import Contributions, InvalidPlugin, contributions_of
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer, Selection, Source
-from opir_core.plugin.error_messages import described_error
+from opir_core.plugin.error_messages import described_error, unknown_plugin
+
+
+@frozen(kw_only=True)
+class ComponentRow:
+    """One component in a catalogue; `contested_by` are the other plugins that claim its name."""
+
+    hook: str
+    kind: str
+    name: str
+    summary: str
+    contested_by: tuple[Provenance, ...] = ()
+
+
+@frozen(kw_only=True)
+class PluginRow:
+    """One plugin in a catalogue.
+
+    `state` is "ready", "failed" (`failure` is the reason), "hidden" (excluded by the allow-list, not imported) or
+    "unknown" (on the allow-list, but not installed). `requires_core` is the specifier of the versions of opir-core that
+    the plugin requires, "" for none. `commands` are those advertised.
+    """
+
+    distribution: str
+    version: str
+    plugin: str
+    state: str
+    requires_core: str = ""
+    components: tuple[ComponentRow, ...] = ()
+    commands: tuple[str, ...] = ()
+    failure: str = ""
 
 
 class Registry:
@@ -27,10 +59,6 @@ class Registry:
         """Return the failures of the loaded plugins, sorted."""
         return tuple(sorted(outcome for outcome in self._outcomes.values() if isinstance(outcome, PluginFailure)))
 
-    def has_failed(self, source: Source) -> bool:
-        """Return whether a plugin was loaded and failed."""
-        return isinstance(self._outcomes.get(source), PluginFailure)
-
     @property
     def ready(self) -> tuple[Provenance, ...]:
         """Return the plugins that were loaded and did not fail, sorted."""
@@ -45,18 +73,15 @@ class Registry:
     def load(self, source: Source) -> Contributions | PluginFailure:
         """Return the contributions of a plugin, or its failure; a failure is logged once."""
         if source not in self._outcomes:
-            outcome = outcome_of(source)
-            self._outcomes[source] = outcome
-            if isinstance(outcome, PluginFailure):
-                warn(f"plugin left out: {outcome}")
+            self._outcomes[source] = outcome_of(source)
+            if isinstance(self._outcomes[source], PluginFailure):
+                warn(f"plugin left out: {self._outcomes[source]}")
         return self._outcomes[source]
 
-    def fail(self, source: Source, reason: str) -> PluginFailure:
-        """Record and return the failure of a plugin that was loaded before."""
-        failure = PluginFailure.of(source.provenance, reason)
-        self._outcomes[source] = failure
-        warn(f"plugin left out: {failure}")
-        return failure
+    def fail(self, source: Source, reason: str) -> None:
+        """Record the failure of a plugin that was loaded before."""
+        self._outcomes[source] = PluginFailure(source.provenance, reason)
+        warn(f"plugin left out: {self._outcomes[source]}")
 
     def load_all(self) -> None:
         """Load every plugin."""
@@ -74,6 +99,46 @@ class Registry:
         outcome = self.load(source)
         return outcome.components if isinstance(outcome, Contributions) else ()
 
+    def claims(self) -> dict[Offer, list[Provenance]]:
+        """Return every name that a plugin that has not failed advertises or offers, with its owners."""
+        owners: dict[Offer, list[Provenance]] = {}
+        for source in self._sources:
+            offers = self.claims_of(source)
+            if not isinstance(self._outcomes.get(source), PluginFailure):
+                for offer in offers:
+                    owners.setdefault(offer, []).append(source.provenance)
+        return owners
+
+    def rows(self) -> list[PluginRow]:
+        """Load every plugin and return a row for each, sorted by name, then the hidden and the unknown ones."""
+        self.load_all()
+        owners, selection = self.claims(), self.selection
+        return [
+            *(self._row_of(source, owners) for source in self._sources),
+            *(_row(source.provenance, "hidden", source.requires_core) for source in selection.hidden),
+            *(
+                _row(Provenance(name, "", ""), "unknown", failure=unknown_plugin(name, selection))
+                for name in selection.unknown
+            ),
+        ]
+
+    def _row_of(self, source: Source, owners: dict[Offer, list[Provenance]]) -> PluginRow:
+        owner, outcome = source.provenance, self.load(source)
+        if isinstance(outcome, PluginFailure):
+            return _row(owner, "failed", source.requires_core, failure=outcome.reason)
+        components = tuple(
+            ComponentRow(
+                hook=hook,
+                kind=CATALOGUE[hook].kind,
+                name=name,
+                summary=component.summary,
+                contested_by=tuple(other for other in owners[hook, name] if other != owner),
+            )
+            for (hook, name), component in sorted(outcome.components.items())
+        )
+        commands = tuple(sorted(name for hook, name in source.advertised or () if hook == COMMAND_HOOK))
+        return _row(owner, "ready", source.requires_core, components=components, commands=commands)
+
 
 def warn(message: str) -> None:
     """Log a warning for the user, through the logger `opir`."""
@@ -83,7 +148,7 @@ def warn(message: str) -> None:
 def outcome_of(source: Source) -> Contributions | PluginFailure:
     """Import a plugin and return its contributions or its failure."""
     if source.fault:
-        return PluginFailure.of(source.provenance, source.fault)
+        return PluginFailure(source.provenance, source.fault)
     try:
         plugin = source.load()
     except (Exception, SystemExit) as error:
@@ -106,7 +171,7 @@ def _logger() -> Any:
 
 def _failure(source: Source, reason: str, error: BaseException) -> PluginFailure:
     _logger().debug("%s", source.provenance, exc_info=error)
-    return PluginFailure.of(source.provenance, reason)
+    return PluginFailure(source.provenance, reason)
 
 
 def _require_advertised(source: Source, contributions: Contributions) -> None:
@@ -115,8 +180,12 @@ def _require_advertised(source: Source, contributions: Contributions) -> None:
     advertised = {offer for offer in source.advertised if offer[0] != COMMAND_HOOK}
     offered = set(contributions.components)
     differences = [
-        *(f"advertises {_entry(offer)} and does not offer it" for offer in sorted(advertised - offered)),
-        *(f"offers {_entry(offer)} and does not advertise it" for offer in sorted(offered - advertised)),
+        f"{has} {hook.removeprefix('opir_')}.{name} and does not {lacks} it"
+        for has, lacks, offers in (
+            ("advertises", "offer", advertised - offered),
+            ("offers", "advertise", offered - advertised),
+        )
+        for hook, name in sorted(offers)
     ]
     names_commands = len(advertised) < len(source.advertised)
     if names_commands and not contributions.add_commands:
@@ -129,5 +198,12 @@ def _require_advertised(source: Source, contributions: Contributions) -> None:
         )
 
 
-def _entry(offer: Offer) -> str:
-    return f"{offer[0].removeprefix('opir_')}.{offer[1]}"
+def _row(owner: Provenance, state: str, requires_core: str = "", **more: Any) -> PluginRow:
+    return PluginRow(
+        distribution=owner.distribution,
+        version=owner.version,
+        plugin=owner.plugin,
+        state=state,
+        requires_core=requires_core,
+        **more,
+    )

@@ -7,7 +7,7 @@ import numpy as np
 from attrs import evolve, fields, frozen
 
 from opir_core.arrays import IntArray
-from opir_core.errors import ModelError, OpirError
+from opir_core.errors import ModelError, OpirError, kind_of
 from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import Detections, Tracks
@@ -151,7 +151,7 @@ def _outline(output: Any) -> str:
     """Return a short description of an output: `float64 (3,)`, `None`, `a list`."""
     if isinstance(output, np.ndarray):
         return f"{output.dtype} {output.shape}"
-    return "None" if output is None else f"a {type(output).__name__}"
+    return kind_of(output)
 
 
 def _fault(estimates: Any, tick_s: float) -> str:

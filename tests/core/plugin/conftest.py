@@ -11,7 +11,7 @@ import pytest
 
 from opir_core.errors import PluginError
 from opir_core.plugin import discovery
-from opir_core.plugin.components import DetectionModel, NoConfig, PluginFailure
+from opir_core.plugin.components import DetectionModel, NoConfig, PluginFailure, Provenance
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.plugin.host import Host
 
@@ -121,7 +121,7 @@ def assert_costs_itself_alone(reason: str) -> None:
     host = Host.discover()
     assert host.component("opir_trackers", "kalman").name == "kalman"
     assert host.names("opir_trackers") == ["kalman"]
-    assert host.failures == (PluginFailure("bad", "opir-bad", "3.1", reason),)
+    assert host.failures == (PluginFailure(Provenance("bad", "opir-bad", "3.1"), reason),)
     with pytest.raises(PluginError) as error:
         host.component("opir_trackers", "arc", "tracker")
     assert str(error.value) == (

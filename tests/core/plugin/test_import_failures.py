@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from opir_core.errors import PluginError
-from opir_core.plugin.components import PluginFailure
+from opir_core.plugin.components import PluginFailure, Provenance
 from opir_core.plugin.host import Host
 
 FAULTS = {
@@ -144,7 +144,7 @@ def test_failures_are_sorted_however_they_were_found(shop):
     for name in ("b", "c", "a"):
         with pytest.raises(PluginError):
             host.component("opir_trackers", name)
-    assert [failure.plugin for failure in host.failures] == ["a", "b", "c"]
+    assert [failure.provenance.plugin for failure in host.failures] == ["a", "b", "c"]
 
 
 def test_a_hook_for_later_cores_is_allowed(shop, trackers):
@@ -168,7 +168,7 @@ def test_an_entry_point_that_leads_nowhere(shop, value, reason):
     shop.install("odd", entry_points={"opir": {"odd": value}})
     host = Host.discover()
     host.catalogue()
-    assert host.failures == (PluginFailure("odd", "opir-odd", "1.0", f"cannot be imported: {reason}"),)
+    assert host.failures == (PluginFailure(Provenance("odd", "opir-odd", "1.0"), f"cannot be imported: {reason}"),)
 
 
 def test_an_entry_point_may_name_an_object(shop, trackers):
