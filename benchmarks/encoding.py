@@ -27,7 +27,7 @@ import msgspec
 import numpy as np
 from attrs import evolve
 
-from opir_core.builtin.line_file import LineFile
+from opir_core.builtin.sinks import LineFile
 from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.protocols import Band, Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window

@@ -78,7 +78,7 @@ SINKS = (
         name="jsonl",
         summary="one event per line, to a file or standard output",
         config=JsonlConfig,
-        build=_built_by("line_file", "line_file"),
+        build=_built_by("sinks", "line_file"),
     ),
     SinkModel(
         name="memory",

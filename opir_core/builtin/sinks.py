@@ -1,13 +1,20 @@
-"""The sinks `memory` and `null`, which write nothing."""
+"""The sinks `memory` and `null`, which write nothing, and `jsonl`: lines of a file or of standard output, at once."""
 
 import json
+import os
+import select
+import stat
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
-from opir_core.builtin.configs import MemoryConfig
+from opir_core.builtin.configs import JsonlConfig, MemoryConfig
+from opir_core.errors import SinkError, reason_of, way_to_write
 from opir_core.interfaces.contexts import SinkContext
 from opir_core.interfaces.protocols import Delivery, Encoder
 from opir_core.interfaces.records import Window
+from opir_core.output.events.encoder_input import only_encodable, window_blocks
 from opir_core.plugin.components import NoConfig
 
 
@@ -64,3 +71,127 @@ def memory_sink(_config: MemoryConfig, context: SinkContext) -> MemorySink:
 def null_sink(_config: NoConfig, _context: SinkContext) -> NullSink:
     """Return the sink `null`."""
     return NullSink()
+
+
+#: The path of standard output.
+STANDARD_OUTPUT = "-"
+#: Length of a file's end that is searched for its last complete line, bytes.
+_LONGEST_LINE = 1 << 20
+
+
+class LineFile:
+    """An open file of events, or standard output; an existing file is overwritten.
+
+    With `appends` the file keeps its lines, except an incomplete last line of a killed run.
+
+    Nothing is buffered: `write` returns after the system has accepted all bytes, so a killed run leaves complete lines,
+    except possibly the last. When the disk is full, the file is truncated to its last complete line.
+    """
+
+    def __init__(self, path: str, encoder: Encoder, *, appends: bool = False) -> None:
+        self._name = "standard output" if path == STANDARD_OUTPUT else path
+        self._encoder = encoder
+        self._taken = 0
+        self._delivered = 0
+        self._withheld = 0
+        self._descriptor = _standard_output() if path == STANDARD_OUTPUT else _opened(path, appends=appends)
+
+    def write(self, window: Window) -> None:
+        """Encode the window's events and write them."""
+        self._taken += len(window.detections)
+        for block in window_blocks(window):
+            kept = only_encodable(block, self._encoder)
+            self._withheld += len(block.detections) - len(kept.detections)
+            self._write_lines(self._encoder.encode(kept))
+
+    def close(self) -> Delivery:
+        """Close the file; events without a complete line count as dropped."""
+        try:
+            os.close(self._descriptor)
+        except OSError as error:
+            raise self._failure(error) from error
+        missing = self._taken - self._withheld - self._delivered
+        return Delivery(delivered=self._delivered, dropped=missing, withheld=self._withheld)
+
+    def _write_lines(self, lines: bytes) -> None:
+        written = 0
+        try:
+            while written < len(lines):
+                written += _written(self._descriptor, memoryview(lines)[written:])
+        except OSError as error:
+            whole = lines.rfind(b"\n", 0, written) + 1
+            _truncate(self._descriptor, written - whole)
+            self._delivered += lines.count(b"\n", 0, whole)
+            raise self._failure(error) from error
+        self._delivered += lines.count(b"\n")
+
+    def _failure(self, error: OSError) -> SinkError:
+        return SinkError(
+            f"jsonl: {self._name}: {reason_of(error)}, after {self._delivered} events were delivered; {_way_out(error)}"
+        )
+
+
+def _opened(path: str, *, appends: bool) -> int:
+    if not path:
+        raise SinkError("jsonl: the path is empty; give the path of a file, or - for standard output")
+    opening = os.O_APPEND if appends else os.O_TRUNC
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | opening | getattr(os, "O_BINARY", 0), 0o666)
+        if appends:
+            _remove_incomplete_line(path, descriptor)
+    except OSError as error:
+        reason = f"{reason_of(error)}; {way_to_write(error, Path(path))}"
+        raise SinkError(f"jsonl: {path}: cannot be opened: {reason}") from error
+    except ValueError as error:  # a NUL, or half a surrogate pair
+        raise SinkError(f"jsonl: {path!r} is no path ({error}); give one that the system can name") from error
+    return descriptor
+
+
+def _remove_incomplete_line(path: str, descriptor: int) -> None:
+    """Remove the incomplete last line of a killed run; the spool still has that event."""
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        return
+    with Path(path).open("rb") as lines:
+        lines.seek(max(0, status.st_size - _LONGEST_LINE))
+        end = lines.read()
+    incomplete = len(end) - end.rfind(b"\n") - 1
+    if end[-incomplete:].startswith(b"{") and incomplete:
+        os.ftruncate(descriptor, status.st_size - incomplete)
+
+
+def _standard_output() -> int:
+    try:
+        sys.stdout.flush()
+        return os.dup(sys.stdout.fileno())
+    except (OSError, ValueError, AttributeError) as error:
+        raise SinkError(f"jsonl: standard output is not open for bytes ({error}); give the path of a file") from error
+
+
+def _written(descriptor: int, lines: memoryview) -> int:
+    """Write some of the lines and return the number of bytes; waits for a slow reader."""
+    try:
+        return os.write(descriptor, lines)
+    except BlockingIOError:
+        select.select([], [descriptor], [])
+        return 0
+
+
+def _truncate(descriptor: int, incomplete: int) -> None:
+    """Remove an incomplete line from the end of a file; has no effect on a pipe."""
+    if incomplete:
+        try:
+            os.ftruncate(descriptor, os.lseek(descriptor, 0, os.SEEK_CUR) - incomplete)
+        except OSError:
+            return
+
+
+def _way_out(error: OSError) -> str:
+    if isinstance(error, BrokenPipeError):
+        return "its reader stopped reading"
+    return "make room, or give a path on another disk"
+
+
+def line_file(config: JsonlConfig, context: SinkContext) -> LineFile:
+    """Return the sink `jsonl`, open."""
+    return LineFile(config.path, context.make_encoder(), appends=context.resumes)

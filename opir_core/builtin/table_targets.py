@@ -13,9 +13,8 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import TableConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.ephemeris import Ephemeris
-from opir_core.flight.tables.csv_table import csv_table
 from opir_core.flight.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
-from opir_core.flight.tables.table import BadTableError, Table, interpolant, largest_doubt_m
+from opir_core.flight.tables.table import BadTableError, Table, csv_table, interpolant, largest_doubt_m
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
 from opir_core.scene.scene import TARGET_TYPES

@@ -5,9 +5,9 @@ from attrs import define, field, frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
-from opir_core.flight.arc_blocks import columns_of, integrations
 from opir_core.flight.dop853 import Acceleration, Step, StepStart, dense_output, nested
 from opir_core.flight.forces import J2, ForceModel, forces_of
+from opir_core.flight.integration import columns_of, integrations
 from opir_core.flight.propagation import TOLERANCE_M
 
 

@@ -53,7 +53,7 @@ def propagate(
 
 def _integrated(*arguments: Any) -> Any:
     """Return the columns of arcs and the integrations of their blocks; two-body arcs never import these."""
-    from opir_core.flight.arc_blocks import columns_of, integrations
+    from opir_core.flight.integration import columns_of, integrations
 
     columns = columns_of(*arguments)
     return columns, integrations(columns, arguments[4])

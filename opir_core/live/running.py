@@ -18,13 +18,12 @@ from opir_core.live.changes import (
     ChangeQueue,
     PastError,
     RefusedError,
+    is_active,
     launch_change,
     settings_change,
     wait_until,
 )
-from opir_core.live.loops import LapOffset, LapPlans, Launched, RunPosition, launch_in_lap, past_error
-from opir_core.live.pace import Pace
-from opir_core.live.plan_updates import is_active
+from opir_core.live.loops import LapOffset, LapPlans, Launched, Pace, RunPosition, launch_in_lap, past_error
 from opir_core.output.delivery import opened_sink
 from opir_core.output.sink_thread import SinkStatus, SinkThread
 from opir_core.planning.plan import Plan, compile_plan

@@ -4,8 +4,7 @@ Only scores compare tracks with truth; no tracker imports this package.
 """
 
 from opir_core.scoring.consistency import Consistency, consistency, containment, nees
-from opir_core.scoring.evidence import RunEvidence, evidence_of_run
-from opir_core.scoring.files import evidence_of_files
+from opir_core.scoring.evidence import RunEvidence, evidence_of_files, evidence_of_run
 from opir_core.scoring.gospa import Gospa, gospa
 from opir_core.scoring.scorecard import Scorecard, ScoreSettings, scorecard
 

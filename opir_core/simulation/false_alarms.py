@@ -22,7 +22,7 @@ from opir_core.interfaces.protocols import Classifier, Confidence, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.random_streams.detection_ids import uuid8_words
-from opir_core.random_streams.false_alarm_streams import PLACE_WORDS, Drawn, FalseAlarmStream
+from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarmStream
 from opir_core.scene.scene import UNKNOWN_TYPE
 from opir_core.simulation.measurement import classified, classifier_inputs
 

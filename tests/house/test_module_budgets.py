@@ -77,7 +77,7 @@ def test_a_kepler_scene_imports_no_numerical_propagation(tmp_path: Path) -> None
     loaded = modules_of(
         command("run", str(EXAMPLES / "pacific_test_range.yaml"), "--tracker", "none", "--quiet"), tmp_path
     )
-    heavier = {"forces", "propagation", "arc_blocks", "integration", "gravity_and_drag", "dop853"}
+    heavier = {"forces", "propagation", "integration", "gravity_and_drag", "dop853"}
     assert not {f"opir_core.flight.{name}" for name in heavier} & loaded
 
 

@@ -25,7 +25,7 @@ def sink(name: str, make_encoder: Callable[[], Encoder] = encoder, **config: Any
 def python(program: str, *arguments: str) -> "subprocess.CompletedProcess[bytes]":
     opening = (
         "import sys, os, signal\n"
-        "from opir_core.builtin.line_file import LineFile\n"
+        "from opir_core.builtin.sinks import LineFile\n"
         "from opir_core.errors import SinkError\n"
         "from opir_core.output.events.forge import ForgeEncoder\n"
         "from opir_core.interfaces.contexts import EncoderContext\n"

@@ -18,9 +18,16 @@ from attrs import evolve, frozen
 from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery, Encoder, Sensor, Sink, Transport
 from opir_core.interfaces.records import Batch, Window
-from opir_core.output.spool.batches import Backlog, Batcher, EncodedBatcher, FullError, MemoryBacklog
+from opir_core.output.spool.batches import (
+    Backlog,
+    Batcher,
+    EncodedBatcher,
+    FullError,
+    MemoryBacklog,
+    WindowBatcher,
+    WindowTransport,
+)
 from opir_core.output.spool.journal import Journal
-from opir_core.output.spool.windows import WindowBatcher, WindowTransport
 from opir_core.scene.scene import DROP_NEWEST, DROP_OLDEST, WAIT, Choice
 
 #: Maximum bytes of messages that are sent and not yet acknowledged.

@@ -10,14 +10,14 @@ from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.testing.bench import LookTable, bench_scene, classifier_inputs
-from opir_core.testing.contracts.comparisons import (
+from opir_core.testing.contracts.contract import (
+    require,
     require_array_computation,
     require_complete_abilities,
     require_independent_rows,
     require_pickling,
     require_rows,
 )
-from opir_core.testing.contracts.contract import require
 from opir_core.testing.contracts.detection import RESERVED_PURPOSES, RecordingDraws
 from opir_core.testing.contracts.scenes import SceneContract
 

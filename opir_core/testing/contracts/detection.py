@@ -11,16 +11,16 @@ from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.testing.bench import LookTable, bench_scene
-from opir_core.testing.contracts.comparisons import (
+from opir_core.testing.contracts.contract import (
     count_excess,
     rate_excess,
+    require,
     require_array_computation,
     require_complete_abilities,
     require_independent_rows,
     require_pickling,
     require_rows,
 )
-from opir_core.testing.contracts.contract import require
 from opir_core.testing.contracts.scenes import SceneContract
 
 #: The purposes of the engine's own random streams.

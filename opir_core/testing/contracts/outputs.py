@@ -23,12 +23,14 @@ from opir_core.plugin.components import Component, EventEncoder, SinkModel
 from opir_core.scene.scene import Choice
 from opir_core.simulation.run import plan_windows
 from opir_core.testing.bench import bench_scene, encoder_of, planned
-from opir_core.testing.contracts.comparisons import (
+from opir_core.testing.contracts.contract import (
+    ConformanceError,
+    Contract,
+    require,
     require_complete_abilities,
     require_no_outside_inputs,
     require_pickling,
 )
-from opir_core.testing.contracts.contract import ConformanceError, Contract, require
 from opir_core.testing.doubles import stub_estimates, stub_window
 from opir_core.testing.json_schema import schema_errors
 

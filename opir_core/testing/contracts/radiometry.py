@@ -23,14 +23,15 @@ from opir_core.interfaces.radiometric_models import (
 )
 from opir_core.plugin.components import AtmosphereModel, BackgroundModel, Component, SignatureModel, SourceModel
 from opir_core.scene.scene import EMITTER_TYPES, TARGET_TYPES
-from opir_core.testing.contracts.comparisons import (
+from opir_core.testing.contracts.contract import (
+    Contract,
+    require,
     require_array_computation,
     require_independent_rows,
     require_no_outside_inputs,
     require_pickling,
     require_rows,
 )
-from opir_core.testing.contracts.contract import Contract, require
 
 _EPOCH_US = 1_775_044_800_000_000
 _SEED = 20260401

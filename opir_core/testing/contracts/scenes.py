@@ -13,8 +13,13 @@ from opir_core.output.events import detection_schema
 from opir_core.planning.plan import Plan
 from opir_core.scene.fields import info_of
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun, planned
-from opir_core.testing.contracts.comparisons import require_no_outside_inputs, require_same_events
-from opir_core.testing.contracts.contract import ConformanceError, Contract, require
+from opir_core.testing.contracts.contract import (
+    ConformanceError,
+    Contract,
+    require,
+    require_no_outside_inputs,
+    require_same_events,
+)
 from opir_core.testing.json_schema import schema_errors
 from opir_core.testing.other_process import events_in_other_process
 

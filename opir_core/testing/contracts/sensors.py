@@ -16,14 +16,15 @@ from opir_core.plugin.components import Component, Constellation, SensorModel
 from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, bench_scene
-from opir_core.testing.contracts.comparisons import (
+from opir_core.testing.contracts.contract import (
+    ConformanceError,
     count_excess,
+    require,
     require_independent_rows,
     require_pickling,
     require_same_events,
     uniformity_excess,
 )
-from opir_core.testing.contracts.contract import ConformanceError, require
 from opir_core.testing.contracts.scenes import SceneContract
 
 #: The id of the sensor under test in the test scene.

@@ -14,13 +14,15 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.plugin.components import Component, TargetModel
 from opir_core.scene.scene import EMITTER_TYPES
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
-from opir_core.testing.contracts.comparisons import (
+from opir_core.testing.contracts.contract import (
+    ConformanceError,
+    read_config,
+    require,
     require_array_computation,
     require_independent_rows,
     require_pickling,
     require_same_events,
 )
-from opir_core.testing.contracts.contract import ConformanceError, read_config, require
 from opir_core.testing.contracts.scenes import SceneContract
 
 _SPEED_LIMIT_M_S = 1.2e4

@@ -16,8 +16,7 @@ from opir_core.plugin.components import Component, TrackerModel
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.tracker_clock import without_truth
 from opir_core.testing.bench import bench_scene, planned
-from opir_core.testing.contracts.comparisons import require_independent_rows, require_pickling
-from opir_core.testing.contracts.contract import ConformanceError, require
+from opir_core.testing.contracts.contract import ConformanceError, require, require_independent_rows, require_pickling
 from opir_core.testing.contracts.scenes import SceneContract
 from opir_core.testing.execution_monitor import python_steps
 

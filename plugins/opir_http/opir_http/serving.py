@@ -13,7 +13,7 @@ from typing import Any
 
 from opir_core.cli.scene_arguments import scene_of
 from opir_core.errors import ModelError, OpirError, SceneError
-from opir_core.live.pace import limit_pauses
+from opir_core.live.loops import limit_pauses
 from opir_core.live.running import LiveRun, LiveSettings, LiveStatus
 from opir_core.plugin.host import Host
 from opir_http.gate import LOOPBACK, Gate

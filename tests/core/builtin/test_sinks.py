@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from file_sinks import encoder, python, sink
 
-from opir_core.builtin.line_file import LineFile
 from opir_core.builtin.plugin import ENCODERS, SINKS
+from opir_core.builtin.sinks import LineFile
 from opir_core.interfaces.protocols import Delivery, Encoder
 from opir_core.output.events import encoder_input
 from opir_core.scene.fields import field_infos

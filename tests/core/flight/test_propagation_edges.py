@@ -109,7 +109,6 @@ def test_forces_are_values():
 
 
 HEAVY = {
-    "arc_blocks",
     "integration",
     "dop853",
     "gravity_and_drag",

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from opir_core.live.pace import Pace
+from opir_core.live.loops import Pace
 
 NS = 1_000_000_000
 

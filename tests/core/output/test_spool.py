@@ -29,10 +29,9 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.protocols import Delivery, Transport
 from opir_core.interfaces.records import Batch, Tracks
 from opir_core.output.pump import pump
-from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher
+from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher, WindowBatcher, WindowTransport
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import AHEAD_BYTES, Policy, TransportSink
-from opir_core.output.spool.windows import WindowBatcher, WindowTransport
 from opir_core.testing.doubles import stub_estimates, stub_window
 
 

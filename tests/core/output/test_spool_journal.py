@@ -18,10 +18,9 @@ from spool_transports import (
 
 from opir_core.builtin.sinks import MemorySink
 from opir_core.errors import SinkError
-from opir_core.output.spool.batches import EncodedBatcher
+from opir_core.output.spool.batches import EncodedBatcher, WindowBatcher, WindowTransport
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import TransportSink
-from opir_core.output.spool.windows import WindowBatcher, WindowTransport
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no /dev/full")

@@ -43,7 +43,7 @@ def test_a_mapping_of_too_many_values(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_too_many_targets_and_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("opir_core.scene.reading.targets.MAXIMUM_TARGETS", 1)
-    monkeypatch.setattr("opir_core.scene.reading.sensors.MAXIMUM_SENSORS", 1)
+    monkeypatch.setattr("opir_core.scene.reading.scene_builder.MAXIMUM_SENSORS", 1)
     assert problems() == ["sensors: there are more than 1 sensors", "targets: there are 2 targets; at most 1 are read"]
 
 

@@ -9,7 +9,7 @@ from scored_scene import SCENE
 
 from opir_core.cli.main import main
 from opir_core.errors import SceneError
-from opir_core.scoring.files import evidence_of_files
+from opir_core.scoring.evidence import evidence_of_files
 
 PARTS = (".jsonl", ".truth.jsonl", ".tracks.jsonl", ".manifest.json")
 DIFFERENT = "the files are of different runs, or one of them is cut off"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from opir_core.testing.contracts.comparisons import Z_999, count_excess, rate_excess, uniformity_excess
+from opir_core.testing.contracts.contract import Z_999, count_excess, rate_excess, uniformity_excess
 
 
 def test_the_half_width_is_that_of_999_permille() -> None:
