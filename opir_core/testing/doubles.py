@@ -8,6 +8,7 @@ from attrs import evolve, fields, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.builtin.null_models import NoTracker
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks, Window
@@ -38,7 +39,13 @@ def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = N
         end_s=float(first_scan + count),
         looks=2 * count,
         detections=detections.freeze(),
-        truth=_truth(count).freeze(),
+        truth=DetectionTruth(
+            target=np.zeros(count, dtype=np.int32),
+            emission_time_s=np.zeros(count),
+            range_m=np.full(count, 3.6e7),
+            target_elevation_sine=np.full(count, 0.9),
+            probability=np.full(count, 0.5),
+        ).freeze(),
         tracks=Tracks.empty(),
         estimates=Tracks.empty() if estimates is None else estimates,
     )
@@ -77,16 +84,6 @@ def _detections(scan: Any) -> Detections:
         estimate=none.copy(),
         line_of_sight_sigma_rad=np.full(count, _SIGMA_RAD),
         band_irradiance_w_m2=np.empty((count, 0)),
-    )
-
-
-def _truth(count: int) -> DetectionTruth:
-    return DetectionTruth(
-        target=np.zeros(count, dtype=np.int32),
-        emission_time_s=np.zeros(count),
-        range_m=np.full(count, 3.6e7),
-        target_elevation_sine=np.full(count, 0.9),
-        probability=np.full(count, 0.5),
     )
 
 
@@ -179,19 +176,8 @@ class FullConfidence:
         return np.ones(len(sightings))
 
 
-@frozen
-class SilentTracker:
-    """A tracker that never steps and never associates."""
-
-    cadence_s: float | None = None
-
-    def associate(self, detections: Detections) -> IntArray:
-        """Return -1 for each detection."""
-        return np.full(len(detections), -1, dtype=np.int64)
-
-    def step(self, tick_s: float, detections: Detections) -> Tracks:
-        """Return no tracks."""
-        return Tracks.empty()
+#: A tracker that never steps and never associates.
+SilentTracker = NoTracker
 
 
 class CountingTracker:

@@ -9,16 +9,16 @@ from opir_core.interfaces.optional import PosteriorClassifier
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import ClassifierModel, Component, ConfidenceModel
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.testing.bench import LookTable, bench_scene, classifier_inputs
+from opir_core.testing.bench import classifier_inputs
 from opir_core.testing.contracts.contract import (
     require,
     require_array_computation,
     require_complete_abilities,
     require_independent_rows,
-    require_pickling,
     require_rows,
+    require_same_copy,
 )
-from opir_core.testing.contracts.detection import RESERVED_PURPOSES, RecordingDraws
+from opir_core.testing.contracts.detection import RecordingDraws
 from opir_core.testing.contracts.scenes import SceneContract
 
 
@@ -26,18 +26,13 @@ class ConfidenceContract(SceneContract):
     """Conformance tests of a confidence model."""
 
     kind: ClassVar[type[Component]] = ConfidenceModel
-
-    @classmethod
-    def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the test scene with the confidence model."""
-        return bench_scene(**{"confidence": {"model": cls.name, **cls.block()}, **changes})
+    key: ClassVar[str] = "confidence"
 
     @classmethod
     @cache
     def inputs(cls) -> ClassifierInputs:
         """Return inputs with all combinations of bands, counts and SNR."""
-        plan = cls.plan()
-        return classifier_inputs(plan, LookTable.of(plan))
+        return classifier_inputs(cls.plan(), cls.looks())
 
     def test_confidences_lie_in_the_unit_interval(self) -> None:
         """Each detection has a confidence in [0, 1], also with unknown SNR."""
@@ -64,28 +59,20 @@ class ConfidenceContract(SceneContract):
 
     def test_a_built_model_pickles(self) -> None:
         """The built model can be pickled, and its copy returns the same."""
-        model, seen = self.plan().confidence, self.inputs()
-        same = np.array_equal(require_pickling(model).confidence(seen), model.confidence(seen))
-        require(same, "a pickled copy gives other confidences", "Keep all state in fields that pickle.")
+        require_same_copy(self.plan().confidence, lambda model: model.confidence(self.inputs()))
 
 
 class ClassifierContract(SceneContract):
     """Conformance tests of a classifier."""
 
     kind: ClassVar[type[Component]] = ClassifierModel
+    key: ClassVar[str] = "classification"
 
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
         """Return the test scene with the classifier."""
         detection = "snr" if getattr(cls.component().config, "needs_irradiance", False) else "constant"
-        chosen = {"detection": detection, "classification": {"model": cls.name, **cls.block()}}
-        return bench_scene(**{**chosen, **changes})
-
-    @classmethod
-    @cache
-    def looks(cls) -> LookTable:
-        """Return all looks of the scene."""
-        return LookTable.of(cls.plan())
+        return super().scene(**{"detection": detection, **changes})
 
     @classmethod
     @cache
@@ -139,10 +126,7 @@ class ClassifierContract(SceneContract):
         """Classification does not use the purposes of the engine's random streams."""
         dice = RecordingDraws(self.looks().draws(np.arange(len(self.inputs()))))
         self.plan().classifier.reported_type(self.inputs(), dice)
-        taken = sorted(dice.purposes & RESERVED_PURPOSES)
-        require(
-            not taken, f"it draws by the purpose {', '.join(taken)}", "Choose a purpose of your own, e.g. its name."
-        )
+        dice.require_own_purposes()
 
     def test_detections_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the detections: computations are on arrays."""
@@ -151,10 +135,8 @@ class ClassifierContract(SceneContract):
 
     def test_a_built_classifier_pickles(self) -> None:
         """The built classifier can be pickled, and its copy returns the same."""
-        model, rows = self.plan().classifier, np.arange(len(self.inputs()))
-        copy = require_pickling(model)
-        same = np.array_equal(copy.reported_type(self.inputs(), self.looks().draws(rows)), self._codes(rows))
-        require(same, "a pickled copy gives other types", "Keep all state in fields that pickle.")
+        dice = self.looks().draws(np.arange(len(self.inputs())))
+        require_same_copy(self.plan().classifier, lambda model: model.reported_type(self.inputs(), dice))
 
     def _codes(self, rows: Any) -> Any:
         seen = self.inputs().take(rows).freeze()

@@ -149,7 +149,9 @@ def require_independent_rows(what: str, compute: Compute, rows: int) -> None:
     for selection, chosen in choices.items():
         part = np.asarray(compute(chosen))
         require_rows(what, part, len(chosen))
-        differs = ~_equal(part, whole[chosen])
+        other = whole[chosen]
+        same = (part == other) | ((part != part) & (other != other))
+        differs = ~same.all(axis=tuple(range(1, same.ndim)))
         if differs.any():
             row = int(np.flatnonzero(differs)[0])
             raise ConformanceError(
@@ -191,7 +193,9 @@ def require_same_events(expected: Sequence[bytes], lines: Sequence[bytes], where
         return
     pairs = zip(expected, lines, strict=False)
     first = next((row for row, (one, other) in enumerate(pairs) if one != other), min(len(expected), len(lines)))
-    differing = " and ".join(_line(each, first) for each in (expected, lines))
+    differing = " and ".join(
+        (each[first].decode(errors="replace")[:300] if first < len(each) else "nothing") for each in (expected, lines)
+    )
     raise ConformanceError(
         f"{where} there are {len(lines)} events instead of {len(expected)}, or different ones: {differing}", change
     )
@@ -221,6 +225,12 @@ def require_pickling(part: Any) -> Any:
         ) from error
 
 
+def require_same_copy(part: Any, results: Callable[[Any], Any]) -> None:
+    """Require that a built part can be pickled, and that its copy returns the same arrays."""
+    same = np.array_equal(results(require_pickling(part)), results(part))
+    require(same, "a pickled copy returns other values", "Keep all state in fields that pickle.")
+
+
 def count_excess(count: float, chances: FloatArray) -> float:
     """Return the distance of a count from its expectation, in half widths of its 99.9 % interval; inside up to 1.
 
@@ -248,12 +258,3 @@ def uniformity_excess(values: FloatArray) -> float:
     steps = np.arange(count + 1) / count
     distance = float(max(np.max(steps[1:] - ordered), np.max(ordered - steps[:-1])))
     return distance * (math.sqrt(count) + 0.12 + 0.11 / math.sqrt(count)) / 1.950
-
-
-def _equal(one: Any, other: Any) -> Any:
-    same = (one == other) | ((one != one) & (other != other))
-    return same.all(axis=tuple(range(1, same.ndim)))
-
-
-def _line(lines: Sequence[bytes], row: int) -> str:
-    return lines[row].decode(errors="replace")[:300] if row < len(lines) else "nothing"

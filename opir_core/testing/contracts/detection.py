@@ -1,6 +1,5 @@
 """Conformance tests of detection models."""
 
-from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -10,7 +9,6 @@ from opir_core.arrays import FloatArray
 from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
 from opir_core.plugin.components import Component, DetectionModel
-from opir_core.testing.bench import LookTable, bench_scene
 from opir_core.testing.contracts.contract import (
     count_excess,
     rate_excess,
@@ -18,8 +16,8 @@ from opir_core.testing.contracts.contract import (
     require_array_computation,
     require_complete_abilities,
     require_independent_rows,
-    require_pickling,
     require_rows,
+    require_same_copy,
 )
 from opir_core.testing.contracts.scenes import SceneContract
 
@@ -53,27 +51,23 @@ class RecordingDraws:
         """Return the draws of some of the rows."""
         return RecordingDraws(self._dice.take(rows), self.purposes)
 
+    def require_own_purposes(self) -> None:
+        """Require that no purpose was one of the engine's own."""
+        taken = sorted(self.purposes & RESERVED_PURPOSES)
+        seen = f"it draws by the purpose {', '.join(taken)}"
+        require(not taken, seen, "Choose a purpose of your own, e.g. its name.")
+
 
 class DetectionContract(SceneContract):
     """Conformance tests of a detection model."""
 
     kind: ClassVar[type[Component]] = DetectionModel
-
-    @classmethod
-    def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the test scene with the detection model."""
-        return bench_scene(**{"detection": {"model": cls.name, **cls.block()}, **changes})
+    key: ClassVar[str] = "detection"
 
     @classmethod
     def model(cls) -> DetectionProbability:
         """Return the built model."""
         return cls.plan().detection
-
-    @classmethod
-    @cache
-    def looks(cls) -> LookTable:
-        """Return all looks of the scene."""
-        return LookTable.of(cls.plan())
 
     def test_probabilities_lie_in_the_unit_interval(self) -> None:
         """Each look has a probability in [0, 1]."""
@@ -153,10 +147,7 @@ class DetectionContract(SceneContract):
         looks = self.looks()
         dice = RecordingDraws(looks.draws(np.arange(len(looks.exposures))))
         self.model().measure(looks.exposures, dice)
-        taken = sorted(dice.purposes & RESERVED_PURPOSES)
-        require(
-            not taken, f"it draws by the purpose {', '.join(taken)}", "Choose a purpose of your own, e.g. its name."
-        )
+        dice.require_own_purposes()
 
     def test_detections_occur_at_the_stated_rate(self) -> None:
         """The number of detections agrees with the probabilities, within 99.9 %."""
@@ -211,6 +202,4 @@ class DetectionContract(SceneContract):
 
     def test_a_built_model_pickles(self) -> None:
         """The built model can be pickled, and its copy returns the same."""
-        copy, exposed = require_pickling(self.model()), self.looks().exposures
-        same = np.array_equal(copy.probability(exposed), self.model().probability(exposed))
-        require(same, "a pickled copy gives other probabilities", "Keep all state in fields that pickle.")
+        require_same_copy(self.model(), lambda model: model.probability(self.looks().exposures))

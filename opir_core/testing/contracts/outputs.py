@@ -58,7 +58,23 @@ def edge_case_windows() -> Mapping[str, Window]:
     }
 
 
-class EncoderContract(Contract):
+class OutputContract(Contract):
+    """What conformance tests of encoders and sinks share: the plan and the windows of the test scene."""
+
+    @classmethod
+    @cache
+    def plan(cls) -> Plan:
+        """Return the plan of the test scene."""
+        return planned(bench_scene(), cls.host())
+
+    @classmethod
+    @cache
+    def windows(cls) -> tuple[Window, ...]:
+        """Return the windows of the test scene, some of them empty."""
+        return tuple(plan_windows(cls.plan(), 10.0))
+
+
+class EncoderContract(OutputContract):
     """Conformance tests of an event encoder."""
 
     kind: ClassVar[type[Component]] = EventEncoder
@@ -67,16 +83,9 @@ class EncoderContract(Contract):
     @cache
     def encoder(cls) -> Encoder:
         """Return the built encoder, for the sensors of the test scene."""
-        plan = planned(bench_scene(), cls.host())
-        context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)
+        context = EncoderContext(sensors=cls.plan().sensors, epoch_us=cls.plan().scene.epoch_us)
         made: Encoder = cls.component().build(cls.config(), context)
         return made
-
-    @classmethod
-    @cache
-    def windows(cls) -> tuple[Window, ...]:
-        """Return the windows of the test scene."""
-        return tuple(plan_windows(planned(bench_scene(), cls.host()), 10.0))
 
     def test_media_type_and_schema_version_are_stated(self) -> None:
         """The encoder states a media type and a schema version."""
@@ -137,7 +146,7 @@ class EncoderContract(Contract):
         require(same, "a pickled copy returns other bytes", "Keep all state in fields that pickle.")
 
 
-class SinkContract(Contract):
+class SinkContract(OutputContract):
     """Conformance tests of a sink, in an empty folder; a setting `path` gets a file there."""
 
     kind: ClassVar[type[Component]] = SinkModel
@@ -147,18 +156,6 @@ class SinkContract(Contract):
         """Return the settings, with a file if the sink needs one."""
         needs_path = "path" in fields_dict(cls.component().config) and "path" not in cls.settings
         return {**cls.settings, **({"path": "events.out"} if needs_path else {})}
-
-    @classmethod
-    @cache
-    def windows(cls) -> tuple[Window, ...]:
-        """Return the windows of the test scene, some of them empty."""
-        return tuple(plan_windows(cls.plan(), 10.0))
-
-    @classmethod
-    @cache
-    def plan(cls) -> Plan:
-        """Return the plan of the test scene."""
-        return planned(bench_scene(), cls.host())
 
     @contextmanager
     def opened(self) -> Iterator[Sink]:

@@ -41,22 +41,39 @@ _ROWS = 400
 _SEEDED = "Draw random numbers from the seed of the context."
 
 
-class EmitterContract(Contract):
-    """Conformance tests of signature and source models, built with `bands`."""
+class RadiometricContract(Contract):
+    """What conformance tests of radiometric models share; models are built with `bands`."""
 
     bands: ClassVar[Sequence[Band]] = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.2, 4.45))
+
+    @classmethod
+    def count(cls) -> int:
+        """Return the number of things that the model describes; without any there is nothing to test."""
+        return 1
+
+    def values(self, band: int, rows: Any) -> FloatArray:
+        """Return the values of the model for some rows."""
+        raise NotImplementedError
+
+    def test_rows_are_computed_as_arrays(self) -> None:
+        """The number of Python steps does not grow with the rows: computations are on arrays."""
+        if self.count():
+            require_array_computation("row", lambda rows: self.values(0, np.arange(rows)), _ROWS // 4, _ROWS)
+
+    def test_clock_network_and_global_random_state_are_not_used(self) -> None:
+        """Clock, entropy, network and global random state are not used."""
+        require_no_outside_inputs(lambda: self.count() and self.values(0, np.arange(_ROWS)), _SEEDED)
+
+
+class EmitterContract(RadiometricContract):
+    """Conformance tests of signature and source models."""
 
     @classmethod
     def signatures(cls) -> Signatures:
         """Return the built signatures."""
         raise NotImplementedError
 
-    @classmethod
-    def count(cls) -> int:
-        """Return the number of emitters."""
-        raise NotImplementedError
-
-    def intensity(self, band: int, rows: Any) -> FloatArray:
+    def values(self, band: int, rows: Any) -> FloatArray:
         """Return radiant intensities of some rows: each emitter at many times, heights and aspect angles."""
         row = np.arange(_ROWS)
         share = np.linspace(0.0, 1.0, _ROWS)
@@ -71,10 +88,10 @@ class EmitterContract(Contract):
     def test_intensities_are_finite_and_not_negative(self) -> None:
         """Radiant intensities are finite and not negative, at all aspect angles, from the ground to space."""
         for band in range(len(self.bands) if self.count() else 0):
-            intensity = self.intensity(band, np.arange(_ROWS))
+            intensity = self.values(band, np.arange(_ROWS))
             require_rows("intensity_w_sr", intensity, _ROWS)
             require(
-                bool(np.all(np.isfinite(intensity)) and np.all(intensity >= 0.0)),
+                np.all(np.isfinite(intensity)) and np.all(intensity >= 0.0),
                 f"intensities are from {np.min(intensity)} to {np.max(intensity)}",
                 "Return W/sr, 0 for no radiation, never nan.",
             )
@@ -82,16 +99,7 @@ class EmitterContract(Contract):
     def test_intensities_are_independent(self) -> None:
         """The intensity of a row does not depend on the other rows of the call."""
         if self.count():
-            require_independent_rows("intensity_w_sr", lambda rows: self.intensity(0, rows), _ROWS)
-
-    def test_rows_are_computed_as_arrays(self) -> None:
-        """The number of Python steps does not grow with the rows: computations are on arrays."""
-        if self.count():
-            require_array_computation("row", lambda rows: self.intensity(0, np.arange(rows)), _ROWS // 4, _ROWS)
-
-    def test_clock_network_and_global_random_state_are_not_used(self) -> None:
-        """Clock, entropy, network and global random state are not used."""
-        require_no_outside_inputs(lambda: self.count() and self.intensity(0, np.arange(_ROWS)), _SEEDED)
+            require_independent_rows("intensity_w_sr", lambda rows: self.values(0, rows), _ROWS)
 
     def test_built_signatures_pickle(self) -> None:
         """The built signatures can be pickled."""
@@ -171,7 +179,7 @@ class SourceContract(EmitterContract):
             "an emitter has the type of a target",
             "Set type_code to EMITTER_TYPES.index of a source's type.",
         )
-        require(bool(np.all(made.burnout_s > made.ignition_s)), "an emitter ends before it starts", "Check its times.")
+        require(np.all(made.burnout_s > made.ignition_s), "an emitter ends before it starts", "Check its times.")
         middle = 0.5 * (made.ignition_s + made.burnout_s)
         position_m = made.position_ecef_m(np.arange(rows, dtype=np.int32), middle)
         require(
@@ -185,28 +193,18 @@ class SourceContract(EmitterContract):
 _SPACE_M = 150e3
 
 
-class EnvironmentContract(Contract):
-    """Conformance tests of atmosphere and background models, built with `bands`."""
-
-    bands: ClassVar[Sequence[Band]] = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.2, 4.45))
+class EnvironmentContract(RadiometricContract):
+    """Conformance tests of atmosphere and background models."""
 
     @classmethod
     def model(cls) -> Any:
         """Return the built model."""
         raise NotImplementedError
 
-    def values(self, band: int, rows: Any) -> FloatArray:
-        """Return the values (n, 2) of the model for some rows."""
-        raise NotImplementedError
-
     def test_rows_are_independent(self) -> None:
         """The values of a row do not depend on the other rows of the call."""
         for band in range(len(self.bands)):
             require_independent_rows("the value", partial(self.values, band), _ROWS)
-
-    def test_rows_are_computed_as_arrays(self) -> None:
-        """The number of Python steps does not grow with the rows: computations are on arrays."""
-        require_array_computation("row", lambda rows: self.values(0, np.arange(rows)), _ROWS // 4, _ROWS)
 
     def test_a_model_built_again_returns_the_same(self) -> None:
         """A second model of the same context returns the same values; the model can be pickled."""
@@ -215,10 +213,6 @@ class EnvironmentContract(Contract):
         same = np.array_equal(again.values(0, np.arange(_ROWS)), values)
         require(same, "a second model returns other values", "Build the model from its configuration and context.")
         require_pickling(self.model())
-
-    def test_clock_network_and_global_random_state_are_not_used(self) -> None:
-        """Clock, entropy, network and global random state are not used."""
-        require_no_outside_inputs(lambda: self.values(0, np.arange(_ROWS)), _SEEDED)
 
 
 class AtmosphereContract(EnvironmentContract):
@@ -247,17 +241,17 @@ class AtmosphereContract(EnvironmentContract):
         for band in range(len(self.bands)):
             passed, top_m = self.values(band, np.arange(_ROWS)).T
             require(
-                bool(np.all((passed >= 0.0) & (passed <= 1.0))),
+                np.all((passed >= 0.0) & (passed <= 1.0)),
                 f"transmittances are from {np.min(passed)} to {np.max(passed)}",
                 "Return values in [0, 1], never nan, also for grazing paths (elevation_sine near 0).",
             )
-            require(bool(np.all(top_m < np.inf)), "a cloud top is nan or inf", "Return -inf for no cloud.")
+            require(np.all(top_m < np.inf), "a cloud top is nan or inf", "Return -inf for no cloud.")
 
     def test_space_is_clear(self) -> None:
         """The transmittance to targets above the atmosphere is 1."""
         rows = np.arange(_ROWS)
         passed = self.model().transmittance(0, _paths(np.full(_ROWS, _SPACE_M), rows).freeze())
-        require(bool(np.all(passed > 0.999)), f"from {_SPACE_M:.0f} m it is {passed.min():.3f}", "Return 1 there.")
+        require(np.all(passed > 0.999), f"from {_SPACE_M:.0f} m it is {passed.min():.3f}", "Return 1 there.")
 
     def test_transmittance_does_not_decrease_with_height(self) -> None:
         """At one position and elevation, transmittance does not decrease with the target's height."""
@@ -300,7 +294,7 @@ class BackgroundContract(EnvironmentContract):
         for band in range(len(self.bands)):
             values = self.values(band, np.arange(_ROWS))
             require(
-                bool(np.all(np.isfinite(values)) and np.all(values >= 0.0)),
+                np.all(np.isfinite(values)) and np.all(values >= 0.0),
                 f"radiances and clutter are from {np.min(values)} to {np.max(values)}",
                 "Return W/(m2 sr), never nan: height_m is inf for lines of sight that miss the Earth.",
             )
@@ -308,7 +302,7 @@ class BackgroundContract(EnvironmentContract):
     def test_cold_space_is_dark(self) -> None:
         """Radiance and clutter are 0 on lines of sight that miss the Earth."""
         values = self.values(0, np.flatnonzero(np.isinf(_views().height_m)))
-        require(bool(np.all(values == 0.0)), f"space has {np.max(values)} W/(m2 sr)", "Return 0 there.")
+        require(np.all(values == 0.0), f"space has {np.max(values)} W/(m2 sr)", "Return 0 there.")
 
 
 def _identity(sky: Transmittance) -> Transmittance:

@@ -4,7 +4,7 @@ import json
 from collections import Counter
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from attrs import fields
@@ -12,7 +12,7 @@ from attrs import fields
 from opir_core.output.events import detection_schema
 from opir_core.planning.plan import Plan
 from opir_core.scene.fields import info_of
-from opir_core.testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun, planned
+from opir_core.testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun, LookTable, bench_scene, planned
 from opir_core.testing.contracts.contract import (
     ConformanceError,
     Contract,
@@ -30,13 +30,26 @@ _VALIDATED = 200
 
 
 class SceneContract(Contract):
-    """Conformance tests of all components that take part in a simulation."""
+    """Conformance tests of all components that take part in a simulation; `key` is that of a scene that chooses one."""
+
+    key: ClassVar[str] = ""
+
+    @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return the test scene with the component; `changes` replace keys."""
+        return bench_scene(**{cls.key: {"model": cls.name, **cls.block()}, **changes})
 
     @classmethod
     @cache
     def plan(cls) -> Plan:
         """Return the plan of the scene."""
         return planned(cls.scene(), cls.host())
+
+    @classmethod
+    @cache
+    def looks(cls) -> LookTable:
+        """Return all looks of the scene."""
+        return LookTable.of(cls.plan())
 
     def test_every_setting_is_documented(self) -> None:
         """Every setting has a help text, and the defaults are valid."""

@@ -20,7 +20,7 @@ from opir_core.testing.contracts.contract import (
     require,
     require_array_computation,
     require_independent_rows,
-    require_pickling,
+    require_same_copy,
     require_same_events,
 )
 from opir_core.testing.contracts.scenes import SceneContract
@@ -84,7 +84,7 @@ class TargetContract(SceneContract):
             "Return one row for each configuration, in their order.",
         )
         require(
-            bool(np.all(made.type_code < len(EMITTER_TYPES)) and np.all(made.burnout_s > made.ignition_s)),
+            np.all(made.type_code < len(EMITTER_TYPES)) and np.all(made.burnout_s > made.ignition_s),
             "a type is unknown, or a burn ends before it begins",
             "type_code is an index into TARGET_TYPES; burnout_s comes after ignition_s.",
         )
@@ -97,7 +97,7 @@ class TargetContract(SceneContract):
             inside = made.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
             outside = made.position_ecef_m(*_at(row, np.array([start - 1.0, end + 1.0])))
             require(
-                bool(np.isfinite(inside).all() and np.isnan(outside).all()),
+                np.isfinite(inside).all() and np.isnan(outside).all(),
                 f"target {row} has a position outside its burn, or none inside",
                 "Return (n, 3) that is finite at ignition_s <= time_s <= burnout_s and nan elsewhere.",
             )
@@ -112,7 +112,7 @@ class TargetContract(SceneContract):
             flight = followed.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
             after = followed.position_ecef_m(*_at(row, np.array([end + 1.0])))
             require(
-                bool(end >= burnout and np.isfinite(flight).all() and np.isnan(after).all()),
+                end >= burnout and np.isfinite(flight).all() and np.isnan(after).all(),
                 f"target {row} has no position before end_s, or one after it",
                 "Return positions from ignition_s to end_s, both included, and nan elsewhere.",
             )
@@ -192,8 +192,7 @@ class TargetContract(SceneContract):
         """The built trajectories can be pickled, and their copy returns the same."""
         made = self.targets()
         moments = _at(0, np.linspace(float(made.ignition_s[0]), float(made.burnout_s[0]), 11))
-        same = np.array_equal(require_pickling(made).position_ecef_m(*moments), made.position_ecef_m(*moments))
-        require(same, "a pickled copy returns other positions", "Keep all state in fields that pickle.")
+        require_same_copy(made, lambda targets: targets.position_ecef_m(*moments))
 
 
 def _at(row: int, time_s: FloatArray) -> tuple[IndexArray, FloatArray]:

@@ -15,7 +15,7 @@ from opir_core.interfaces.records import Detections, Tracks
 from opir_core.plugin.components import Component, TrackerModel
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.tracker_clock import without_truth
-from opir_core.testing.bench import bench_scene, planned
+from opir_core.testing.bench import planned
 from opir_core.testing.contracts.contract import ConformanceError, require, require_independent_rows, require_pickling
 from opir_core.testing.contracts.scenes import SceneContract
 from opir_core.testing.execution_monitor import python_steps
@@ -28,12 +28,12 @@ _LEAST_EIGENVALUE = -1e-9
 def validity(tracks: Tracks) -> Mapping[str, bool]:
     """Return the conditions that estimates must meet, and whether they do."""
     rows = len(tracks)
-    shapes = {name: getattr(Tracks.empty(), name).shape[1:] for name in (item.name for item in fields(Tracks))}
+    shapes = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}
     chances = tracks.type_probability
     known = ~np.isnan(chances).any(axis=1) if chances.ndim == 2 else np.zeros(0, dtype=bool)
     return {
         **{
-            f"{name}: of shape {(rows, *shape)}": _shape(tracks, name) == (rows, *shape)
+            f"{name}: of shape {(rows, *shape)}": getattr(tracks, name).shape == (rows, *shape)
             for name, shape in shapes.items()
         },
         **{f"{name}: latitude and longitude": _are_positions(getattr(tracks, name)) for name in ("launch", "impact")},
@@ -41,20 +41,10 @@ def validity(tracks: Tracks) -> Mapping[str, bool]:
             np.all(chances[known] >= 0.0) and np.all(np.abs(chances[known].sum(axis=1) - 1.0) < 1e-6)
         ),
         **{
-            f"{name}: positive and rising": _are_radii(getattr(tracks, name))
+            f"{name}: positive and rising": not np.any(np.diff(getattr(tracks, name), axis=1, prepend=0.0) <= 0.0)
             for name in ("impact_sigmas", "state_sigmas")
         },
     }
-
-
-def _are_radii(sigmas: FloatArray) -> bool:
-    steps = np.diff(sigmas, axis=1, prepend=0.0)
-    return not np.any(steps <= 0.0)
-
-
-def _shape(tracks: Tracks, name: str) -> tuple[int, ...]:
-    shape: tuple[int, ...] = getattr(tracks, name).shape
-    return shape
 
 
 def _are_positions(places: FloatArray) -> bool:
@@ -75,7 +65,7 @@ def require_covariance(what: str, covariance: FloatArray) -> None:
             )
         correlation = matrix / np.outer(deviation, deviation)
         require(
-            bool(np.all(np.abs(correlation - correlation.T) <= _SYMMETRY)),
+            np.all(np.abs(correlation - correlation.T) <= _SYMMETRY),
             f"{what} is not symmetric",
             "Compute one triangle and mirror it, or use a square-root filter.",
         )
@@ -106,11 +96,7 @@ class TrackerContract(SceneContract):
     """Conformance tests of a tracker. Track numbers may depend on the order of targets, the partition may not."""
 
     kind: ClassVar[type[Component]] = TrackerModel
-
-    @classmethod
-    def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return the test scene with the tracker."""
-        return bench_scene(**{"tracker": {"model": cls.name, **cls.block()}, **changes})
+    key: ClassVar[str] = "tracker"
 
     @classmethod
     def tracker(cls) -> Tracker:
@@ -244,7 +230,7 @@ class TrackerContract(SceneContract):
         for tick in self.ticks(self.tracker()):
             number = tick.tracks.track
             require(
-                bool(np.all(np.diff(number) > 0) and np.all(number >= 0) and np.all(tick.tracks.tick_s == tick.time_s)),
+                np.all(np.diff(number) > 0) and np.all(number >= 0) and np.all(tick.tracks.tick_s == tick.time_s),
                 f"at {tick.time_s} s the rows are of tracks {number[:6]} at {tick.tracks.tick_s[:6]} s",
                 "Return one row per track, sorted by track number from 0, with the tick_s of the call.",
             )
