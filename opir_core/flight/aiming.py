@@ -17,20 +17,21 @@ from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
 from opir_core.flight.boost import Ascent, BoostPath, BoostProfile, LaunchSite, ascent, boost_path, launch_site
 from opir_core.flight.conic_impact import kepler_impact
-from opir_core.geometry import Geodetic, ecef_to_eci, ecef_to_eci_state, eci_to_ecef, geodesic_inverse, geodetic_to_ecef
+from opir_core.flight.ephemeris import Ephemeris, Motion
+from opir_core.flight.kepler import propagate_kepler
+from opir_core.geometry import (
+    Geodetic,
+    ecef_to_eci,
+    ecef_to_eci_state,
+    eci_to_ecef,
+    eci_to_ecef_state,
+    geodesic_inverse,
+    geodetic_to_ecef,
+)
 from opir_core.geometry.vectors import components, length
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel, Forces
-from typing import TYPE_CHECKING
-
-from opir_core.flight.ephemeris import Ephemeris, Motion
-from opir_core.flight.kepler import propagate_kepler
-from opir_core.geometry import eci_to_ecef_state
-
-if TYPE_CHECKING:
-    from opir_core.flight.forces import ForceModel
-
 
 #: The tolerance of a numerical impact, m, small beside the tolerances of aiming.
 _IMPACT_TOLERANCE_M = 1e-3
@@ -138,7 +139,10 @@ def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatA
 
 def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
     """Return first guesses of azimuths and burnout speeds."""
-    azimuth_rad, speed_m_s = _guess_at_rest(shot)
+    # First for a sphere at rest, with burnout at the launch point.
+    psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
+    radius_m = length(*components(shot.site.launch_m))
+    speed_m_s = hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
     landing = shot.landing(azimuth_rad, speed_m_s)
     distance_m, duration_s = landing.distance_m(), landing.duration_s
     for _ in range(2):
@@ -149,13 +153,6 @@ def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
         distance_m = np.where(nearer, landing.distance_m(), distance_m)
         duration_s = np.where(nearer, landing.duration_s, duration_s)
     return azimuth_rad, speed_m_s
-
-
-def _guess_at_rest(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths and burnout speeds for a sphere at rest, with burnout at the launch point."""
-    psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
-    radius_m = length(*components(shot.site.launch_m))
-    return azimuth_rad, hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
 
 
 def _guess_in_rotation(
@@ -300,19 +297,24 @@ def aim(
     range_m = surface_range_m(
         launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad
     )
-    site, course = launch_site(*launch), ascent(profiles, _flight_path_angle_rad(range_m, profiles))
-    shot = LaunchSolution(site, course, geodetic_to_ecef(*aim_point), aim_point.height_m, _forces_of(forces, n))
-    azimuth_rad, speed_m_s = _solved_within_limits(shot, range_m, profiles, tolerance_m)
+    course = ascent(profiles, _flight_path_angle_rad(range_m, profiles))
+    site, aim_m = launch_site(*launch), geodetic_to_ecef(*aim_point)
+    shot = LaunchSolution(site, course, aim_m, aim_point.height_m, _forces_of(forces, n))
+    azimuth_rad, speed_m_s = np.full(n, np.nan), np.full(n, np.nan)
+    rows = np.flatnonzero(_is_within_limits(range_m, profiles))
+    azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
     landing = shot.landing(azimuth_rad, speed_m_s)
     converged = landing.miss_m <= tolerance_m
     path = boost_path(site, _column(ignition_s, n), azimuth_rad, speed_m_s, course)
+    ecef = path.state(np.arange(n), path.burnout_s)
     return Aim(
         range_m,
         np.remainder(azimuth_rad, 2.0 * np.pi),
         speed_m_s,
         0.5 * np.pi - course.turn_rad,
         path.burnout_s,
-        *_burnout_states(path),
+        *ecef,
+        *ecef_to_eci_state(*ecef, path.burnout_s),
         path.burnout_s + landing.duration_s,
         landing.impact_ecef_m,
         landing.miss_m,
@@ -356,12 +358,6 @@ def _lambert_range_m(
     return distance
 
 
-def _burnout_states(path: BoostPath) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return position and velocity at burnout, ECEF and then ECI, each (n, 3)."""
-    ecef = path.state(np.arange(len(path.burnout_s)), path.burnout_s)
-    return *ecef, *ecef_to_eci_state(*ecef, path.burnout_s)
-
-
 def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
     """Return the forces on n targets; None, without importing numerical propagation, for two-body motion."""
     if model == "kepler":
@@ -369,16 +365,6 @@ def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
     from opir_core.flight.forces import forces_of
 
     return forces_of(model).broadcast(n)
-
-
-def _solved_within_limits(
-    shot: LaunchSolution, range_m: FloatArray, profiles: Sequence[BoostProfile], tolerance_m: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return azimuths and burnout speeds (n,), nan where the aim point is outside the range of the profile."""
-    azimuth_rad, speed_m_s = np.full(len(range_m), np.nan), np.full(len(range_m), np.nan)
-    rows = np.flatnonzero(_is_within_limits(range_m, profiles))
-    azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
-    return azimuth_rad, speed_m_s
 
 
 def _flight_path_angle_rad(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> FloatArray:
@@ -396,19 +382,13 @@ def _is_within_limits(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> 
 
 def _complaints(range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray) -> tuple[str, ...]:
     """Return for each target the reason why it cannot reach its aim point, or an empty string."""
-    within = _is_within_limits(range_m, profiles)
-    return tuple(
-        "" if hits else _complaint(range_m[row], profile, bool(within[row]))
-        for row, (profile, hits) in enumerate(zip(profiles, converged, strict=True))
-    )
-
-
-def _complaint(range_m: float, profile: BoostProfile, is_within_limits: bool) -> str:
-    distance = f"the aim point is {range_m / 1e3:.0f} km from the launch point"
-    limits = f"{profile.name} flies {profile.minimum_range_m / 1e3:g} to {profile.maximum_range_m / 1e3:g} km"
-    if is_within_limits:
-        return f"{distance}; no flight of {profile.name} was found that comes down on it, although {limits}"
-    return f"{distance}; {limits}"
+    within, complaints = _is_within_limits(range_m, profiles), []
+    for row, profile in enumerate(profiles):
+        distance = f"the aim point is {range_m[row] / 1e3:.0f} km from the launch point"
+        limits = f"{profile.name} flies {profile.minimum_range_m / 1e3:g} to {profile.maximum_range_m / 1e3:g} km"
+        found = f"no flight of {profile.name} was found that comes down on it, although " if within[row] else ""
+        complaints.append("" if converged[row] else f"{distance}; {found}{limits}")
+    return tuple(complaints)
 
 
 def _column(values: ArrayLike, n: int) -> FloatArray:

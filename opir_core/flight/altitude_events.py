@@ -201,20 +201,14 @@ class AltitudeEvents:
         turning = np.flatnonzero(candidate & ~leaving & (rise.first_rate * rise.last_rate < 0.0))
         if turning.size:
             down[turning] = rise.first_rate[turning] < 0.0
-            turning, fraction = self._turning_outside(start, step, h, rise, turning)
+            fraction = rise.of(turning).turning_point()
+            height, _ = height_within(start, step, h, turning, fraction)
+            outside = (height < self._low[turning]) | (height > self._high[turning])
+            turning, fraction = turning[outside], fraction[outside]
             index, end = np.concatenate([index, turning]), np.concatenate([end, fraction])
         if not index.size:
             return index, end
         return index, self._crossing(start, step, h, rise, index, down[index], end)
-
-    def _turning_outside(
-        self, start: StepStart, step: Step, h: FloatArray, rise: Rise, index: RowArray
-    ) -> tuple[RowArray, FloatArray]:
-        """Return the steps at `index` that turn outside their interval with both ends inside, and where."""
-        fraction = rise.of(index).turning_point()
-        height, _ = height_within(start, step, h, index, fraction)
-        outside = (height < self._low[index]) | (height > self._high[index])
-        return index[outside], fraction[outside]
 
     def _crossing(
         self, start: StepStart, step: Step, h: FloatArray, rise: Rise, index: RowArray, down: BoolArray, end: FloatArray

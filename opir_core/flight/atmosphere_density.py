@@ -162,12 +162,16 @@ def _us_standard_1976() -> AirLayers:
 
 def _hydrostatic() -> list[_Layer]:
     """Return the standard's seven layers of constant gradient of temperature with geopotential height."""
+    from numpy.polynomial import chebyshev
+
     layers, temperature, log_base, floor = [], _SEA_LEVEL_K, log(_SEA_LEVEL_KG_M3), LOWEST_HEIGHT_M
     tops = [base for base, _ in _LAPSE_RATES[1:]] + [_geopotential(_TURBOPAUSE_M)]
     for (base, lapse), top in zip(_LAPSE_RATES, tops, strict=True):
         log_density_at = _constant_gradient(base, temperature, lapse, log_base)
         ceiling = top / (1.0 - top / _GEOPOTENTIAL_RADIUS_M)
-        coefficients = _interpolating(log_density_at, floor, ceiling)
+        points = chebyshev.chebpts1(_DEGREE + 1)
+        values = [log_density_at(floor + 0.5 * (ceiling - floor) * (1.0 + float(x))) for x in points]
+        coefficients = tuple(float(each) for each in chebyshev.cheb2poly(chebyshev.chebfit(points, values, _DEGREE)))
         stride = _SCALE_HEIGHTS_PER_STEP * (ceiling - floor) / (log_density_at(floor) - log_density_at(ceiling))
         layers.append(_Layer(floor, (2.0 / (ceiling - floor), 0.0), coefficients, stride))
         temperature, log_base, floor = temperature + lapse * (top - base), log_density_at(ceiling), ceiling
@@ -188,15 +192,6 @@ def _constant_gradient(base: float, temperature: float, lapse: float, log_base: 
 
 def _geopotential(height_m: float) -> float:
     return height_m / (1.0 + height_m / _GEOPOTENTIAL_RADIUS_M)
-
-
-def _interpolating(function: Callable[[float], float], floor: float, ceiling: float) -> tuple[float, ...]:
-    """Return the polynomial in x on [-1, 1] through a function at Chebyshev's points between two heights."""
-    from numpy.polynomial import chebyshev
-
-    points = chebyshev.chebpts1(_DEGREE + 1)
-    values = [function(floor + 0.5 * (ceiling - floor) * (1.0 + float(x))) for x in points]
-    return tuple(float(each) for each in chebyshev.cheb2poly(chebyshev.chebfit(points, values, _DEGREE)))
 
 
 def _fitted(floor: float, top: float, stretch: float, coefficients: tuple[float, ...], share: float) -> _Layer:

@@ -82,12 +82,9 @@ def boost_profile(name: str) -> BoostProfile:
 def profile_for_type(target_type: str, range_m: float) -> BoostProfile:
     """Return the profile of a target type for a range: the one that covers it, or else the one with nearest limits."""
     profiles = [boost_profile(name) for name in PROFILES_BY_TYPE[target_type]]
-    return min(profiles, key=lambda profile: _range_outside_m(profile, range_m))
-
-
-def _range_outside_m(profile: BoostProfile, range_m: float) -> float:
-    """Return the distance of a range from the limits of a profile, 0 within them."""
-    return max(profile.minimum_range_m - range_m, range_m - profile.maximum_range_m, 0.0)
+    return min(
+        profiles, key=lambda profile: max(profile.minimum_range_m - range_m, range_m - profile.maximum_range_m, 0.0)
+    )
 
 
 def _profile(name: str, row: Mapping[str, Any]) -> BoostProfile:

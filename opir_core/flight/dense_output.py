@@ -38,20 +38,6 @@ def dense_arcs(
 _FINER = 16.0
 
 
-def _queries(arc: ArrayLike, time_s: ArrayLike, count: int) -> tuple[RowArray, FloatArray]:
-    """Return numbers of arcs and times broadcast together; raise IndexError for a number that is not below `count`."""
-    arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64))
-    if arcs.size and (int(arcs.min()) < 0 or int(arcs.max()) >= count):
-        raise IndexError(f"arc numbers must be from 0 to {count - 1}")
-    return arcs, time
-
-
-def _is_within(time_s: FloatArray, duration_s: FloatArray) -> BoolArray:
-    """Return whether times, s, lie between zero and the durations, s, of either sign."""
-    inside: BoolArray = (time_s * np.sign(duration_s) >= 0.0) & (np.abs(time_s) <= np.abs(duration_s))
-    return inside
-
-
 #: Queries evaluated together, few enough for their coefficients to stay in a second-level cache.
 _BLOCK = 512
 
@@ -77,7 +63,10 @@ class DenseArcs:
         Numbers and times broadcast; numbers count through the leading axes of the starts in C order. `nan` outside the
         duration of an arc, and where the arc has no state. `IndexError` for a number out of range.
         """
-        arcs, time = _queries(arc, time_s, self.first.size - 1)
+        count = self.first.size - 1
+        arcs, time = np.broadcast_arrays(np.asarray(arc, dtype=np.intp), np.asarray(time_s, dtype=np.float64))
+        if arcs.size and (int(arcs.min()) < 0 or int(arcs.max()) >= count):
+            raise IndexError(f"arc numbers must be from 0 to {count - 1}")
         flat = np.full((arcs.size, 2, 3), np.nan)
         for begin in range(0, arcs.size, _BLOCK):
             part = slice(begin, begin + _BLOCK)
@@ -91,23 +80,19 @@ class DenseArcs:
         known = np.flatnonzero(last >= first)
         first, last, time = first[known], last[known], time[known]
         end = self.begin_s[last] + self.length_s[last]
-        inside = _is_within(time, end)
+        inside = (time * np.sign(end) >= 0.0) & (np.abs(time) <= np.abs(end))
         known, time = known[inside], time[inside]
-        step = self._step_at(first[inside], last[inside], time)
+        # The last step that begins no later than the time, by bisection.
+        step, high = first[inside].copy(), last[inside].copy()
+        while np.any(step < high):
+            middle = (step + high + 1) // 2
+            later = np.abs(self.begin_s[middle]) > np.abs(time)
+            np.copyto(high, middle - 1, where=later & (step < high))
+            np.copyto(step, middle, where=~later)
         fraction = ((time - self.begin_s[step]) / self.length_s[step])[:, np.newaxis, np.newaxis]
         terms = np.moveaxis(self.terms[step], 1, 0)
         states[known] = self.states[step] + nested(terms, fraction)
         return states
-
-    def _step_at(self, first: RowArray, last: RowArray, time: FloatArray) -> RowArray:
-        """Return the last step that begins no later than the time, by bisection."""
-        low, high = first.copy(), last.copy()
-        while np.any(low < high):
-            middle = (low + high + 1) // 2
-            later = np.abs(self.begin_s[middle]) > np.abs(time)
-            np.copyto(high, middle - 1, where=later & (low < high))
-            np.copyto(low, middle, where=~later)
-        return low
 
 
 @define(eq=False)

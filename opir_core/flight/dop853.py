@@ -218,7 +218,12 @@ def stepped(right_side: Acceleration, start: StepStart, h: FloatArray) -> Step:
     for stage in range(1, STAGES):
         stages.append(stage)
     position, velocity = stages.append(STAGES)
-    return Step(position, velocity, stages.accelerations[-1], _velocity_error(stages), stages.accelerations)
+    # Hairer, Nørsett and Wanner's blend of the estimates of order 5 and 3, e5²/sqrt(e5² + 0.01 e3²), m/s.
+    fifth = _square(stages.h_sum(ERROR_5))
+    third = _square(stages.h_sum(ERROR_3))
+    scale = np.sqrt(fifth + 0.01 * third)
+    error = fifth / np.where(scale == 0.0, 1.0, scale)
+    return Step(position, velocity, stages.accelerations[-1], error, stages.accelerations)
 
 
 #: Up to this many arcs are stepped one by one.
@@ -279,15 +284,6 @@ class Stages:
             np.multiply(self.accelerations[stage], weight, out=self._scratch)
             total += self._scratch
         return total
-
-
-def _velocity_error(stages: Stages) -> FloatArray:
-    """Return Hairer, Nørsett and Wanner's blend of the estimates of order 5 and 3, e5²/sqrt(e5² + 0.01 e3²), m/s."""
-    fifth = _square(stages.h_sum(ERROR_5))
-    third = _square(stages.h_sum(ERROR_3))
-    scale = np.sqrt(fifth + 0.01 * third)
-    error: FloatArray = fifth / np.where(scale == 0.0, 1.0, scale)
-    return error
 
 
 def _square(rows: FloatArray) -> FloatArray:

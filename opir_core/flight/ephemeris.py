@@ -76,21 +76,20 @@ def fitted_segments(
     """
     done = []
     for _ in range(_ROUNDS):
-        coefficients, error_m = _fit(motion, target, start_s, end_s)
+        coefficients, error_m = np.empty((6, 3, len(target))), np.empty(len(target))
+        for first in range(0, len(target), _FIT_BLOCK):
+            rows = slice(first, first + _FIT_BLOCK)
+            coefficients[..., rows], error_m[rows] = _fit_block(motion, target[rows], start_s[rows], end_s[rows])
         fits = error_m <= _MARGIN * tolerance_m
         done.append(HermiteSegments(target, start_s, end_s, coefficients).take(np.flatnonzero(fits)))
         if fits.all():
             return merged_segments(done)
-        parts = _part_counts(error_m[~fits], tolerance_m)
+        # Split into 2 to 8 parts: a smooth motion's error has the sixth power of length.
+        parts = np.ceil((error_m[~fits] / (0.5 * tolerance_m)) ** (1.0 / 6.0)).clip(2, 8).astype(np.intp)
         target, start_s, end_s = _split(target[~fits], start_s[~fits], end_s[~fits], parts)
     raise ModelError(
         f"the motion of target {target[0]} near {start_s[0]} s cannot be followed to within {tolerance_m} m"
     )
-
-
-def _part_counts(error_m: FloatArray, tolerance_m: float) -> RowArray:
-    """Return the numbers of parts, 2 to 8, of split segments: a smooth motion's error has the sixth power of length."""
-    return np.ceil((error_m / (0.5 * tolerance_m)) ** (1.0 / 6.0)).clip(2, 8).astype(np.intp)
 
 
 def _split(
@@ -103,15 +102,6 @@ def _split(
     step_s = (end_s - start_s)[parent] / of
     edges = (start_s[parent] + rank * step_s, start_s[parent] + (rank + 1) * step_s)
     return target[parent], edges[0], np.where(rank + 1 == of, end_s[parent], edges[1])
-
-
-def _fit(motion: Motion, target: RowArray, start_s: FloatArray, end_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return coefficients (6, 3, m) of the segments over spans (m,), and their estimated errors (m,), m."""
-    coefficients, error_m = np.empty((6, 3, len(target))), np.empty(len(target))
-    for first in range(0, len(target), _FIT_BLOCK):
-        rows = slice(first, first + _FIT_BLOCK)
-        coefficients[..., rows], error_m[rows] = _fit_block(motion, target[rows], start_s[rows], end_s[rows])
-    return coefficients, error_m
 
 
 def _fit_block(

@@ -67,7 +67,19 @@ def height_and_up(position: FloatArray, inverse_radius: FloatArray) -> tuple[Flo
 
 def _height_and_normal(position: FloatArray, inverse_radius: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     x, y, z = position
-    stretched_z = z / _flattening_factor(z, inverse_radius)
+    # k = 1 - e² q (1 + e² s² (1/2 - q)), with q = a/r and s = z/r.
+    ratio = EARTH_EQUATORIAL_RADIUS_M * inverse_radius
+    np.minimum(ratio, _DEEPEST, out=ratio)
+    sine_squared = z * inverse_radius
+    sine_squared *= sine_squared
+    factor = 0.5 - ratio
+    factor *= sine_squared
+    factor *= EARTH_ECCENTRICITY_SQUARED
+    factor += 1.0
+    factor *= ratio
+    factor *= -EARTH_ECCENTRICITY_SQUARED
+    factor += 1.0
+    stretched_z = z / factor
     equatorial = x * x
     equatorial += y * y
     inverse_norm = stretched_z * stretched_z
@@ -85,22 +97,6 @@ def _height_and_normal(position: FloatArray, inverse_radius: FloatArray) -> tupl
     height *= inverse_norm
     height -= foot
     return height, stretched_z, inverse_norm
-
-
-def _flattening_factor(z: FloatArray, inverse_radius: FloatArray) -> FloatArray:
-    """Return k = 1 - e² q (1 + e² s² (1/2 - q)), with q = a/r and s = z/r."""
-    ratio = EARTH_EQUATORIAL_RADIUS_M * inverse_radius
-    np.minimum(ratio, _DEEPEST, out=ratio)
-    sine_squared = z * inverse_radius
-    sine_squared *= sine_squared
-    factor = 0.5 - ratio
-    factor *= sine_squared
-    factor *= EARTH_ECCENTRICITY_SQUARED
-    factor += 1.0
-    factor *= ratio
-    factor *= -EARTH_ECCENTRICITY_SQUARED
-    factor += 1.0
-    return factor
 
 
 #: A right side for one arc: position and velocity as six numbers in, acceleration as three out.

@@ -16,7 +16,7 @@ from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.flight.altitude_events import AltitudeEvents, GroundContact, Seams
 from opir_core.flight.atmosphere_density import air_layers
 from opir_core.flight.dop853 import Acceleration, Step, StepStart, stepped
-from opir_core.flight.forces import Drag, Forces
+from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import Gravity, GravityAndDrag
 
 #: Bounds of the tolerance, m: a looser one saves next to nothing at order 8, a tighter one is below rounding.
@@ -146,7 +146,12 @@ class Integration:
     def _attempt(self) -> None:
         """Try one step of every arc; accept those that are accurate enough and stay within their layer."""
         start = self._state()
-        wanted, length, remaining = self._lengths()
+        remaining = np.abs(self._duration - self._elapsed)
+        wanted = length = self._natural
+        if self._levels is not None:
+            wanted, length = self._levels.lengths(wanted)
+        even = remaining / np.ceil(remaining / wanted)
+        length = np.minimum(np.minimum(length, even), self._planned)
         h = np.copysign(length, self._duration)
         right_side = self._right_side()
         step = stepped(right_side, start, h)
@@ -178,15 +183,6 @@ class Integration:
             right_side = self._right_side(changed)
             self._acceleration[:, changed] = right_side(self._position[:, changed], self._velocity[:, changed])
         self._drop(self._outcome(last, landing))
-
-    def _lengths(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the steps by accuracy, the steps to try, and the remaining time, all positive."""
-        remaining = np.abs(self._duration - self._elapsed)
-        wanted = length = self._natural
-        if self._levels is not None:
-            wanted, length = self._levels.lengths(wanted)
-        even = remaining / np.ceil(remaining / wanted)
-        return wanted, np.minimum(np.minimum(length, even), self._planned), remaining
 
     def _state(self) -> StepStart:
         return StepStart(self._position, self._velocity, self._acceleration)
@@ -339,12 +335,9 @@ class BlockSystem:
         self.has_air = forces.drag is not None
         self._gravity = Gravity(forces.gravity, forces.zonal)
         if forces.drag is not None:
-            self._take_up(forces.drag, ballistic_coefficient)
-
-    def _take_up(self, drag: Drag, ballistic_coefficient: FloatArray) -> None:
-        self._air = air_layers(drag.atmosphere)
-        self._rotation = drag.air_rotation_rad_s
-        self._log_half_inverse_beta = -np.log(2.0 * ballistic_coefficient)
+            self._air = air_layers(forces.drag.atmosphere)
+            self._rotation = forces.drag.air_rotation_rad_s
+            self._log_half_inverse_beta = -np.log(2.0 * ballistic_coefficient)
 
     def acceleration(self, arcs: RowArray, layer: RowArray | None) -> Acceleration:
         """Return the right side for the arcs of these numbers, each in its layer of the air."""

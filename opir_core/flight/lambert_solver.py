@@ -55,7 +55,15 @@ class Transfer(NamedTuple):
 
 def solved_w(transfer: Transfer, time: FloatArray) -> FloatArray:
     """Return w = 1 + x of transfers with these times of flight; `nan` without a solution."""
-    log_w = _first_guess(transfer, time)
+    # A guess of log w from the times at x = 0 and x = 1 (Izzo 2015).
+    lam, chord = transfer
+    middle = np.arctan2(np.sqrt(chord), lam) + lam * np.sqrt(chord)
+    parabolic = 2.0 / 3.0 * transfer.one_less_lam() * (1.0 + lam + lam * lam)
+    slow = np.log(middle / time) * (2.0 / 3.0)
+    between = np.log(2.0) * np.log(time / middle) / np.log(parabolic / middle)
+    fast = np.log(2.0 + 2.5 * parabolic * (parabolic - time) / (time * (1.0 - lam**5)))
+    guess = np.where(time >= middle, slow, np.where(time < parabolic, fast, between))
+    log_w = np.where((guess > _LEAST) & (guess < _MOST), guess, -0.5)
     low, high = np.full_like(log_w, _LEAST), np.full_like(log_w, _MOST)
     still = (time > 0.0) & np.isfinite(time) & np.isfinite(transfer.lam)
     log_w[~still] = np.nan
@@ -72,18 +80,6 @@ def solved_w(transfer: Transfer, time: FloatArray) -> FloatArray:
         still[at] = np.abs(trial - log_w[at]) > _LAST_STEP
         log_w[at] = trial
     return np.where(still | (log_w >= _MOST - 1.0) | (log_w <= _LEAST + 1.0), np.nan, np.exp(log_w))
-
-
-def _first_guess(transfer: Transfer, time: FloatArray) -> FloatArray:
-    """Return a guess of log w from the times at x = 0 and x = 1 (Izzo 2015)."""
-    lam, chord = transfer
-    middle = np.arctan2(np.sqrt(chord), lam) + lam * np.sqrt(chord)
-    parabolic = 2.0 / 3.0 * transfer.one_less_lam() * (1.0 + lam + lam * lam)
-    slow = np.log(middle / time) * (2.0 / 3.0)
-    between = np.log(2.0) * np.log(time / middle) / np.log(parabolic / middle)
-    fast = np.log(2.0 + 2.5 * parabolic * (parabolic - time) / (time * (1.0 - lam**5)))
-    guess = np.where(time >= middle, slow, np.where(time < parabolic, fast, between))
-    return np.where((guess > _LEAST) & (guess < _MOST), guess, -0.5)
 
 
 def y_and_differences(
@@ -142,14 +138,10 @@ def _q_and_slope(s: FloatArray, rest: FloatArray) -> tuple[FloatArray, FloatArra
     twice_less_sine = universal_functions(sign, 2.0 * u)[3]
     q = np.where(size > _AT_PARABOLA, twice_less_sine / (sine_squared * np.sqrt(sine_squared)), 4.0 / 3.0)
     slope = sign * 2.0 * (4.0 - 3.0 * q * (rest - s)) / sine_squared
-    return q, np.where(size > _NEAR_PARABOLA, slope, _series_slope(s))
-
-
-def _series_slope(s: FloatArray) -> FloatArray:
     total = np.zeros_like(s)
     for n in range(len(_SERIES) - 1, 0, -1):
         total = total * s + n * _SERIES[n]
-    return 4.0 / 3.0 * total
+    return q, np.where(size > _NEAR_PARABOLA, slope, 4.0 / 3.0 * total)
 
 
 Way = Literal["short", "long", "prograde", "retrograde"]

@@ -1,7 +1,7 @@
 """Free flight under forces: states after a time, and impacts, of many arcs at once."""
 
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,9 +10,6 @@ from opir_core.arrays import FloatArray
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.forces import J2, ForceModel, Forces, forces_of
 from opir_core.flight.kepler import propagate_kepler
-
-if TYPE_CHECKING:
-    from opir_core.flight.integration import ArcEnds
 
 #: The default tolerance of position, m.
 TOLERANCE_M = 1e-3
@@ -120,14 +117,20 @@ def impact_states(
     forces = forces_of(forces)
     if forces.is_kepler:
         return _kepler_impacts(position_m, velocity_m_s, height_m, within_s, forces)
-
     height = np.asarray(height_m, dtype=np.float64)
     height = np.where(np.isneginf(height), np.nan, height)
     columns, integrations = _integrated(position_m, velocity_m_s, within_s, tolerance_m, forces, height)
-    states = _nowhere(columns.duration.size)
+    count, shape = columns.duration.size, columns.shape
+    duration, position, velocity = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
+    reason = np.empty(count, np.int8)
     for part, integration in integrations:
-        _put(states, part, integration.ends())
-    return _shaped(states, columns.shape)
+        ends = integration.ends()
+        reason[part] = _REASONS[ends.outcome]
+        hit = reason[part] == ImpactReason.IMPACT
+        duration[part] = np.where(hit, ends.elapsed, np.nan)
+        position[part], velocity[part] = (np.where(hit, rows, np.nan).T for rows in (ends.position, ends.velocity))
+    vectors = position.reshape(*shape, 3), velocity.reshape(*shape, 3)
+    return ImpactStates(duration.reshape(shape), *vectors, reason.reshape(shape))
 
 
 #: The reasons, by the `IntegrationResult` of an integration.
@@ -163,22 +166,3 @@ def _kepler_points(
     duration, point = kepler_impact(position_m, velocity_m_s, height_m, forces.gravity.mu_m3_s2)
     soon = duration <= np.asarray(within_s, dtype=np.float64)
     return np.where(soon, duration, np.nan), np.where(soon[..., np.newaxis], point, np.nan)
-
-
-def _nowhere(count: int) -> ImpactStates:
-    return ImpactStates(np.empty(count), np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int8))
-
-
-def _put(states: ImpactStates, part: slice, ends: "ArcEnds") -> None:
-    """Write the ends of a part of the arcs into the states."""
-    reason = _REASONS[ends.outcome]
-    hit = reason == ImpactReason.IMPACT
-    states.duration_s[part] = np.where(hit, ends.elapsed, np.nan)
-    states.position_m[part] = np.where(hit, ends.position, np.nan).T
-    states.velocity_m_s[part] = np.where(hit, ends.velocity, np.nan).T
-    states.reason[part] = reason
-
-
-def _shaped(states: ImpactStates, shape: tuple[int, ...]) -> ImpactStates:
-    vectors = (states.position_m.reshape(*shape, 3), states.velocity_m_s.reshape(*shape, 3))
-    return ImpactStates(states.duration_s.reshape(shape), *vectors, states.reason.reshape(shape))

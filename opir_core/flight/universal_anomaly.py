@@ -79,7 +79,18 @@ def _by_doubling(alpha: NDArray[Real], s: NDArray[Real], halvings: int) -> Funct
     """Return G0..G3 from their series at s / 2^halvings and the double-angle formulas."""
     h = s.copy()
     h *= 0.5**halvings
-    g0, g1, g2, g3 = _by_series(alpha, h)
+    square = h * h
+    minus_z = alpha * square
+    np.negative(minus_z, out=minus_z)
+    c2, c3 = _DOUBLE if h.dtype == np.float64 else _SINGLE
+    g2 = _horner(c2, minus_z)
+    g2 *= square
+    g3 = _horner(c3, minus_z)
+    g3 *= square
+    g3 *= h
+    g0 = alpha * g2
+    np.subtract(1.0, g0, out=g0)
+    g1 = h - alpha * g3
     for _ in range(halvings):
         g3 *= g0
         g3 += h * g2
@@ -92,21 +103,6 @@ def _by_doubling(alpha: NDArray[Real], s: NDArray[Real], halvings: int) -> Funct
         np.subtract(1.0, g0, out=g0)
         h += h
     return g0, g1, g2, g3
-
-
-def _by_series(alpha: NDArray[Real], h: NDArray[Real]) -> Functions[Real]:
-    square = h * h
-    minus_z = alpha * square
-    np.negative(minus_z, out=minus_z)
-    c2, c3 = _DOUBLE if h.dtype == np.float64 else _SINGLE
-    g2 = _horner(c2, minus_z)
-    g2 *= square
-    g3 = _horner(c3, minus_z)
-    g3 *= square
-    g3 *= h
-    g0 = alpha * g2
-    np.subtract(1.0, g0, out=g0)
-    return g0, h - alpha * g3, g2, g3
 
 
 def _horner(coefficients: tuple[float, ...], x: NDArray[Real]) -> NDArray[Real]:
@@ -206,21 +202,17 @@ def coarse_anomaly(arcs: UniversalArcs[np.float64]) -> FloatArray:
 def _first_guess(arcs: UniversalArcs[np.float32]) -> Singles:
     """Return a guess between the limits s = t / rho and s³ = 6 t; logarithmic far out on hyperbolas."""
     rho, sigma, alpha, time = arcs
-    s = time / (rho + _cube_root(time * time * _SIXTH))
+    # The cube root to 4 %: a third of the exponent, by way of the bits of the number.
+    bits: NDArray[Any] = (time * time * _SIXTH).view(np.int32).astype(np.float32)
+    bits *= _THIRD
+    bits += np.float32(709_921_077.0)
+    s = time / (rho + bits.astype(np.int32).view(np.float32))
     k = np.sqrt(np.maximum(-alpha, 0.0))
     at = np.flatnonzero(k * s > _EXPONENTIAL)
     if at.size:
         k, rho, sigma, time = k[at], rho[at], sigma[at], time[at]
         s[at] = _logarithm(1.0 + 2.0 * k * k * k * time / np.abs((rho * k + sigma) * k + 1.0)) / k
     return s
-
-
-def _cube_root(x: Singles) -> Singles:
-    """Return the cube root to 4 %: a third of the exponent, by way of the bits of the number."""
-    bits: NDArray[Any] = x.view(np.int32).astype(np.float32)
-    bits *= _THIRD
-    bits += np.float32(709_921_077.0)
-    return bits.astype(np.int32).view(np.float32)
 
 
 def _logarithm(x: Singles) -> Singles:
