@@ -47,7 +47,19 @@ def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[Fie
     hints = get_type_hints(config)
     for attribute in [attribute for attribute in fields(config) if attribute.init]:
         kind, default = hints[attribute.name], _default(attribute, base)
-        yield _row(attribute, kind, prefix, default)
+        info = info_of(attribute)
+        is_required = default is NOTHING
+        yield FieldRow(
+            key=f"{prefix}{attribute.name}",
+            kind=_kind_text(kind),
+            is_required=is_required,
+            default=None if is_required else plain(default),
+            unit=info.unit,
+            interval=info.interval,
+            choices=info.choices,
+            help=info.help,
+            source=info.source,
+        )
         inner = nested_config(kind)
         if inner is not None:
             yield from field_rows(inner, f"{prefix}{attribute.name}.", default if isinstance(default, inner) else None)
@@ -83,22 +95,6 @@ def _default(attribute: "Attribute[Any]", base: Any) -> Any:
         return getattr(base, attribute.name)
     default: Any = attribute.default
     return default.factory() if hasattr(default, "takes_self") else default
-
-
-def _row(attribute: "Attribute[Any]", kind: Any, prefix: str, default: Any) -> FieldRow:
-    info = info_of(attribute)
-    is_required = default is NOTHING
-    return FieldRow(
-        key=f"{prefix}{attribute.name}",
-        kind=_kind_text(kind),
-        is_required=is_required,
-        default=None if is_required else plain(default),
-        unit=info.unit,
-        interval=info.interval,
-        choices=info.choices,
-        help=info.help,
-        source=info.source,
-    )
 
 
 def nested_config(kind: Any) -> type | None:

@@ -8,7 +8,7 @@ from attrs import fields, has
 
 from opir_core.scene.fields import alternatives
 from opir_core.scene.reading.scene_schema import CHOICES, text_of_epoch_us
-from opir_core.scene.scene import Choice, Scene, SceneForces, SceneSensor, SceneTarget
+from opir_core.scene.scene import Choice, Scene, SceneSensor, SceneTarget
 
 
 def scene_mapping(scene: Scene) -> dict[str, Any]:
@@ -16,13 +16,14 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
 
     `scene_from_mapping(scene_mapping(scene)) == scene` for every scene that was read.
     """
+    drag = [] if scene.forces.drag is None else [{"drag": _settings(scene.forces.drag)}]
     return {
         "scene": scene.name,
         "epoch": text_of_epoch_us(scene.epoch_us),
         "duration_s": scene.duration_s,
         "seed": scene.seed,
         "light_time": scene.light_time,
-        "forces": _forces(scene.forces),
+        "forces": ("kepler" if scene.forces.is_kepler else [*scene.forces.zonal, *drag]),
         "sensors": _sensors(scene.sensors),
         "targets": [_target(target) for target in scene.targets],
         "sources": [{"id": source.id, **_block(source.model)} for source in scene.sources],
@@ -50,12 +51,6 @@ def _sensors(sensors: tuple[SceneSensor, ...]) -> list[dict[str, Any]]:
         members = [{"id": sensor.id, **_block(sensor.model)} for sensor in group]
         blocks += members if constellation is None else [{"constellation": constellation, "members": members}]
     return blocks
-
-
-def _forces(forces: SceneForces) -> str | list[Any]:
-    """Return the forces as a scene writes them, those of gravity first."""
-    drag = [] if forces.drag is None else [{"drag": _settings(forces.drag)}]
-    return "kepler" if forces.is_kepler else [*forces.zonal, *drag]
 
 
 def _target(target: SceneTarget) -> dict[str, Any]:

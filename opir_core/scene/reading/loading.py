@@ -75,7 +75,8 @@ def _scene_of_node(root: Node, overrides: Sequence[str], host: Host | None, sour
     if complaints:
         raise _scene_error(complaints, source)
     if scene is None:
-        raise _plugin_error(builder.components.failures)
+        words = list(dict.fromkeys(map(str, builder.components.failures)))
+        raise builder.components.failures[0] if len(words) == 1 else PluginError("\n".join(words))
     return scene
 
 
@@ -116,11 +117,6 @@ def _scene_error(complaints: Iterable[Complaint], source: str) -> SceneError:
     return SceneError([Problem(complaint.path, complaint.text) for complaint in shown], source=source)
 
 
-def _plugin_error(failures: list[PluginError]) -> PluginError:
-    words = list(dict.fromkeys(map(str, failures)))
-    return failures[0] if len(words) == 1 else PluginError("\n".join(words))
-
-
 _STEP = re.compile(r"\.([^\s.\[\]=]+)|\[([0-9]{1,9})\]")
 _SECRET = re.compile(r"password|passphrase|secret|token|credential", re.IGNORECASE)
 #: What the values that are read as YAML begin with, and what these end with.
@@ -145,7 +141,9 @@ def overridden(root: Node, overrides: Sequence[str], defaults: Mapping[str, str 
 
 def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> None:
     path, equals, text = override.partition("=")
-    shown = f"override {shown_text(override if not _is_secret(path) else f'{path}=...')}"
+    # A path that may set a secret: no message repeats its value.
+    is_secret = _SECRET.search(path.rpartition(".")[2])
+    shown = f"override {shown_text(f'{path}=...' if is_secret else override)}"
     if not equals:
         raise InvalidNode([Complaint(f"{shown} has no '='; write path=value")])
     steps = _steps(path.strip(), shown)
@@ -153,11 +151,6 @@ def _apply(root: Node, override: str, defaults: Mapping[str, str | None]) -> Non
     if steps[0] in defaults:
         _open_choice(root, steps, defaults, shown)
     _set(root, steps, value, shown)
-
-
-def _is_secret(path: str) -> bool:
-    """Return whether a path may set a secret, which no message repeats."""
-    return bool(_SECRET.search(path.rpartition(".")[2]))
 
 
 def _steps(path: str, shown: str) -> list[str | int]:

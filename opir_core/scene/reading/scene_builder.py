@@ -174,8 +174,14 @@ class SceneBuilder:
         for index, item in enumerate(items_of(node)):
             with collector.at(index_step(index)):
                 choice = self._output(item, f"outputs[{index}]")
-                self._require_encoder(choice)
-                _require_own_place(item, choice, outputs)
+                # Looked up here, so that a missing encoder is reported with the other errors.
+                name = getattr(choice.config, "encoder", None)
+                if isinstance(name, str):
+                    self.components.component(_ENCODERS, name, f"{choice.path}.encoder")
+                path = getattr(choice.config, "path", None)
+                for other in outputs:
+                    if path is not None and other.name == choice.name and getattr(other.config, "path", None) == path:
+                        raise item.refused(f"{other.path} writes to {path!r} already")
                 outputs.append(choice)
         collector.require_whole()
         return tuple(outputs)
@@ -202,21 +208,7 @@ class SceneBuilder:
             collector.require_whole()
             return evolve(choice, **spool)
 
-    def _require_encoder(self, choice: Choice) -> None:
-        """Look up the encoder of a sink, so that a missing one is reported with the other errors."""
-        name = getattr(choice.config, "encoder", None)
-        if isinstance(name, str):
-            self.components.component(_ENCODERS, name, f"{choice.path}.encoder")
-
 
 def _spool_settings(node: Node) -> Any:
     with under(key_step("spool")):
         return class_reader(SpoolConfig)(node)
-
-
-def _require_own_place(item: Node, choice: Choice, others: list[Choice]) -> None:
-    """Reject an output that writes to the path of another."""
-    path = getattr(choice.config, "path", None)
-    for other in others:
-        if path is not None and other.name == choice.name and getattr(other.config, "path", None) == path:
-            raise item.refused(f"{other.path} writes to {path!r} already")

@@ -2,6 +2,7 @@
 
 import re
 from datetime import UTC, datetime, timedelta
+from typing import Any
 
 from attrs import frozen
 
@@ -37,6 +38,11 @@ def _epoch_complaint(epoch: str) -> str | None:
     return None
 
 
+def _chosen(kind: str, key: str) -> dict[str, Any]:
+    words = f"{kind}: its name, or a block of model and settings"
+    return {"help": words, "default": None, "source": f"`{CHOICES[key][1]}` if none is named"}
+
+
 @frozen(kw_only=True)
 class SceneFile:
     """A scene as its file has it, its blocks unread."""
@@ -64,34 +70,12 @@ class SceneFile:
     sources: Node | None = nested(
         help="emitters other than targets: fires, flares, glints, bolides", default=None, source=""
     )
-    detection: Node | None = nested(
-        help="detection model: its name, or a block of model and settings",
-        default=None,
-        source="`constant` if none is named",
-    )
-    classification: Node | None = nested(
-        help="classifier: its name, or a block of model and settings",
-        default=None,
-        source="`paper` if none is named",
-    )
-    confidence: Node | None = nested(
-        help="confidence model: its name, or a block of model and settings",
-        default=None,
-        source="`weighted` if none is named",
-    )
-    tracker: Node | None = nested(
-        help="tracker: its name, or a block of model and settings", default=None, source="`none` if none is named"
-    )
-    atmosphere: Node | None = nested(
-        help="atmosphere model: its name, or a block of model and settings",
-        default=None,
-        source="`clear` if none is named",
-    )
-    background: Node | None = nested(
-        help="background model: its name, or a block of model and settings",
-        default=None,
-        source="`none` if none is named",
-    )
+    detection: Node | None = nested(**_chosen("detection model", "detection"))
+    classification: Node | None = nested(**_chosen("classifier", "classification"))
+    confidence: Node | None = nested(**_chosen("confidence model", "confidence"))
+    tracker: Node | None = nested(**_chosen("tracker", "tracker"))
+    atmosphere: Node | None = nested(**_chosen("atmosphere model", "atmosphere"))
+    background: Node | None = nested(**_chosen("background model", "background"))
     outputs: Node | None = nested(
         help="sinks: a list of names, or of names with their settings", default=None, source=""
     )

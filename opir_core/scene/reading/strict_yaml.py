@@ -93,20 +93,16 @@ def is_decimal_text(text: str) -> bool:
 
 def _number_or_text(text: str) -> int | float | str:
     if _WHOLE.fullmatch(text):
-        return _whole(text)
+        digits = len(text.lstrip("+-"))
+        if digits > MAXIMUM_DIGITS:
+            raise ValueError(f"a whole number of {digits} digits; at most {MAXIMUM_DIGITS} are read")
+        return int(text)
     if _DECIMAL.fullmatch(text):
         return _decimal(text)
     for pattern, complaint in _ODD:
         if pattern.fullmatch(text):
             raise ValueError(complaint.format(text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."))
     return quoted_value(text)
-
-
-def _whole(text: str) -> int:
-    digits = len(text.lstrip("+-"))
-    if digits > MAXIMUM_DIGITS:
-        raise ValueError(f"a whole number of {digits} digits; at most {MAXIMUM_DIGITS} are read")
-    return int(text)
 
 
 def _decimal(text: str) -> float:
@@ -191,18 +187,15 @@ class _Composer:
         elif isinstance(event, yaml.AliasEvent):
             self._add(self._unreadable("aliases (*name) are not read; write the value out", event), event)
         elif isinstance(event, yaml.DocumentStartEvent):
-            self._begin_document(event)
+            if self.root is not None:
+                self.stop("a second document begins here; a scene is one document", event.start_mark)
+            if event.version or event.tags:
+                self.stop("directives (%YAML, %TAG) are not read; leave the line out", event.start_mark)
 
     def stop(self, message: str, mark: Any) -> None:
         """Raise what is wrong with the text, after what was wrong before."""
         known = complaints_inside(self.root) if self.root else ()
         raise InvalidNode([*known, Complaint(message, self._place(mark))])
-
-    def _begin_document(self, event: yaml.DocumentStartEvent) -> None:
-        if self.root is not None:
-            self.stop("a second document begins here; a scene is one document", event.start_mark)
-        if event.version or event.tags:
-            self.stop("directives (%YAML, %TAG) are not read; leave the line out", event.start_mark)
 
     def _scalar(self, event: yaml.ScalarEvent) -> Node:
         plain = event.implicit[0]

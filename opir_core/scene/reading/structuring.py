@@ -244,7 +244,8 @@ class ClassReader:
                 elif base is not None:
                     values[name] = getattr(base, name)
                 elif field.attribute.default is NOTHING:
-                    raise node.refused(_missing(field.attribute))
+                    wanted = info_of(field.attribute).requirement
+                    raise node.refused(f"is missing: {wanted}" if wanted else "is missing")
         return values
 
 
@@ -354,11 +355,6 @@ _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[Any], Reader]], ...] = (
     (_is_mapping, _mapping_reader),
     (lambda kind: isinstance(kind, type) and has(kind) and kind is not Node, class_reader),
 )
-
-
-def _missing(attribute: "Attribute[Any]") -> str:
-    wanted = info_of(attribute).requirement
-    return f"is missing: {wanted}" if wanted else "is missing"
 
 
 def _words_of(error: Exception) -> str:

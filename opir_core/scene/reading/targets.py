@@ -197,15 +197,12 @@ class SourceReader:
             with collector.at(index_step(index)):
                 path = f"sources[{index}]"
                 own_id, choice = self._identifier.identified(item, path, _SOURCE_KEYS, path)
-                self._refuse_taken(own_id, item)
+                # An emitter of the block, `ID-7`, must not share the id of a target.
+                for taken in self._target_ids:
+                    stem, dash, number = taken.rpartition("-")
+                    if taken == own_id or (stem == own_id and dash and number.isdecimal()):
+                        with under(".id"):
+                            raise item.value["id"].refused(f"the target {taken} has an id of this source's emitters")
                 sources.append(SceneSource(own_id, choice))
         collector.require_whole()
         return tuple(sources)
-
-    def _refuse_taken(self, own_id: str, node: Node) -> None:
-        """Reject an id with which an emitter of the block, `ID-7`, would share the id of a target."""
-        for taken in self._target_ids:
-            stem, dash, number = taken.rpartition("-")
-            if taken == own_id or (stem == own_id and dash and number.isdecimal()):
-                with under(".id"):
-                    raise node.value["id"].refused(f"the target {taken} has an id of this source's emitters")
