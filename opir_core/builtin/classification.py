@@ -87,7 +87,12 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
     for number, sensor in enumerate(context.sensors):
         matrix = {**sensor.confusion, **config.matrices.get(sensor.type, {})}
         for code in launched:
-            thresholds[number, code] = _thresholds(_row(matrix, sensor, TARGET_TYPES[code]))
+            row = _row(matrix, sensor, TARGET_TYPES[code])
+            probability = np.array([row.get(name, 0.0) for name in REPORTED_TYPES])
+            cumulative = np.cumsum(probability)
+            # The sum may be 1 to rounding only; no draw may fall past the last type that has a probability.
+            cumulative[np.flatnonzero(probability)[-1] :] = 1.0
+            thresholds[number, code] = cumulative[:-1]
     columns = np.ascontiguousarray(thresholds.reshape(-1, thresholds.shape[-1]).T)
     return ConfusionClassifier(columns, context.target_type_code)
 
@@ -125,14 +130,6 @@ def _row(matrix: Confusion, sensor: Sensor, target_type: str) -> Mapping[str, fl
     return row
 
 
-def _thresholds(row: Mapping[str, float]) -> FloatArray:
-    probability = np.array([row.get(name, 0.0) for name in REPORTED_TYPES])
-    cumulative = np.cumsum(probability)
-    # The sum may be 1 to rounding only; no draw may fall past the last type that has a probability.
-    cumulative[np.flatnonzero(probability)[-1] :] = 1.0
-    return cumulative[:-1]
-
-
 #: min(1, log10(1 + n)) for n = 0 to 9, from where on it is 1.
 _COUNT_TERMS = np.log10(1.0 + np.arange(10))
 
@@ -151,10 +148,10 @@ class WeightedConfidence:
 
     def confidence(self, sightings: ClassifierInputs) -> FloatArray:
         """Return confidences (n,) in [0, 1]; a term whose input is not finite or has no bands is 0."""
-        total = (
+        total: FloatArray = (
             self.band * _band_share(sightings)
-            + self.count * _count_term(sightings)
-            + self.geometry * _elevation_term(sightings)
+            + self.count * _COUNT_TERMS.take(np.clip(sightings.detection_count, 0, len(_COUNT_TERMS) - 1))
+            + self.geometry * np.nan_to_num(np.maximum(sightings.elevation_sine, 0.0), nan=0.0)
         )
         return np.clip(total, 0.0, 1.0)
 
@@ -188,12 +185,3 @@ def no_confidence(_config: NoConfig, _context: ModelContext) -> Confidence:
 def _band_share(sightings: ClassifierInputs) -> FloatArray:
     total = np.maximum(sightings.band_total, 1)
     return np.clip(np.where(sightings.band_total > 0, sightings.band_count, 0) / total, 0.0, 1.0)
-
-
-def _count_term(sightings: ClassifierInputs) -> FloatArray:
-    terms: FloatArray = _COUNT_TERMS.take(np.clip(sightings.detection_count, 0, len(_COUNT_TERMS) - 1))
-    return terms
-
-
-def _elevation_term(sightings: ClassifierInputs) -> FloatArray:
-    return np.nan_to_num(np.maximum(sightings.elevation_sine, 0.0), nan=0.0)

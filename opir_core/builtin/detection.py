@@ -70,7 +70,18 @@ def constant_detection(config: ConstantConfig, context: ModelContext) -> Detecti
     table = np.full((len(context.sensors), len(TARGET_TYPES)), np.nan)
     for row, sensor in enumerate(context.sensors):
         for name in needed:
-            table[row, TARGET_TYPES.index(name)] = _probability(sensor, name)
+            probability = sensor.detection_probability.get(name)
+            if probability is None:
+                raise ModelError(
+                    f"sensor {sensor.id} ({sensor.type}) has no probability of detection for {name} targets: give"
+                    f" {name} in its detection_probability, or choose a detection model other than constant"
+                )
+            if not is_probability(probability):
+                raise ModelError(
+                    f"sensor {sensor.id} ({sensor.type}): the probability of detection {probability!r} for {name}"
+                    " targets is not in [0, 1]"
+                )
+            table[row, TARGET_TYPES.index(name)] = probability
     return _detection(table, context, config.band_confirmation)
 
 
@@ -101,21 +112,6 @@ def _refuse_sources(needed: Sequence[str]) -> None:
 def _detection(table: FloatArray, context: ModelContext, band_confirmation: float) -> ConstantDetection:
     counts = np.array([_band_count(sensor) for sensor in context.sensors], dtype=np.uint8)
     return ConstantDetection(table, context.target_type_code, counts, band_confirmation)
-
-
-def _probability(sensor: Sensor, target_type: str) -> float:
-    probability = sensor.detection_probability.get(target_type)
-    if probability is None:
-        raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}) has no probability of detection for {target_type} targets: give"
-            f" {target_type} in its detection_probability, or choose a detection model other than constant"
-        )
-    if not is_probability(probability):
-        raise ModelError(
-            f"sensor {sensor.id} ({sensor.type}): the probability of detection {probability!r} for {target_type}"
-            " targets is not in [0, 1]"
-        )
-    return probability
 
 
 def _band_count(sensor: Sensor) -> int:

@@ -98,7 +98,9 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
     """
     launch, aim_point = (_columns(getattr(config, place) for config in configs) for place in ("launch", "aim"))
     unknown = _unknown_profiles(configs)
-    ranges_m = _ranges_m(launch, aim_point).tolist()
+    ranges_m = surface_range_m(
+        launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad
+    ).tolist()
     profiles = tuple(_profile(config, ranges_m[row], row in unknown) for row, config in enumerate(configs))
     ignition_s = np.array([config.launch.time_s for config in configs], dtype=np.float64)
     forces = _forces(configs, context)
@@ -188,10 +190,6 @@ def _columns(places: Iterable[LaunchConfig | AimConfig]) -> Geodetic:
     """Return the columns of places in radians and metres."""
     rows = [(math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m) for place in places]
     return Geodetic(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
-
-
-def _ranges_m(launch: Geodetic, aim_point: Geodetic) -> FloatArray:
-    return surface_range_m(launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad)
 
 
 def _place(config: LaunchConfig | AimConfig) -> dict[str, float]:

@@ -48,7 +48,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        arguments = _parser(words).parse_args(words)
+        parser, commands = _empty_parser()
+        given = next((word for word in words if not word.startswith("-")), None)
+        if given in COMMANDS:
+            _add_arguments(commands.choices[given], given)
+        elif "--version" not in words:
+            _add_plugin_commands(commands, given)
+        arguments = parser.parse_args(words)
         return int(arguments.run(arguments))
     except KeyboardInterrupt:
         return _INTERRUPTED
@@ -56,7 +62,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return _BROKEN_PIPE
     except Exception as error:
-        return _reported(error)
+        from opir_core.errors import OpirError
+
+        if not isinstance(error, OpirError):
+            raise error
+        print(f"opir: {error}", file=sys.stderr)  # noqa: T201
+        return error.exit_code
 
 
 def full_parser() -> argparse.ArgumentParser:
@@ -65,27 +76,6 @@ def full_parser() -> argparse.ArgumentParser:
     for name in COMMANDS:
         _add_arguments(commands.choices[name], name)
     _add_plugin_commands(commands, None)
-    return parser
-
-
-def _reported(error: Exception) -> int:
-    """Print one of opir's own errors and return its exit code; raise any other."""
-    from opir_core.errors import OpirError
-
-    if not isinstance(error, OpirError):
-        raise error
-    print(f"opir: {error}", file=sys.stderr)  # noqa: T201
-    return error.exit_code
-
-
-def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Return the parser with the arguments of the command that is given, and the names of all others."""
-    parser, commands = _empty_parser()
-    given = next((word for word in words if not word.startswith("-")), None)
-    if given in COMMANDS:
-        _add_arguments(commands.choices[given], given)
-    elif "--version" not in words:
-        _add_plugin_commands(commands, given)
     return parser
 
 

@@ -63,7 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
             on_window=lambda window: update(scene.name, window.end_s),
         )
     if manifest is not None:
-        _write_manifest(manifest, {**outcome.manifest, **_digests(tracks)})
+        try:
+            manifest.write_text(json.dumps({**outcome.manifest, **_digests(tracks)}, indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise unwritable("the manifest", manifest, error) from error
     _print_summary(arguments, scene, outcome, {what: path for what, path in files.items() if path is not None})
     outcome.raise_for_failures()
     return 0
@@ -116,14 +119,6 @@ def _digests(tracks: Path | None) -> Mapping[str, str]:
     from opir_core.output.run_files import digest
 
     return {"tracks_sha256": digest(tracks)}
-
-
-def _write_manifest(path: Path, manifest: Mapping[str, Any]) -> None:
-
-    try:
-        path.write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise unwritable("the manifest", path, error) from error
 
 
 def _print_summary(arguments: argparse.Namespace, scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> None:

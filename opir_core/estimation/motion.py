@@ -333,21 +333,16 @@ _ORDERS = np.arange(1.0, 5.0)
 def taylor_weights(offset_s: FloatArray) -> FloatArray:
     """Return the Taylor weights 1, τ, τ²/2, τ³/6, τ⁴/24 of offsets (n,), as (n, 5)."""
     if len(offset_s) >= FEW_ROWS:
-        return _many_taylor_weights(offset_s)
+        power = np.empty((5, len(offset_s)))
+        power[0], power[1] = 1.0, offset_s
+        for order in range(2, 5):
+            np.multiply(power[order - 1], offset_s / order, out=power[order])
+        return power.T
     power = np.empty((len(offset_s), 5))
     power[:, 0] = 1.0
     np.divide(offset_s[:, None], _ORDERS, out=power[:, 1:])
     powers: FloatArray = np.multiply.accumulate(power, axis=1, out=power)
     return powers
-
-
-def _many_taylor_weights(offset_s: FloatArray) -> FloatArray:
-    """Return `taylor_weights` computed column by column."""
-    power = np.empty((5, len(offset_s)))
-    power[0], power[1] = 1.0, offset_s
-    for order in range(2, 5):
-        np.multiply(power[order - 1], offset_s / order, out=power[order])
-    return power.T
 
 
 def taylor_positions(derivative: FloatArray, weight: FloatArray) -> FloatArray:

@@ -40,7 +40,17 @@ def with_added_targets(plan: Plan, added: Plan) -> Plan:
         sight=np.concatenate([ours.sight, theirs.sight]),
     )
     scene = evolve(plan.scene, targets=(*plan.scene.targets, *added.scene.targets))
-    targets = _joined_targets(plan.targets, added.targets)
+    one, other = plan.targets, added.targets
+    targets = Targets(
+        ids=(*one.ids, *other.ids),
+        type_code=np.concatenate([one.type_code, other.type_code]),
+        ignition_s=np.concatenate([one.ignition_s, other.ignition_s]),
+        burnout_s=np.concatenate([one.burnout_s, other.burnout_s]),
+        end_s=np.concatenate([one.end_s, other.end_s]),
+        trajectories=(*one.trajectories, *other.trajectories),
+        group=np.concatenate([one.group, other.group + np.int32(len(one.trajectories))]),
+        place=np.concatenate([one.place, other.place]),
+    )
     return with_targets(evolve(plan, scene=scene), targets, pairs.take(order), lines)
 
 
@@ -66,19 +76,6 @@ def is_active(plan: Plan, time_ns: int) -> BoolArray:
     going = (plan.pairs.looks > 0) & ~plan.pairs.is_over(time_ns)
     stays[plan.pairs.target[going]] = True
     return stays
-
-
-def _joined_targets(ours: Targets, theirs: Targets) -> Targets:
-    return Targets(
-        ids=(*ours.ids, *theirs.ids),
-        type_code=np.concatenate([ours.type_code, theirs.type_code]),
-        ignition_s=np.concatenate([ours.ignition_s, theirs.ignition_s]),
-        burnout_s=np.concatenate([ours.burnout_s, theirs.burnout_s]),
-        end_s=np.concatenate([ours.end_s, theirs.end_s]),
-        trajectories=(*ours.trajectories, *theirs.trajectories),
-        group=np.concatenate([ours.group, theirs.group + np.int32(len(ours.trajectories))]),
-        place=np.concatenate([ours.place, theirs.place]),
-    )
 
 
 def _kept_targets(targets: Targets, kept: IntArray) -> Targets:

@@ -328,7 +328,13 @@ class LiveRun:
         if position.engine.time_ns >= position.engine.plan.end_ns:
             if self._lap_plans is None:
                 return False
-            position = self._next_lap(self._lap_plans)
+            lap = self._position.lap + 1
+            plan = self._lap_plans.plan(lap)
+            position = self._position = RunPosition(
+                Engine(plan), lap, LapOffset(lap * self._lap_plans.lap_ns, self._tracks)
+            )
+            self._launch_count += len(plan.targets.ids)
+            self._lap_plans.prepare(lap + 1)
         engine, offset = position.engine, position.offset
         edge_ns = min(engine.time_ns + self._pace.step_ns(position.time_ns), engine.plan.end_ns)
         due_ns = edge_ns + offset.time_ns
@@ -352,14 +358,6 @@ class LiveRun:
         for sink in sinks:
             if not sink.is_spooled:
                 sink.write(window, self._stopping)
-
-    def _next_lap(self, lap_plans: LapPlans) -> RunPosition:
-        lap = self._position.lap + 1
-        plan = lap_plans.plan(lap)
-        self._position = RunPosition(Engine(plan), lap, LapOffset(lap * lap_plans.lap_ns, self._tracks))
-        self._launch_count += len(plan.targets.ids)
-        lap_plans.prepare(lap + 1)
-        return self._position
 
     def _apply_changes(self) -> None:
         """Apply the changes queued since the last window."""

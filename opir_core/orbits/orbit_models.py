@@ -24,7 +24,6 @@ from opir_core.orbits.configs import (
     MolniyaConfig,
     OmmFileConfig,
     OrbitConfig,
-    SlotConfig,
     WalkerConfig,
 )
 from opir_core.orbits.elements import (
@@ -177,33 +176,41 @@ def orbit_of(config: OrbitConfig, epoch_us: int) -> "GeostationaryOrbit | Moving
         return GeostationaryOrbit(slot.lon_deg)
     elements = elements_of(config, epoch_us)
     if elements is None:
-        return _sgp4_orbit(config, epoch_us)
-
+        if config.tle is not None:
+            satellite, name = satellite_of_tle(config.tle), f"object {config.tle[0][2:7].strip()}"
+        else:
+            omm = config.omm if config.omm_file is None else omm_of_file(config.omm_file)
+            assert omm is not None  # an OrbitConfig holds exactly one kind of orbit
+            satellite, name = satellite_of_omm(omm), omm_name(omm)
+        motion = Sgp4Motion(satellite, epoch_us, name)
+        motion.position_teme_m(np.zeros(1))
+        return MovingOrbit(motion)
     return MovingOrbit(TwoBodyMotion(elements))
 
 
 def elements_of(config: OrbitConfig, epoch_us: int) -> Elements | None:
     """Return the Kepler elements of a configuration at an epoch; None for one that SGP4 follows."""
     if config.slot is not None:
-        return _slot(config.slot)
+        return slot_elements(
+            math.radians(config.slot.lon_deg),
+            inclination_rad=math.radians(config.slot.inclination_deg),
+            eccentricity=config.slot.eccentricity,
+            argument_of_perigee_rad=math.radians(config.slot.arg_perigee_deg),
+            mean_argument_of_latitude_rad=math.radians(config.slot.mean_arg_latitude_deg),
+        )
     if config.kepler is not None:
         return _kepler(config.kepler, epoch_us)
     if config.circular is not None:
-        return _circular(config.circular, epoch_us)
+        return circular_elements(
+            config.circular.altitude_km * 1e3,
+            math.radians(config.circular.inclination_deg),
+            _node_longitude_rad(config.circular, epoch_us),
+            math.radians(config.circular.arg_latitude_deg),
+        )
     if config.walker is not None:
         return _walker(config.walker, epoch_us)
     elliptical = config.molniya or config.tundra
     return None if elliptical is None else _highly_elliptical(elliptical)
-
-
-def _slot(config: SlotConfig) -> Elements:
-    return slot_elements(
-        math.radians(config.lon_deg),
-        inclination_rad=math.radians(config.inclination_deg),
-        eccentricity=config.eccentricity,
-        argument_of_perigee_rad=math.radians(config.arg_perigee_deg),
-        mean_argument_of_latitude_rad=math.radians(config.mean_arg_latitude_deg),
-    )
 
 
 def _kepler(config: KeplerConfig, epoch_us: int) -> Elements:
@@ -218,15 +225,6 @@ def _kepler(config: KeplerConfig, epoch_us: int) -> Elements:
         node_longitude_rad=_node_longitude_rad(config, epoch_us),
         argument_of_perigee_rad=math.radians(config.arg_perigee_deg),
         mean_anomaly_rad=anomaly_rad,
-    )
-
-
-def _circular(config: CircularConfig, epoch_us: int) -> Elements:
-    return circular_elements(
-        config.altitude_km * 1e3,
-        math.radians(config.inclination_deg),
-        _node_longitude_rad(config, epoch_us),
-        math.radians(config.arg_latitude_deg),
     )
 
 
@@ -260,18 +258,6 @@ def _node_longitude_rad(config: KeplerConfig | CircularConfig | WalkerConfig, ep
     if config.lon_asc_node_deg is not None:
         return math.radians(config.lon_asc_node_deg)
     return math.radians(config.raan_deg or 0.0) - float(gmst_rad(np.datetime64(epoch_us, "us")))
-
-
-def _sgp4_orbit(config: OrbitConfig, epoch_us: int) -> "GeostationaryOrbit | MovingOrbit":
-    if config.tle is not None:
-        satellite, name = satellite_of_tle(config.tle), f"object {config.tle[0][2:7].strip()}"
-    else:
-        omm = config.omm if config.omm_file is None else omm_of_file(config.omm_file)
-        assert omm is not None  # an OrbitConfig holds exactly one kind of orbit
-        satellite, name = satellite_of_omm(omm), omm_name(omm)
-    motion = Sgp4Motion(satellite, epoch_us, name)
-    motion.position_teme_m(np.zeros(1))
-    return MovingOrbit(motion)
 
 
 def omm_of_file(config: OmmFileConfig) -> Mapping[str, Any]:

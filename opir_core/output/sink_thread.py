@@ -140,7 +140,11 @@ class SinkThread(OpenSink):
     def write(self, window: Window, stopping: threading.Event) -> None:
         """Spool or queue a window; waits for room until there is some, the sink has failed or the run is stopped."""
         if self.is_spooled:
-            self._spool(window)
+            # Written in the caller's thread; if this fails, the sink's own thread closes it.
+            with self._replacement_done:
+                self._replacement_done.wait_for(lambda: not self._replacements or self.error is not None)
+            if self.error is None and not self._try(lambda: self._pass(window)):
+                self._queue.put(None)
             self._given += len(window.detections)
         else:
             self._given += len(window.detections)
@@ -186,13 +190,6 @@ class SinkThread(OpenSink):
             waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
             error=self.error,
         )
-
-    def _spool(self, window: Window) -> None:
-        """Write a window in the caller's thread; if this fails, the sink's own thread closes it."""
-        with self._replacement_done:
-            self._replacement_done.wait_for(lambda: not self._replacements or self.error is not None)
-        if self.error is None and not self._try(lambda: self._pass(window)):
-            self._queue.put(None)
 
     def _queue_up(self, window: Window, stopping: threading.Event) -> None:
         waited = False

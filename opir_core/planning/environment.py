@@ -73,7 +73,7 @@ class Ascents(Columns):
         wanted_m = levels_m[row, level]
         for _ in range(_STEPS):
             middle_s = low_s + (high_s - low_s) * (wanted_m - low_m) / (high_m - low_m)
-            middle_m = _heights_m(self.targets, self.target[row], middle_s)
+            middle_m = heights_m(self.targets.position_ecef_m(self.target[row], middle_s))
             is_low = middle_m < wanted_m
             low_s, low_m = np.where(is_low, middle_s, low_s), np.where(is_low, middle_m, low_m)
             high_s, high_m = np.where(is_low, high_s, middle_s), np.where(is_low, high_m, middle_m)
@@ -89,12 +89,8 @@ def ascents(targets: Targets) -> Ascents:
     time_s = targets.ignition_s[:, None] + (targets.burnout_s - targets.ignition_s)[:, None] * share
     # Rounding must not lead out of the burn.
     time_s = np.minimum(time_s, targets.burnout_s[:, None])
-    height_m = _heights_m(targets, np.repeat(everyone, _SAMPLES + 1), time_s.ravel())
+    height_m = heights_m(targets.position_ecef_m(np.repeat(everyone, _SAMPLES + 1), time_s.ravel()))
     return Ascents(everyone, time_s, height_m.reshape(time_s.shape), targets)
-
-
-def _heights_m(targets: Targets, target: IndexArray, time_s: FloatArray) -> FloatArray:
-    return heights_m(targets.position_ecef_m(target, time_s))
 
 
 def heights_m(position_ecef_m: FloatArray) -> FloatArray:

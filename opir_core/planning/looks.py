@@ -6,7 +6,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.sensor_states import SensorStates
-from opir_core.planning.sightlines import GridPlace, Pairs, Sightlines, Visibility, distance_m
+from opir_core.planning.sightlines import Pairs, Sightlines, Visibility, distance_m
 from opir_core.planning.targets import Targets
 from opir_core.planning.visibility import visible_now
 
@@ -56,7 +56,9 @@ class LookGeometry:
         time_s = look_times_s(self.pairs, pair, scan) if time_s is None else time_s
         sensor, target = self.pairs.sensor[pair], self.pairs.target[pair]
         place = self.sightlines.place(pair, time_s)
-        emission_s = self._emission_s(place, pair, time_s)
+        # The emission times of the observed light, limited to the observed time of the target.
+        left_s = time_s - place.interpolated(self.sightlines.travel_s) if self.light_time else time_s
+        emission_s = np.clip(left_s, self.targets.ignition_s[target], self.pairs.until_s[pair])
         if not with_geometry:
             return Exposures(time_s, emission_s, scan, sensor, target, _NOTHING, _NOTHING, _NO_VECTORS, _NO_VECTORS)
         sensor_m, target_m = self.states.positions(sensor, time_s), self.targets.position_ecef_m(target, emission_s)
@@ -77,11 +79,6 @@ class LookGeometry:
             sensor_m, target_m = exposed.sensor_ecef_m[rows], exposed.target_ecef_m[rows]
             result[uncertain[rows]] = visible_now(self.states.sensors[number], sensor_m, target_m)
         return result
-
-    def _emission_s(self, place: GridPlace, pair: IntArray, time_s: FloatArray) -> FloatArray:
-        """Return the emission times of the observed light, limited to the observed time of the target."""
-        left_s = time_s - place.interpolated(self.sightlines.travel_s) if self.light_time else time_s
-        return np.clip(left_s, self.targets.ignition_s[self.pairs.target[pair]], self.pairs.until_s[pair])
 
 
 def blocks(rows: int) -> list[slice]:

@@ -93,11 +93,14 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     Raises `PluginError` for components that are missing or broken and `SceneError` for targets without a trajectory.
     """
     host = host or Host.discover()
-    sensors = tuple(_sensor(scene, host, number) for number in range(len(scene.sensors)))
+    sensors: tuple[Sensor, ...] = tuple(
+        built(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us)) for chosen in scene.sensors
+    )
     sources = _sources(scene, host, sensors)
     targets = _targets(scene, host, sensors, sources)
     end_ns = round(scene.duration_s * _NS)
-    starts = [_uniform(scene.seed, sensor.id, "scan-phase") for sensor in sensors]
+    streams = (Stream(stream_key(scene.seed, sensor.id, "scan-phase")) for sensor in sensors)
+    starts = [float(uniforms_of(stream.words(0, 1))[0]) for stream in streams]
     pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
     make_tracker = partial(_tracker, scene, host, sensors)
     # A tracker that cannot be built is an error of the plan, not of its first run.
@@ -171,16 +174,14 @@ def drawn_bias(seed: int, sensors: Sequence[Sensor]) -> PointingBias | None:
     return PointingBias.drawn(seed, sensors) if has_bias else None
 
 
-def built(host: Host, choice: Choice, context: Any) -> Any:
-    """Return what the component of a scene's choice builds."""
-    return _build(host, choice, choice.config, context)
+def built(host: Host, choice: Choice, context: Any, config: Any = None) -> Any:
+    """Return what the component of a scene's choice builds, of the choice's configuration or another.
 
-
-def _build(host: Host, choice: Choice, config: Any, context: Any) -> Any:
-    """Return what a component builds; raises `ModelError` that names the component and its owner if it fails."""
+    Raises `ModelError` that names the component and its owner if it fails.
+    """
     component = host.component(choice.hook, choice.name, choice.path)
     try:
-        return component.build(config, context)
+        return component.build(choice.config if config is None else config, context)
     except OpirError:
         raise
     except Exception as error:
@@ -214,12 +215,6 @@ def _tracker_fault(part: Any) -> str:
     except TypeError:
         is_time = False
     return "" if is_time else f"cadence_s is {cadence_s!r}, neither a positive number of seconds nor None"
-
-
-def _sensor(scene: Scene, host: Host, number: int) -> Sensor:
-    chosen = scene.sensors[number]
-    sensor: Sensor = built(host, chosen.model, SensorContext(id=chosen.id, epoch_us=scene.epoch_us))
-    return sensor
 
 
 def _sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> "tuple[Sources, ...]":
@@ -256,7 +251,7 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         free_flight=free_flight,
     )
     configs = [target.model.config for target in chosen]
-    trajectories: Trajectories = _build(host, chosen[0].model, configs, context)
+    trajectories: Trajectories = built(host, chosen[0].model, context, configs)
     return trajectories
 
 
@@ -274,7 +269,3 @@ def _forces(scene: Scene) -> "ForceModel":
         return Forces(zonal=zonal, drag=Drag(drag.ballistic_coefficient_kg_m2))
     atmosphere = ExponentialAtmosphere(air.density_kg_m3, air.scale_height_m, air.base_height_m)
     return Forces(zonal=zonal, drag=Drag(drag.ballistic_coefficient_kg_m2, atmosphere))
-
-
-def _uniform(seed: int, *names: str) -> float:
-    return float(uniforms_of(Stream(stream_key(seed, *names)).words(0, 1))[0])

@@ -149,7 +149,11 @@ def _sensor_pairs(
     sight, blocked = cell_visibility(grid, margins, distance_m(sensor_ecef_m, target_ecef_m))
     first_s, last_s = grid.span(np.flatnonzero(sight != Visibility.NEVER), start_s, stop_s)
     phase_ns = _phase_ns(sensor, targets, uniform)
-    first_scan, last_scan = _scans(first_s, last_s, phase_ns, sensor.scan.period_ns, end_ns)
+    # The first scan after `first_s` (at that instant the launch is not seen) and the last to `last_s`.
+    first_ns = np.rint(np.where(np.isfinite(first_s), first_s, 0.0) * _NS).astype(np.int64)
+    last_ns = np.rint(np.where(np.isfinite(last_s), last_s, -1.0) * _NS).astype(np.int64)
+    first_scan = np.maximum((first_ns - phase_ns) // sensor.scan.period_ns + 1, 0)
+    last_scan = (np.minimum(last_ns, end_ns - 1) - phase_ns) // sensor.scan.period_ns
     last_scan = np.where(blocked == Blocked.NOT, last_scan, first_scan - 1)
     blocked = np.where((blocked == Blocked.NOT) & (last_scan < first_scan), Blocked.NO_LOOK, blocked)
     sensors, periods = np.full_like(everyone, number), np.full_like(phase_ns, sensor.scan.period_ns)
@@ -163,13 +167,3 @@ def _phase_ns(sensor: Sensor, targets: Targets, uniform: float) -> IntArray:
     everyone = np.arange(len(targets.ids), dtype=np.int32)
     target_ecef_m = targets.position_ecef_m(everyone, targets.ignition_s)
     return sensor.scan.phase_ns(sensor.orbit.position_ecef_m(targets.ignition_s), target_ecef_m, uniform)
-
-
-def _scans(
-    first_s: FloatArray, last_s: FloatArray, phase_ns: IntArray, period_ns: int, end_ns: int
-) -> tuple[IntArray, IntArray]:
-    """Return the first scan after `first_s` (at that instant the launch is not seen) and the last to `last_s`."""
-    first_ns = np.rint(np.where(np.isfinite(first_s), first_s, 0.0) * _NS).astype(np.int64)
-    last_ns = np.rint(np.where(np.isfinite(last_s), last_s, -1.0) * _NS).astype(np.int64)
-    first_scan = np.maximum((first_ns - phase_ns) // period_ns + 1, 0)
-    return first_scan, (np.minimum(last_ns, end_ns - 1) - phase_ns) // period_ns

@@ -226,8 +226,15 @@ class FalseAlarmStream:
         # Looks of a scan are up to one period after its start.
         first = max((start_ns - period_ns) // block_ns, 0)
         counts = self._block_counts(first, max(-(-end_ns // block_ns), first + 1) - first)
-        uniforms = self._uniforms(first, counts)
-        block, place = np.repeat(first + np.arange(len(counts)), counts), _places(counts)
+        room = len(self._table) * self._words
+        parts = [
+            self._numbers.words((first + row) * room, count * self._words)
+            for row, count in enumerate(counts.tolist())
+            if count
+        ]
+        uniforms = uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(-1, self._words)
+        block = np.repeat(first + np.arange(len(counts)), counts)
+        place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
         scan = block * self._scans + np.floor(uniforms[:, 0] * self._scans).astype(np.int64)
         near = np.flatnonzero((scan * period_ns >= start_ns - period_ns) & (scan * period_ns < end_ns))
         serial = block * len(self._table) + place
@@ -242,22 +249,6 @@ class FalseAlarmStream:
         """Return the numbers of false alarms in blocks of scans."""
         counts: IntArray = np.searchsorted(self._table, uniforms_of(self._counts.words(first, blocks)), side="right")
         return counts
-
-    def _uniforms(self, first: int, counts: IntArray) -> FloatArray:
-        """Return the random numbers (n, words) of the false alarms in blocks of scans."""
-        room = len(self._table) * self._words
-        parts = [
-            self._numbers.words((first + row) * room, count * self._words)
-            for row, count in enumerate(counts.tolist())
-            if count
-        ]
-        return uniforms_of(np.concatenate([*parts, np.empty(0, dtype=np.uint64)])).reshape(-1, self._words)
-
-
-def _places(counts: IntArray) -> IntArray:
-    """Return the number of each false alarm in its block."""
-    places: IntArray = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return places
 
 
 @lru_cache(maxsize=64)

@@ -126,7 +126,10 @@ class _Looks(NamedTuple):
         target, sensor = (
             ecef_to_eci(place, detected.look_s) for place in (detected.target_ecef_m, detected.sensor_ecef_m)
         )
-        slope = _slopes(target - sensor, detected.sigma_rad)
+        line_m = target - sensor
+        # The whitened Jacobians (n, 2, 3), 1/m, of directions along lines (n, 3) by the position.
+        range_m = np.linalg.norm(line_m, axis=1)
+        slope = tangent_axes(line_m / range_m[:, None])[:, :2] / (range_m * detected.sigma_rad)[:, None, None]
         # A turn moves the direction, and so what is a metre off at the target's distance, across the line.
         count, biases, _ = detected.turn_ecef_rad.shape
         turn = ecef_to_eci(detected.turn_ecef_rad.reshape(-1, 3), np.repeat(detected.look_s, biases)).reshape(
@@ -158,13 +161,6 @@ def _widened(transition: FloatArray, biases: int) -> FloatArray:
     wide = np.eye(size + biases)
     wide[:size, :size] = transition
     return wide
-
-
-def _slopes(line_m: FloatArray, sigma_rad: FloatArray) -> FloatArray:
-    """Return the whitened Jacobians (n, 2, 3), 1/m, of directions along lines (n, 3) by the position."""
-    range_m = np.linalg.norm(line_m, axis=1)
-    across: FloatArray = tangent_axes(line_m / range_m[:, None])[:, :2] / (range_m * sigma_rad)[:, None, None]
-    return across
 
 
 def _transitions(position_m: FloatArray, span_s: FloatArray) -> FloatArray:

@@ -89,7 +89,18 @@ def _errors_of(evidence: RunEvidence, target: int, tracks: Tracks, owners: Owner
     owner = np.searchsorted(owners.track, tracks.track)
     error = tracks.state - true
     looks = np.flatnonzero(evidence.target == target)
-    known_thrust, free_thrust = _bounds(evidence, target, looks, tracks.tick_s)
+    plan, time_s = evidence.plan, evidence.time_s[looks]
+    sensor = np.empty((len(looks), 3))
+    for number in np.unique(evidence.sensor[looks]).tolist():
+        rows = np.flatnonzero(evidence.sensor[looks] == number)
+        sensor[rows] = plan.sensors[number].orbit.position_ecef_m(time_s[rows])
+    held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
+    position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
+    turns = bias_turns(plan.sensors, evidence.sensor[looks], sensor)
+    looks_seen = DetectedLooks(time_s, position, sensor, evidence.sigma_rad[looks], turns)
+    known_thrust, free_thrust = (
+        position_and_velocity(bound(tracks.tick_s, looks_seen)) for bound in (state_bound, free_bound)
+    )
     return StateErrors(
         target=np.full(len(tracks), target, dtype=np.int64),
         since_s=tracks.tick_s - evidence.plan.targets.ignition_s[target],
@@ -112,22 +123,6 @@ def _impact_error(tracks: Tracks, truth: Mapping[str, Any]) -> FloatArray:
     place = np.broadcast_to(np.array(_place(truth.get("impact"))), (len(tracks), 3))
     error: FloatArray = np.linalg.norm(ground_error(tracks.impact, place), axis=1)
     return error
-
-
-def _bounds(
-    evidence: RunEvidence, target: int, looks: IntArray, tick_s: FloatArray
-) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
-    """Return the bounds (n,) of position and velocity at ticks (n,), for known and unknown thrust."""
-    plan, time_s = evidence.plan, evidence.time_s[looks]
-    sensor = np.empty((len(looks), 3))
-    for number in np.unique(evidence.sensor[looks]).tolist():
-        rows = np.flatnonzero(evidence.sensor[looks] == number)
-        sensor[rows] = plan.sensors[number].orbit.position_ecef_m(time_s[rows])
-    held = np.clip(time_s, plan.targets.ignition_s[target], plan.targets.end_s[target])
-    position = plan.targets.position_ecef_m(np.full(len(looks), target, dtype=np.int32), held)
-    turns = bias_turns(plan.sensors, evidence.sensor[looks], sensor)
-    looks_seen = DetectedLooks(time_s, position, sensor, evidence.sigma_rad[looks], turns)
-    return position_and_velocity(state_bound(tick_s, looks_seen)), position_and_velocity(free_bound(tick_s, looks_seen))
 
 
 def bias_turns(sensors: Sequence[Sensor], sensor: IndexArray, sensor_ecef_m: FloatArray) -> FloatArray:

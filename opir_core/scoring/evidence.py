@@ -133,7 +133,8 @@ def ownership(evidence: RunEvidence) -> Ownership:
     of_owner = count.max(axis=1, initial=0)
     is_launch = np.append(evidence.is_launch, False)
     target = np.where((total > 0) & is_launch[owner], owner, -1)
-    seen = _seen(evidence, row, held, len(numbers))
+    seen = np.zeros((len(numbers), len(evidence.plan.sensors)), dtype=np.bool_)
+    seen[row, evidence.sensor[held]] = True
     biased = np.array([sensor.line_of_sight_bias_sigma_rad > 0.0 for sensor in evidence.plan.sensors], dtype=np.bool_)
     return Ownership(
         track=numbers,
@@ -158,13 +159,6 @@ def rows_in_force(evidence: RunEvidence, owners: Ownership) -> IntArray:
     first = np.ones(len(order), dtype=np.bool_)
     first[1:] = (np.diff(target[order]) != 0) | (np.diff(tick_s[order]) != 0.0)
     return order[first]
-
-
-def _seen(evidence: RunEvidence, row: IntArray, held: IntArray, tracks: int) -> BoolArray:
-    """Return which sensors each track has detections of, (tracks, sensors)."""
-    seen = np.zeros((tracks, len(evidence.plan.sensors)), dtype=np.bool_)
-    seen[row, evidence.sensor[held]] = True
-    return seen
 
 
 class _TruthLine(msgspec.Struct):

@@ -37,7 +37,10 @@ def gospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: floa
     `cutoff`**p / alpha each (their definition 1) and pairs cut off are a missed truth and a false estimate, at half of
     `cutoff`**p each. Two empty sets are at distance 0.
     """
-    _check(cutoff, order)
+    if not 0.0 < cutoff < np.inf:
+        raise ValueError(f"the cut-off must be positive and finite, got {cutoff!r}")
+    if not 1.0 <= order < np.inf:
+        raise ValueError(f"the order must be finite and at least 1, got {order!r}")
     if not 0.0 < alpha <= 2.0:
         raise ValueError(f"alpha must be in (0, 2], got {alpha!r}")
     power, pairs = _assigned(estimate, truth, cutoff, order)
@@ -48,13 +51,6 @@ def gospa(estimate: FloatArray, truth: FloatArray, *, cutoff: float, order: floa
     false = cutoff**order * (cut / 2.0 + spare_estimates / alpha)
     total = float((localisation + missed + false) ** (1.0 / order))
     return Gospa(total, localisation, missed, false, cut + spare_truths, cut + spare_estimates, pairs[near])
-
-
-def _check(cutoff: float, order: float) -> None:
-    if not 0.0 < cutoff < np.inf:
-        raise ValueError(f"the cut-off must be positive and finite, got {cutoff!r}")
-    if not 1.0 <= order < np.inf:
-        raise ValueError(f"the order must be finite and at least 1, got {order!r}")
 
 
 def _assigned(

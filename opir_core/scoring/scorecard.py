@@ -107,6 +107,13 @@ def scorecard_of(runs: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecar
 def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
     """Return the scored data of a run."""
     owners = ownership(evidence)
+    # Counts (true types, reported types) of the last reported type of each launch.
+    count = np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES)))
+    tracks = evidence.tracks.take(last_rows(evidence, owners))
+    target = owners.target[np.searchsorted(owners.track, tracks.track)]
+    known = np.isfinite(tracks.type_probability).all(axis=1)
+    likeliest = tracks.type_probability[known].argmax(axis=1)
+    np.add.at(count, (evidence.plan.targets.type_code[target[known]], likeliest), 1)
     return ScoredRun(
         seed=evidence.plan.scene.seed,
         is_biased=evidence.plan.bias is not None,
@@ -117,22 +124,11 @@ def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
         launches=len(evidence.plan.scene.targets),
         coverage=coverage(evidence, owners),
         gospa_parts=gospa_parts(evidence, owners, settings),
-        confusion=_types(evidence, owners),
+        confusion=count,
         detections=len(evidence.time_s),
         track_updates=len(evidence.tracks),
         tracking_s=evidence.tracking_s,
     )
-
-
-def _types(evidence: RunEvidence, owners: Ownership) -> FloatArray:
-    """Return counts (true types, reported types) of the last reported type of each launch."""
-    count = np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES)))
-    tracks = evidence.tracks.take(last_rows(evidence, owners))
-    target = owners.target[np.searchsorted(owners.track, tracks.track)]
-    known = np.isfinite(tracks.type_probability).all(axis=1)
-    likeliest = tracks.type_probability[known].argmax(axis=1)
-    np.add.at(count, (evidence.plan.targets.type_code[target[known]], likeliest), 1)
-    return count
 
 
 def _counts(runs: Sequence[ScoredRun]) -> dict[str, Any]:

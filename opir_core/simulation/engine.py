@@ -41,7 +41,16 @@ class Engine:
         self._names = plan.pair_names()
         self._geometry = plan.look_geometry()
         self._streams = PairStreams(plan.scene.seed, self._names, plan.scan_names())
-        self._builder = _detection_builder(plan, self._geometry, self._streams)
+        scene, pairs = plan.scene, plan.pairs
+        self._builder = DetectionBuilder(
+            geometry=self._geometry,
+            detection=plan.detection,
+            classifier=plan.classifier,
+            confidence=plan.confidence,
+            pair_type=plan.classifier.pair_type(pairs.sensor, pairs.target, self._streams.of_pairs()),
+            id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, plan.scan_names()),
+            band_totals=np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64),
+        )
         self._tick_ns = _tick_ns(plan.pairs)
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
         #: Made at the first window: an engine that takes over continues with another's tracker.
@@ -95,7 +104,9 @@ class Engine:
         if not len(order):
             return false_alarms.alone()
         places = false_alarms.places(hits.time_ns, self.plan.pairs.sensor[hits.pair], order)
-        detections, truth = self._built(numbers, hits, measured, _with_gaps(order, places))
+        # The rows at `places` are overwritten below: any row fills them.
+        longer = np.insert(order, np.sort(places) - np.arange(len(places)), order[0])
+        detections, truth = self._built(numbers, hits, measured, longer)
         detections.overwrite(places, false_alarms.detections)
         truth.overwrite(places, false_alarms.truth)
         return detections, truth
@@ -106,7 +117,9 @@ class Engine:
         """Return the detections of hits in an order, and their truth."""
         # Column by column: gathering rows of all columns at once touches more pages than the processor caches.
         hits, measured = hits.take(order), None if measured is None else measured.take(order)
-        given = _hit_columns(hits) | ({} if measured is None else _measured_columns(measured))
+        none = np.full(len(hits), -1, dtype=np.int64)
+        columns = {"time_ns": hits.time_ns, "scan": hits.scan, "detection_count": hits.count}
+        given = {**columns, "track": none, "estimate": none} | ({} if measured is None else _measured_columns(measured))
         detections = Filling(Detections, len(hits), given)
         truth = Filling(DetectionTruth, len(hits), {"probability": hits.probability})
         for rows in blocks(len(hits)):
@@ -125,7 +138,13 @@ class Engine:
         pair, scan = looks.pair.take(row), looks.scan.take(row)
         words = numbers.of_rows("line-of-sight", 1, row, pair)[:, 0]
         time_ns = look_times_ns(self.plan.pairs, pair, scan)
-        return Hits(row, pair, scan, time_ns, self._counted(pair), probability.take(row), words)
+        # Detections are counted pair by pair, each included; `pair` comes in runs in order of time.
+        start = np.flatnonzero(np.diff(pair, prepend=-1))
+        distinct, times = pair[start], np.diff(start, append=len(pair))
+        place = np.arange(len(pair)) - np.repeat(start, times)
+        count: IndexArray = (self._counts[pair] + place + 1).astype(np.int32)
+        self._counts[distinct] += times.astype(np.int32)
+        return Hits(row, pair, scan, time_ns, count, probability.take(row), words)
 
     def _measured(self, hits: Hits, numbers: WindowNumbers, interpolant: "WindowInterpolant") -> Measured | None:
         """Return the measurements of hits, which are sorted by sensor."""
@@ -143,15 +162,6 @@ class Engine:
         if ticks.max() < _RADIX_LIMIT:
             return np.argsort(ticks.astype(np.uint16), kind="stable")
         return np.lexsort((pair, time_ns))
-
-    def _counted(self, pair: IntArray) -> IndexArray:
-        """Return the detection counts of pairs (n,) so far, each included; `pair` comes in runs in order of time."""
-        start = np.flatnonzero(np.diff(pair, prepend=-1))
-        distinct, times = pair[start], np.diff(start, append=len(pair))
-        place = np.arange(len(pair)) - np.repeat(start, times)
-        count: IndexArray = (self._counts[pair] + place + 1).astype(np.int32)
-        self._counts[distinct] += times.astype(np.int32)
-        return count
 
     def _probability(self, looks: Looks, interpolant: "WindowInterpolant | None") -> FloatArray:
         """Return each look's probability of detection; 0 if the target is not visible."""
@@ -174,19 +184,6 @@ class Engine:
         model = self.plan.detection
         exposed = self._geometry.exposures(looks.pair[rows], looks.scan[rows], with_geometry=model.needs_geometry)
         return checked_probability(model.probability(exposed), len(exposed))
-
-
-def _detection_builder(plan: Plan, geometry: LookGeometry, streams: PairStreams) -> DetectionBuilder:
-    scene, pairs = plan.scene, plan.pairs
-    return DetectionBuilder(
-        geometry=geometry,
-        detection=plan.detection,
-        classifier=plan.classifier,
-        confidence=plan.confidence,
-        pair_type=plan.classifier.pair_type(pairs.sensor, pairs.target, streams.of_pairs()),
-        id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, plan.scan_names()),
-        band_totals=np.array([len(sensor.bands) for sensor in plan.sensors], dtype=np.int64),
-    )
 
 
 def _interpolant(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant | None":
@@ -228,23 +225,6 @@ def _false_alarms(plan: Plan, geometry: LookGeometry) -> "FalseAlarmGenerator | 
 def _tick_ns(pairs: Pairs) -> int:
     """Return the longest step, ns, of which all look times are whole multiples."""
     return int(np.gcd.reduce(np.concatenate([pairs.period_ns, pairs.phase_ns]), initial=0)) or 1
-
-
-def _with_gaps(order: IntArray, places: IntArray) -> IntArray:
-    """Return an order (n,) with gaps at `places` (m,) of the result, filled with the first row."""
-    longer = np.empty(len(order) + len(places), dtype=np.int64)
-    is_own = np.ones(len(longer), dtype=np.bool_)
-    is_own[places] = False
-    longer[is_own] = order
-    longer[places] = order[0]
-    return longer
-
-
-def _hit_columns(hits: Hits) -> dict[str, Any]:
-    """Return the columns of detections that are those of hits, and the empty columns of the tracker."""
-    none = np.full(len(hits), -1, dtype=np.int64)
-    columns = {"time_ns": hits.time_ns, "scan": hits.scan, "detection_count": hits.count}
-    return {**columns, "track": none, "estimate": none}
 
 
 def _measured_columns(measured: Measured) -> dict[str, Any]:

@@ -65,7 +65,10 @@ class DetectionBuilder:
         time_s = hits.time_ns.astype(np.float64) * 1e-9
         exposed = self.geometry.exposures(hits.pair, hits.scan, time_s=time_s)
         measured = self.detection.measure(exposed, dice) if measured is None else measured
-        self._require_irradiance(measured, len(hits))
+        required = (len(hits), int(self.band_totals.max()))
+        if measured.band_irradiance_w_m2 is not None and measured.band_irradiance_w_m2.shape != required:
+            shape = measured.band_irradiance_w_m2.shape
+            raise ModelError(f"the detection model measured irradiances of shape {shape}, not {required}")
         total = self.band_totals[exposed.sensor]
         sightings = classifier_inputs(
             measured,
@@ -85,12 +88,6 @@ class DetectionBuilder:
             exposed.target, exposed.emission_time_s, exposed.range_m, exposed.elevation_sine, hits.probability
         )
         return detections, truth
-
-    def _require_irradiance(self, measured: Measured, rows: int) -> None:
-        required = (rows, int(self.band_totals.max()))
-        if measured.band_irradiance_w_m2 is not None and measured.band_irradiance_w_m2.shape != required:
-            shape = measured.band_irradiance_w_m2.shape
-            raise ModelError(f"the detection model measured irradiances of shape {shape}, not {required}")
 
     def _detections(
         self, exposed: Exposures, sightings: ClassifierInputs, sigma_rad: FloatArray, hits: Hits, dice: RowDraws

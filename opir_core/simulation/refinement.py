@@ -71,15 +71,6 @@ class Curves(NamedTuple):
         """Return these curves and others, reordered."""
         return Curves(*(np.concatenate(both, axis=-1)[..., order] for both in zip(self, other, strict=True)))
 
-    def each_at(self, scan: IntArray) -> FloatArray:
-        """Return the value (k,) of each curve at one scan (k,)."""
-        place = (scan - self.middle) * self.per_scan
-        value: FloatArray = self.coefficients[-1].copy()
-        for coefficient in self.coefficients[-2::-1]:
-            value *= place
-            value += coefficient
-        return value
-
     def at(self, used: IntArray, times: IntArray, scan: IntArray) -> FloatArray:
         """Return the values (n,) at scans (n,): `times` (m,) of them for each of the curves `used` (m,)."""
         place = np.subtract(scan, np.repeat(self.middle[used], times), dtype=np.float64)
@@ -262,7 +253,10 @@ class GridRefiner:
             for of_look, least in ((values[1 + band], SIGNAL_SIGMA), (values[1 + width + band], 0.0)):
                 own = of_look.take(pieces.row)
                 allowed = np.maximum(SIGNAL_SHARE * np.abs(own[1:-1]), least)
-                straight &= np.all(_off_neighbours(at, own) <= 2.0 * allowed, axis=0)
+                # Deviations (3, k) of the inner values from the lines between their neighbours.
+                share = (at[1:-1] - at[:-2]) / np.maximum(at[2:] - at[:-2], 1e-300)
+                off = np.abs(own[1:-1] - (own[:-2] + share * (own[2:] - own[:-2])))
+                straight &= np.all(off <= 2.0 * allowed, axis=0)
         return straight
 
 
@@ -282,12 +276,13 @@ def _halved(pieces: Intervals, quantile: FloatArray) -> Intervals:
     halves = []
     distinct = np.all(np.diff(pieces.scan, axis=0) > 0, axis=0)
     curves = Curves.through(pieces.scan[:, distinct], quantile.take(pieces.row[:, distinct]))
+    everyone = np.arange(len(curves.middle))
     for first in (0, 2):
         scan, row = np.empty_like(pieces.scan), np.full(pieces.row.shape, -1)
         scan[::2], row[::2] = pieces.scan[first : first + 3], pieces.row[first : first + 3]
         scan[1::2] = (scan[0:3:2] + scan[2:5:2]) // 2
         predicted = np.full((2, len(pieces.pair)), np.nan)
-        predicted[:, distinct] = [curves.each_at(one) for one in scan[1::2, distinct]]
+        predicted[:, distinct] = [curves.at(everyone, np.ones_like(everyone), one) for one in scan[1::2, distinct]]
         halves.append(Intervals(pieces.pair, scan, row, predicted))
     return Intervals.joined(halves)
 
@@ -304,13 +299,6 @@ def error_terms(at: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatAr
     bend = (late - early) / np.maximum(at[4] - at[0], 1e-300)
     off = [values[place] - (start + (at[place] - at[0]) * (early + (at[place] - at[2]) * bend)) for place in (1, 3)]
     return 0.5 * np.abs(off[0] - off[1]), 0.5 * np.abs(off[0] + off[1])
-
-
-def _off_neighbours(at: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the deviations (3, k) of inner values (5, k) from the lines between their neighbours."""
-    share = (at[1:-1] - at[:-2]) / np.maximum(at[2:] - at[:-2], 1e-300)
-    off: FloatArray = np.abs(values[1:-1] - (values[:-2] + share * (values[2:] - values[:-2])))
-    return off
 
 
 def _smooth_intervals(geometry: LookGeometry, model: SignalModel) -> tuple[IntArray, IntArray, IntArray]:

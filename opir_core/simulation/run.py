@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import IntArray
 from opir_core.errors import Problem, SceneError
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
@@ -60,18 +60,14 @@ def _edges_by_looks(pairs: Pairs, end_ns: int) -> Sequence[int]:
     starts = looking.phase_ns + looking.first_scan * looking.period_ns
     stops = looking.phase_ns + (looking.last_scan + 1) * looking.period_ns
     times_ns = np.unique(np.concatenate([starts, stops]))
-    passed = _looks_before(times_ns, starts, stops, looking.period_ns)
+    # The approximate number of looks before each time: the sum of the pairs' rates between start and stop.
+    rates = np.zeros(len(times_ns))
+    np.add.at(rates, np.searchsorted(times_ns, starts), 1.0 / looking.period_ns)
+    np.add.at(rates, np.searchsorted(times_ns, stops), -1.0 / looking.period_ns)
+    passed = np.concatenate([[0.0], np.cumsum(np.cumsum(rates)[:-1] * np.diff(times_ns))])
     wanted = np.arange(LOOKS_PER_WINDOW, total, LOOKS_PER_WINDOW)
     edges = np.unique(np.rint(np.interp(wanted, passed, times_ns)).astype(np.int64))
     return [*(edge for edge in edges.tolist() if 0 < edge < end_ns), end_ns]
-
-
-def _looks_before(times_ns: IntArray, starts: IntArray, stops: IntArray, periods: IntArray) -> FloatArray:
-    """Return the approximate number of looks before each time: the sum of the pairs' rates between start and stop."""
-    rates = np.zeros(len(times_ns))
-    np.add.at(rates, np.searchsorted(times_ns, starts), 1.0 / periods)
-    np.add.at(rates, np.searchsorted(times_ns, stops), -1.0 / periods)
-    return np.concatenate([[0.0], np.cumsum(np.cumsum(rates)[:-1] * np.diff(times_ns))])
 
 
 def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None = None) -> Run:

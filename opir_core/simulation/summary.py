@@ -90,26 +90,20 @@ class Tally:
         """Return the totals and one row per sensor, target and track, as plain values."""
         return {
             "counts": self.counts(),
-            "sensors": self._sensor_rows(),
-            "targets": self._target_rows(),
+            "sensors": [
+                {
+                    "sensor_id": sensor.id,
+                    "sensor_type": sensor.type,
+                    "looks": int(self._looks_of_sensor[row]),
+                    "detections": int(self._detections[row].sum() + self._noise[row]),
+                    "noise_detections": int(self._noise[row]),
+                    "targets_detected": int((self._detections[row] > 0).sum()),
+                }
+                for row, sensor in enumerate(self._sensors)
+            ],
+            "targets": [self._target_row(row) for row in range(len(self._targets.ids))],
             "tracks": self._latest.rows(),
         }
-
-    def _sensor_rows(self) -> list[Mapping[str, Any]]:
-        return [
-            {
-                "sensor_id": sensor.id,
-                "sensor_type": sensor.type,
-                "looks": int(self._looks_of_sensor[row]),
-                "detections": int(self._detections[row].sum() + self._noise[row]),
-                "noise_detections": int(self._noise[row]),
-                "targets_detected": int((self._detections[row] > 0).sum()),
-            }
-            for row, sensor in enumerate(self._sensors)
-        ]
-
-    def _target_rows(self) -> list[Mapping[str, Any]]:
-        return [self._target_row(row) for row in range(len(self._targets.ids))]
 
     def _target_row(self, row: int) -> Mapping[str, Any]:
         targets, detections = self._targets, self._detections[:, row]

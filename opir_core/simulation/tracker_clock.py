@@ -1,6 +1,6 @@
 """Steps a tracker at ticks of scene time, independent of the windows, and checks its output."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,8 @@ class ScheduledTracker:
         """Process the detections of [start, end), sorted by time."""
         if self._cadence_ns is None:
             return Tracked(detections, Tracks.empty(), Tracks.empty())
-        edges = self._edges(start_ns, end_ns, self._cadence_ns)
+        inner = range((start_ns // self._cadence_ns + 1) * self._cadence_ns, end_ns, self._cadence_ns)
+        edges = [start_ns, *inner, end_ns]
         cuts = np.searchsorted(detections.time_ns, edges)
         associated, estimates, in_force, rows = [], [], [], 0
         for number, edge in enumerate(edges[1:]):
@@ -56,10 +57,6 @@ class ScheduledTracker:
             rows += len(self._in_force)
             estimates += self._stepped(edge)
         return Tracked(Detections.concatenate(associated), Tracks.concatenate(estimates), Tracks.concatenate(in_force))
-
-    def _edges(self, start_ns: int, end_ns: int, cadence_ns: int) -> Sequence[int]:
-        inner = range((start_ns // cadence_ns + 1) * cadence_ns, end_ns, cadence_ns)
-        return [start_ns, *inner, end_ns]
 
     def _associated(self, detections: Detections, offset: int) -> Detections:
         visible = without_truth(detections)

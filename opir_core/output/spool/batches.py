@@ -162,8 +162,12 @@ class WindowBatcher:
     def batches(self, window: Window) -> Iterator[Batch]:
         """Yield a window as batches of columns."""
         for block in window_blocks(window):
+            rows, index = np.unique(block.detections.estimate, return_inverse=True)
+            is_row = rows >= 0
+            estimate = index.astype(np.int64) - np.count_nonzero(~is_row)
+            detections = evolve(block.detections, estimate=estimate)
             yield Batch(
-                body=_packed(_with_own_estimates(block)),
+                body=_packed(evolve(block, detections=detections, estimates=block.estimates.take(rows[is_row]))),
                 keys=("",),
                 key_of=np.zeros(len(block.detections), dtype=np.uint16),
                 content_type=_CONTENT_TYPE,
@@ -193,14 +197,6 @@ class WindowTransport:
     def close(self, wait_s: float) -> None:
         """Close the sink."""
         self._sink.close()
-
-
-def _with_own_estimates(block: Window) -> Window:
-    rows, index = np.unique(block.detections.estimate, return_inverse=True)
-    is_row = rows >= 0
-    estimate = index.astype(np.int64) - np.count_nonzero(~is_row)
-    detections = evolve(block.detections, estimate=estimate)
-    return evolve(block, detections=detections, estimates=block.estimates.take(rows[is_row]))
 
 
 def _packed(window: Window) -> bytes:

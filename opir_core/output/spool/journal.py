@@ -90,7 +90,9 @@ class Journal:
     def put(self, batch: Batch) -> None:
         """Add a batch; raise `FullError` if there is no room for it in the file or on the disk."""
         key_of = batch.key_of.astype("<u2").tobytes()
-        cost = _cost(batch)
+        # An upper bound of the bytes of a row: a small row may leave as much of its page empty as it fills.
+        content = len(batch.body) + 2 * len(batch) + sum(6 * len(key) + 4 for key in batch.keys) + _ROW_BYTES
+        cost = content + min(content, 2 * _PAGE_BYTES)
         if self.waiting and self._bytes + cost > self._max_bytes:
             raise FullError
         kind = (batch.content_type, batch.schema_version, json.dumps(batch.keys))
@@ -214,12 +216,6 @@ def _code(error: sqlite3.Error) -> str:
     """Return SQLite's primary error code; extended codes begin with it (https://www.sqlite.org/rescode.html)."""
     name: Any = getattr(error, "sqlite_errorname", "") or ""
     return "_".join(name.split("_")[:2])
-
-
-def _cost(batch: Batch) -> int:
-    """Return an upper bound of the bytes of a row: a small row may leave as much of its page empty as it fills."""
-    content = len(batch.body) + 2 * len(batch) + sum(6 * len(key) + 4 for key in batch.keys) + _ROW_BYTES
-    return content + min(content, 2 * _PAGE_BYTES)
 
 
 def _checksum(*parts: str | bytes) -> int:

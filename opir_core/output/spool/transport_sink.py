@@ -257,7 +257,11 @@ class TransportSink:
         self._sent = deque(sent for sent in self._sent if sent not in done)
         self._ahead_bytes -= sum(sent.size for sent in done)
         for sent in failed:
-            self._raise_failure(sent.future)
+            if not sent.future.cancelled():
+                error = sent.future.exception()
+                raise SinkError(f"{self._name}: {error}") if isinstance(error, SinkError) else error or AssertionError
+            if self._closing_since is None:
+                raise SinkError(f"{self._name}: the transport gave up without a reason")
 
     def _acknowledge(self, numbers: list[int]) -> None:
         if not numbers:
@@ -268,13 +272,6 @@ class TransportSink:
             self._delivered += before - self._backlog.waiting
             self._acknowledged_at = time.monotonic()
             self._room.notify_all()
-
-    def _raise_failure(self, future: "Future[None]") -> None:
-        if not future.cancelled():
-            error = future.exception()
-            raise SinkError(f"{self._name}: {error}") if isinstance(error, SinkError) else error or AssertionError
-        if self._closing_since is None:
-            raise SinkError(f"{self._name}: the transport gave up without a reason")
 
 
 def transport_sink(
