@@ -23,7 +23,8 @@ DAYS_PER_CENTURY = 36525.0
 #: The Julian date of 1970-01-01T00:00:00.
 _UNIX_JULIAN_DATE = 2440587.5
 
-_SECONDS_PER_DAY = 86400.0
+#: Seconds of a day; leap seconds are not counted.
+SECONDS_PER_DAY = 86400.0
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
@@ -33,7 +34,7 @@ def julian_date(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     One double holds it to 4e-5 s.
     """
     day, second = _day_and_second(epoch, time_s)
-    return (day + _UNIX_JULIAN_DATE) + second / _SECONDS_PER_DAY
+    return (day + _UNIX_JULIAN_DATE) + second / SECONDS_PER_DAY
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
@@ -44,7 +45,7 @@ def gmst_rad(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     that the rounding error is below 1e-12 rad.
     """
     day, second = _day_and_second(epoch, time_s)
-    centuries = ((day + (_UNIX_JULIAN_DATE - J2000_JULIAN_DATE)) + second / _SECONDS_PER_DAY) / DAYS_PER_CENTURY
+    centuries = ((day + (_UNIX_JULIAN_DATE - J2000_JULIAN_DATE)) + second / SECONDS_PER_DAY) / DAYS_PER_CENTURY
     # The leading term of the formula, 876600 h per century, is the rotation by the day: whole days of it drop out.
     drift = (8640184.812866 + (0.093104 - 6.2e-6 * centuries) * centuries) * centuries
     seconds = 67310.54841 - 43200.0 + second + drift

@@ -1,5 +1,6 @@
-"""The position of the Sun, to 0.0125 degrees from 1970 to 2099, and its eclipse by the Earth."""
+"""The position of the Sun, to 0.001 degrees from 1970 to 2099, and its eclipse by the Earth."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -7,7 +8,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from opir_core.arrays import FloatArray
 from opir_core.geometry.ellipsoid import WGS84
-from opir_core.geometry.frames import DAYS_PER_CENTURY, J2000_JULIAN_DATE, Epoch, ecef_to_eci, gmst_rad, julian_date
+from opir_core.geometry.frames import (
+    DAYS_PER_CENTURY,
+    J2000_JULIAN_DATE,
+    SECONDS_PER_DAY,
+    Epoch,
+    ecef_to_eci,
+    eci_to_ecef,
+    gmst_rad,
+    julian_date,
+)
+from opir_core.geometry.sun_series import geometric_longitude_rad, nutation_rad
 from opir_core.geometry.vectors import components, floats, length, select, vector
 
 #: The astronomical unit, m (IAU 2012 resolution B2, exact).
@@ -17,32 +28,66 @@ ASTRONOMICAL_UNIT_M = 149597870700.0
 SUN_RADIUS_M = 6.957e8
 
 
+#: Step of the Sun's position in ECI, s, linear between: an error of at most 1e-7 rad.
+_SUN_STEP_S = 3600.0
+
+#: Dynamical time minus UTC, s: 32.184 s and the 37 leap seconds in force since 2017 (IERS Bulletin C).
+_DYNAMICAL_TIME_AHEAD_S = 69.184
+
+#: The constant of aberration, rad (20.49552 arcseconds, IAU 1976), by which the Sun lags behind its place.
+_ABERRATION_RAD = np.radians(20.49552 / 3600.0)
+
+
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_of_date_m(julian_date: ArrayLike) -> FloatArray:
     """Return the geocentric apparent position of the Sun (..., 3), m, in the mean equator and equinox of date.
 
-    From 1970 to 2099 its direction is good to 0.012 degrees and its distance to 1.1e-4 of itself, against the theory of
-    the Earth's motion in ERFA. Universal time stands in for dynamical time. Source: Vallado, Fundamentals of
-    Astrodynamics and Applications, algorithm 29, the mean longitude with all the digits of mean sidereal time.
+    From 1970 to 2099 its direction is good to 0.001 degrees and its distance to 1.1e-4 of itself, against the theory of
+    the Earth's motion in ERFA. Julian dates are UTC; dynamical time is taken 69.184 s ahead of it, as since 2017.
+    Sources: longitude `opir_core.geometry.sun_series`, distance Vallado, Fundamentals of Astrodynamics and
+    Applications, algorithm 29.
     """
-    centuries = (floats(julian_date) - J2000_JULIAN_DATE) / DAYS_PER_CENTURY
-    anomaly = np.radians(357.5277233 + 35999.05034 * centuries)
-    mean_longitude = 280.4606184 + 36000.77005361 * centuries
-    longitude = np.radians(mean_longitude + 1.914666471 * np.sin(anomaly) + 0.019994643 * np.sin(2.0 * anomaly))
-    radius_au = 1.000140612 - 0.016708617 * np.cos(anomaly) - 0.000139589 * np.cos(2.0 * anomaly)
-    obliquity = np.radians(23.439291 - 0.0130042 * centuries)
-    distance = ASTRONOMICAL_UNIT_M * radius_au
-    aside = distance * np.sin(longitude)
-    return vector(distance * np.cos(longitude), aside * np.cos(obliquity), aside * np.sin(obliquity))
+    centuries = _dynamical_centuries(julian_date)
+    return _position_m(centuries, np.zeros(()), np.zeros(()))
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
 def sun_position_ecef_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
-    """Return the position of the Sun (..., 3) in ECEF, m, `time_s` seconds after an epoch (`numpy.datetime64`, UTC)."""
-    x, y, z = components(sun_position_of_date_m(julian_date(epoch, time_s)))
-    angle = gmst_rad(epoch, time_s)
+    """Return the position of the Sun (..., 3) in ECEF, m, `time_s` seconds after an epoch (`numpy.datetime64`, UTC).
+
+    With the nutation of the Earth's axis; from 1970 to 2099 good to 0.001 degrees, beside the 0.004 degrees by which
+    the Earth's rotation may differ where UTC stands in for UT1 (`opir_core.geometry.frames`).
+    """
+    centuries = _dynamical_centuries(julian_date(epoch, time_s))
+    in_longitude, in_obliquity = nutation_rad(centuries)
+    x, y, z = components(_position_m(centuries, in_longitude, in_obliquity))
+    # Apparent sidereal time: mean, and the equation of the equinoxes.
+    angle = gmst_rad(epoch, time_s) + in_longitude * np.cos(_obliquity_rad(centuries) + in_obliquity)
     cosine, sine = np.cos(angle), np.sin(angle)
     return vector(cosine * x + sine * y, cosine * y - sine * x, z)
+
+
+def _dynamical_centuries(julian_date: ArrayLike) -> FloatArray:
+    """Return Julian centuries of dynamical time since J2000.0."""
+    days = (floats(julian_date) - J2000_JULIAN_DATE) + _DYNAMICAL_TIME_AHEAD_S / SECONDS_PER_DAY
+    return np.asarray(days / DAYS_PER_CENTURY)
+
+
+def _obliquity_rad(centuries: FloatArray) -> FloatArray:
+    """Return the mean obliquity of the ecliptic (Meeus, Astronomical Algorithms, 22.2)."""
+    obliquity: FloatArray = np.radians(23.43929111 - 0.0130041667 * centuries)
+    return obliquity
+
+
+def _position_m(centuries: FloatArray, in_longitude: FloatArray, in_obliquity: FloatArray) -> FloatArray:
+    """Return apparent positions of the Sun, with nutations, rad."""
+    anomaly = np.radians(357.5277233 + 35999.05034 * centuries)
+    radius_au = 1.000140612 - 0.016708617 * np.cos(anomaly) - 0.000139589 * np.cos(2.0 * anomaly)
+    longitude = geometric_longitude_rad(centuries) - _ABERRATION_RAD / radius_au + in_longitude
+    obliquity = _obliquity_rad(centuries) + in_obliquity
+    distance = ASTRONOMICAL_UNIT_M * radius_au
+    aside = distance * np.sin(longitude)
+    return vector(distance * np.cos(longitude), aside * np.cos(obliquity), aside * np.sin(obliquity))
 
 
 @np.errstate(invalid="ignore", over="ignore", divide="ignore")
@@ -53,6 +98,25 @@ def sun_position_eci_m(epoch: Epoch, time_s: ArrayLike = 0.0) -> FloatArray:
     `sun_position_of_date_m`.
     """
     return ecef_to_eci(sun_position_ecef_m(epoch, time_s), time_s)
+
+
+def sun_ecef_m(time_s: FloatArray, epoch_us: int) -> FloatArray:
+    """Return the Sun's positions (n, 3) in ECEF at scene times (n,), m: `sun_position_ecef_m` within 1e-7 rad."""
+    if not len(time_s):
+        return np.empty((0, 3))
+    hour = np.floor(time_s / _SUN_STEP_S)
+    first = float(hour.min())
+    knots = _sun_knots_eci_m(epoch_us, first, float(hour.max()) + 2.0)
+    row = (hour - first).astype(np.int64)
+    share = (time_s / _SUN_STEP_S - hour)[:, None]
+    return eci_to_ecef(knots[row] + share * (knots[row + 1] - knots[row]), time_s)
+
+
+@lru_cache(maxsize=64)
+def _sun_knots_eci_m(epoch_us: int, first: float, behind: float) -> FloatArray:
+    """Return the Sun's positions (k, 3) in ECI at the steps from the first to the one before `behind`."""
+    knots: FloatArray = sun_position_eci_m(np.datetime64(epoch_us, "us"), np.arange(first, behind) * _SUN_STEP_S)
+    return knots
 
 
 class _Discs(NamedTuple):

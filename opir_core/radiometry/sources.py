@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.geometry import geodetic_to_ecef, local_axes
-from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M
+from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M, sun_ecef_m
 from opir_core.geometry.vectors import components, dot, length, vector
 from opir_core.interfaces.protocols import Band, Trajectories
 from opir_core.interfaces.radiometric_models import Paths, Signatures, SourceContext, Sources, Transmittance
 from opir_core.radiometry.emitters import Emitters, emitters_of
 from opir_core.radiometry.planck import band_radiance, grey_body_intensity
 from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
-from opir_core.radiometry.viewing import sun_ecef_m
 from opir_core.scene.scene import EMITTER_TYPES
 
 _SUN_SOLID_ANGLE_SR = np.pi * (SUN_RADIUS_M / ASTRONOMICAL_UNIT_M) ** 2

@@ -1,17 +1,13 @@
 """Views along lines of sight: the point on the Earth, its illumination, or the tangent point beyond the limb."""
 
-from functools import lru_cache
-
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
-from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, intersection_with_ellipsoid, sun_position_eci_m
+from opir_core.geometry import ecef_to_geodetic, intersection_with_ellipsoid
+from opir_core.geometry.sun import sun_ecef_m
 from opir_core.geometry.vectors import components, dot, length, vector
 from opir_core.interfaces.radiometric_models import Views
-
-#: Step of the Sun's position in ECI, s, linear between: an error of at most 1e-7 rad.
-_SUN_STEP_S = 3600.0
 
 
 @np.errstate(invalid="ignore")
@@ -36,25 +32,6 @@ def views(sensor_ecef_m: FloatArray, direction_ecef: FloatArray, time_s: FloatAr
         point_ecef_m=point,
         time_s=time_s,
     )
-
-
-def sun_ecef_m(time_s: FloatArray, epoch_us: int) -> FloatArray:
-    """Return the Sun's positions (n, 3) in ECEF at scene times (n,), m: `sun_position_ecef_m` within 1e-7 rad."""
-    if not len(time_s):
-        return np.empty((0, 3))
-    hour = np.floor(time_s / _SUN_STEP_S)
-    first = float(hour.min())
-    knots = _sun_knots_eci_m(epoch_us, first, float(hour.max()) + 2.0)
-    row = (hour - first).astype(np.int64)
-    share = (time_s / _SUN_STEP_S - hour)[:, None]
-    return eci_to_ecef(knots[row] + share * (knots[row + 1] - knots[row]), time_s)
-
-
-@lru_cache(maxsize=64)
-def _sun_knots_eci_m(epoch_us: int, first: float, behind: float) -> FloatArray:
-    """Return the Sun's positions (k, 3) in ECI at the steps from the first to the one before `behind`."""
-    knots: FloatArray = sun_position_eci_m(np.datetime64(epoch_us, "us"), np.arange(first, behind) * _SUN_STEP_S)
-    return knots
 
 
 def _heights_m(point: FloatArray, hits: BoolArray, is_ahead: BoolArray) -> FloatArray:

@@ -131,11 +131,12 @@ def test_julian_date(case):
 
 @cases("sun_position_low_precision")
 def test_sun_position(case):
+    """The published answers are those of an algorithm that is good to 0.01 degrees."""
     x, y, z = found = sun_position_of_date_m(case["inputs"]["jd"])
     expected = case["expected"]
-    assert found / 1e3 == pytest.approx(expected["r_km"], rel=case["tol"])
-    assert np.degrees(np.arctan2(y, x)) == pytest.approx(expected["ra_deg"], rel=0.0, abs=case["tol"])
-    assert np.degrees(np.arctan2(z, np.hypot(x, y))) == pytest.approx(expected["dec_deg"], rel=0.0, abs=case["tol"])
+    assert np.linalg.norm(found) / 1e3 == pytest.approx(np.linalg.norm(expected["r_km"]), rel=1e-6)
+    assert np.degrees(np.arctan2(y, x)) == pytest.approx(expected["ra_deg"], rel=0.0, abs=0.01)
+    assert np.degrees(np.arctan2(z, np.hypot(x, y))) == pytest.approx(expected["dec_deg"], rel=0.0, abs=0.01)
 
 
 @cases("earth_shadow")

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from opir_core.errors import ModelError
 from opir_core.geometry import geodetic_to_ecef, sun_position_ecef_m
 from opir_core.geometry.occlusion import grazing_height_m
+from opir_core.geometry.sun import sun_ecef_m
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import AtmosphereContext, BackgroundContext, Views
 from opir_core.plugin.components import NoConfig
@@ -15,7 +16,7 @@ from opir_core.plugin.host import Host
 from opir_core.radiometry.configs import CloudConfig, EarthConfig, LowtranConfig
 from opir_core.radiometry.earth import LOOK_SINES, earth_background, sky_tables, table_rows
 from opir_core.radiometry.lowtran import lowtran_atmosphere
-from opir_core.radiometry.viewing import sun_ecef_m, views
+from opir_core.radiometry.viewing import views
 
 BANDS = tuple(table.band for table in sky_tables("us1976", "clear"))
 NAMES = [band.name for band in BANDS]
