@@ -19,7 +19,7 @@ from opir_core.geometry.frames import (
     julian_date,
 )
 from opir_core.geometry.sun_series import geometric_longitude_rad, nutation_rad
-from opir_core.geometry.vectors import components, floats, length, select, vector
+from opir_core.geometry.vectors import NEVER_ZERO, components, floats, length, select, vector
 
 #: The astronomical unit, m (IAU 2012 resolution B2, exact).
 ASTRONOMICAL_UNIT_M = 149597870700.0
@@ -132,9 +132,9 @@ def sunlit_fraction(position_m: ArrayLike, sun_position_m: ArrayLike) -> FloatAr
     """Return the share of the Sun's disc in view of positions (..., 3), in [0, 1]; both in one Earth-centred frame, m.
 
     1 in full light, 0 in the umbra, between in the penumbra: the overlap of two discs (Montenbruck and Gill, Satellite
-    Orbits, section 3.4.2), without refraction and limb darkening. A stretch along z makes the ellipsoid a sphere, and
-    the Sun's disc at most 0.3 % too long. A point below the ellipsoid has the horizon of one on it; `nan` at the
-    Earth's centre, and where an input is not finite.
+    Orbits, section 3.4.2), without refraction and limb darkening. A stretch along z makes the ellipsoid a sphere; the
+    discs touch as they do without it, and between contacts the share is good to 0.001. A point below the ellipsoid has
+    the horizon of one on it; `nan` at the Earth's centre, and where an input is not finite.
     """
     sun, earth, separation = _discs(position_m, sun_position_m)
     chord = (separation * separation + (sun - earth) * (sun + earth)) / (2.0 * separation)
@@ -152,20 +152,43 @@ def is_sunlit(position_m: ArrayLike, sun_position_m: ArrayLike) -> NDArray[np.bo
 
     Both in one Earth-centred frame, m; the discs of `sunlit_fraction`. What is `nan` there is not sunlit.
     """
+    return shadow_margins_rad(position_m, sun_position_m).umbra > 0.0
+
+
+class ShadowMargins(NamedTuple):
+    """Angles (...), rad, by which the Sun is clear of the Earth: negative in the penumbra, and in the umbra."""
+
+    penumbra: FloatArray
+    umbra: FloatArray
+
+
+@np.errstate(invalid="ignore", over="ignore", divide="ignore")
+def shadow_margins_rad(position_m: ArrayLike, sun_position_m: ArrayLike) -> ShadowMargins:
+    """Return how far the Sun is from touching the Earth's disc, and from being behind it, at positions (..., 3).
+
+    Both in one Earth-centred frame, m; the discs of `sunlit_fraction`: their gap is negative from the first contact on,
+    the part of the Sun beyond the Earth from the second. The penumbra includes the umbra.
+    """
     sun, earth, separation = _discs(position_m, sun_position_m)
-    return separation > earth - sun
+    return ShadowMargins(separation - (earth + sun), separation - (earth - sun))
 
 
 def _discs(position_m: ArrayLike, sun_position_m: ArrayLike) -> _Discs:
-    """Return the discs of Sun and Earth, after the stretch along z that makes the Earth a sphere."""
+    """Return the discs of Sun and Earth, after the stretch along z that makes the Earth a sphere.
+
+    The stretched Sun is longer along z; its radius is that towards the Earth's centre, where the discs touch.
+    """
     stretch = WGS84.equatorial_radius_m / WGS84.polar_radius_m
     x, y, z = components(position_m)
     u, v, w = components(sun_position_m)
     z, u, v, w = z * stretch, u - x, v - y, (w - z) * stretch
     radius, distance = length(x, y, z), length(u, v, w)
-    across = length(y * w - z * v, z * u - x * w, x * v - y * u)
+    normal_x, normal_y, normal_z = y * w - z * v, z * u - x * w, x * v - y * u
+    across = length(normal_x, normal_y, normal_z)
+    slope = (normal_x * v - normal_y * u) / (across * distance + NEVER_ZERO)
+    sun_radius_m = SUN_RADIUS_M * np.sqrt(1.0 + (stretch * stretch - 1.0) * slope * slope)
     return _Discs(
-        np.arcsin(np.minimum(1.0, SUN_RADIUS_M / distance)),
+        np.arcsin(np.minimum(1.0, sun_radius_m / distance)),
         np.arcsin(np.minimum(1.0, WGS84.equatorial_radius_m / radius)),
         select(radius > 0.0, np.arctan2(across, -(x * u + y * v + z * w)), np.nan),
     )

@@ -77,7 +77,7 @@ def geometric_longitude_rad(centuries: FloatArray) -> FloatArray:
 
 
 def nutation_rad(centuries: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the nutations in longitude and in obliquity (...), rad, to 2.4e-6 and 5e-7 rad (0.5 and 0.1 arcseconds)."""
+    """Return the nutations in longitude and in obliquity (...), rad, to 2.4e-6 and 5e-7 rad."""
     node = np.radians(125.04452 - 1934.136261 * centuries)
     sun = np.radians(2.0 * (280.4665 + 36000.7698 * centuries))
     moon = np.radians(2.0 * (218.3165 + 481267.8813 * centuries))

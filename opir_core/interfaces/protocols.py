@@ -84,6 +84,9 @@ class Sensor:
     sensor above the target's horizon, -pi/2 for no limit. `settings` are the complete settings of the sensor's block,
     for `opir explain` and the manifest.
 
+    A sensor cannot look within `solar_exclusion_rad` of the Sun's centre while any part of the Sun is in view of the
+    satellite; 0 for no limit.
+
     `line_of_sight_sigma_rad` is the standard deviation of single lines of sight, per axis,
     `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run
     (`opir_core.planning.sensor_states`). A sensor that `follows_bodies` observes targets after burnout, up to impact.
@@ -104,6 +107,7 @@ class Sensor:
     false_alarm_susceptibility: str = "moderate"
     spectral_discrimination: str = "none"
     follows_bodies: bool = False
+    solar_exclusion_rad: float = 0.0
     radiometer: Radiometer | None = None
     settings: Mapping[str, Any] = field(factory=dict)
 

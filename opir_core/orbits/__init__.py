@@ -1,5 +1,7 @@
 """Where satellites are: geosynchronous slots, Kepler elements, Molniya, circular orbits, Walker patterns, TLE and OMM.
 
+And when they are in the Earth's shadow or look towards the Sun.
+
 Each name is imported when it is first used. Configurations and elements import no numpy, so that plugins may name
 orbits in their catalogues.
 """
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
         walker_pattern,
     )
     from opir_core.orbits.orbit_models import elements_of, orbit_of
+    from opir_core.orbits.sun_events import Eclipses, Outages, eclipse_intervals, outage_intervals
 
 #: The module of each name, by which it is imported when it is first used.
 _HOMES = {
@@ -40,24 +43,29 @@ _HOMES = {
         "slot_elements synchronous_semi_major_axis_m walker_pattern"
     ),
     "orbit_models": "elements_of orbit_of",
+    "sun_events": "Eclipses Outages eclipse_intervals outage_intervals",
 }
 
 __all__ = [
     "CRITICAL_INCLINATION_RAD",
     "CircularConfig",
+    "Eclipses",
     "Elements",
     "KeplerConfig",
     "MolniyaConfig",
     "OmmFileConfig",
     "OrbitConfig",
+    "Outages",
     "SlotConfig",
     "TundraConfig",
     "WalkerConfig",
     "circular_elements",
+    "eclipse_intervals",
     "elements_of",
     "highly_elliptical_elements",
     "orbit_block",
     "orbit_of",
+    "outage_intervals",
     "slot_elements",
     "synchronous_semi_major_axis_m",
     "walker_pattern",
