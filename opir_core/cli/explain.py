@@ -54,11 +54,39 @@ def _as_text(plan: Mapping[str, Any]) -> str:
     ]
     if skipped:
         parts.append(table(("sensor", "target", "skipped because"), skipped))
+    if plan["outages"]:
+        heads = ("sensor", "Sun too close from s", "to s", "towards", "of its field")
+        parts.append(table(heads, [_outage_cells(row) for row in plan["outages"]], numbers=(1, 2, 4)))
+    if plan["eclipses"]:
+        heads = ("sensor", "eclipsed from s", "umbra from s", "to s", "eclipsed to s")
+        parts.append(table(heads, [_eclipse_cells(row) for row in plan["eclipses"]], numbers=(1, 2, 3, 4)))
     if plan["noise"]:
         noise = [(row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_hour']:.3g}") for row in plan["noise"]]
         parts.append(table(("sensor", "false alarms per scan", "per hour"), noise, numbers=(1, 2)))
     parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
     return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
+
+
+def _outage_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    first, last = _compass(row["azimuth_at_start_deg"]), _compass(row["azimuth_at_stop_deg"])
+    return (
+        row["sensor_id"],
+        f"{row['start_s']:.1f}",
+        f"{row['stop_s']:.1f}",
+        first if first == last else f"{first} to {last}",
+        f"{row['share_of_field']:.1%}",
+    )
+
+
+def _eclipse_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    times = (row[name] for name in ("start_s", "umbra_start_s", "umbra_stop_s", "stop_s"))
+    return (row["sensor_id"], *("-" if time_s is None else f"{time_s:.1f}" for time_s in times))
+
+
+def _compass(azimuth_deg: float) -> str:
+    """Return the nearest of eight points of the compass."""
+    points = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+    return points[round(azimuth_deg / 45.0) % len(points)]
 
 
 def _pair_cells(row: Mapping[str, Any]) -> tuple[str, ...]:

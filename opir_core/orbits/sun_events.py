@@ -80,22 +80,27 @@ def outage_intervals(sensor: Sensor, epoch: Epoch, start_s: float, stop_s: float
     the Sun is in view of the satellite. `epoch` is the zero of scene time (`numpy.datetime64`, UTC).
     """
     epoch_us = _microseconds(epoch)
-    reach_rad = sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
-
-    def margin(time_s: FloatArray) -> FloatArray:
-        """Negative while the Sun is near the field and in view."""
-        position, sun = sensor.orbit.position_ecef_m(time_s), sun_ecef_m(time_s, epoch_us)
-        near = nadir_angle_rad(position, sun) - reach_rad
-        return np.maximum(near, -shadow_margins_rad(position, sun).umbra)
-
-    found = np.empty((0, 2))
-    if sensor.solar_exclusion_rad > 0.0:
-        found = intervals_below(margin, start_s, stop_s, step_s=_STEP_S)
+    found = outage_times_s(sensor, epoch_us, start_s, stop_s)
     azimuth = np.stack([_sun_azimuth_rad(sensor, time_s, epoch_us) for time_s in found.T], axis=1)
     closest_s, nearest = _closest(sensor, found, epoch_us)
     field, exclusion = sensor.field_of_regard_half_angle_rad, sensor.solar_exclusion_rad
     lost = cap_overlap_sr(field, exclusion, nearest) / (4.0 * np.pi * np.sin(0.5 * field) ** 2)
     return Outages(found[:, 0], found[:, 1], azimuth, closest_s, nearest, lost)
+
+
+def outage_times_s(sensor: Sensor, epoch_us: int, start_s: float, stop_s: float) -> FloatArray:
+    """Return the starts and stops (n, 2), s, of `outage_intervals`; the epoch is in microseconds of UTC since 1970."""
+    reach_rad = sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
+
+    def margin(time_s: FloatArray) -> FloatArray:
+        """Return what is negative while the Sun is near the field and in view."""
+        position, sun = sensor.orbit.position_ecef_m(time_s), sun_ecef_m(time_s, epoch_us)
+        near = nadir_angle_rad(position, sun) - reach_rad
+        return np.maximum(near, -shadow_margins_rad(position, sun).umbra)
+
+    if sensor.solar_exclusion_rad <= 0.0:
+        return np.empty((0, 2))
+    return intervals_below(margin, start_s, stop_s, step_s=_STEP_S)
 
 
 def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLike) -> FloatArray:

@@ -7,6 +7,7 @@ from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.sensor_states import SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines, Visibility, distance_m
+from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.planning.targets import Targets
 from opir_core.planning.visibility import visible_now
 
@@ -41,13 +42,17 @@ class Looks:
 
 @frozen(eq=False, kw_only=True)
 class LookGeometry:
-    """Geometry of looks, given by pairs (n,) and scans (n,)."""
+    """Geometry of looks, given by pairs (n,) and scans (n,).
+
+    `exclusions` are the sensors' solar exclusions, or nothing if none of them has any.
+    """
 
     states: SensorStates
     targets: Targets
     pairs: Pairs
     sightlines: Sightlines
     light_time: bool
+    exclusions: tuple[SolarExclusion | None, ...] = ()
 
     def exposures(
         self, pair: IntArray, scan: IntArray, *, with_geometry: bool = True, time_s: FloatArray | None = None
@@ -77,7 +82,11 @@ class LookGeometry:
         for number in np.unique(exposed.sensor):
             rows = np.flatnonzero(exposed.sensor == number)
             sensor_m, target_m = exposed.sensor_ecef_m[rows], exposed.target_ecef_m[rows]
-            result[uncertain[rows]] = visible_now(self.states.sensors[number], sensor_m, target_m)
+            seen = visible_now(self.states.sensors[number], sensor_m, target_m)
+            exclusion = self.exclusions[number] if self.exclusions else None
+            if exclusion is not None:
+                seen &= exclusion.is_clear(sensor_m, target_m, exposed.time_s[rows])
+            result[uncertain[rows]] = seen
         return result
 
 

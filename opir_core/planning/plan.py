@@ -15,6 +15,7 @@ from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProb
 from opir_core.planning.looks import LookGeometry
 from opir_core.planning.sensor_states import PointingBias, SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines
+from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
 from opir_core.planning.targets import Targets, join_targets
 from opir_core.planning.visibility import compile_pairs
 from opir_core.plugin.error_messages import described_error
@@ -57,6 +58,8 @@ class Plan:
     scan_generations: tuple[int, ...] = ()
     #: What is built of the scene's `sources`; their emitters follow the launches in `targets`.
     sources: "tuple[Sources, ...]" = ()
+    #: The sensors' solar exclusions; empty if none of them has any.
+    exclusions: tuple[SolarExclusion | None, ...] = ()
 
     def look_geometry(self) -> LookGeometry:
         """Return the geometry of the plan's looks."""
@@ -66,6 +69,7 @@ class Plan:
             pairs=self.pairs,
             sightlines=self.sightlines,
             light_time=self.scene.light_time,
+            exclusions=self.exclusions,
         )
 
     def sensor_names(self) -> list[str]:
@@ -101,7 +105,10 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
     end_ns = round(scene.duration_s * _NS)
     streams = (Stream(stream_key(scene.seed, sensor.id, "scan-phase")) for sensor in sensors)
     starts = [float(uniforms_of(stream.words(0, 1))[0]) for stream in streams]
-    pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
+    exclusions = solar_exclusions(sensors, scene.epoch_us, scene.duration_s)
+    pairs, sightlines = compile_pairs(
+        sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns, exclusions=exclusions
+    )
     make_tracker = partial(_tracker, scene, host, sensors)
     # A tracker that cannot be built is an error of the plan, not of its first run.
     make_tracker()
@@ -117,6 +124,7 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
         sources=sources,
+        exclusions=exclusions,
     )
 
 

@@ -24,6 +24,7 @@ class Blocked(IntEnum):
     BEHIND_EARTH = 2
     OUTSIDE_FIELD_OF_REGARD = 3
     BELOW_MINIMUM_ELEVATION = 4
+    NEAR_THE_SUN = 5
 
 
 class Visibility(IntEnum):

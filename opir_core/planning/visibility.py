@@ -12,6 +12,7 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.geometry import elevation_rad, grazing_height_m, nadir_angle_rad
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sensor
@@ -26,6 +27,7 @@ from opir_core.planning.sightlines import (
     look_time_s,
     sampled_geometry,
 )
+from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.planning.targets import Targets
 
 #: Upper bound of the relative acceleration of target and satellite, m/s² (about 10 g).
@@ -70,7 +72,28 @@ class Margins(Columns):
         return cls(horizon_rad, grazing_m, inside_rad, above_rad)
 
 
-def cell_visibility(grid: Grid, margins: Margins, range_m: FloatArray) -> tuple[NDArray[np.uint8], IntArray]:
+@frozen(eq=False)
+class SunMargins(Columns):
+    """Margins of lines of sight at the grid's points to the solar exclusion, rad, and how far they turn in a step."""
+
+    clear_rad: FloatArray
+    turn_rad: FloatArray
+
+    @classmethod
+    def of(
+        cls, exclusion: SolarExclusion, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, time_s: FloatArray
+    ) -> "SunMargins":
+        """Return the margins of lines of sight from sensor positions to targets (n, 3) at scene times (n,)."""
+        way = target_ecef_m - sensor_ecef_m
+        unit = way / distance_m(sensor_ecef_m, target_ecef_m)[:, None]
+        # An arc is at most pi/2 times its chord; the Sun turns about the Earth in ECEF.
+        turn_rad = np.append(0.5 * np.pi * distance_m(unit[1:], unit[:-1]), 0.0) + EARTH_ROTATION_RAD_S * GRID_STEP_S
+        return cls(exclusion.margin_rad(sensor_ecef_m, target_ecef_m, time_s), turn_rad)
+
+
+def cell_visibility(
+    grid: Grid, margins: Margins, range_m: FloatArray, sun: SunMargins | None = None
+) -> tuple[NDArray[np.uint8], IntArray]:
     """Return the `Visibility` of each cell, by its first point, and why pairs are `Blocked`."""
     guard_rad = 2.0 * CHORD_ERROR_M / range_m
     cells = grid.cells()
@@ -78,18 +101,21 @@ def cell_visibility(grid: Grid, margins: Margins, range_m: FloatArray) -> tuple[
     grazing, behind = _certain(margins.grazing_m, np.full(len(guard_rad), 2.0 * CHORD_ERROR_M), cells)
     inside, outside = _certain(margins.inside_rad, guard_rad, cells)
     above, below = _certain(margins.above_rad, guard_rad, cells)
+    nobody = np.zeros(len(cells), dtype=np.bool_)
+    clear, blinded = (~nobody, nobody) if sun is None else _certain(sun.clear_rad, guard_rad + sun.turn_rad, cells)
     impossible = np.zeros(len(cells), dtype=np.bool_)
     blocked = np.full(len(grid.points), Blocked.NOT, dtype=np.int64)
     for reason, never in (
         (Blocked.BEHIND_EARTH, hidden & behind),
         (Blocked.OUTSIDE_FIELD_OF_REGARD, outside),
         (Blocked.BELOW_MINIMUM_ELEVATION, below),
+        (Blocked.NEAR_THE_SUN, blinded),
     ):
         impossible |= never
         newly = ~grid.any_of_pair(cells[~impossible]) & (blocked == Blocked.NOT)
         blocked = np.where(newly, reason, blocked)
     sight = np.zeros(len(grid.pair), dtype=np.uint8)
-    certain = (horizon | grazing) & inside & above
+    certain = (horizon | grazing) & inside & above & clear
     sight[cells] = np.where(impossible, Visibility.NEVER, np.where(certain, Visibility.ALWAYS, Visibility.UNCERTAIN))
     return sight, blocked
 
@@ -115,15 +141,23 @@ _NS = 1_000_000_000
 
 
 def compile_pairs(
-    sensors: Sequence[Sensor], targets: Targets, uniforms: Sequence[float], *, light_time: bool, end_ns: int
+    sensors: Sequence[Sensor],
+    targets: Targets,
+    uniforms: Sequence[float],
+    *,
+    light_time: bool,
+    end_ns: int,
+    exclusions: Sequence[SolarExclusion | None] = (),
 ) -> tuple[Pairs, Sightlines]:
     """Return all pairs, including those without looks before the scene's end, and their lines of sight.
 
-    `uniforms` are the sensors' random numbers in [0, 1) for scan patterns with a random start.
+    `uniforms` are the sensors' random numbers in [0, 1) for scan patterns with a random start, `exclusions` their solar
+    exclusions, or nothing if none of them has any.
     """
+    columns = zip(sensors, uniforms, exclusions or [None] * len(sensors), strict=True)
     parts = [
-        _sensor_pairs(number, sensor, targets, uniform, light_time, end_ns)
-        for number, (sensor, uniform) in enumerate(zip(sensors, uniforms, strict=True))
+        _sensor_pairs(number, sensor, targets, uniform, light_time, end_ns, exclusion)
+        for number, (sensor, uniform, exclusion) in enumerate(columns)
     ]
     lines = [part[1] for part in parts]
     starts = np.cumsum([0, *(len(line.travel_s) for line in lines[:-1])])
@@ -136,7 +170,13 @@ def compile_pairs(
 
 
 def _sensor_pairs(
-    number: int, sensor: Sensor, targets: Targets, uniform: float, light_time: bool, end_ns: int
+    number: int,
+    sensor: Sensor,
+    targets: Targets,
+    uniform: float,
+    light_time: bool,
+    end_ns: int,
+    exclusion: SolarExclusion | None,
 ) -> tuple[Pairs, Sightlines]:
     """Return one sensor's pairs with all targets, and their lines of sight."""
     everyone = np.arange(len(targets.ids), dtype=np.int32)
@@ -146,7 +186,8 @@ def _sensor_pairs(
     grid = Grid.over(start_s, stop_s)
     travel_s, sensor_ecef_m, target_ecef_m = sampled_geometry(sensor, targets, grid, light_time)
     margins = Margins.of(sensor, sensor_ecef_m, target_ecef_m)
-    sight, blocked = cell_visibility(grid, margins, distance_m(sensor_ecef_m, target_ecef_m))
+    sun = None if exclusion is None else SunMargins.of(exclusion, sensor_ecef_m, target_ecef_m, grid.time_s)
+    sight, blocked = cell_visibility(grid, margins, distance_m(sensor_ecef_m, target_ecef_m), sun)
     first_s, last_s = grid.span(np.flatnonzero(sight != Visibility.NEVER), start_s, stop_s)
     phase_ns = _phase_ns(sensor, targets, uniform)
     # The first scan after `first_s` (at that instant the launch is not seen) and the last to `last_s`.

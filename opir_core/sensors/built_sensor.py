@@ -30,6 +30,7 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
         scan=_scan(config),
         field_of_regard_half_angle_rad=math.radians(config.field_of_regard_half_angle_deg),
         minimum_elevation_rad=math.radians(config.minimum_elevation_deg),
+        solar_exclusion_rad=math.radians(config.solar_exclusion_deg),
         line_of_sight_sigma_rad=config.line_of_sight_sigma_urad * 1e-6,
         radiometer=_radiometer(config, bands),
         line_of_sight_bias_sigma_rad=config.line_of_sight_bias_sigma_urad * 1e-6,

@@ -112,6 +112,16 @@ class ScanningSensorConfig(RadiometerConfig):
         source="-90: all that the Earth does not hide",
         help="least elevation of the sensor above the target's horizon",
     )
+    solar_exclusion_deg: float = number(
+        default=5.0,
+        unit="deg",
+        minimum=0.0,
+        maximum=90.0,
+        source="notional: within the 2.5 to 7.3 deg from the Earth's limb at which the Sun strays into civil"
+        " geostationary imagers, 45 min from midnight and 45 days from equinox (NOAA, GOES-R stray light, 2018)",
+        help="least angle between a line of sight and the Sun's centre, while any of the Sun is in view of the"
+        " satellite; 0 for no limit",
+    )
     line_of_sight_sigma_urad: float = number(
         default=20.0, unit="urad", minimum=0.0, maximum=1e5, help="standard deviation of a measured direction, per axis"
     )

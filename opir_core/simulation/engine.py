@@ -219,6 +219,7 @@ def _false_alarms(plan: Plan, geometry: LookGeometry) -> "FalseAlarmGenerator | 
         seed=scene.seed,
         names=names,
         id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, [(name, "\x1fnoise") for name in names]),
+        exclusions=geometry.exclusions,
     )
 
 

@@ -1,11 +1,15 @@
 """What a plan computes, what it skips, and why: the output of `opir explain`, as plain values."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from opir_core.arrays import FloatArray
 from opir_core.interfaces.optional import FalseAlarmModel
+from opir_core.interfaces.protocols import Sensor
+from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
@@ -18,11 +22,12 @@ _REASONS = {
     Blocked.BEHIND_EARTH: "the Earth is in the way throughout the {part}",
     Blocked.OUTSIDE_FIELD_OF_REGARD: "outside the field of regard throughout the {part}",
     Blocked.BELOW_MINIMUM_ELEVATION: "the sensor stays below the minimum elevation throughout the {part}",
+    Blocked.NEAR_THE_SUN: "the Sun is within the exclusion angle throughout the {part}",
 }
 
 
 def explained(plan: Plan) -> Mapping[str, Any]:
-    """Return components, pairs and looks, skipped pairs, noise, omitted computations and warnings, as plain values."""
+    """Return components, pairs, looks, outages, eclipses, noise, omitted computations and warnings, as plain values."""
     looking = np.flatnonzero(plan.pairs.looks > 0)
     return {
         "scene": plan.scene.name,
@@ -32,6 +37,8 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "windows": len(window_edges_ns(plan)),
         "pairs": [_pair(plan, row) for row in looking.tolist()],
         "skipped": [_skipped(plan, row) for row in np.flatnonzero(plan.pairs.looks == 0).tolist()],
+        "outages": [row for sensor in plan.sensors for row in _outages(plan, sensor)],
+        "eclipses": [row for sensor in plan.sensors for row in _eclipses(plan, sensor)],
         "noise": _noise(plan),
         "not_computed": _not_computed(plan),
         "warnings": alignment_warnings(plan),
@@ -55,6 +62,37 @@ def _pair(plan: Plan, row: int) -> Mapping[str, Any]:
 def _skipped(plan: Plan, row: int) -> Mapping[str, Any]:
     part = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
     return {**_names(plan, row), "reason": _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=part)}
+
+
+def _outages(plan: Plan, sensor: Sensor) -> list[Mapping[str, Any]]:
+    """Return when the Sun keeps a sensor from looking at part of its field, where that is, and how much of it."""
+    found = outage_intervals(sensor, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s)
+    azimuth = np.degrees(found.azimuth_rad)
+    columns = {
+        "start_s": found.start_s,
+        "stop_s": found.stop_s,
+        "azimuth_at_start_deg": azimuth[:, 0],
+        "azimuth_at_stop_deg": azimuth[:, 1],
+        "closest_s": found.closest_s,
+        "sun_from_nadir_deg": np.degrees(found.nadir_angle_rad),
+        "share_of_field": found.share,
+    }
+    return _rows(sensor, columns)
+
+
+def _eclipses(plan: Plan, sensor: Sensor) -> list[Mapping[str, Any]]:
+    """Return when a satellite is in the Earth's penumbra and umbra; None for an umbra that it does not meet."""
+    found = eclipse_intervals(sensor.orbit, np.datetime64(plan.scene.epoch_us, "us"), 0.0, plan.scene.duration_s)
+    return _rows(sensor, found._asdict())
+
+
+def _rows(sensor: Sensor, columns: Mapping[str, FloatArray]) -> list[Mapping[str, Any]]:
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [
+        {"sensor_id": sensor.id}
+        | {name: value if math.isfinite(value) else None for name, value in zip(columns, row, strict=True)}
+        for row in rows
+    ]
 
 
 def _noise(plan: Plan) -> list[Mapping[str, Any]]:

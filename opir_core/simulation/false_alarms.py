@@ -21,6 +21,7 @@ from opir_core.interfaces.optional import FalseAlarmModel
 from opir_core.interfaces.protocols import Classifier, Confidence, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
 from opir_core.planning.sensor_states import SensorStates
+from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.random_streams.detection_ids import uuid8_words
 from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarmStream
 from opir_core.scene.scene import UNKNOWN_TYPE
@@ -73,6 +74,7 @@ class FalseAlarmGenerator:
     """Draws a run's false alarms, window by window.
 
     `names` (sensors,) are the names of the sensors' streams, `id_keys` (sensors, 2) the keys of the detection ids.
+    There are no false alarms where the Sun prevents looks: `exclusions` are the sensors' own, or empty.
     """
 
     def __init__(
@@ -85,6 +87,7 @@ class FalseAlarmGenerator:
         seed: int,
         names: Sequence[str],
         id_keys: WordArray,
+        exclusions: Sequence[SolarExclusion | None] = (),
     ) -> None:
         self._model, self._classifier, self._confidence, self._states = model, classifier, confidence, states
         rate, sensors = model.rate_per_scan, states.sensors
@@ -93,6 +96,7 @@ class FalseAlarmGenerator:
             for number in np.flatnonzero(rate > 0.0).tolist()
         }
         self._id_keys = id_keys
+        self._exclusions = {number: each for number, each in enumerate(exclusions) if each is not None}
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
@@ -115,7 +119,13 @@ class FalseAlarmGenerator:
         time_ns = begin_ns + self._phase_ns(sensor, at_m, at_m + direction * radius_m[:, None])
         ids = uuid8_words(self._id_keys.take(sensor, axis=0), drawn.serial)
         placed = _Placed(time_ns, sensor, scan, ids, direction, at_m, uniforms[:, PLACE_WORDS:])
-        kept = np.flatnonzero((time_ns >= start_ns) & (time_ns < end_ns))
+        is_kept = (time_ns >= start_ns) & (time_ns < end_ns)
+        for number, exclusion in self._exclusions.items():
+            rows = np.flatnonzero(sensor == number)
+            ahead_m = at_m[rows] + direction[rows] * radius_m[rows, None]
+            time_s = time_ns[rows].astype(np.float64) * 1e-9
+            is_kept[rows] &= exclusion.is_clear(at_m[rows], ahead_m, time_s)
+        kept = np.flatnonzero(is_kept)
         return placed if len(kept) == len(scan) else placed.take(kept)
 
     def _phase_ns(self, sensor: IndexArray, at_m: FloatArray, seen_m: FloatArray) -> IntArray:

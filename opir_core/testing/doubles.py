@@ -14,6 +14,7 @@ from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks, Window
 from opir_core.orbits.orbit_models import GeostationaryOrbit
 from opir_core.planning.plan import Plan, drawn_bias
+from opir_core.planning.solar_exclusion import solar_exclusions
 from opir_core.planning.targets import join_targets
 from opir_core.planning.visibility import compile_pairs
 from opir_core.plugin.components import NoConfig
@@ -262,7 +263,10 @@ def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], 
     targets = join_targets(ids, [trajectories], [range(len(ids))])
     end_ns = round(scene.duration_s * _NS)
     starts = [0.0] * len(sensors)
-    pairs, sightlines = compile_pairs(sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns)
+    exclusions = solar_exclusions(sensors, scene.epoch_us, scene.duration_s)
+    pairs, sightlines = compile_pairs(
+        sensors, targets, starts, light_time=scene.light_time, end_ns=end_ns, exclusions=exclusions
+    )
     models: dict[str, Any] = {
         "detection": CertainDetection(),
         "classifier": UnknownClassifier(),
@@ -278,5 +282,6 @@ def stub_plan(sensors: Sequence[Sensor], trajectories: Any, ids: Sequence[str], 
         sightlines=sightlines,
         bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
+        exclusions=exclusions,
         **(models | parts),
     )

@@ -77,6 +77,7 @@ class SensorContract(SceneContract):
             or -180.0 <= sensor.orbital_slot_deg <= 360.0,
             "field_of_regard_half_angle_rad: in (0, pi]": 0.0 < half <= math.pi,
             "minimum_elevation_rad: in [-pi/2, pi/2]": abs(least) <= math.pi / 2.0,
+            "solar_exclusion_rad: in [0, pi]": 0.0 <= sensor.solar_exclusion_rad <= math.pi,
             "line_of_sight_sigma_rad: in [0, 0.1]": 0.0 <= sensor.line_of_sight_sigma_rad <= 0.1,
             "detection_probability: of target types, in [0, 1]": sensor.detection_probability.keys()
             <= set(TARGET_TYPES)

@@ -1,0 +1,66 @@
+"""Looks that a sensor cannot make because the Sun is too close to its line of sight.
+
+Planning finds the times at which the Sun comes that close to anything in a sensor's field of regard during the scene.
+There are usually none; otherwise looks are tested one by one at these times alone.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.geometry.sun import is_sunlit, sun_ecef_m
+from opir_core.geometry.vectors import components, dot, length, vector
+from opir_core.interfaces.protocols import Sensor
+from opir_core.orbits.sun_events import outage_times_s
+
+#: By how much the times enclose an outage on both sides, s: more than the error of its ends.
+_ALLOWANCE_S = 1.0
+
+
+@frozen(eq=False)
+class SolarExclusion:
+    """The exclusion angle of a sensor, rad, and the scene times (n,) between which it matters."""
+
+    angle_rad: float
+    epoch_us: int
+    start_s: FloatArray
+    stop_s: FloatArray
+
+    @classmethod
+    def of(cls, sensor: Sensor, epoch_us: int, end_s: float) -> "SolarExclusion | None":
+        """Return the solar exclusion of a sensor from scene time 0 to an end, or None if it prevents no look."""
+        start_s, stop_s = outage_times_s(sensor, epoch_us, -_ALLOWANCE_S, end_s + _ALLOWANCE_S).T
+        if not len(start_s):
+            return None
+        return cls(sensor.solar_exclusion_rad, epoch_us, start_s - _ALLOWANCE_S, stop_s + _ALLOWANCE_S)
+
+    def margin_rad(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Return by how much lines of sight (n, 3) clear the Sun at scene times (n,); inf where it is out of view."""
+        later = np.searchsorted(self.start_s, time_s, side="right") - 1
+        rows = np.flatnonzero((later >= 0) & (time_s <= self.stop_s[np.maximum(later, 0)]))
+        sensor_m = sensor_ecef_m[rows]
+        sun_m = sun_ecef_m(time_s[rows], self.epoch_us)
+        angle = _angle_rad(target_ecef_m[rows] - sensor_m, sun_m - sensor_m)
+        margin = np.full(len(time_s), np.inf)
+        margin[rows] = np.where(is_sunlit(sensor_m, sun_m), angle - self.angle_rad, np.inf)
+        return margin
+
+    def is_clear(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, time_s: FloatArray) -> BoolArray:
+        """Return which lines of sight (n, 3) the Sun leaves free at scene times (n,)."""
+        free: BoolArray = self.margin_rad(sensor_ecef_m, target_ecef_m, time_s) > 0.0
+        return free
+
+
+def solar_exclusions(sensors: Sequence[Sensor], epoch_us: int, end_s: float) -> tuple[SolarExclusion | None, ...]:
+    """Return the solar exclusion of each sensor in a scene, or None where it prevents no look."""
+    return tuple(SolarExclusion.of(sensor, epoch_us, end_s) for sensor in sensors)
+
+
+def _angle_rad(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the angles (n,) between vectors (n, 3), accurate to rounding for small ones too."""
+    (ax, ay, az), (bx, by, bz) = components(one), components(other)
+    across = vector(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    angle: FloatArray = np.arctan2(length(*components(across)), dot(one, other))
+    return angle
