@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from api_reference import api_pages
-from attrs import fields
+from attrs import asdict, fields
 from modelled import modelled_pages
 
-from opir_core.plugin.components import CATALOGUE, Component, Constellation
+from opir_core.plugin.components import CATALOGUE, Component, Constellation, plural
 from opir_core.plugin.host import Host
 from opir_core.scene.field_rows import field_rows, shown
 from opir_core.scene.reading.scene_schema import SceneFile
 from opir_core.scene.scene import SceneDrag
+from opir_core.scene.target_classes import TargetClass
 
 DOCS = Path(__file__).resolve().parent
 HEAD = "| key | default | unit, range | meaning | source of the default |\n|---|---|---|---|---|"
@@ -67,11 +68,12 @@ def scene_page() -> str:
             "",
             "An item of `sensors` is `{constellation: NAME, ...}`, whose other keys apply to all its satellites, or",
             "`{model: NAME, id: ID, ...}`. An item of `targets` is `{id: ID, model: NAME, ...}`; without `model` it is",
-            "`ballistic`. Its `signature`, a name or a block of `model` and settings, says how brightly it radiates;",
-            "without one it is `plume`. An item of `sources` is `{id: ID, model: NAME, ...}`; its emitters are called",
-            "ID-1, ID-2 and so on. Signatures, atmosphere and background are built where the detection model looks at",
-            "them; `constant` does not. An item of `outputs` is a sink's name, or `{NAME: {...}}`. Wherever a",
-            "component has presets, `preset: NAME` starts from one.",
+            "`ballistic`. Its `type` is a [target class](components.md#target-classes). Its `signature`, a name or a",
+            "block of `model` and settings, says how brightly it radiates; without one it is `plume`. An item of",
+            "`sources` is `{id: ID, model: NAME, ...}`; its emitters are called ID-1, ID-2 and so on. Signatures,",
+            "atmosphere and background are built where the detection model looks at them; `constant` does not. An",
+            "item of `outputs` is a sink's name, or `{NAME: {...}}`. Wherever a component has presets, `preset: NAME`",
+            "starts from one.",
             "",
         ]
     )
@@ -110,7 +112,7 @@ def components_page() -> str:
         if names:
             parts += [
                 "",
-                f"## {kind.kind.capitalize()}s",
+                f"## {plural(kind.kind).capitalize()}",
                 *(line for name in names for line in entry(host, hook, name)),
             ]
     return "\n".join([*parts, ""])
@@ -135,11 +137,29 @@ def entry(host: Host, hook: str, name: str) -> Iterator[str]:
         few = satellites if len(satellites) <= _FEW else [*satellites[:2], "…", satellites[-1]]
         slots = ", ".join(few)
         yield from ("", f"{len(satellites)} satellites with the model `{offered.model}`: {slots}.")
+    elif isinstance(offered, TargetClass):
+        yield from ("", *class_lines(offered))
     elif isinstance(offered, Component) and fields(offered.config):
         yield from ("", HEAD, *rows(offered.config))
         for preset, values in offered.presets.items():
             told = ", ".join(f"`{key}: {shown(value)}`" for key, value in values.items())
             yield from ("", f"Preset `{preset}`: {told}.")
+
+
+def class_lines(kind: TargetClass) -> Iterator[str]:
+    """Yield what is reported of a target class, what follows burnout, and its profiles."""
+    settings = asdict(kind.after_burnout)
+    resembled = "" if kind.resembles == kind.reported_type else f" It resembles {kind.resembles}."
+    yield f"Reported type: {kind.reported_type}.{resembled} After burnout: `{kind.after_burnout.model}`" + (
+        f" {shown(settings)}." if settings else "."
+    )
+    yield from ("", "| profile | burn time | burnout speed | range | peak | stages |", "|---|---|---|---|---|---|")
+    for profile in kind.profiles:
+        limits = f"{profile.minimum_range_m / 1e3:g} to {profile.maximum_range_m / 1e3:g} km"
+        plume = kind.plumes[profile.name]
+        peaks = f"{shown(plume.peak_w_sr)} W/sr"
+        cells = (profile.name, f"{profile.burn_time_s:g} s", f"{profile.burnout_speed_m_s:g} m/s", limits, peaks)
+        yield f"| {' | '.join(cells)} | {plume.stages} |"
 
 
 def rows(config: type) -> Iterator[str]:

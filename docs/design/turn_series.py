@@ -13,7 +13,8 @@ import math
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from opir_core.flight.boost import BoostProfile, boost_profiles, lean_rad, speed_ratio
+from opir_core.flight.boost import boost_profiles, lean_rad, speed_ratio
+from opir_core.scene.target_classes import BoostProfile
 
 DEGREES = (16, 20, 24, 28, 32, 40)
 

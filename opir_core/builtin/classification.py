@@ -13,24 +13,23 @@ from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.protocols import Classifier, Confidence, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import NoConfig
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
+from opir_core.scene.scene import REPORTED_TYPES, SOURCE_TYPES, UNKNOWN_TYPE
+from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
-
-#: True types: those of missiles, and one for all that is none.
-_ROWS = len(TARGET_TYPES) + 1
 
 
 @frozen(eq=False)
 class ConfusionClassifier:
     """The reported type, drawn once for each sensor and target from the sensor's confusion matrix.
 
-    `thresholds` (reported types - 1, sensors · true types) are cumulative probabilities, 1 from the last type of any
-    probability on; a type is reported where the draw lies below its threshold and not below the one before. What is no
-    missile is one more true type, which is always UNKNOWN.
+    `thresholds` (reported types - 1, sensors · classes) are cumulative probabilities, 1 from the last type of any
+    probability on; a type is reported where the draw lies below its threshold and not below the one before.
+    `class_number` are the targets' classes, of which there are `classes`.
     """
 
     thresholds: FloatArray
-    type_code: NDArray[np.uint8]
+    class_number: IndexArray
+    classes: int
 
     def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`."""
@@ -39,7 +38,7 @@ class ConfusionClassifier:
     def pair_type(self, sensor: IndexArray, target: IndexArray, dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) into `REPORTED_TYPES`, the same for all detections of a pair."""
         drawn = dice.pair_uniforms("classification")[:, 0]
-        row = sensor * _ROWS + np.minimum(self.type_code[target], len(TARGET_TYPES))
+        row = sensor * self.classes + self.class_number[target]
         reported = np.zeros(len(drawn), dtype=np.uint8)
         for threshold in self.thresholds:
             reported += drawn >= threshold.take(row)
@@ -48,17 +47,17 @@ class ConfusionClassifier:
 
 @frozen(eq=False)
 class TrueType:
-    """The true type, each time."""
+    """The right type to report, each time: `type_code` are the codes of the targets' into `REPORTED_TYPES`."""
 
     type_code: NDArray[np.uint8]
 
     def reported_type(self, sightings: ClassifierInputs, dice: RandomDraws) -> NDArray[np.uint8]:
-        """Return codes (n,) into `REPORTED_TYPES`, of which the target types are the first."""
+        """Return codes (n,) into `REPORTED_TYPES`."""
         return self.pair_type(sightings.sensor, sightings.target, dice)
 
     def pair_type(self, _sensor: IndexArray, target: IndexArray, _dice: RandomDraws) -> NDArray[np.uint8]:
         """Return codes (n,) of the targets' types; what is no missile is UNKNOWN."""
-        return np.minimum(self.type_code[target], np.uint8(UNKNOWN_TYPE))
+        return self.type_code[target]
 
 
 @frozen
@@ -75,31 +74,34 @@ class NoClassifier:
 
 
 def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Classifier:
-    """Return the classifier `paper`.
+    """Return the classifier `paper`; what is no target is always UNKNOWN.
 
-    Raises `ModelError` where neither the configuration nor the sensor says how a type that the scene launches is
+    Raises `ModelError` where neither the configuration nor the sensor says how a class that the scene launches is
     reported, and where the configuration has a matrix for a sensor type that the scene has not.
     """
     _refuse_strangers(config, context)
-    thresholds = np.ones((len(context.sensors), _ROWS, len(REPORTED_TYPES) - 1))
-    thresholds[:, -1] = 0.0
-    launched = np.flatnonzero(np.bincount(context.target_type_code)[: len(TARGET_TYPES)]).tolist()
+    names, class_number = context.emitter_classes()
+    thresholds = np.zeros((len(context.sensors), len(names), len(REPORTED_TYPES) - 1))
+    launched = [(place, context.target_class(name)) for place, name in enumerate(names) if name not in SOURCE_TYPES]
     for number, sensor in enumerate(context.sensors):
         matrix = {**sensor.confusion, **config.matrices.get(sensor.type, {})}
-        for code in launched:
-            row = _row(matrix, sensor, TARGET_TYPES[code])
+        for place, kind in launched:
+            row = _row(matrix, sensor, kind)
             probability = np.array([row.get(name, 0.0) for name in REPORTED_TYPES])
             cumulative = np.cumsum(probability)
             # The sum may be 1 to rounding only; no draw may fall past the last type that has a probability.
             cumulative[np.flatnonzero(probability)[-1] :] = 1.0
-            thresholds[number, code] = cumulative[:-1]
+            thresholds[number, place] = cumulative[:-1]
     columns = np.ascontiguousarray(thresholds.reshape(-1, thresholds.shape[-1]).T)
-    return ConfusionClassifier(columns, context.target_type_code)
+    return ConfusionClassifier(columns, class_number, len(names))
 
 
 def true_type(_config: NoConfig, context: ModelContext) -> Classifier:
     """Return the classifier `always`."""
-    return TrueType(context.target_type_code)
+    names, class_number = context.emitter_classes()
+    right = ["UNKNOWN" if name in SOURCE_TYPES else context.target_class(name).reported_type for name in names]
+    codes = np.array([REPORTED_TYPES.index(name) for name in right], dtype=np.uint8)
+    return TrueType(codes[class_number])
 
 
 def no_answer(_config: NoConfig, _context: ModelContext) -> Classifier:
@@ -116,8 +118,8 @@ def _refuse_strangers(config: ConfusionConfig, context: ModelContext) -> None:
         )
 
 
-def _row(matrix: Confusion, sensor: Sensor, target_type: str) -> Mapping[str, float]:
-    row = matrix.get(target_type)
+def _row(matrix: Confusion, sensor: Sensor, kind: TargetClass) -> Mapping[str, float]:
+    row, target_type = kind.own(matrix), kind.name
     if row is None:
         raise ModelError(
             f"sensor {sensor.id} ({sensor.type}) has no confusion matrix row for {target_type} targets: give"

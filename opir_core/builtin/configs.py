@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from attrs import Factory, frozen
 
 from opir_core.scene.fields import nested, number, text
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
 #: How far the sum of the confidence weights may be from 1.
 WEIGHT_SUM_TOLERANCE = 1e-9
+
+TYPE_HELP = "target class: ICBM, IRBM, SRBM, MRBM, SLBM, or that of a plugin"
 
 PAPER_CONFIDENCE = "opir-simulator paper (2026), section 4.3, names the weights and not their values; notional"
 
@@ -42,8 +44,10 @@ class ConfusionConfig:
     matrices: Mapping[str, Confusion] = nested(
         default=Factory(dict),
         check=_matrices_complaint,
+        names_of=TargetClass.hook,
+        names_depth=1,
         source="by default each sensor's own confusion matrix",
-        help="probabilities of each reported type, by sensor type and true target type; a row given here replaces the"
+        help="probabilities of each reported type, by sensor type and true target class; a row given here replaces the"
         " sensor's own row",
     )
 
@@ -101,7 +105,7 @@ class AimConfig:
 class BallisticConfig:
     """What a scene may set of a target of the model `ballistic`."""
 
-    type: str = text(choices=TARGET_TYPES, help="target type")
+    type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
     launch: LaunchConfig = nested(help="launch point and time")
     aim: AimConfig = nested(help="aim point")
     profile: str | None = text(
@@ -123,7 +127,7 @@ class BallisticConfig:
 class TableConfig:
     """What a scene may set of a target of the model `table`."""
 
-    type: str = text(choices=TARGET_TYPES, help="target type")
+    type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
     file: str = text(
         help="path of a table of states: CSV with the columns time_s, x_ecef_m, y_ecef_m, z_ecef_m (and vx_ecef_m_s,"
         " vy_ecef_m_s, vz_ecef_m_s, is_burning), or a CCSDS OEM (KVN) in UTC and ITRF, TDR, GRC, TEME or EME2000"

@@ -13,28 +13,29 @@ from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.protocols import DetectionProbability, Measured, RandomDraws, Sensor
 from opir_core.interfaces.records import Exposures
 from opir_core.plugin.components import NoConfig
-from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, TARGET_TYPES
+from opir_core.scene.scene import MAXIMUM_BANDS, SOURCE_TYPES
+from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import is_probability
 
 
 @define(eq=False)
 class ConstantDetection:
-    """A probability of detection for each sensor and target type, the same for every look.
+    """A probability of detection for each sensor and target class, the same for every look.
 
-    `probability_table` is (sensors, types), nan where the sensor has no figure; `type_code` the targets' codes into
-    `EMITTER_TYPES`; `band_count` the sensors' numbers of bands. Each band confirms a detection independently with
-    probability `band_confirmation`; where none would, the sensor's first band does.
+    `probability_table` is (sensors, classes); `class_number` the targets' columns in it; `band_count` the sensors'
+    numbers of bands. Each band confirms a detection independently with probability `band_confirmation`; where none
+    would, the sensor's first band does.
     """
 
     probability_table: FloatArray
-    type_code: NDArray[np.uint8]
+    class_number: IndexArray
     band_count: NDArray[np.uint8]
     band_confirmation: float
     needs_geometry: bool = False
 
     def pair_probability(self, sensor: IndexArray, target: IndexArray) -> FloatArray:
         """Return the probabilities (n,) of pairs."""
-        chosen: FloatArray = self.probability_table[sensor, self.type_code[target]]
+        chosen: FloatArray = self.probability_table[sensor, self.class_number[target]]
         return chosen
 
     def probability(self, exposures: Exposures) -> FloatArray:
@@ -61,38 +62,31 @@ class ConstantDetection:
 
 
 def constant_detection(config: ConstantConfig, context: ModelContext) -> DetectionProbability:
-    """Return the model `constant`: each sensor's own probability by target type.
+    """Return the model `constant`: each sensor's own probability by target class.
 
-    Raises `ModelError` where a sensor has no probability for a type that the scene launches.
+    Raises `ModelError` where a sensor has no probability for a class that the scene launches.
     """
-    needed = [EMITTER_TYPES[code] for code in _present(context.target_type_code)]
-    _refuse_sources(needed)
-    table = np.full((len(context.sensors), len(TARGET_TYPES)), np.nan)
-    for row, sensor in enumerate(context.sensors):
-        for name in needed:
-            probability = sensor.detection_probability.get(name)
-            if probability is None:
-                raise ModelError(
-                    f"sensor {sensor.id} ({sensor.type}) has no probability of detection for {name} targets: give"
-                    f" {name} in its detection_probability, or choose a detection model other than constant"
-                )
-            if not is_probability(probability):
-                raise ModelError(
-                    f"sensor {sensor.id} ({sensor.type}): the probability of detection {probability!r} for {name}"
-                    " targets is not in [0, 1]"
-                )
-            table[row, TARGET_TYPES.index(name)] = probability
-    return _detection(table, context, config.band_confirmation)
+    names, class_number = context.emitter_classes()
+    _refuse_sources(names)
+    classes = [context.target_class(name) for name in names]
+    rows = [[_probability(sensor, kind) for kind in classes] for sensor in context.sensors]
+    table = np.array(rows, dtype=np.float64).reshape(len(context.sensors), len(classes))
+    return _detection(table, class_number, context, config.band_confirmation)
 
 
 def always_detection(_config: NoConfig, context: ModelContext) -> DetectionProbability:
     """Return the model `always`: every look detects, in all bands."""
-    return _detection(np.ones((len(context.sensors), len(EMITTER_TYPES))), context, 1.0)
+    return _same_for_all(1.0, context)
 
 
 def never_detection(_config: NoConfig, context: ModelContext) -> DetectionProbability:
     """Return the model `never`: no look detects."""
-    return _detection(np.zeros((len(context.sensors), len(EMITTER_TYPES))), context, 1.0)
+    return _same_for_all(0.0, context)
+
+
+def _same_for_all(probability: float, context: ModelContext) -> DetectionProbability:
+    everyone = np.zeros(len(context.target_type_code), dtype=np.int32)
+    return _detection(np.full((len(context.sensors), 1), probability), everyone, context, 1.0)
 
 
 def _present(codes: NDArray[np.uint8]) -> list[int]:
@@ -101,7 +95,7 @@ def _present(codes: NDArray[np.uint8]) -> list[int]:
 
 
 def _refuse_sources(needed: Sequence[str]) -> None:
-    unknown = [name for name in needed if name not in TARGET_TYPES]
+    unknown = [name for name in needed if name in SOURCE_TYPES]
     if unknown:
         raise ModelError(
             f"detection: constant has no probability of detection for the source type {unknown[0]}: choose"
@@ -109,9 +103,26 @@ def _refuse_sources(needed: Sequence[str]) -> None:
         )
 
 
-def _detection(table: FloatArray, context: ModelContext, band_confirmation: float) -> ConstantDetection:
+def _detection(
+    table: FloatArray, class_number: IndexArray, context: ModelContext, band_confirmation: float
+) -> ConstantDetection:
     counts = np.array([_band_count(sensor) for sensor in context.sensors], dtype=np.uint8)
-    return ConstantDetection(table, context.target_type_code, counts, band_confirmation)
+    return ConstantDetection(table, class_number, counts, band_confirmation)
+
+
+def _probability(sensor: Sensor, kind: TargetClass) -> float:
+    probability, target_type = kind.own(sensor.detection_probability), kind.name
+    if probability is None:
+        raise ModelError(
+            f"sensor {sensor.id} ({sensor.type}) has no probability of detection for {target_type} targets: give"
+            f" {target_type} in its detection_probability, or choose a detection model other than constant"
+        )
+    if not is_probability(probability):
+        raise ModelError(
+            f"sensor {sensor.id} ({sensor.type}): the probability of detection {probability!r} for {target_type}"
+            " targets is not in [0, 1]"
+        )
+    return probability
 
 
 def _band_count(sensor: Sensor) -> int:

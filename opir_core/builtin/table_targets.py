@@ -17,7 +17,6 @@ from opir_core.flight.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
 from opir_core.flight.tables.table import BadTableError, Table, csv_table, interpolant, largest_doubt_m
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
-from opir_core.scene.scene import TARGET_TYPES
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01
@@ -35,6 +34,11 @@ class TableTargets:
     end_s: FloatArray
     flight: Ephemeris
     told: tuple[Mapping[str, Any], ...]
+
+    @property
+    def class_names(self) -> Sequence[str]:
+        """Names of the target classes."""
+        return [told["type"] for told in self.told]
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of targets (m,) at scene times (m,); nan outside ignition to `end_s`."""
@@ -68,7 +72,7 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
     burn = np.array([table.burn_s for table in tables])
     end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burn[:, 1]
     return TableTargets(
-        type_code=np.array([TARGET_TYPES.index(config.type) for config in configs], dtype=np.uint8),
+        type_code=np.array([context.target_class(config.type).type_code for config in configs], dtype=np.uint8),
         ignition_s=burn[:, 0],
         burnout_s=burn[:, 1],
         end_s=end_s,

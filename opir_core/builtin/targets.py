@@ -12,12 +12,12 @@ from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import AimConfig, BallisticConfig, LaunchConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import Aim, aim, surface_range_m
-from opir_core.flight.boost import PROFILES_BY_TYPE, BoostProfile, boost_profile, profile_for_type
+from opir_core.flight.boost import boost_profile
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.geometry import Geodetic, ecef_to_geodetic
 from opir_core.interfaces.contexts import TargetContext
 from opir_core.interfaces.protocols import Trajectories
-from opir_core.scene.scene import TARGET_TYPES
+from opir_core.scene.target_classes import BoostProfile, TargetClass
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
@@ -42,6 +42,11 @@ class BallisticTargets:
     ids: tuple[str, ...]
     configs: tuple[BallisticConfig, ...]
     profiles: tuple[BoostProfile, ...]
+
+    @property
+    def class_names(self) -> Sequence[str]:
+        """Names of the target classes."""
+        return [config.type for config in self.configs]
 
     def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
         """Return positions (m, 3) of targets (m,) at scene times (m,), to 1 cm; nan outside ignition to `end_s`."""
@@ -97,20 +102,24 @@ def ballistic_targets(configs: Sequence[BallisticConfig], context: TargetContext
     Raises `SceneError` with a problem for each target whose profile is unknown or whose aim point is out of reach.
     """
     launch, aim_point = (_columns(getattr(config, place) for config in configs) for place in ("launch", "aim"))
-    unknown = _unknown_profiles(configs)
+    classes = [context.target_class(config.type) for config in configs]
+    unknown = _unknown_profiles(configs, classes)
     ranges_m = surface_range_m(
         launch.latitude_rad, launch.longitude_rad, aim_point.latitude_rad, aim_point.longitude_rad
     ).tolist()
-    profiles = tuple(_profile(config, ranges_m[row], row in unknown) for row, config in enumerate(configs))
+    profiles = tuple(
+        _profile(config, kind, range_m, row in unknown)
+        for row, (config, kind, range_m) in enumerate(zip(configs, classes, ranges_m, strict=True))
+    )
     ignition_s = np.array([config.launch.time_s for config in configs], dtype=np.float64)
     forces = _forces(configs, context)
     flight = aim(launch, aim_point, ignition_s, profiles, forces=forces)
-    problems = _problems(unknown, flight.complaints, configs, profiles, context.paths)
+    problems = _problems(unknown, flight.complaints, classes, profiles, context.paths)
     if problems:
         raise SceneError(problems)
     path = flight.path
     return BallisticTargets(
-        type_code=np.array([TARGET_TYPES.index(config.type) for config in configs], dtype=np.uint8),
+        type_code=np.array([kind.type_code for kind in classes], dtype=np.uint8),
         ignition_s=ignition_s,
         burnout_s=flight.burnout_s,
         boost=Ephemeris.build(path.state, ignition_s, flight.burnout_s, path.breakpoints_s(), EPHEMERIS_TOLERANCE_M),
@@ -138,49 +147,53 @@ def _forces(configs: Sequence[BallisticConfig], context: TargetContext) -> "Forc
     return forces.with_ballistic_coefficients([usual if value is None else value for value in own])
 
 
-def _unknown_profiles(configs: Sequence[BallisticConfig]) -> dict[int, str]:
+def _unknown_profiles(configs: Sequence[BallisticConfig], classes: Sequence[TargetClass]) -> dict[int, str]:
     """Return, by row, what is wrong with the profiles that are named and do not exist."""
     complaints = {}
-    for row, config in enumerate(configs):
+    for row, (config, kind) in enumerate(zip(configs, classes, strict=True)):
         try:
             if config.profile is not None:
-                boost_profile(config.profile)
+                _named_profile(config.profile, kind)
         except ValueError as error:
             complaints[row] = str(error)
     return complaints
 
 
-def _profile(config: BallisticConfig, range_m: float, is_unknown: bool) -> BoostProfile:
-    """Return the profile that a target flies; in the place of an unknown one, that of its type."""
-    if config.profile is None or is_unknown:
-        profile = profile_for_type(config.type, range_m)
-    else:
-        profile = boost_profile(config.profile)
+def _named_profile(name: str, kind: TargetClass) -> BoostProfile:
+    """Return the profile of a name: one of the class, or of the core; `ValueError` if there is none."""
+    own = {profile.name: profile for profile in kind.profiles}
+    return own[name] if name in own else boost_profile(name)
+
+
+def _profile(config: BallisticConfig, kind: TargetClass, range_m: float, is_unknown: bool) -> BoostProfile:
+    """Return the profile that a target flies; in the place of an unknown one, that of its class."""
+    named = None if is_unknown else config.profile
+    profile = kind.profile(range_m) if named is None else _named_profile(named, kind)
     return profile if config.burn_time_s is None else profile.with_burn_time(config.burn_time_s)
 
 
 def _problems(
     unknown: Mapping[int, str],
     complaints: Sequence[str],
-    configs: Sequence[BallisticConfig],
+    classes: Sequence[TargetClass],
     profiles: Sequence[BoostProfile],
     paths: Sequence[str],
 ) -> list[Problem]:
     """Return what is wrong with each target that cannot fly as asked."""
     problems = []
-    for row, (complaint, config, path) in enumerate(zip(complaints, configs, paths, strict=True)):
+    for row, (complaint, kind, path) in enumerate(zip(complaints, classes, paths, strict=True)):
         if row in unknown:
             problems.append(Problem(f"{path}.profile", unknown[row]))
         elif complaint:
-            problems.append(Problem(f"{path}.aim", f"{complaint}{_other_ranges(config.type, profiles[row])}"))
+            problems.append(Problem(f"{path}.aim", f"{complaint}{_other_ranges(kind, profiles[row])}"))
     return problems
 
 
-def _other_ranges(target_type: str, chosen: BoostProfile) -> str:
-    """Return which ranges the other profiles of a type have."""
-    others = (boost_profile(name) for name in PROFILES_BY_TYPE[target_type] if name != chosen.name)
+def _other_ranges(kind: TargetClass, chosen: BoostProfile) -> str:
+    """Return which ranges the other profiles of a class have."""
+    others = (profile for profile in kind.profiles if profile.name != chosen.name)
     return "".join(
-        f"; of type {target_type} there is also {other.name}, {other.minimum_range_m / 1e3:g} to"
+        f"; of type {kind.name} there is also {other.name}, {other.minimum_range_m / 1e3:g} to"
         f" {other.maximum_range_m / 1e3:g} km"
         for other in others
     )

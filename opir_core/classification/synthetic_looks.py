@@ -15,7 +15,7 @@ from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.flight.aiming import aim
-from opir_core.flight.boost import PROFILES_BY_TYPE, BoostPath, BoostProfile, boost_profile
+from opir_core.flight.boost import PROFILES_BY_TYPE, BoostPath, boost_profile
 from opir_core.geometry import Geodetic, ecef_to_geodetic, elevation_rad, geodetic_to_ecef
 from opir_core.geometry.vectors import components, vector
 from opir_core.interfaces.protocols import Band
@@ -26,6 +26,7 @@ from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
 from opir_core.radiometry.plume import plume_signatures
 from opir_core.scene.scene import EMITTER_TYPES, MAXIMUM_BANDS, TARGET_TYPES
+from opir_core.scene.target_classes import BoostProfile
 
 _RADIUS_M = 6.371e6
 

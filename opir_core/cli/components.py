@@ -10,11 +10,12 @@ from attrs import asdict, frozen
 
 from opir_core.cli.terminal import table
 from opir_core.errors import PluginError, nearest_names
-from opir_core.plugin.components import CATALOGUE, Component, Constellation, Provenance
+from opir_core.plugin.components import CATALOGUE, Constellation, Offered, Provenance
 from opir_core.plugin.error_messages import PACKAGES, way_to_install
 from opir_core.plugin.host import Host
 from opir_core.plugin.registry import PluginRow
 from opir_core.scene.field_rows import REQUIRED, field_rows, plain, shown
+from opir_core.scene.target_classes import TargetClass
 
 #: The hooks by the names of their kinds on the command line: `sensor-model`, `tracker`.
 HOOK_BY_KIND = {kind.kind.replace(" ", "-"): hook for hook, kind in CATALOGUE.items()}
@@ -24,7 +25,7 @@ HOOK_BY_KIND = {kind.kind.replace(" ", "-"): hook for hook, kind in CATALOGUE.it
 class OwnedComponent:
     """A component and its owner."""
 
-    component: Component | Constellation
+    component: Offered
     owner: Provenance
 
 
@@ -75,7 +76,7 @@ def components_named(host: Host, name: str, kind: str | None = None) -> Sequence
     return components
 
 
-def described(component: Component | Constellation, owner: Provenance) -> Mapping[str, Any]:
+def described(component: Offered, owner: Provenance) -> Mapping[str, Any]:
     """Return the description of a component as plain values; the component is not built."""
     head = {
         "kind": component.kind,
@@ -87,6 +88,9 @@ def described(component: Component | Constellation, owner: Provenance) -> Mappin
     }
     if isinstance(component, Constellation):
         return {**head, "model": component.model, "satellites": [plain(row) for row in component.satellites]}
+    if isinstance(component, TargetClass):
+        after = {"after_burnout": {component.after_burnout.model: asdict(component.after_burnout)}}
+        return {**head, **{key: value for key, value in asdict(component).items() if key not in head}, **after}
     rows = [asdict(row) for row in field_rows(component.config)]
     return {**head, "fields": rows, "presets": {name: plain(values) for name, values in component.presets.items()}}
 
@@ -136,7 +140,29 @@ def _name(entry: str) -> str:
 
 def _component_text(row: Mapping[str, Any]) -> str:
     head = f"{row['kind']} {row['name']}, of {row['distribution']} {row['version']} (plugin {row['plugin']})"
-    return "\n\n".join([f"{head}\n{row['summary']}", *(_satellites(row) if "satellites" in row else _settings(row))])
+    kinds = {"satellites": _satellites, "profiles": _profiles}
+    told = next((text for key, text in kinds.items() if key in row), _settings)
+    return "\n\n".join([f"{head}\n{row['summary']}", *told(row)])
+
+
+def _profiles(row: Mapping[str, Any]) -> list[str]:
+    """Return what a target class is reported as, what follows burnout, and its profiles."""
+    ((after, settings),) = row["after_burnout"].items()
+    heads = ("profile", "burn time s", "burnout m/s", "range km", "peak W/sr", "stages")
+    profiles = [
+        (
+            one["name"],
+            f"{one['burn_time_s']:g}",
+            f"{one['burnout_speed_m_s']:g}",
+            f"{one['minimum_range_m'] / 1e3:g} to {one['maximum_range_m'] / 1e3:g}",
+            shown(row["plumes"][one["name"]]["peak_w_sr"]),
+            str(row["plumes"][one["name"]]["stages"]),
+        )
+        for one in row["profiles"]
+    ]
+    resembled = "" if row["resembles"] == row["reported_type"] else f"; it resembles {row['resembles']}"
+    follows = f"after burnout: {after} {shown(settings) if settings else ''}".strip()
+    return [f"reported type {row['reported_type']}{resembled}\n{follows}", table(heads, profiles)]
 
 
 def _satellites(row: Mapping[str, Any]) -> list[str]:

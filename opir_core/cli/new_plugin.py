@@ -17,6 +17,7 @@ from attrs import frozen
 
 from opir_core._version import __version__
 from opir_core.errors import PluginError, with_article
+from opir_core.plugin.components import plural
 from opir_core.plugin.discovery import core_sources, installed_sources
 from opir_core.plugin.host import Host
 
@@ -43,6 +44,8 @@ class TemplateKind:
     choice: str = ""
     sensors: str = _SENSORS
     target: str = ""
+    #: The class of the scene's target.
+    target_class: str = "ICBM"
 
 
 _RADIOMETRIC = "detection: snr"
@@ -58,6 +61,7 @@ KINDS: Mapping[str, TemplateKind] = {
     "confidence": TemplateKind("confidence_models", "confidence model", "ConfidenceContract", "confidence: $name"),
     "tracker": TemplateKind("trackers", "tracker", "TrackerContract", "tracker: $name"),
     "target": TemplateKind("target_models", "target model", "TargetContract", target="    model: $name"),
+    "target-class": TemplateKind("target_classes", "target class", "TargetClassContract", target_class="$name"),
     "signature": TemplateKind(
         "signature_models", "signature model", "SignatureContract", _RADIOMETRIC, target="    signature: $name"
     ),
@@ -153,11 +157,11 @@ def _words(kind: TemplateKind, name: str) -> Mapping[str, str]:
         "package": name.replace("-", "_"),
         "hook": kind.hook,
         "kind": kind.words,
-        "kind_plural": f"{kind.words}s",
+        "kind_plural": plural(kind.words),
         "Article": with_article(kind.words).partition(" ")[0].capitalize(),
         "Contract": kind.contract,
     }
-    chosen = {"choice": kind.choice, "sensors": kind.sensors, "target": kind.target}
+    chosen = {"choice": kind.choice, "sensors": kind.sensors, "target": kind.target, "type": kind.target_class}
     return {**words, **{key: Template(text).substitute(words) for key, text in chosen.items()}}
 
 

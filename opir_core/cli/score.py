@@ -11,11 +11,11 @@ from typing import Any
 from opir_core.cli.scene_arguments import add_overrides
 from opir_core.cli.terminal import progress, table
 from opir_core.errors import Problem, SceneError
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scoring import scorecard
 from opir_core.scoring.comparison import compared
 from opir_core.scoring.evidence import evidence_of_files
-from opir_core.scoring.scorecard import GEOMETRIES, Scorecard, ScoreSettings
+from opir_core.scoring.scorecard import GEOMETRIES, Scorecard, ScoreSettings, by_class
 
 Cards = Mapping[str, Scorecard]
 
@@ -182,7 +182,7 @@ def _overall(cards: Cards) -> str:
 def _confusions(cards: Cards) -> str:
     rows = [
         (true, name, *(str(row[reported]) for reported in REPORTED_TYPES))
-        for true in TARGET_TYPES
+        for true in by_class(true for card in cards.values() for true in card.figures["type_confusion"])
         for name, card in cards.items()
         if (row := card.figures["type_confusion"].get(true))
     ]

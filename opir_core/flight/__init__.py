@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from opir_core.flight.aiming import Aim, aim, boost_ephemeris, coast_ephemeris, flight_ephemeris
-    from opir_core.flight.boost import BoostProfile, boost_profile, boost_profiles
+    from opir_core.flight.boost import boost_profile, boost_profiles
     from opir_core.flight.conic_impact import kepler_impact
     from opir_core.flight.ephemeris import Ephemeris
     from opir_core.flight.forces import Drag, Forces
     from opir_core.flight.kepler import KeplerStatus, kepler_status, propagate_kepler
     from opir_core.flight.lambert_solver import lambert
     from opir_core.flight.propagation import impact, propagate
+    from opir_core.scene.target_classes import BoostProfile
 
 #: The module of each name, by which it is imported when it is first used.
 _HOMES = {

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
-from opir_core.flight.boost import Ascent, BoostPath, BoostProfile, LaunchSite, ascent, boost_path, launch_site
+from opir_core.flight.boost import Ascent, BoostPath, LaunchSite, ascent, boost_path, launch_site
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.ephemeris import Ephemeris, Motion
 from opir_core.flight.kepler import propagate_kepler
@@ -29,6 +29,7 @@ from opir_core.geometry import (
     geodetic_to_ecef,
 )
 from opir_core.geometry.vectors import components, length
+from opir_core.scene.target_classes import BoostProfile
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel, Forces

@@ -10,65 +10,43 @@ swept angle are so smooth that one Chebyshev series of degree 32 over the turn i
 profile. Series are integrated exactly (Trefethen, Approximation Theory and Approximation Practice, 2013, ch. 19).
 """
 
-import json
-import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 from math import factorial
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
-from attrs import evolve, fields, frozen
+from attrs import fields, frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, RowArray
 from opir_core.constants import EARTH_ECCENTRICITY_SQUARED, EARTH_EQUATORIAL_RADIUS_M
 from opir_core.geometry import east_north_up_axes, geodetic_to_ecef
-
-#: The profiles of each target type; of several, the first with limits that contain the range is flown.
-PROFILES_BY_TYPE: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {"ICBM": ("ICBM_liquid", "ICBM_solid"), "IRBM": ("MRBM", "IRBM"), "SRBM": ("SRBM",)}
+from opir_core.scene.scene import TARGET_TYPES
+from opir_core.scene.target_classes import (
+    Ballistic,
+    BoostProfile,
+    core_profiles,
+    core_target_class,
+    core_target_classes,
 )
 
-_TABLE = Path(__file__).parents[1] / "data" / "class_profiles.json"
-
-
-@frozen
-class BoostProfile:
-    """A class of boosted flight.
-
-    Speed relative to the Earth is v(t) = v_bo · expm1(k t/T) / expm1(k), with burn time T and `speed_shape` k > 0; the
-    flight path angle stays vertical until `pitch_start_s` tv and then is pi/2 + (gamma_bo - pi/2) · sin(pi/2 · u^n),
-    u = (t - tv)/(T - tv), with `pitch_exponent` n > 0. The burnout speed and angle here reach the reference range on a
-    spherical, non-rotating Earth; aiming adjusts them. Ranges are geodesic distances from launch to aim point.
-    """
-
-    name: str
-    burn_time_s: float
-    pitch_start_s: float
-    speed_shape: float
-    pitch_exponent: float
-    burnout_speed_m_s: float
-    burnout_flight_path_angle_rad: float
-    reference_range_m: float
-    minimum_range_m: float
-    maximum_range_m: float
-
-    def with_burn_time(self, burn_time_s: float) -> "BoostProfile":
-        """Return the profile with another burn time: the same course in t/T, to the same burnout speed."""
-        if not 0.0 < burn_time_s < math.inf:
-            raise ValueError(f"burn time must be a positive number of seconds, not {burn_time_s}")
-        pitch_start_s = self.pitch_start_s * (burn_time_s / self.burn_time_s)
-        return evolve(self, burn_time_s=burn_time_s, pitch_start_s=pitch_start_s)
+#: The profiles of each missile type, by name; of several, the first with limits that contain the range is flown.
+PROFILES_BY_TYPE: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {name: tuple(profile.name for profile in core_target_class(name).profiles) for name in TARGET_TYPES}
+)
 
 
 @cache
 def boost_profiles() -> Mapping[str, BoostProfile]:
-    """Return the profiles by name."""
-    table = json.loads(_TABLE.read_text(encoding="utf-8"))
-    return MappingProxyType({name: _profile(name, row) for name, row in table["profiles"].items()})
+    """Return the profiles of the core's classes with ballistic flights, by name."""
+    flown = {
+        profile.name
+        for kind in core_target_classes().values()
+        for profile in kind.profiles
+        if isinstance(kind.after_burnout, Ballistic)
+    }
+    return MappingProxyType({name: profile for name, profile in core_profiles().items() if name in flown})
 
 
 def boost_profile(name: str) -> BoostProfile:
@@ -77,30 +55,6 @@ def boost_profile(name: str) -> BoostProfile:
         return boost_profiles()[name]
     except KeyError:
         raise ValueError(f"no boost profile {name!r}; there are {', '.join(sorted(boost_profiles()))}") from None
-
-
-def profile_for_type(target_type: str, range_m: float) -> BoostProfile:
-    """Return the profile of a target type for a range: the one that covers it, or else the one with nearest limits."""
-    profiles = [boost_profile(name) for name in PROFILES_BY_TYPE[target_type]]
-    return min(
-        profiles, key=lambda profile: max(profile.minimum_range_m - range_m, range_m - profile.maximum_range_m, 0.0)
-    )
-
-
-def _profile(name: str, row: Mapping[str, Any]) -> BoostProfile:
-    minimum_km, maximum_km = row["range_limits_km"]
-    return BoostProfile(
-        name=name,
-        burn_time_s=row["burn_time_s"],
-        pitch_start_s=row["pitch_start_s"],
-        speed_shape=row["speed_shape"],
-        pitch_exponent=row["pitch_exponent"],
-        burnout_speed_m_s=row["burnout_speed_m_s"],
-        burnout_flight_path_angle_rad=math.radians(row["burnout_flight_path_angle_deg"]),
-        reference_range_m=row["range_km"] * 1e3,
-        minimum_range_m=minimum_km * 1e3,
-        maximum_range_m=maximum_km * 1e3,
-    )
 
 
 #: Degree of the series in x; `docs/design/turn_series.py` compares other degrees and powers of u.

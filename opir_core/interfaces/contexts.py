@@ -7,7 +7,10 @@ import numpy as np
 from attrs import field, frozen
 from numpy.typing import NDArray
 
+from opir_core.arrays import IndexArray
 from opir_core.interfaces.protocols import DetectionProbability, Encoder, Sensor
+from opir_core.scene.scene import EMITTER_TYPES
+from opir_core.scene.target_classes import TargetClass, core_target_class
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
@@ -27,7 +30,8 @@ class TargetContext:
 
     `forces` act in free flight: "kepler", or `opir_core.flight.Forces`, with the default ballistic coefficient of
     targets. `epoch_us` is the scene's zero of time, microseconds of UTC since 1970-01-01. With `free_flight` a sensor
-    follows targets after burnout: the model returns `FreeFlight` trajectories if it can.
+    follows targets after burnout: the model returns `FreeFlight` trajectories if it can. `target_class` returns the
+    target class of a name; by default the core's.
     """
 
     ids: tuple[str, ...]
@@ -35,19 +39,30 @@ class TargetContext:
     forces: "ForceModel" = "kepler"
     epoch_us: int = 0
     free_flight: bool = False
+    target_class: Callable[[str], TargetClass] = field(default=core_target_class, eq=False)
 
 
 @frozen(kw_only=True)
 class ModelContext:
     """The context of detection models and, with the built `detection`, of classifiers and confidence models.
 
-    `make_environment` builds the `opir_core.planning.environment.RadiometricEnvironment`.
+    `make_environment` builds the `opir_core.planning.environment.RadiometricEnvironment`. `class_names` are the target
+    classes of launches and the types of other hot sources, by default those of `target_type_code`; `target_class`
+    returns the target class of a name, by default the core's.
     """
 
     sensors: tuple[Sensor, ...]
     target_type_code: NDArray[np.uint8] = field(eq=False)  #: into `EMITTER_TYPES`: launches, then other hot sources
     make_environment: Callable[[], Any] | None = field(default=None, eq=False)
     detection: DetectionProbability | None = field(default=None, eq=False)
+    class_names: tuple[str, ...] = field(default=(), eq=False)
+    target_class: Callable[[str], TargetClass] = field(default=core_target_class, eq=False)
+
+    def emitter_classes(self) -> tuple[tuple[str, ...], IndexArray]:
+        """Return the distinct classes of the emitters, in order of occurrence, and the number (n,) of each one's."""
+        names = self.class_names or tuple(EMITTER_TYPES[code] for code in self.target_type_code.tolist())
+        number = {name: place for place, name in enumerate(dict.fromkeys(names))}
+        return tuple(number), np.array([number[name] for name in names], dtype=np.int32)
 
 
 @frozen(kw_only=True)

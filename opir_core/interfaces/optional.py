@@ -27,6 +27,15 @@ class FreeFlight(Protocol):
 
 
 @runtime_checkable
+class WithClasses(Protocol):
+    """`Trajectories` of targets of classes finer than the missile types; without it the class is the missile type."""
+
+    @property
+    def class_names(self) -> Sequence[str]:
+        """Names of the target classes, one per target."""
+
+
+@runtime_checkable
 class FromFiles(Protocol):
     """`Trajectories` that are read from files; the run manifest lists them."""
 

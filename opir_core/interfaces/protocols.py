@@ -117,7 +117,7 @@ class Trajectories(Protocol):
 
     @property
     def type_code(self) -> NDArray[np.uint8]:
-        """Codes into `EMITTER_TYPES`, of which the `TARGET_TYPES` are the first, (n,)."""
+        """Codes (n,) into `EMITTER_TYPES`: of targets, the missile type that their class resembles."""
 
     @property
     def ignition_s(self) -> FloatArray:

@@ -15,6 +15,7 @@ from attrs import field, frozen
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Band, Trajectories
+from opir_core.scene.target_classes import Plume
 
 
 @frozen(eq=False)
@@ -196,8 +197,9 @@ class ManyBandBackground(Protocol):
 class SignatureContext:
     """What a signature model is built with, row by row with its configurations.
 
-    `paths` are the scene paths of the targets; `types` their target types; `profiles` the class profile of each, as
-    the target model's `truth` tells it, or "" where it tells none; `burn_time_s` (n,) from ignition to burnout.
+    `paths` are the scene paths of the targets; `types` their target classes; `profiles` the class profile of each, as
+    the target model's `truth` tells it, or "" where it tells none; `burn_time_s` (n,) from ignition to burnout;
+    `plumes` the default plumes of classes and profiles, or () for those of the core's classes.
     """
 
     bands: tuple[Band, ...]
@@ -206,6 +208,7 @@ class SignatureContext:
     types: tuple[str, ...]
     profiles: tuple[str, ...]
     burn_time_s: FloatArray = field(eq=False)
+    plumes: tuple[Plume, ...] = ()
 
 
 @frozen(kw_only=True)

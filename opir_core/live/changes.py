@@ -50,6 +50,7 @@ def with_added_targets(plan: Plan, added: Plan) -> Plan:
         trajectories=(*one.trajectories, *other.trajectories),
         group=np.concatenate([one.group, other.group + np.int32(len(one.trajectories))]),
         place=np.concatenate([one.place, other.place]),
+        class_names=(*one.class_names, *other.class_names),
     )
     return with_targets(evolve(plan, scene=scene), targets, pairs.take(order), lines)
 
@@ -90,6 +91,7 @@ def _kept_targets(targets: Targets, kept: IntArray) -> Targets:
         trajectories=tuple(targets.trajectories[number] for number in groups.tolist()),
         group=group.astype(np.int32),
         place=targets.place[kept],
+        class_names=tuple(targets.class_names[row] for row in kept.tolist()),
     )
 
 

@@ -33,7 +33,8 @@ from opir_core.planning.targets import Targets
 from opir_core.plugin.components import SignatureModel
 from opir_core.plugin.host import Host
 from opir_core.radiometry.viewing import views
-from opir_core.scene.scene import DEFAULT_SIGNATURE, EMITTER_TYPES, Choice, Scene
+from opir_core.scene.scene import DEFAULT_SIGNATURE, Choice, Scene
+from opir_core.scene.target_classes import TargetClass
 
 #: Half the time step of a direction of flight, s.
 _HALF_STEP_S = 0.05
@@ -271,7 +272,8 @@ def _signatures(
         made.append(source.signatures)
     launches = np.flatnonzero(group < 0).tolist()
     choices = _signature_choices(scene, host, [targets.ids[row] for row in launches])
-    truths = targets.truth() if launches else ()
+    profiles = [str(truth.get("profile", "")) for truth in targets.truth()] if launches else []
+    classes = {name: host.component(TargetClass, name) for name in {targets.class_names[row] for row in launches}}
     for name in dict.fromkeys(choice.name for choice in choices):
         rows = [row for row, choice in zip(launches, choices, strict=True) if choice.name == name]
         chosen = [choice for choice in choices if choice.name == name]
@@ -279,9 +281,10 @@ def _signatures(
             bands=bands,
             ids=tuple(targets.ids[row] for row in rows),
             paths=tuple(choice.path for choice in chosen),
-            types=tuple(EMITTER_TYPES[targets.type_code[row]] for row in rows),
-            profiles=tuple(str(truths[row].get("profile", "")) for row in rows),
+            types=tuple(targets.class_names[row] for row in rows),
+            profiles=tuple(profiles[row] for row in rows),
             burn_time_s=(targets.burnout_s - targets.ignition_s)[rows],
+            plumes=tuple(classes[targets.class_names[row]].plume(profiles[row]) for row in rows),
         )
         group[rows], place[rows] = len(made), np.arange(len(rows))
         component = host.component(SignatureModel, name, chosen[0].path)

@@ -22,6 +22,7 @@ from opir_core.plugin.error_messages import described_error
 from opir_core.plugin.host import Host
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
 from opir_core.scene.scene import Choice, Scene
+from opir_core.scene.target_classes import TargetClass
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel
@@ -141,6 +142,8 @@ def _models(
     context = ModelContext(
         sensors=sensors,
         target_type_code=targets.type_code,
+        class_names=targets.class_names,
+        target_class=partial(host.component, TargetClass),
         make_environment=partial(_environment, scene, host, sensors, targets, sources),
     )
     detection = built(host, scene.detection, context)
@@ -257,6 +260,7 @@ def _trajectories(scene: Scene, host: Host, places: Sequence[int], free_flight: 
         forces=_forces(scene),
         epoch_us=scene.epoch_us,
         free_flight=free_flight,
+        target_class=partial(host.component, TargetClass),
     )
     configs = [target.model.config for target in chosen]
     trajectories: Trajectories = built(host, chosen[0].model, context, configs)

@@ -8,15 +8,17 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces.optional import FreeFlight
+from opir_core.interfaces.optional import FreeFlight, WithClasses
 from opir_core.interfaces.protocols import Sensor, Trajectories
+from opir_core.scene.scene import EMITTER_TYPES
 
 
 @frozen(eq=False)
 class Targets:
     """The scene's targets: ids, type codes, times of ignition, burnout and end of flight, and trajectories by model.
 
-    Target k is row `place[k]` of `trajectories[group[k]]`.
+    Target k is row `place[k]` of `trajectories[group[k]]`. `class_names` are target classes, and the types of other
+    hot sources.
     """
 
     ids: tuple[str, ...]
@@ -27,6 +29,7 @@ class Targets:
     trajectories: tuple[Trajectories, ...]
     group: IndexArray
     place: IndexArray
+    class_names: tuple[str, ...] = ()
 
     def observed_until_s(self, sensor: Sensor) -> FloatArray:
         """Return the scene times (n,) up to which a sensor observes the targets."""
@@ -55,9 +58,21 @@ def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows:
     group, place = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
     type_code, end_s = np.zeros(count, dtype=np.uint8), np.zeros(count)
     ignition_s, burnout_s = np.zeros(count), np.zeros(count)
+    class_names = [""] * count
     for number, (part, where) in enumerate(zip(trajectories, rows, strict=True)):
         index = np.asarray(where, dtype=np.int64)
         group[index], place[index] = number, np.arange(len(index))
         type_code[index], ignition_s[index], burnout_s[index] = part.type_code, part.ignition_s, part.burnout_s
         end_s[index] = part.end_s if isinstance(part, FreeFlight) else part.burnout_s
-    return Targets(tuple(ids), type_code, ignition_s, burnout_s, end_s, tuple(trajectories), group, place)
+        for row, name in zip(where, _class_names(part), strict=True):
+            class_names[row] = name
+    return Targets(
+        tuple(ids), type_code, ignition_s, burnout_s, end_s, tuple(trajectories), group, place, tuple(class_names)
+    )
+
+
+def _class_names(trajectories: Trajectories) -> Sequence[str]:
+    """Return the class of each target of a model, by default its missile type."""
+    if isinstance(trajectories, WithClasses):
+        return trajectories.class_names
+    return [EMITTER_TYPES[code] for code in trajectories.type_code.tolist()]

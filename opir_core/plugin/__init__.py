@@ -26,6 +26,7 @@ from opir_core.plugin.components import (
 from opir_core.plugin.hookspecs import hookimpl
 from opir_core.scene.fields import FieldInfo, cited, flag, nested, number, text, with_defaults
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES, TARGET_TYPES
+from opir_core.scene.target_classes import Ballistic, BoostProfile, EquilibriumGlide, OrbitInsertion, Plume, TargetClass
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 from opir_core.sensors.sensor_components import (
     geostationary_fleet,
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
         Response,
         SignalModel,
         WithBreakpoints,
+        WithClasses,
     )
     from opir_core.interfaces.protocols import (
         Band,
@@ -105,7 +107,7 @@ _HOMES = {
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
         "interfaces.optional": (
             "BufferingSink DeadlineSink FalseAlarmModel FreeFlight FromFiles MonitoredSink PartialEncoder "
-            "PosteriorClassifier ReconfigurableTracker Response SignalModel WithBreakpoints"
+            "PosteriorClassifier ReconfigurableTracker Response SignalModel WithBreakpoints WithClasses"
         ),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
         "plugin.host": "Host",
@@ -115,16 +117,17 @@ _HOMES = {
 
 # fmt: off
 __all__ = [  # noqa: RUF022
-    "AtmosphereContext", "AtmosphereModel", "Background", "BackgroundContext", "BackgroundModel", "Band", "Batch",
-    "BufferingSink", "Classifier", "ClassifierInputs", "ClassifierModel", "Component", "Confidence",
-    "ConfidenceModel", "Constellation", "DeadlineSink", "Delivery", "DetectionModel", "DetectionProbability",
-    "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EventEncoder", "Exposures", "FalseAlarmModel",
-    "FieldInfo", "FreeFlight", "FromFiles", "Host", "Measured", "ModelContext", "MonitoredSink", "NoConfig", "Orbit",
-    "PartialEncoder", "Paths", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
-    "Response", "ScanPattern", "ScanningSensorConfig", "Sensor", "SensorContext", "SensorModel", "SignalModel",
-    "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
-    "SourceModel", "Sources", "TARGET_TYPES", "TargetContext", "TargetModel", "Tracker", "TrackerContext",
-    "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views", "Window", "WithBreakpoints",
+    "AtmosphereContext", "AtmosphereModel", "Background", "BackgroundContext", "BackgroundModel", "Ballistic", "Band",
+    "Batch", "BoostProfile", "BufferingSink", "Classifier", "ClassifierInputs", "ClassifierModel", "Component",
+    "Confidence", "ConfidenceModel", "Constellation", "DeadlineSink", "Delivery", "DetectionModel",
+    "DetectionProbability", "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide",
+    "EventEncoder", "Exposures", "FalseAlarmModel", "FieldInfo", "FreeFlight", "FromFiles", "Host", "Measured",
+    "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion", "PartialEncoder", "Paths", "Plume",
+    "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker", "Response", "ScanPattern",
+    "ScanningSensorConfig", "Sensor", "SensorContext", "SensorModel", "SignalModel", "SignatureContext",
+    "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext", "SourceModel", "Sources",
+    "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "Tracker", "TrackerContext", "TrackerModel",
+    "Tracks", "Trajectories", "Transmittance", "Transport", "Views", "Window", "WithBreakpoints", "WithClasses",
     "cited", "flag", "geostationary_fleet", "hookimpl", "nested", "number", "one_track_fleet", "scanning_model",
     "scanning_sensor", "text", "walker_fleet", "with_defaults"
 ]

@@ -10,6 +10,8 @@ from typing import Any, ClassVar
 
 from attrs import field, frozen
 
+from opir_core.scene.target_classes import TargetClass
+
 
 @frozen(order=True)
 class Provenance:
@@ -177,8 +179,16 @@ class Constellation:
     satellites: Sequence[Mapping[str, Any]]
 
 
+def plural(kind: str) -> str:
+    """Return the plural of a kind in words."""
+    return f"{kind}es" if kind.endswith("s") else f"{kind}s"
+
+
+#: What a plugin can offer under a name.
+Offered = Component | Constellation | TargetClass
+
 #: The catalogue hooks and the component class of each.
-CATALOGUE: Mapping[str, type[Component] | type[Constellation]] = {
+CATALOGUE: Mapping[str, type[Component] | type[Constellation] | type[TargetClass]] = {
     kind.hook: kind
     for kind in (
         Constellation,
@@ -188,6 +198,7 @@ CATALOGUE: Mapping[str, type[Component] | type[Constellation]] = {
         ClassifierModel,
         TrackerModel,
         TargetModel,
+        TargetClass,
         SignatureModel,
         SourceModel,
         AtmosphereModel,

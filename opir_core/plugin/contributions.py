@@ -15,10 +15,11 @@ import pluggy
 from attrs import frozen, has
 
 from opir_core.errors import kind_of, nearest, with_article
-from opir_core.plugin.components import CATALOGUE, Component, Constellation
+from opir_core.plugin.components import CATALOGUE, Component, Constellation, Offered, plural
 from opir_core.plugin.discovery import COMMAND_HOOK, Offer
 from opir_core.plugin.error_messages import described_error, one_line
 from opir_core.plugin.hookspecs import PROJECT, CatalogueHooks, ExtensionHooks
+from opir_core.scene.target_classes import TargetClass
 
 #: Maximum number of components that one hook of one plugin yields.
 MAXIMUM_COMPONENTS = 10_000
@@ -40,14 +41,14 @@ class InvalidPlugin(Exception):  # noqa: N818 - the host turns it into a `Plugin
 class Contributions:
     """The components of a valid plugin by hook and name, and the functions that add commands."""
 
-    components: Mapping[Offer, Component | Constellation]
+    components: Mapping[Offer, Offered]
     add_commands: tuple[Callable[[Any], None], ...] = ()
 
 
 def contributions_of(plugin: object) -> Contributions:
     """Return the contributions of a plugin (a module or object with hook implementations); raises `InvalidPlugin`."""
     implementations = _implementations(plugin)
-    components: dict[Offer, Component | Constellation] = {}
+    components: dict[Offer, Offered] = {}
     for hook, kind in CATALOGUE.items():
         for implementation in implementations.get(hook, ()):
             for component in _yielded(implementation, hook):
@@ -125,10 +126,10 @@ def _yielded(implementation: pluggy.HookImpl, hook: str) -> list[Any]:
 
 
 def _add(
-    components: dict[Offer, Component | Constellation],
+    components: dict[Offer, Offered],
     component: Any,
     hook: str,
-    kind: type[Component] | type[Constellation],
+    kind: type[Offered],
 ) -> None:
     if not isinstance(component, kind):
         raise InvalidPlugin(f"{hook} yielded {kind_of(component)} instead of {with_article(kind.__name__)}")
@@ -136,7 +137,7 @@ def _add(
     if fault:
         raise InvalidPlugin(f"{hook} yielded {with_article(kind.kind)} {fault}")
     if (hook, component.name) in components:
-        raise InvalidPlugin(f"{hook} yielded two {kind.kind}s named {component.name!r}")
+        raise InvalidPlugin(f"{hook} yielded two {plural(kind.kind)} named {component.name!r}")
     components[hook, component.name] = component
 
 
@@ -144,15 +145,21 @@ def _add_commands(implementation: pluggy.HookImpl, commands: Any) -> None:
     implementation.function(*(commands for _ in implementation.argnames))
 
 
-def _fault_in(component: Component | Constellation) -> str:
+def _fault_in(component: Offered) -> str:
     name: Any = component.name
     summary: Any = component.summary
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         return f"named {one_line(repr(name))}; {_NAME_RULE}"
     if not isinstance(summary, str) or not summary.strip() or len(summary.splitlines()) > 1:
         return f"named {name!r} with a summary that is not one line of text"
-    fault = _fault_in_fleet(component) if isinstance(component, Constellation) else _fault_in_parts(component)
+    fault = _fault_of_kind(component)
     return f"named {name!r} {fault}" if fault else ""
+
+
+def _fault_of_kind(component: Offered) -> str:
+    if isinstance(component, TargetClass):
+        return component.fault()
+    return _fault_in_fleet(component) if isinstance(component, Constellation) else _fault_in_parts(component)
 
 
 def _fault_in_parts(component: Component) -> str:

@@ -6,7 +6,7 @@ from pathlib import PurePath
 from attrs import frozen
 
 from opir_core.errors import nearest, nearest_names, with_article
-from opir_core.plugin.components import CATALOGUE, PluginFailure, Provenance
+from opir_core.plugin.components import CATALOGUE, PluginFailure, Provenance, plural
 from opir_core.plugin.discovery import COMMAND_HOOK, CORE_PLUGINS, Offer, Selection
 
 _LONGEST_WORDS = 300
@@ -70,7 +70,7 @@ def missing(search: Search, claims: Claims, failures: Iterable[PluginFailure], s
         f"{search.prefix}no {kind} is named {name!r}",
         *([f"nearest: {_listed({offered: installed[offered] for offered in close})}"] if close else []),
         *installable(search),
-        f"{kind}s installed: {_listed(installed) or 'none'}",
+        f"{plural(kind)} installed: {_listed(installed) or 'none'}",
         *_of_other_kinds(search, claims),
         *(f"failed: {failure}" for failure in sorted(failures)),
         *_left_out(search, selection),

@@ -20,6 +20,7 @@ import pluggy
 
 if TYPE_CHECKING:
     from opir_core.plugin import components as c
+    from opir_core.scene.target_classes import TargetClass
 
 PROJECT = "opir"
 
@@ -66,6 +67,10 @@ class CatalogueHooks:
     @hookspec
     def opir_target_models(self) -> Iterable[c.TargetModel]:  # type: ignore[empty-body]
         """Yield target models: launches to trajectories and plumes. Chosen with `model: NAME` in a target's block."""
+
+    @hookspec
+    def opir_target_classes(self) -> Iterable[TargetClass]:  # type: ignore[empty-body]
+        """Yield target classes: boost profiles, what follows burnout, plumes. Chosen with `type: NAME` in a target."""
 
     @hookspec
     def opir_signature_models(self) -> Iterable[c.SignatureModel]:  # type: ignore[empty-body]

@@ -13,7 +13,7 @@ from typing import Any, Self, TypeVar, overload
 
 from opir_core.errors import PluginError
 from opir_core.plugin import error_messages
-from opir_core.plugin.components import CATALOGUE, Component, Constellation, PluginFailure, Provenance
+from opir_core.plugin.components import CATALOGUE, Offered, PluginFailure, Provenance
 from opir_core.plugin.contributions import Contributions
 from opir_core.plugin.discovery import Selection, Source, core_sources, installed_sources, selected
 from opir_core.plugin.error_messages import Search
@@ -22,9 +22,9 @@ from opir_core.plugin.registry import PluginRow, Registry, outcome_of, warn
 #: The environment variable that lists the plugins allowed.
 ALLOW_VARIABLE = "OPIR_PLUGINS"
 
-Kind = TypeVar("Kind", bound=Component | Constellation)
+Kind = TypeVar("Kind", bound=Offered)
 #: A catalogue hook, by its name or by the class of what it yields.
-Hook = str | type[Component] | type[Constellation]
+Hook = str | type[Offered]
 
 
 class Host:

@@ -30,8 +30,8 @@ class PlumeConfig:
 
     profile: str | None = text(
         default=None,
-        help="class of plume: SRBM, MRBM, IRBM, ICBM_solid or ICBM_liquid; by default the class profile that the target"
-        " flies, or the first of its type",
+        help="class of plume, by profile: SRBM, MRBM, IRBM, SLBM, ICBM_solid or ICBM_liquid; by default that of the"
+        " profile that the target flies, or of the first of its class",
         source="no default: the target's",
     )
     scale: float = number(
@@ -90,12 +90,14 @@ class PlumeConfig:
     tail_on: float = number(
         default=0.3, minimum=0.0, maximum=1.0, help="intensity seen from straight behind over that seen broadside"
     )
-    body_temperature_k: float = number(
-        default=300.0,
+    body_temperature_k: float | None = number(
+        default=None,
         unit="K",
         minimum=100.0,
         maximum=6000.0,
-        help="temperature of the body after burnout, for sensors that follow bodies",
+        help="temperature of the body after burnout, for sensors that follow bodies; by default the class's, 300 K for"
+        " ballistic flight",
+        source=_TABLE,
     )
     body_area_m2: float = number(
         default=4.0,

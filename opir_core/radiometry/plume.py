@@ -17,11 +17,11 @@ from attrs import frozen
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
-from opir_core.flight.boost import PROFILES_BY_TYPE
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import SignatureContext, Signatures
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.planck import band_radiance
+from opir_core.scene.target_classes import Plume, core_plumes, core_target_class
 
 _TABLE = Path(__file__).parents[1] / "data" / "plumes.json"
 
@@ -122,18 +122,16 @@ class PlumeSignatures:
 
 def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) -> Signatures:
     """Return the plumes of all targets of the model; `ModelError` for a target with an unknown class of plume."""
-    classes = [_class_name(config, context, row) for row, config in enumerate(configs)]
+    plumes = [_default_plume(config, context, row) for row, config in enumerate(configs)]
     shapes = list(dict.fromkeys((config.altitude_km, config.altitude_scale) for config in configs))
     peaks = [
-        _peaks(config, name, context, row) for row, (config, name) in enumerate(zip(configs, classes, strict=True))
+        _peaks(config, plume, context, row) for row, (config, plume) in enumerate(zip(configs, plumes, strict=True))
     ]
     return PlumeSignatures(
         peak_w_sr=np.array(peaks, dtype=np.float64).reshape(-1, len(context.bands)).T.copy(),
-        body_w_sr=_bodies(configs, context),
+        body_w_sr=_bodies(configs, plumes, context),
         burn_time_s=np.asarray(context.burn_time_s, dtype=np.float64),
-        stages=np.array(
-            [config.stages or plume_table()["stages"][name] for config, name in zip(configs, classes, strict=True)]
-        ),
+        stages=np.array([config.stages or plume.stages for config, plume in zip(configs, plumes, strict=True)]),
         stage_scale=np.array([_padded(config.stage_scale) for config in configs]),
         rise_time_s=_column(configs, "rise_time_s"),
         nose_on=_column(configs, "nose_on"),
@@ -172,9 +170,9 @@ def plume_intensity_w_sr(peaks: Mapping[str, float], band: Band, continuum_k: fl
     return max(total, 0.0)
 
 
-def _peaks(config: PlumeConfig, name: str, context: SignatureContext, row: int) -> list[float]:
+def _peaks(config: PlumeConfig, plume: Plume, context: SignatureContext, row: int) -> list[float]:
     """Return the peak of one target in each band."""
-    peaks = {**plume_table()["peak_w_sr"][name], **config.peak_w_sr}
+    peaks = {**plume.peak_w_sr, **config.peak_w_sr}
     temperatures = (config.continuum_temperature_k, config.gas_temperature_k)
     try:
         return [config.scale * plume_intensity_w_sr(peaks, band, *temperatures) for band in context.bands]
@@ -182,24 +180,26 @@ def _peaks(config: PlumeConfig, name: str, context: SignatureContext, row: int) 
         raise ModelError(f"{context.paths[row]}: {error}") from error
 
 
-def _bodies(configs: Sequence[PlumeConfig], context: SignatureContext) -> FloatArray:
+def _bodies(configs: Sequence[PlumeConfig], plumes: Sequence[Plume], context: SignatureContext) -> FloatArray:
     """Return the intensities (bands, n) of grey bodies: emissivity · projected area · in-band radiance."""
     shown_m2 = _column(configs, "body_emissivity") * _column(configs, "body_area_m2")
-    temperature_k = _column(configs, "body_temperature_k")
+    own_k = [config.body_temperature_k for config in configs]
+    usual_k = [plume.body_temperature_k for plume in plumes]
+    temperature_k = np.array([usual if own is None else own for own, usual in zip(own_k, usual_k, strict=True)])
     radiance = [band_radiance(temperature_k, band.lower_um, band.upper_um) for band in context.bands]
     whole = np.maximum(np.array(radiance, dtype=np.float64), 0.0).reshape(len(context.bands), -1)
     bodies: FloatArray = shown_m2 * whole
     return bodies
 
 
-def _class_name(config: PlumeConfig, context: SignatureContext, row: int) -> str:
-    table = plume_table()["peak_w_sr"]
+def _default_plume(config: PlumeConfig, context: SignatureContext, row: int) -> Plume:
+    """Return the plume that a target has where its configuration gives no value."""
+    known = core_plumes()
     if config.profile is not None:
-        if config.profile in table:
-            return config.profile
-        raise ModelError(f"{context.paths[row]}.profile: {config.profile!r} is not one of {', '.join(table)}")
-    flown = context.profiles[row]
-    return flown if flown in table else PROFILES_BY_TYPE[context.types[row]][0]
+        if config.profile in known:
+            return known[config.profile]
+        raise ModelError(f"{context.paths[row]}.profile: {config.profile!r} is not one of {', '.join(known)}")
+    return context.plumes[row] if context.plumes else core_target_class(context.types[row]).plume(context.profiles[row])
 
 
 def _radiance(temperature_k: float, edges_um: Sequence[float]) -> float:

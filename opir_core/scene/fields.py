@@ -22,6 +22,9 @@ class FieldInfo:
     A field that may be none can be an alternative to an earlier one, for example in another unit: it is `instead_of`
     that field, and replaces it unless it is none. A scene's block, or Python, sets one of the two, not both; that takes
     precedence over presets, constellations and classes.
+
+    `names_of` is a catalogue hook: the field's text, or the keys of its mapping, are names of components of that hook.
+    With `names_depth` 1 they are the keys of the mappings in the mapping. The scene reader checks them.
     """
 
     help: str
@@ -33,6 +36,8 @@ class FieldInfo:
     below: float | None = None
     choices: tuple[str, ...] = ()
     instead_of: str = ""
+    names_of: str = ""
+    names_depth: int = 0
 
     @property
     def interval(self) -> str:
@@ -86,10 +91,11 @@ def text(
     help: str,  # noqa: A002
     default: Any = NOTHING,
     choices: tuple[str, ...] = (),
+    names_of: str = "",
     source: str = "notional",
 ) -> Any:
-    """Return an attrs field for a string, one of `choices` if given."""
-    info = FieldInfo(help, source=source, choices=choices)
+    """Return an attrs field for a string, one of `choices` or a name of a component of the hook `names_of` if given."""
+    info = FieldInfo(help, source=source, choices=choices, names_of=names_of)
     return field(default=default, validator=_validate_text, metadata={METADATA_KEY: info}, kw_only=True)
 
 
@@ -107,13 +113,15 @@ def nested(
     minimum: float | None = None,
     maximum: float | None = None,
     check: Callable[[Any], str | None] | None = None,
+    names_of: str = "",
+    names_depth: int = 0,
 ) -> Any:
     """Return an attrs field for another configuration class, a tuple or a mapping.
 
     `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns the error of the whole value, or
-    None.
+    None; `names_of` and `names_depth` as in `FieldInfo`.
     """
-    info = FieldInfo(help, unit, source, minimum, maximum)
+    info = FieldInfo(help, unit, source, minimum, maximum, names_of=names_of, names_depth=names_depth)
     validators = [_validate_numbers_inside, *([_from_check(check)] if check else [])]
     return field(default=default, validator=validators, metadata={METADATA_KEY: info}, kw_only=True)
 

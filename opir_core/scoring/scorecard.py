@@ -7,7 +7,9 @@ import numpy as np
 from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.planning.plan import Plan
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.scene.target_classes import TargetClass
 from opir_core.scoring.consistency import (
     Innovations,
     consistency,
@@ -76,7 +78,8 @@ class ScoredRun:
     launches: int
     coverage: Coverage
     gospa_parts: FloatArray
-    confusion: FloatArray
+    confusion: Mapping[str, IntArray]
+    right_types: Mapping[str, str]
     detections: int
     track_updates: int
     tracking_s: float
@@ -107,13 +110,6 @@ def scorecard_of(runs: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecar
 def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
     """Return the scored data of a run."""
     owners = ownership(evidence)
-    # Counts (true types, reported types) of the last reported type of each launch.
-    count = np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES)))
-    tracks = evidence.tracks.take(last_rows(evidence, owners))
-    target = owners.target[np.searchsorted(owners.track, tracks.track)]
-    known = np.isfinite(tracks.type_probability).all(axis=1)
-    likeliest = tracks.type_probability[known].argmax(axis=1)
-    np.add.at(count, (evidence.plan.targets.type_code[target[known]], likeliest), 1)
     return ScoredRun(
         seed=evidence.plan.scene.seed,
         is_biased=evidence.plan.bias is not None,
@@ -124,11 +120,31 @@ def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
         launches=len(evidence.plan.scene.targets),
         coverage=coverage(evidence, owners),
         gospa_parts=gospa_parts(evidence, owners, settings),
-        confusion=count,
+        confusion=_types(evidence, owners),
+        right_types=_right_types(evidence.plan),
         detections=len(evidence.time_s),
         track_updates=len(evidence.tracks),
         tracking_s=evidence.tracking_s,
     )
+
+
+def _right_types(plan: Plan) -> Mapping[str, str]:
+    """Return the right type to report for each class that a plan launches."""
+    launched = plan.targets.class_names[: len(plan.scene.targets)]
+    return {name: plan.host.component(TargetClass, name).reported_type for name in dict.fromkeys(launched)}
+
+
+def _types(evidence: RunEvidence, owners: Ownership) -> Mapping[str, IntArray]:
+    """Return, by target class, counts (reported types,) of the last reported type of each launch."""
+    tracks = evidence.tracks.take(last_rows(evidence, owners))
+    target = owners.target[np.searchsorted(owners.track, tracks.track)]
+    known = np.isfinite(tracks.type_probability).all(axis=1)
+    likeliest = tracks.type_probability[known].argmax(axis=1)
+    counts: dict[str, IntArray] = {}
+    for row, reported in zip(target[known].tolist(), likeliest.tolist(), strict=True):
+        name = evidence.plan.targets.class_names[row]
+        counts.setdefault(name, np.zeros(len(REPORTED_TYPES), dtype=np.int64))[reported] += 1
+    return counts
 
 
 def _counts(runs: Sequence[ScoredRun]) -> dict[str, Any]:
@@ -248,11 +264,17 @@ def _gospa(runs: Sequence[ScoredRun], settings: ScoreSettings) -> dict[str, Any]
 
 def _reported_types(runs: Sequence[ScoredRun]) -> dict[str, Any]:
     """Return the share of types reported correctly, and the confusion matrix."""
-    count = sum((each.confusion for each in runs), np.zeros((len(TARGET_TYPES), len(REPORTED_TYPES))))
-    right = sum(int(count[row, REPORTED_TYPES.index(true)]) for row, true in enumerate(TARGET_TYPES))
-    confusion = {
-        true: {reported: int(count[row, column]) for column, reported in enumerate(REPORTED_TYPES)}
-        for row, true in enumerate(TARGET_TYPES)
-        if count[row].any()
-    }
-    return {"type_right": share(*proportion(right, int(count.sum()))), "type_confusion": confusion}
+    found = {name for each in runs for name in each.confusion}
+    none = np.zeros(len(REPORTED_TYPES), dtype=np.int64)
+    count = {name: sum((each.confusion.get(name, none) for each in runs), none) for name in by_class(found)}
+    right_types = {name: right for each in runs for name, right in each.right_types.items()}
+    right = sum(int(row[REPORTED_TYPES.index(right_types[name])]) for name, row in count.items())
+    confusion = {name: dict(zip(REPORTED_TYPES, row.tolist(), strict=True)) for name, row in count.items()}
+    total = sum(int(row.sum()) for row in count.values())
+    return {"type_right": share(*proportion(right, total)), "type_confusion": confusion}
+
+
+def by_class(names: Iterable[str]) -> list[str]:
+    """Return names of target classes, each once: the missile types first, then the others by name."""
+    order = {name: place for place, name in enumerate(TARGET_TYPES)}
+    return sorted(set(names), key=lambda name: (order.get(name, len(order)), name))

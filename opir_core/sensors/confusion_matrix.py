@@ -1,9 +1,9 @@
-"""Confusion matrices: by true target type, the probabilities of each reported type."""
+"""Confusion matrices: by true target class, the probabilities of each reported type."""
 
 import math
 from collections.abc import Mapping
 
-from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES
+from opir_core.scene.scene import REPORTED_TYPES
 
 Confusion = Mapping[str, Mapping[str, float]]
 
@@ -14,8 +14,8 @@ ROW_SUM_TOLERANCE = 1e-9
 def confusion_complaint(matrix: Confusion) -> str | None:
     """Return the error in a confusion matrix, or None.
 
-    Rows are true types and may be omitted; columns are reported types, 0 where omitted. A row holds probabilities and
-    sums to 1 within 1e-9.
+    Rows are target classes and may be omitted; columns are reported types, 0 where omitted. A row holds
+    probabilities and sums to 1 within 1e-9.
     """
     if not isinstance(matrix, Mapping):
         return f"{matrix!r} is not a mapping of true types to reported types"
@@ -24,8 +24,6 @@ def confusion_complaint(matrix: Confusion) -> str | None:
 
 
 def _row_complaint(true_type: str, row: Mapping[str, float]) -> str | None:
-    if true_type not in TARGET_TYPES:
-        return f"{true_type!r} is not a target type; these are {', '.join(TARGET_TYPES)}"
     if not isinstance(row, Mapping):
         return f"{true_type}: {row!r} is not a mapping of reported types to probabilities"
     strangers = [name for name in row if name not in REPORTED_TYPES]

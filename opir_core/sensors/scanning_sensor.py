@@ -7,7 +7,8 @@ from attrs import Factory, frozen
 
 from opir_core.orbits.configs import OrbitConfig
 from opir_core.scene.fields import flag, nested, number, text
-from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
+from opir_core.scene.scene import MAXIMUM_BANDS
+from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
 from opir_core.sensors.radiometer import RadiometerConfig, strange_band_complaint
 
@@ -38,8 +39,6 @@ def _probabilities_complaint(probabilities: Any) -> str | None:
     if not isinstance(probabilities, Mapping):
         return f"{probabilities!r} is not a mapping of target types to probabilities"
     for name, probability in probabilities.items():
-        if name not in TARGET_TYPES:
-            return f"{name!r} is not a target type; these are {', '.join(TARGET_TYPES)}"
         if not is_probability(probability):
             return f"{name}: {probability!r} is not a probability in [0, 1]"
     return None
@@ -51,7 +50,7 @@ class ScanningSensorConfig(RadiometerConfig):
 
     A sensor model inherits this class, gives its own defaults with `with_defaults`, and needs at least those of
     `bands`, `scan_period_ms` and `detection_probability`. A mapping of detection probabilities or a confusion matrix
-    that names some target types leaves the model's defaults for the others.
+    that names some target classes leaves the model's defaults for the others.
     """
 
     orbital_slot_deg: float | None = number(
@@ -93,7 +92,9 @@ class ScanningSensorConfig(RadiometerConfig):
         minimum=0.0,
         maximum=1.0,
         check=_probabilities_complaint,
-        help="probability of detection per look by target type, for detection: constant",
+        names_of=TargetClass.hook,
+        help="probability of detection per look by target class, for detection: constant; a class without one has that"
+        " of the type it resembles",
     )
     field_of_regard_half_angle_deg: float = number(
         default=10.0,
@@ -148,8 +149,9 @@ class ScanningSensorConfig(RadiometerConfig):
     confusion: Mapping[str, Mapping[str, float]] = nested(
         default=Factory(dict),
         check=confusion_complaint,
-        help="by true target type the probabilities of each reported type, UNKNOWN among them, for"
-        " classification: paper",
+        names_of=TargetClass.hook,
+        help="by true target class the probabilities of each reported type, UNKNOWN among them, for"
+        " classification: paper; a class without a row has that of the type it resembles",
     )
 
     def __attrs_post_init__(self) -> None:

@@ -12,7 +12,7 @@ from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks, Window
 from opir_core.planning.sightlines import Pairs
 from opir_core.planning.targets import Targets
-from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
+from opir_core.scene.scene import REPORTED_TYPES
 
 
 class Tally:
@@ -113,7 +113,7 @@ class Tally:
         reported = REPORTED_TYPES[int(self._reported[row].argmax())]
         return {
             "target_id": targets.ids[row],
-            "target_type": EMITTER_TYPES[targets.type_code[row]],
+            "target_type": targets.class_names[row],
             "ignition_s": float(targets.ignition_s[row]),
             "burnout_s": float(targets.burnout_s[row]),
             "detections": int(detections.sum()),

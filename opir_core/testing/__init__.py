@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     )
     from opir_core.testing.contracts.scenes import SceneContract
     from opir_core.testing.contracts.sensors import ConstellationContract, SensorContract
+    from opir_core.testing.contracts.target_classes import TargetClassContract
     from opir_core.testing.contracts.targets import TargetContract
     from opir_core.testing.contracts.trackers import TrackerContract
     from opir_core.testing.doubles import (
@@ -44,6 +45,7 @@ _HOMES = {
     "contracts.radiometry": "AtmosphereContract BackgroundContract SignatureContract SourceContract",
     "contracts.scenes": "SceneContract",
     "contracts.sensors": "ConstellationContract SensorContract",
+    "contracts.target_classes": "TargetClassContract",
     "contracts.targets": "TargetContract",
     "contracts.trackers": "TrackerContract",
     "doubles": (
@@ -71,6 +73,7 @@ __all__ = [
     "SilentTracker",
     "SinkContract",
     "SourceContract",
+    "TargetClassContract",
     "TargetContract",
     "TrackerContract",
     "UnknownClassifier",

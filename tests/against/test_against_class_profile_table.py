@@ -47,7 +47,7 @@ def table_rows(name):
     return {key: np.array([float(row[key]) for row in rows]) for key in rows[0] if key != "class"}
 
 
-@pytest.mark.parametrize("name", sorted(PROFILES))
+@pytest.mark.parametrize("name", sorted(FLIGHTS))
 def test_courses_are_those_of_the_table(name):
     table, path = table_rows(name), path_over_a_sphere(PROFILES[name])
     times = table["t_s"]
@@ -62,7 +62,7 @@ def test_courses_are_those_of_the_table(name):
     np.testing.assert_allclose(angle, table["flight_path_angle_deg"][1:], atol=1e-4)
 
 
-@pytest.mark.parametrize("name", sorted(PROFILES))
+@pytest.mark.parametrize("name", sorted(FLIGHTS))
 def test_free_flights_have_the_range_apogee_and_time_of_the_table(name):
     """The arc from burnout on the table's sphere: apogee by closed form, return to the ground by bisection."""
     range_km, apogee_km, time_s = FLIGHTS[name]

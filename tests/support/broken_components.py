@@ -201,7 +201,7 @@ def detection_mutant(name: str, caught_by: str) -> Callable[[type[Changed]], Any
     def offered(made: type[Changed]) -> Any:
         def build(config: Any, context: Any) -> Any:
             like = always_detection(config, context)
-            return made(like.probability_table, like.type_code, like.band_count, 1.0, needs_geometry=True)
+            return made(like.probability_table, like.class_number, like.band_count, 1.0, needs_geometry=True)
 
         mutant(DetectionModel, name, caught_by)(build)
         return made
@@ -518,7 +518,7 @@ class ThreeStates(ConfusionClassifier):
 def classifier_build(made: type[ConfusionClassifier]) -> Callable[..., Any]:
     def build(config: Any, context: Any) -> Any:
         like: Any = confusion_classifier(config, context)
-        return made(like.thresholds, like.type_code)
+        return made(like.thresholds, like.class_number)
 
     return build
 

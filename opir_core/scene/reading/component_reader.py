@@ -7,8 +7,10 @@ from typing import Any
 from attrs import Factory, frozen
 
 from opir_core.errors import PluginError
+from opir_core.errors import nearest as nearest_words
+from opir_core.plugin.components import CATALOGUE
 from opir_core.plugin.host import Host
-from opir_core.scene.fields import Alternatives, alternatives, error_of_both
+from opir_core.scene.fields import Alternatives, alternatives, error_of_both, field_infos
 from opir_core.scene.reading.nodes import (
     Complaint,
     ErrorCollector,
@@ -57,6 +59,7 @@ class ComponentReader:
     def __init__(self, host: Host) -> None:
         self._host = host
         self._found: dict[tuple[str, str], Any] = {}
+        self._names: dict[str, list[str]] = {}
         self.failures: list[PluginError] = []
 
     def component(self, hook: str, name: str, path: str) -> Any:
@@ -71,6 +74,12 @@ class ComponentReader:
         if component is None:
             raise InvalidNode
         return component
+
+    def names(self, hook: str) -> list[str]:
+        """Return the names offered under a hook, sorted."""
+        if hook not in self._names:
+            self._names[hook] = self._host.names(hook)
+        return self._names[hook]
 
     def named(self, hook: str, node: Node, path: str) -> Choice:
         """Return the choice of a node: a component's name, or a block of `model` and settings."""
@@ -110,11 +119,31 @@ class ComponentReader:
         beside = [key for key in settings.other_keys if key != "preset" or component.presets]
         block = _laid_over(pairs, block_of(supplied), written)
         try:
-            return _made(reader, block, settings.block, beside, partial(self._home, component, settings))
+            made = _made(reader, block, settings.block, beside, partial(self._home, component, settings))
+            self._require_names(component.config, block, path)
+            return made
         except InvalidNode as refused:
             theirs = {key_step(key): giver for key, giver in givers.items() if key not in written}
             complaints = [*complaints_inside(supplied), *refused.complaints]
             raise InvalidNode(self._own_complaints(complaints, theirs, component, path)) from refused
+
+    def _require_names(self, config_class: type, block: Mapping[str, Node], path: str) -> None:
+        """Raise the errors of fields that hold names of components, where no plugin offers one."""
+        collector = ErrorCollector()
+        for key, info in field_infos(config_class).items():
+            if info.names_of and key in block:
+                for steps, name, node in _names_in(block[key], (key_step(key),), info.names_depth):
+                    with collector.at(*steps):
+                        self._require_name(info.names_of, name, node, path, steps)
+        collector.require_whole()
+
+    def _require_name(self, hook: str, name: str, node: Node, path: str, steps: Sequence[str]) -> None:
+        known = self.names(hook)
+        if name not in known:
+            kind = CATALOGUE[hook].kind
+            message = f"no {kind} is named {shown_text(name)}{nearest_words(name, known)}; there are {', '.join(known)}"
+            raise node.refused(message, at_key=len(steps) > 1)
+        self.component(hook, name, f"{path}{''.join(steps)}")
 
     def home_elsewhere(self, key: str, is_near: bool) -> str:
         """Return where in a scene a key belongs; not looked up if a known key is similar."""
@@ -157,6 +186,18 @@ def component_name(node: Node) -> str:
     if not name:
         raise node.refused("a component's name is needed")
     return name
+
+
+def _names_in(node: Node, steps: tuple[str, ...], depth: int) -> Iterator[tuple[tuple[str, ...], str, Node]]:
+    """Yield the names of components that a node holds: its text, or its keys, or those `depth` mappings below."""
+    if isinstance(node.value, str):
+        yield steps, node.value, node
+    for key, child in node.value.items() if isinstance(node.value, dict) else ():
+        inside = (*steps, key_step(key))
+        if depth:
+            yield from _names_in(child, inside, depth - 1)
+        else:
+            yield inside, key, child
 
 
 def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_keys: Sequence[str], home: Home) -> Any:

@@ -6,7 +6,7 @@ from functools import cache
 from attrs import fields, frozen
 
 from opir_core.errors import PluginError
-from opir_core.plugin.components import CATALOGUE, Component, Constellation
+from opir_core.plugin.components import CATALOGUE, Component
 from opir_core.plugin.host import Host
 from opir_core.scene.field_rows import field_rows
 from opir_core.scene.reading.scene_schema import CHOICES, SceneFile
@@ -86,7 +86,7 @@ def _usable(host: Host, hook: str) -> Iterator[Component]:
             component = host.component(hook, name)
         except PluginError:
             continue
-        if not isinstance(component, Constellation):
+        if isinstance(component, Component):
             yield component
 
 

@@ -77,7 +77,7 @@ class TargetContract(SceneContract):
 
     def test_types_and_times_are_valid(self) -> None:
         """Each target has a known type, and a burnout after its ignition."""
-        made, rows = self.targets(), len(self.launches)
+        made, rows = self.targets(), len(self.blocks())
         require(
             made.type_code.shape == made.ignition_s.shape == made.burnout_s.shape == (rows,),
             f"{rows} targets have {made.type_code.shape} types and {made.ignition_s.shape} ignitions",
@@ -92,7 +92,7 @@ class TargetContract(SceneContract):
     def test_positions_are_finite_during_the_burn_only(self) -> None:
         """Positions are finite from ignition to burnout inclusive, and nan before and after."""
         made = self.targets()
-        for row in range(len(self.launches)):
+        for row in range(len(self.blocks())):
             start, end = float(made.ignition_s[row]), float(made.burnout_s[row])
             inside = made.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
             outside = made.position_ecef_m(*_at(row, np.array([start - 1.0, end + 1.0])))
@@ -107,7 +107,7 @@ class TargetContract(SceneContract):
         alone, followed = self.targets(), self.made(self.blocks(), free_flight=True)
         if not isinstance(followed, FreeFlight):
             return
-        for row in range(len(self.launches)):
+        for row in range(len(self.blocks())):
             start, burnout, end = (float(v[row]) for v in (alone.ignition_s, alone.burnout_s, followed.end_s))
             flight = followed.position_ecef_m(*_at(row, np.linspace(start, end, 101)))
             after = followed.position_ecef_m(*_at(row, np.array([end + 1.0])))
@@ -126,7 +126,7 @@ class TargetContract(SceneContract):
     def test_paths_are_above_the_ground_and_smooth(self) -> None:
         """Positions are above the ground and continuous, with bounded speed and acceleration."""
         made = self.targets()
-        for row in range(len(self.launches)):
+        for row in range(len(self.blocks())):
             time_s = np.arange(float(made.ignition_s[row]), float(made.burnout_s[row]), 0.5)
             place_m = made.position_ecef_m(*_at(row, time_s))
             velocity = np.diff(place_m, axis=0) / 0.5
@@ -141,7 +141,7 @@ class TargetContract(SceneContract):
 
     def test_positions_are_independent(self) -> None:
         """The position of a target at a time does not depend on the other rows of the call."""
-        made, count = self.targets(), len(self.launches)
+        made, count = self.targets(), len(self.blocks())
         target = np.tile(np.arange(count, dtype=np.int32), 41)
         share = np.repeat(np.linspace(0.0, 1.0, 41), count)
         time_s = made.ignition_s[target] + share * (made.burnout_s - made.ignition_s)[target]
@@ -170,7 +170,7 @@ class TargetContract(SceneContract):
             raise ConformanceError(
                 f"the truth is not plain values: {error}", "Return numbers, text and lists; no nan."
             ) from error
-        require(len(truth) == len(self.launches), f"the truth has {len(truth)} rows", "Return one mapping a target.")
+        require(len(truth) == len(self.blocks()), f"the truth has {len(truth)} rows", "Return one mapping a target.")
 
     def test_times_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the times: computations are on arrays."""

@@ -172,7 +172,7 @@ def test_all_targets_out_of_reach_are_told_at_once_with_the_distance_and_the_ran
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"type": "MRBM"}, "not one of ICBM, IRBM, SRBM"),
+        ({"type": 7}, "not text"),
         ({"burn_time_s": 0.0}, r"outside \[10, 1000\] s"),
         ({"profile": 7}, "not text"),
     ],

@@ -88,14 +88,16 @@ def test_the_flight_path_angle_follows_the_minimum_energy_rule():
 def test_launches_at_poles_and_on_the_antimeridian(latitude, longitude):
     bearing = np.linspace(0.0, 2 * np.pi, len(PROFILES), endpoint=False)
     range_m = np.array([profile.reference_range_m for profile in PROFILES])
-    assert_hits(*flights(np.full(5, latitude), longitude, bearing, range_m, PROFILES))
+    assert_hits(*flights(np.full(len(PROFILES), latitude), longitude, bearing, range_m, PROFILES))
 
 
 @pytest.mark.parametrize("latitude", [POLE, -POLE])
 def test_aim_points_at_the_poles(latitude):
-    there = Geodetic(np.full(5, latitude), 2.0, 0.0)
+    there = Geodetic(np.full(len(PROFILES), latitude), 2.0, 0.0)
     away = np.array([0.5 * (p.minimum_range_m + p.maximum_range_m) for p in PROFILES]) / 6.371e6
-    flight = aim(Geodetic(latitude - np.sign(latitude) * away, np.linspace(-3, 3, 5), 0.0), there, 0.0, PROFILES)
+    flight = aim(
+        Geodetic(latitude - np.sign(latitude) * away, np.linspace(-3, 3, len(PROFILES)), 0.0), there, 0.0, PROFILES
+    )
     assert_hits(flight, there)
 
 
@@ -105,7 +107,7 @@ def test_the_whole_range_of_every_class_in_every_direction(share, bearing):
     range_m = np.array([p.minimum_range_m + share * (p.maximum_range_m - p.minimum_range_m) for p in PROFILES])
     range_m = np.clip(range_m, [p.minimum_range_m + 100 for p in PROFILES], [p.maximum_range_m - 100 for p in PROFILES])
     for latitude in (-1.0, 0.0, 0.7):
-        assert_hits(*flights(np.full(5, latitude), 3.1, bearing, range_m, PROFILES))
+        assert_hits(*flights(np.full(len(PROFILES), latitude), 3.1, bearing, range_m, PROFILES))
 
 
 def test_heights_of_launch_and_aim_point_count():
@@ -118,9 +120,9 @@ def test_heights_of_launch_and_aim_point_count():
 def test_other_burn_times_hit_too(burn_time_s):
     profiles = [profile.with_burn_time(burn_time_s) for profile in PROFILES]
     range_m = np.array([profile.reference_range_m for profile in profiles])
-    flight, there = flights(np.full(5, 0.4), 1.0, 2.0, range_m, profiles, ignition_s=5.0)
+    flight, there = flights(np.full(len(PROFILES), 0.4), 1.0, 2.0, range_m, profiles, ignition_s=5.0)
     assert_hits(flight, there)
-    assert flight.burnout_s.tolist() == [5.0 + burn_time_s] * 5
+    assert flight.burnout_s.tolist() == [5.0 + burn_time_s] * len(PROFILES)
 
 
 def test_turning_the_earth_under_a_scene_changes_nothing():

@@ -26,14 +26,14 @@ def a_path(latitude_rad=0.6, longitude_rad=-2.1, height_m=0.0, ignition_s=0.0, a
 
 def test_flight_starts_at_rest_at_the_launch_point():
     path = a_path(height_m=1234.0, ignition_s=17.0)
-    position, velocity = path.state(EVERYONE, np.full(5, 17.0))
-    assert position.tobytes() == np.tile(geodetic_to_ecef(0.6, -2.1, 1234.0), (5, 1)).tobytes()
+    position, velocity = path.state(EVERYONE, np.full(len(PROFILES), 17.0))
+    assert position.tobytes() == np.tile(geodetic_to_ecef(0.6, -2.1, 1234.0), (len(PROFILES), 1)).tobytes()
     assert not velocity.any()
 
 
 def test_flight_rises_straight_up_before_pitch_over():
     path = a_path()
-    position, velocity = path.state(EVERYONE, np.array([5.9, 7.9, 7.9, 7.9, 11.9]))
+    position, velocity = path.state(EVERYONE, np.array([profile.pitch_start_s - 0.1 for profile in PROFILES]))
     east, north, up = east_north_up_axes(0.6, -2.1)
     for offset in (position - geodetic_to_ecef(0.6, -2.1, 0.0), velocity):
         assert (offset @ up > 10.0).all()
@@ -77,7 +77,7 @@ def test_the_circle_of_the_launch_plane_osculates_the_ellipsoid(latitude_rad, az
 def test_height_of_the_path_is_height_above_the_ellipsoid_near_the_launch():
     """Over the first 10 km downrange sphere and ellipsoid part by less than 5 m."""
     path = a_path(height_m=500.0)
-    times = np.array([30.0, 30.0, 30.0, 30.0, 60.0])
+    times = np.array([60.0 if profile.name == "ICBM_liquid" else 30.0 for profile in PROFILES])
     position, _ = path.state(EVERYONE, times)
     rise = np.linalg.norm(position - (path.plane.launch_m - path.plane.radius_m[:, None] * path.plane.up), axis=1)
     np.testing.assert_allclose(ecef_to_geodetic(position).height_m, 500.0 + rise - path.plane.radius_m, atol=5.0)
@@ -104,7 +104,12 @@ def test_velocity_is_the_derivative_of_position(span):
 
 def test_outside_the_burn_there_is_no_state():
     path = a_path(ignition_s=100.0)
-    for times in (np.full(5, 99.999), path.burnout_s + 1e-6, np.full(5, np.nan), np.full(5, np.inf)):
+    for times in (
+        np.full(len(PROFILES), 99.999),
+        path.burnout_s + 1e-6,
+        np.full(len(PROFILES), np.nan),
+        np.full(len(PROFILES), np.inf),
+    ):
         position, velocity = path.state(EVERYONE, times)
         assert np.isnan(position).all()
         assert np.isnan(velocity).all()
@@ -112,7 +117,7 @@ def test_outside_the_burn_there_is_no_state():
 
 
 def test_a_target_flies_as_if_alone():
-    together = a_path(azimuth_rad=np.arange(5.0))
+    together = a_path(azimuth_rad=np.arange(float(len(PROFILES))))
     times = np.linspace(0.0, 65.0, 301)
     for row, profile in enumerate(PROFILES):
         alone = a_path(azimuth_rad=float(row), profiles=(profile,))

@@ -4,13 +4,20 @@ import math
 
 import pytest
 
-from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile, boost_profiles, profile_for_type
+from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile, boost_profiles
 from opir_core.scene.scene import TARGET_TYPES
+from opir_core.scene.target_classes import Ballistic, core_target_class, core_target_classes
 
 
 def test_every_target_type_has_profiles_that_exist():
     assert set(PROFILES_BY_TYPE) == set(TARGET_TYPES)
-    assert {name for names in PROFILES_BY_TYPE.values() for name in names} == set(boost_profiles())
+    for kind, names in PROFILES_BY_TYPE.items():
+        assert names == tuple(profile.name for profile in core_target_class(kind).profiles)
+
+
+def test_the_boost_profiles_are_those_of_the_classes_that_fly_ballistic():
+    flown = [kind for kind in core_target_classes().values() if isinstance(kind.after_burnout, Ballistic)]
+    assert {profile.name for kind in flown for profile in kind.profiles} == set(boost_profiles())
 
 
 def test_a_profile_holds_its_row_of_the_table():
@@ -30,7 +37,7 @@ def test_reference_ranges_lie_within_the_limits():
 
 def test_an_unknown_profile_is_told_with_the_known_ones():
     with pytest.raises(
-        ValueError, match=r"no boost profile 'MIRV'; there are ICBM_liquid, ICBM_solid, IRBM, MRBM, SRBM"
+        ValueError, match=r"no boost profile 'MIRV'; there are ICBM_liquid, ICBM_solid, IRBM, MRBM, SLBM, SRBM"
     ):
         boost_profile("MIRV")
 
@@ -45,10 +52,12 @@ def test_an_unknown_profile_is_told_with_the_known_ones():
         ("IRBM", 3001, "IRBM"),
         ("IRBM", 9000, "IRBM"),
         ("ICBM", 8000, "ICBM_liquid"),
+        ("MRBM", 5000, "MRBM"),
+        ("SLBM", 8000, "SLBM"),
     ],
 )
-def test_the_profile_of_a_type_goes_by_range(target_type, range_km, name):
-    assert profile_for_type(target_type, range_km * 1e3).name == name
+def test_the_profile_of_a_class_goes_by_range(target_type, range_km, name):
+    assert core_target_class(target_type).profile(range_km * 1e3).name == name
 
 
 def test_another_burn_time_stretches_the_course():

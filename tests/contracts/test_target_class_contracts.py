@@ -1,0 +1,29 @@
+"""The core's target classes pass the conformance tests of their hook."""
+
+from opir_core.scene.target_classes import core_target_classes
+from opir_core.testing import TargetClassContract
+
+
+class TestIcbm(TargetClassContract):
+    name = "ICBM"
+
+
+class TestIrbm(TargetClassContract):
+    name = "IRBM"
+
+
+class TestSrbm(TargetClassContract):
+    name = "SRBM"
+
+
+class TestMrbm(TargetClassContract):
+    name = "MRBM"
+
+
+class TestSlbm(TargetClassContract):
+    name = "SLBM"
+
+
+def test_every_class_of_the_core_is_tested_here():
+    tested = {kind.name for kind in TargetClassContract.__subclasses__() if kind.__module__ == __name__}
+    assert tested == set(core_target_classes())
