@@ -1,17 +1,20 @@
 """Writes the generated pages of the documentation: `python docs/generate.py`; with `--check`, says which are stale."""
 
+import io
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from api_reference import api_pages
 from attrs import asdict, fields
 from modelled import modelled_pages
 
+from opir_core.cli.main import main as opir
 from opir_core.plugin.components import CATALOGUE, Component, Constellation, plural
 from opir_core.plugin.host import Host
 from opir_core.scene.field_rows import field_rows, shown
@@ -92,10 +95,10 @@ def commands_page() -> str:
 
 def helped(*words: str) -> str:
     """Return the help of `opir`, or of one of its commands."""
-    command = [sys.executable, "-m", "opir_core", *words, "--help"]
-    environment = {**os.environ, "COLUMNS": "100", "OPIR_PLUGINS": "http"}
-    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
-    return "\n".join(line.rstrip() for line in done.stdout.strip().splitlines())
+    text, settings = io.StringIO(), {"COLUMNS": "100", "OPIR_PLUGINS": "http"}
+    with patch.dict(os.environ, settings), redirect_stdout(text), suppress(SystemExit):
+        opir([*words, "--help"])
+    return "\n".join(line.rstrip() for line in text.getvalue().strip().splitlines())
 
 
 def components_page() -> str:

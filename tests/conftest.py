@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, Phase, settings
 
 FULL_EXAMPLES = 100
 SHARED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True}
-settings.register_profile("quick", max_examples=30, **SHARED)
+settings.register_profile("quick", max_examples=15, **SHARED)
 settings.register_profile("full", max_examples=FULL_EXAMPLES, **SHARED)
 # For mutants: that a property fails is enough, a small example would take its time.
 settings.register_profile("unshrunk", settings.get_profile("quick"), phases=[Phase.explicit, Phase.generate])

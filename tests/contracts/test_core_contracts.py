@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
+import pytest
 from repository import DATA
 
 from opir_core.interfaces.protocols import Band
@@ -191,6 +192,7 @@ class TestKeplerArc(TrackerContract):
         return super().scene(**{"duration_s": 30.0, **changes})
 
 
+@pytest.mark.slow
 class TestBoostProfile(TrackerContract):
     name = "boost-profile"
     settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}

@@ -14,8 +14,17 @@ import pytest
 from repository import ROOT
 
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")])
-#: Pages with blocks that run for several seconds.
-LONG = {"docs/reference/event-extensions.md"}
+#: Pages with blocks that run for a second and more, apart from those of the README.
+LONG = {
+    *("docs/explanation/association.md", "docs/explanation/boost-profile.md", "docs/explanation/classification.md"),
+    *("docs/explanation/detection.md", "docs/explanation/kepler-arc.md", "docs/how-to/score-tracks.md"),
+    *(
+        "docs/how-to/serve.md",
+        "docs/how-to/stone-soup.md",
+        "docs/reference/event-extensions.md",
+        "plugins/opir_stonesoup/README.md",
+    ),
+}
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^\$ (.*)$", re.MULTILINE)
 

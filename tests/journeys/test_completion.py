@@ -2,12 +2,12 @@
 
 import shutil
 import subprocess
-import sys
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
 
-from opir_core.cli.main import COMMANDS
+from opir_core.cli.main import COMMANDS, main
 
 #: Words typed so far, and what completes the last of them.
 TYPED = [
@@ -28,10 +28,9 @@ COMP_WORDS=(opir {words}); COMP_CWORD=$(( ${{#COMP_WORDS[@]}} - 1 )); _opir; pri
 @pytest.fixture(scope="module", params=["bash", "zsh", "fish"])
 def script(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
     """A shell and its script in a file."""
-    words = [sys.executable, "-m", "opir_core", "completion", request.param]
-    done = subprocess.run(words, capture_output=True, text=True, check=True)
     path = tmp_path_factory.mktemp("completion") / f"opir.{request.param}"
-    path.write_text(done.stdout, encoding="utf-8")
+    with path.open("w", encoding="utf-8") as stream, redirect_stdout(stream):
+        assert main(["completion", request.param]) == 0
     return request.param, path
 
 

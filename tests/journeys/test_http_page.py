@@ -68,6 +68,7 @@ def test_a_launch_by_the_form_is_detected_and_tracked(browser: Browser, stand: S
     page.context.close()
 
 
+@pytest.mark.slow
 def test_launch_points_and_impact_ellipses_are_drawn_where_they_are(browser: Browser, stand: Stand) -> None:
     page, complaints, _ = opened(browser, stand, 1280, "dark")
     drawn = "() => opirMap.drawn && opirMap.drawn.launches && opirMap.drawn.ellipses"

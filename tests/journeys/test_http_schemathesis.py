@@ -60,6 +60,7 @@ def test_the_service_keeps_to_its_document_whatever_it_is_asked(stand: Stand, tm
     examined(stand, tmp_path, "examples,coverage,fuzzing", *more)
 
 
+@pytest.mark.slow
 def test_the_service_keeps_to_its_document_along_the_links_of_its_answers(stand: Stand, tmp_path: Path) -> None:
     told = examined(stand, tmp_path, "stateful", *STEPS, "--max-examples", str(SCENARIOS))
     found = re.search(r"API Links: +(\d+) covered / (\d+) selected", told)

@@ -233,7 +233,7 @@ def test_what_an_oem_says_of_use_and_of_several_objects_is_heeded(tmp_path):
 
 def test_a_sampled_boost_gives_the_events_of_the_boost(tmp_path):
     """The whole way: a class profile's positions, twice a second, in a file, detected as the profile itself is."""
-    overrides = ["outputs=[]", "seed=5"]
+    overrides = ["outputs=[]", "seed=5", "tracker=none"]
     scene = load_scene(EXAMPLE, overrides=overrides)
     targets, asked = compile_plan(scene).targets, []
     for row, target in enumerate(scene.targets):

@@ -59,6 +59,7 @@ def streamed(benchmark_: SimpleNamespace, people: Any, simulated: Any) -> tuple[
     return other, benchmark_.looks_at(other, *simulated)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of_looks", [False, True])
 def test_sensors_tell_plumes_from_other_hot_things_in_the_order_of_their_bands(
     benchmark_: SimpleNamespace, burning: tuple[Any, dict[str, Any]], of_looks: bool

@@ -99,7 +99,12 @@ def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int
 
 
 @pytest.mark.parametrize(
-    "tracker", ["stereo-filter", pytest.param("boost-profile", marks=pytest.mark.slow), "kepler-arc", "none"]
+    "tracker",
+    [
+        "stereo-filter",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("boost-profile", "kepler-arc")),
+        "none",
+    ],
 )
 def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> None:
     changes = ["duration_s=90", "outputs=[]", f"tracker={tracker}"]

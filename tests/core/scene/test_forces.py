@@ -18,7 +18,7 @@ from opir_core.simulation.explanation import explained
 from opir_core.simulation.run import simulate
 from opir_core.testing import SilentTracker
 
-EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
+ONE_TARGET, THREE_TARGETS = EXAMPLES / "first_light.yaml", EXAMPLES / "pacific_test_range.yaml"
 AIR = {"density_kg_m3": 1.2, "scale_height_m": 7000.0}
 
 
@@ -59,9 +59,9 @@ def test_the_hash_tells_forces_apart_and_not_their_order():
 
 
 def test_an_override_sets_them():
-    scene = load_scene(EXAMPLE, overrides=["forces=[j2, drag: {ballistic_coefficient_kg_m2: 700}]"])
+    scene = load_scene(ONE_TARGET, overrides=["forces=[j2, drag: {ballistic_coefficient_kg_m2: 700}]"])
     assert scene.forces.names == ("j2", "drag")
-    assert load_scene(EXAMPLE, overrides=["forces=kepler"]) == load_scene(EXAMPLE)
+    assert load_scene(ONE_TARGET, overrides=["forces=kepler"]) == load_scene(ONE_TARGET)
 
 
 class Watcher:
@@ -82,7 +82,7 @@ class Watcher:
 def watched(forces: str) -> Any:
     watcher, host = Watcher(), Host.discover(["dsp", "sbirs", "nextgen"])
     host.register(watcher)
-    compile_plan(load_scene(EXAMPLE, overrides=["tracker=watcher", f"forces={forces}"], host=host), host)
+    compile_plan(load_scene(ONE_TARGET, overrides=["tracker=watcher", f"forces={forces}"], host=host), host)
     return watcher.seen[0].forces
 
 
@@ -95,11 +95,11 @@ def test_trackers_are_told():
 
 
 def test_explain_and_the_manifest_tell_them():
-    scene = load_scene(EXAMPLE, overrides=["forces=[j2, drag]", "outputs=[]"])
+    scene = load_scene(ONE_TARGET, overrides=["forces=[j2, drag]", "outputs=[]"])
     told = explained(compile_plan(scene))
     assert told["forces"] == ["j2", "drag"]
     assert not any("numerical" in line for line in told["not_computed"])
-    plain = explained(compile_plan(load_scene(EXAMPLE)))
+    plain = explained(compile_plan(load_scene(ONE_TARGET)))
     assert plain["forces"] == ["kepler"]
     assert any("numerical" in line for line in plain["not_computed"])
     settings = {"ballistic_coefficient_kg_m2": 5000.0, "exponential": None}
@@ -111,7 +111,7 @@ def test_a_target_may_bring_its_own_ballistic_coefficient():
     burnouts = []
     for own in ("null", "300"):
         overrides = ["forces=[j2, drag]", f"targets[1].ballistic_coefficient_kg_m2={own}"]
-        truth = compile_plan(load_scene(EXAMPLE, overrides=overrides)).targets.truth()
+        truth = compile_plan(load_scene(THREE_TARGETS, overrides=overrides)).targets.truth()
         assert max(target["miss_m"] for target in truth) <= 0.01
         burnouts.append([target["burnout"]["velocity_ecef_m_s"] for target in truth])
     usual, light = burnouts

@@ -133,6 +133,7 @@ def test_first_detections_follow_the_product_of_misses(stories: dict[tuple[str, 
     assert min(shares.values()) < 0.999
 
 
+@pytest.mark.slow
 def test_first_detections_are_spread_as_their_law_under_every_sky() -> None:
     """Class by class, sensor by sensor, climate by climate, cloud by cloud: the level of each launch's first detection.
 

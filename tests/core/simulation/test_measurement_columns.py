@@ -155,7 +155,7 @@ def test_truth_and_manifest_tell_the_bias(tmp_path: Path) -> None:
 
 
 def test_noise_is_counted_apart_and_is_nobody_in_the_truth(tmp_path: Path) -> None:
-    plan = opir.compile_plan(opir.load_scene(EXAMPLE))
+    plan = opir.compile_plan(opir.load_scene(EXAMPLE, overrides=["duration_s=80"]))
     window = next(iter(plan_windows(plan)))
     target = window.truth.target.copy()
     target[::3] = -1

@@ -15,7 +15,7 @@ EXAMPLE = EXAMPLES / "pacific_test_range.yaml"
 
 @pytest.fixture(scope="module")
 def run() -> Run:
-    return opir.simulate(opir.load_scene(EXAMPLE))
+    return opir.simulate(opir.load_scene(EXAMPLE, overrides=["duration_s=180"]))
 
 
 def test_columns_lie_side_by_side_and_in_time(run: Run) -> None:

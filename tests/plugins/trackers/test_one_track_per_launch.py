@@ -156,6 +156,7 @@ def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one(
     assert nearest_m.max() < 2e3
 
 
+@pytest.mark.slow
 def test_a_track_that_rays_of_several_pulled_apart_is_dropped() -> None:
     """Among thirty launches 4.6 km apart some tracks follow no target: one was told at 25 km/s, for many ticks."""
     launches = [

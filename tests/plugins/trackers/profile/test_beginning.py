@@ -44,7 +44,7 @@ def test_a_track_that_catches_up_stands_where_it_would_have_stood() -> None:
 
 
 SELDOM = [
-    (5000, "SRBM", 0),
+    pytest.param(5000, "SRBM", 0, marks=pytest.mark.slow),
     pytest.param(5000, "SRBM", 3, marks=pytest.mark.slow),
     pytest.param(5000, "SRBM", 9, marks=pytest.mark.slow),
     (10_000, "ICBM", 2),

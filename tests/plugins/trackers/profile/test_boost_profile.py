@@ -118,6 +118,7 @@ def nees_of(truth, tick_s, sensors, chance):
 LARGEST_OF_SIX = 26.7
 
 
+@pytest.mark.slow
 def test_one_sensor_finds_the_side_of_a_flight_that_pitches_over_after_it_was_split():
     # The pitch starts 17 s after the launch: a second after the split, and where the class's median is 8 s.
     values = nees_of(late_flights("IRBM", 6, lift=2.6, speed=2.0), 45, sensors=1, chance=0.92)
@@ -181,6 +182,7 @@ def test_an_impact_that_could_be_anywhere_is_not_told():
     assert 2.448 * np.sqrt(np.linalg.eigvalsh(far.impact_covariance[-1, :2, :2])[-1]) > 50e3
 
 
+@pytest.mark.slow
 def test_the_end_of_the_burn_is_told_within_its_covariance():
     told = scene(duration_s=90.0)
     truth = compile_plan(told).targets.truth()[0]
@@ -200,6 +202,7 @@ def test_windows_change_no_byte():
         assert getattr(long.tracks, name).tobytes() == getattr(short.tracks, name).tobytes()
 
 
+@pytest.mark.slow
 def test_one_sensor_is_enough_and_says_how_little_it_knows():
     stereo, mono = (
         simulate(

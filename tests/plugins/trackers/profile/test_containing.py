@@ -150,6 +150,7 @@ def test_an_end_that_may_come_any_moment_has_the_quantiles_of_its_law():
     assert shares == pytest.approx(SHARES, abs=LATTICE)
 
 
+@pytest.mark.slow
 def test_ellipses_of_events_hold_what_they_say_where_an_end_may_come_any_moment():
     from scipy.stats import expon
 

@@ -43,6 +43,12 @@ def late():
     return followed()
 
 
+@pytest.fixture(scope="module")
+def few_late():
+    """Return the same of fewer flights."""
+    return followed(runs=14)
+
+
 def held(told, row, impacts, weight):
     """Return what of a posterior the 90 and 95 % ellipses of a track hold, and its mean normalised square, over two."""
     away = on_ground(impacts, np.repeat(told.impact[row : row + 1], len(impacts), axis=0))[:, :2]
@@ -74,6 +80,7 @@ def test_ellipses_late_in_the_burn_hold_what_they_say_of_exact_posteriors(late):
     assert linear[2] > anew[2] + 0.06
 
 
+@pytest.mark.slow
 def test_a_part_that_ends_where_its_whole_does_is_as_likely_and_stands_there(late):
     fitting, bank = late
     memory = fitting.memory(bank)
@@ -99,8 +106,8 @@ def test_what_two_sensors_have_seen_and_states_are_told_as_they_are_without():
     assert np.array_equal(whole.impact_sigmas, apart.impact_sigmas)
 
 
-def test_only_impacts_are_told_anew(late):
-    fitting, bank = late
+def test_only_impacts_are_told_anew(few_late):
+    fitting, bank = few_late
     whole, apart = (told_of(fitting, bank, memory) for memory in (None, fitting.memory(bank)))
     for name in ("state", "state_covariance", "launch", "burnout", "type_probability"):
         assert np.array_equal(getattr(whole, name), getattr(apart, name), equal_nan=True)
@@ -108,8 +115,8 @@ def test_only_impacts_are_told_anew(late):
     assert np.linalg.eigvalsh(apart.impact_covariance).min() > 0.0
 
 
-def test_what_is_too_vague_to_be_told_is_not_linearised_anew(late, monkeypatch):
-    fitting, bank = late
+def test_what_is_too_vague_to_be_told_is_not_linearised_anew(few_late, monkeypatch):
+    fitting, bank = few_late
     asked = []
     monkeypatch.setattr(report_module, "open_impacts", lambda *given: asked.append(given) or open_impacts(*given))
     likely, memory = bank.hypotheses, fitting.memory(bank)

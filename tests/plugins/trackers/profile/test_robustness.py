@@ -284,6 +284,7 @@ def test_states_after_the_burn_are_under_the_forces_of_the_scene():
     assert np.abs(two_body - expected)[:, :3].max() > 30.0
 
 
+@pytest.mark.slow
 def test_biases_that_sensors_tell_of_make_no_target_strange():
     truth = flights("SRBM", 8, 23)
     track, rays = lines_of_sight(truth, 2e-5, 23, biases_rad=6e-5)

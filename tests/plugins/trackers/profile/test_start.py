@@ -63,6 +63,7 @@ def test_no_start_is_told_after_the_first_light():
     assert (told.launch[:, 2] < first_s).all()
 
 
+@pytest.mark.slow
 def test_starts_of_flights_that_clouds_hid_as_the_prior_has_it_are_told_as_surely_as_they_are_known():
     truth = flights("IRBM", 30, 8)
     _, told = launches("IRBM", 30, 8, 40, hidden(truth, 8))

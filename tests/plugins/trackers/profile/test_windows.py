@@ -113,6 +113,7 @@ def test_a_ridge_is_not_taken_for_straight_where_it_is_narrow_for_its_arc():
     assert len(narrow) == len(ridge(0.7, 0.005))
 
 
+@pytest.mark.slow
 def test_what_one_sensor_alone_sees_is_fitted_where_a_further_step_stays():
     truth, tick_s = flights("IRBM", 8, 3), 60
     kind = np.array([TARGET_TYPES.index("IRBM")])
