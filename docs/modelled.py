@@ -125,18 +125,23 @@ PARTS = (
     Part(
         "Clutter",
         "notional",
-        "`clutter_residual`: a fixed share of the background radiance remains as white noise from look to look",
-        "structure in space and time; jitter; dependence on the line of sight",
-        "Not estimated. Real clutter is structured: its false alarms are more frequent and come in groups",
+        "sensors with a `focal_plane`: power spectrum of cloud, surface and limb through spatial filter and frame"
+        " difference with registration error and drift, in closed form ([how](focal-plane.md)). Others:"
+        " `clutter_residual`, a fixed share of the radiance",
+        "correlation from look to look; foreshortening towards the limb; non-Gaussian tails; motion of clouds;"
+        " structure by place and season",
+        "Correlation: [how many looks count](focal-plane.md#from-look-to-look). Tails: false alarms of real clutter are"
+        " more frequent and come in groups",
     ),
     Part(
         "Detection",
         "computed",
         "Gaussian noise (NEI, photons, clutter) against a threshold; rules over bands; noise-only false alarms",
-        "spread of a point source over neighbouring cells; saturation and blooming; image motion; correlated noise;"
-        " detection over several looks; the atmosphere in the ratio gates",
-        "Source at the corner of four cells: up to three quarters of the signal. Ratio gates: first detection up to 37"
-        " s late ([how much](../benchmarks/first_detection.md))",
+        "without a `focal_plane`: spread of a point source over neighbouring cells, saturation, image motion; always:"
+        " blooming, the phase of a source on its pixel, its own photon noise, static sources that a frame difference"
+        " removes, detection over several looks, the atmosphere in the ratio gates",
+        "Source at the corner of four cells: up to three quarters of the signal (`phase: worst`). Ratio gates: first"
+        " detection up to 37 s late ([how much](../benchmarks/first_detection.md))",
     ),
     Part(
         "Type from measured irradiance",
@@ -202,7 +207,7 @@ elevation](../reference/angles.md).
 
 ## Defaults
 
-The sensor models start from these values. Noise-equivalent irradiance (NEI), IFOV (`footprint_urad`) and line-of-sight
+The sensor models start from these values. Noise-equivalent irradiance (NEI), IFOV (`ifov_urad`) and line-of-sight
 error (one sigma) are notional.
 
 | sensor model | bands, µm | NEI, W/m² | IFOV, µrad | threshold, σ | scan period, ms | line of sight, µrad |
@@ -241,7 +246,7 @@ How the figures were obtained:
 """
 
 #: The headline settings of a sensor model, as columns.
-SHOWN = ("bands", "nei_w_m2", "footprint_urad", "threshold_sigma", "scan_period_ms", "line_of_sight_sigma_urad")
+SHOWN = ("bands", "nei_w_m2", "ifov_urad", "threshold_sigma", "scan_period_ms", "line_of_sight_sigma_urad")
 
 
 def modelled_pages(host: Host) -> Mapping[str, str]:

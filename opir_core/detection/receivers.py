@@ -15,6 +15,7 @@ from scipy.special import ndtri
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.detection.band_rules import AnyBand, RatioGates
 from opir_core.detection.configs import SnrConfig
+from opir_core.detection.focal_planes import FocalPlaneTerms, focal_plane_terms
 from opir_core.detection.threshold import probit
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band, Radiometer, Sensor
@@ -103,12 +104,16 @@ Rule = AnyBand | RatioGates
 
 @frozen(eq=False)
 class Receiver:
-    """A sensor's band numbers in the radiometric environment, its radiometer and its rule."""
+    """A sensor's band numbers in the radiometric environment, its radiometer and its rule.
+
+    `plane` is what its focal plane comes to, None for a sensor without one.
+    """
 
     bands: IntArray
     radiometer: Radiometer
     rule: Rule
     photon_j: tuple[float, ...]
+    plane: FocalPlaneTerms | None = None
 
     @property
     def kind(self) -> tuple[Any, ...]:
@@ -121,8 +126,14 @@ class Receiver:
         return np.array(self.radiometer.nei_w_m2, dtype=np.float64)
 
     def count_w_m2(self, place: int) -> float:
-        """Return the irradiance, W/m², of one photon counted in a band; 0 beyond the sensor's bands."""
-        return self.photon_j[place] / self.radiometer.collection_m2_s if place < len(self.photon_j) else 0.0
+        """Return the irradiance, W/m², of one photon counted in a band; 0 beyond the sensor's bands.
+
+        With a focal plane times the factor on the variance of photons by its filters.
+        """
+        if place >= len(self.photon_j):
+            return 0.0
+        gain = 1.0 if self.plane is None else float(self.plane.photon_gain[place])
+        return self.photon_j[place] / self.radiometer.collection_m2_s * gain
 
     def chances(self, snr: FloatArray, noise: FloatArray, slack: float) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) (n,)."""
@@ -163,11 +174,15 @@ def _receiver(sensor: Sensor, environment: RadiometricEnvironment) -> Receiver:
             f"sensor {sensor.id} ({sensor.type}) does not say how it measures light (its noise, its footprint), which"
             " detection: snr needs; choose another sensor model, or detection: constant"
         )
+    plane = focal_plane_terms(radiometer, sensor.bands, environment.background)
+    if plane is not None:
+        radiometer = evolve(radiometer, nei_w_m2=plane.nei_w_m2, collection_m2_s=plane.collection_m2_s)
     return Receiver(
         bands=np.array([environment.bands.index(band) for band in sensor.bands]),
         radiometer=radiometer,
         rule=rule_of(sensor, radiometer),
         photon_j=tuple(photon_energy_j(band) for band in sensor.bands),
+        plane=plane,
     )
 
 

@@ -10,6 +10,7 @@ from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.detection.configs import SnrConfig
+from opir_core.detection.focal_planes import LineOfSightError
 from opir_core.detection.receivers import (
     Receiver,
     Rule,
@@ -20,10 +21,16 @@ from opir_core.detection.receivers import (
     receivers_of,
 )
 from opir_core.detection.rejection_sampling import accepted_draws
+from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.optional import Response
 from opir_core.interfaces.protocols import Measured, RandomDraws
-from opir_core.interfaces.radiometric_models import radiances_and_clutter_w_m2_sr, transmittances
+from opir_core.interfaces.radiometric_models import (
+    StructuredBackground,
+    Views,
+    radiances_and_clutter_w_m2_sr,
+    transmittances,
+)
 from opir_core.interfaces.records import Exposures
 from opir_core.planning.environment import RadiometricEnvironment
 from opir_core.planning.looks import blocks
@@ -54,18 +61,14 @@ class MeasuredColumns:
         measured: FloatArray,
         noise: FloatArray,
         rule: Rule,
-        floor_and_ifov_rad: tuple[float, float],
+        error: LineOfSightError,
     ) -> None:
         """Fill rows with the signals (n, B) of one kind of receiver, in standard deviations of the noise (n, B)."""
         width, best = measured.shape[1], measured[:, 0].copy()
         for band in range(1, width):
             np.maximum(best, measured[:, band], out=best)
         self.bands[rows], self.snr[rows] = rule.confirming(measured), best
-        floor_rad, ifov_rad = floor_and_ifov_rad
-        spread = ifov_rad / best
-        spread *= spread
-        spread += floor_rad * floor_rad
-        self.sigma_rad[rows] = np.sqrt(spread, out=spread)
+        self.sigma_rad[rows] = error.sigma_rad(measured, noise, best)
         for band in range(width):
             self.irradiance_w_m2[rows, band] = measured[:, band] * noise[:, band]
         self.irradiance_w_m2[rows, width:] = np.nan
@@ -115,7 +118,7 @@ class SnrDetection:
         """Return the expected measurements of looks, with P_d to within `slack`."""
         rows_of_kind = by_number(self.alike[exposures.sensor], len(self.receivers))
         signal = self._irradiance_w_m2(exposures, rows_of_kind)
-        noise = self._noise_w_m2(exposures, rows_of_kind)
+        noise = self._noise_w_m2(exposures, rows_of_kind, signal)
         snr = np.minimum(signal / noise, _MOST_SNR)
         quantile = np.empty(len(exposures))
         for number, rows in rows_of_kind:
@@ -139,7 +142,7 @@ class SnrDetection:
         found = MeasuredColumns.of(len(sensor), self.width)
         chance = _Chances(response.probit, probability)
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
-            rule, spread = self.receivers[number].rule, (self.floor_rad[number], self.ifov_rad[number])
+            rule, spread = self.receivers[number].rule, self._line_of_sight_error(number)
             width, failed, seeds = len(self.receivers[number].bands), [], []
             for part in _parts(rows):
                 noise = response.noise_w_m2[part, :width]
@@ -174,7 +177,7 @@ class SnrDetection:
             noise = np.broadcast_to(self.dark_noise_w_m2[number, : nothing.shape[1]], nothing.shape)
             chance = np.full(len(seeds), self.noise_chance[number])
             measured = accepted_draws(receiver.rule, nothing, noise, chance, seeds)
-            found.put(rows, measured, noise, receiver.rule, (self.floor_rad[number], self.ifov_rad[number]))
+            found.put(rows, measured, noise, receiver.rule, self._line_of_sight_error(number))
         return found.measured(self.dark_noise_w_m2[sensor])
 
     def _irradiance_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
@@ -192,19 +195,37 @@ class SnrDetection:
             irradiance[: len(bands), rows] = lit
         return irradiance
 
-    def _noise_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind) -> FloatArray:
-        """Return the noise (B, n) at the aperture, W/m²; 1 beyond a sensor's bands."""
+    def _line_of_sight_error(self, number: int) -> LineOfSightError:
+        return LineOfSightError(self.floor_rad[number], self.ifov_rad[number], self.receivers[number].plane)
+
+    def _noise_w_m2(self, exposures: Exposures, rows_of_kind: RowsOfKind, signal_w_m2: FloatArray) -> FloatArray:
+        """Return the noise (B, n) at the aperture, W/m²; 1 beyond a sensor's bands.
+
+        Signals (B, n) of sensors with a focal plane are limited, in place, to what fills a well.
+        """
         noise = np.ascontiguousarray(self.dark_noise_w_m2.T).take(exposures.sensor, axis=1)
-        if not self.environment.has_background:
-            return noise
-        view = self.environment.views(exposures)
+        has_background = self.environment.has_background
+        view = self.environment.views(exposures) if has_background else None
         for number, rows in rows_of_kind:
-            bands, pixel_sr = self.receivers[number].bands.tolist(), self.ifov_rad[number] ** 2
-            radiance, clutter = radiances_and_clutter_w_m2_sr(self.environment.background, bands, view.take(rows))
-            per_count = self.count_w_m2[number, : len(bands), None]
-            photons = photon_noise_w_m2(radiance * pixel_sr, per_count)
-            noise[: len(bands), rows] = noise_w_m2(noise[: len(bands), rows], photons, clutter * pixel_sr)
+            receiver, pixel_sr = self.receivers[number], self.ifov_rad[number] ** 2
+            width, behind = len(receiver.bands), np.zeros((len(receiver.bands), 1))
+            if view is not None:
+                radiance, clutter = self._background(receiver, view.take(rows), exposures.sensor_ecef_m[rows])
+                behind = radiance * pixel_sr
+                photons = photon_noise_w_m2(behind, self.count_w_m2[number, :width, None])
+                noise[:width, rows] = noise_w_m2(noise[:width, rows], photons, clutter * pixel_sr)
+            if receiver.plane is not None:
+                signal_w_m2[:width, rows] = np.minimum(signal_w_m2[:width, rows], receiver.plane.most_w_m2(behind))
         return noise
+
+    def _background(self, receiver: Receiver, view: Views, sensor_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return radiances and clutter in a pixel (B, n), W m⁻² sr⁻¹, as a receiver's filters leave it."""
+        background, bands = self.environment.background, receiver.bands.tolist()
+        if receiver.plane is None or not isinstance(background, StructuredBackground):
+            return radiances_and_clutter_w_m2_sr(background, bands, view)
+        radiance, rms, structure = background.structured_radiances_w_m2_sr(bands, view)
+        range_m = length(*components(view.point_ecef_m - sensor_ecef_m))
+        return radiance, receiver.plane.clutter_w_m2_sr(rms, structure, range_m)
 
 
 def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:

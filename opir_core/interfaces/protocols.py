@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.interfaces.records import Batch, ClassifierInputs, Detections, Exposures, Tracks, Window
 
 if TYPE_CHECKING:
@@ -40,6 +41,9 @@ class Radiometer:
     `collection_m2_s` the product of aperture area, efficiency and integration time, which gives photons from
     irradiance. A look detects above `threshold` standard deviations of its noise; for rules over several bands
     `coincidence` is the threshold of the other bands, and `ratios` bound their irradiance over that of the first.
+
+    With a `focal_plane`, noise, collection, clutter, saturation and the accuracy of lines of sight follow from it, in
+    pixels of `ifov_rad`.
     """
 
     nei_w_m2: tuple[float, ...]
@@ -48,6 +52,7 @@ class Radiometer:
     threshold: float
     coincidence: float
     ratios: tuple[tuple[float, float], ...]
+    focal_plane: FocalPlaneConfig | None = None
 
 
 class Orbit(Protocol):

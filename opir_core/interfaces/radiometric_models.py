@@ -162,6 +162,28 @@ class Background(Protocol):
         """
 
 
+@frozen
+class Structure:
+    """The power spectrum of a background's structure: flat up to 1/`scale_m`, then falling as k^-`exponent`."""
+
+    scale_m: float
+    exponent: float
+
+
+@runtime_checkable
+class StructuredBackground(Protocol):
+    """What a `Background` also has whose radiance has structure, which sensors with a focal plane see as clutter."""
+
+    @property
+    def structures(self) -> Sequence[Structure]:
+        """The structures of its parts: cloud, ground, limb."""
+
+    def structured_radiances_w_m2_sr(
+        self, bands: Sequence[int], view: Views
+    ) -> tuple[FloatArray, FloatArray, IndexArray]:
+        """Return radiances and the standard deviations of their structure (bands, n), and its number (n,)."""
+
+
 @runtime_checkable
 class ManyBandSignatures(Protocol):
     """What `Signatures` also have that know several bands at once, cheaper than one after the other."""

@@ -6,6 +6,7 @@ Protocols, contexts and records are imported on first use, so that discovering a
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.plugin.components import (
     AtmosphereModel,
     BackgroundModel,
@@ -24,7 +25,7 @@ from opir_core.plugin.components import (
     TrackerModel,
 )
 from opir_core.plugin.hookspecs import hookimpl
-from opir_core.scene.fields import FieldInfo, cited, flag, nested, number, text, with_defaults
+from opir_core.scene.fields import FieldInfo, cited, flag, named, nested, number, text, with_defaults
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES, TARGET_TYPES
 from opir_core.scene.target_classes import Ballistic, BoostProfile, EquilibriumGlide, OrbitInsertion, Plume, TargetClass
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
@@ -117,19 +118,19 @@ _HOMES = {
 
 # fmt: off
 __all__ = [  # noqa: RUF022
-    "AtmosphereContext", "AtmosphereModel", "Background", "BackgroundContext", "BackgroundModel", "Ballistic", "Band",
-    "Batch", "BoostProfile", "BufferingSink", "Classifier", "ClassifierInputs", "ClassifierModel", "Component",
-    "Confidence", "ConfidenceModel", "Constellation", "DeadlineSink", "Delivery", "DetectionModel",
+    "AtmosphereContext", "AtmosphereModel", "Background", "BackgroundContext", "BackgroundModel", "Ballistic",
+    "Band", "Batch", "BoostProfile", "BufferingSink", "Classifier", "ClassifierInputs", "ClassifierModel",
+    "Component", "Confidence", "ConfidenceModel", "Constellation", "DeadlineSink", "Delivery", "DetectionModel",
     "DetectionProbability", "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide",
-    "EventEncoder", "Exposures", "FalseAlarmModel", "FieldInfo", "FreeFlight", "FromFiles", "Host", "Measured",
-    "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion", "PartialEncoder", "Paths", "Plume",
-    "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker", "Response", "ScanPattern",
-    "ScanningSensorConfig", "Sensor", "SensorContext", "SensorModel", "SignalModel", "SignatureContext",
-    "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext", "SourceModel", "Sources",
-    "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "Tracker", "TrackerContext", "TrackerModel",
-    "Tracks", "Trajectories", "Transmittance", "Transport", "Views", "Window", "WithBreakpoints", "WithClasses",
-    "cited", "flag", "geostationary_fleet", "hookimpl", "nested", "number", "one_track_fleet", "scanning_model",
-    "scanning_sensor", "text", "walker_fleet", "with_defaults"
+    "EventEncoder", "Exposures", "FalseAlarmModel", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
+    "Host", "Measured", "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion", "PartialEncoder",
+    "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker", "Response",
+    "ScanPattern", "ScanningSensorConfig", "Sensor", "SensorContext", "SensorModel", "SignalModel",
+    "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
+    "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "Tracker",
+    "TrackerContext", "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views", "Window",
+    "WithBreakpoints", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl", "named", "nested",
+    "number", "one_track_fleet", "scanning_model", "scanning_sensor", "text", "walker_fleet", "with_defaults"
 ]
 # fmt: on
 

@@ -177,6 +177,61 @@ class LowtranConfig:
 
 
 @frozen(kw_only=True)
+class StructureConfig:
+    """The structure of a part of the background: its power spectrum falls as k^-`exponent` beyond 1/`scale_km`."""
+
+    thermal_rms: float = number(
+        default=0.03, minimum=0.0, maximum=10.0, help="standard deviation of emitted radiance, as a share of it"
+    )
+    solar_rms: float = number(
+        default=0.15, minimum=0.0, maximum=10.0, help="standard deviation of reflected sunlight, as a share of it"
+    )
+    scale_km: float = number(
+        default=10.0, unit="km", minimum=0.001, maximum=1e5, help="outer scale: structure correlates over about this"
+    )
+    exponent: float = number(
+        default=3.0, minimum=2.1, maximum=6.0, help="exponent of the two-dimensional power spectrum of radiance"
+    )
+
+
+@frozen(kw_only=True)
+class LimbStructureConfig(StructureConfig):
+    """The structure beyond the limb: shares are of the radiance at the horizon."""
+
+    height_km: float = number(
+        default=8.0,
+        unit="km",
+        minimum=0.1,
+        maximum=1000.0,
+        help="tangent height over which the structure falls to 1/e",
+    )
+
+
+@frozen(kw_only=True)
+class StructuresConfig:
+    """The structure of the background, which sensors with a focal plane see as clutter."""
+
+    surface: str = text(default="terrain", choices=("terrain", "sea"), help="what is below a sky without opaque cloud")
+    cloud: StructureConfig = nested(
+        default=StructureConfig(thermal_rms=0.1, solar_rms=0.3, scale_km=10.0, exponent=3.0),
+        source="notional; exponent 3: sharp edges (Debye, Anderson and Brumberger, J. Appl. Phys. 28 (1957) 679)",
+        help="opaque cloud and the other cloudy skies, with their edges",
+    )
+    terrain: StructureConfig = nested(
+        default=StructureConfig(thermal_rms=0.03, solar_rms=0.15, scale_km=10.0, exponent=3.0),
+        help="land below a clear sky",
+    )
+    sea: StructureConfig = nested(
+        default=StructureConfig(thermal_rms=0.01, solar_rms=0.05, scale_km=30.0, exponent=8.0 / 3.0),
+        help="sea below a clear sky",
+    )
+    limb: LimbStructureConfig = nested(
+        default=LimbStructureConfig(thermal_rms=0.02, solar_rms=0.05, scale_km=30.0, exponent=3.0),
+        help="lines of sight beyond the limb",
+    )
+
+
+@frozen(kw_only=True)
 class EarthConfig:
     """What a scene may set of the background `earth`."""
 
@@ -203,7 +258,8 @@ class EarthConfig:
         default=5e-6,
         minimum=0.0,
         maximum=1.0,
-        help="standard deviation of what is left of the background after its subtraction, as a share of its radiance",
+        help="standard deviation of what is left of the background after its subtraction, as a share of its radiance,"
+        " for sensors without a focal plane",
         source="notional: leaves in long waves, in the sensors' default footprints, about the noise of a look",
     )
     bands: Mapping[str, str] = nested(
@@ -211,4 +267,7 @@ class EarthConfig:
         check=_stand_ins_complaint,
         help="by the name of a sensor's band the table's band that stands for it; radiance counts by width",
         source="no default: bands are found by their edges",
+    )
+    structure: StructuresConfig = nested(
+        default=StructuresConfig(), help="structure of radiance, for sensors with a focal plane"
     )

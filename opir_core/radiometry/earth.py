@@ -13,13 +13,19 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
-from opir_core.arrays import FloatArray, IntArray
+from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import Background, BackgroundContext, Transmittance, Views
-from opir_core.radiometry.configs import EarthConfig
+from opir_core.interfaces.radiometric_models import (
+    Background,
+    BackgroundContext,
+    Structure,
+    Transmittance,
+    Views,
+)
+from opir_core.radiometry.configs import EarthConfig, StructureConfig, StructuresConfig
 from opir_core.radiometry.long_paths import as_slice_if_consecutive
 from opir_core.radiometry.lowtran import nearest_of, parts_of, require_known_bands
 
@@ -129,12 +135,18 @@ def _radiance(row: _Row) -> float:
 
 @frozen(eq=False)
 class EarthBackground:
-    """Radiance tables by band, each a list of tables with their factors."""
+    """Radiance tables by band, each a list of tables with their factors.
+
+    `residual` is the share of radiance that is clutter to sensors without a focal plane, `structure` that of others;
+    `is_cloudy` says that skies without opaque cloud are cloudy, too.
+    """
 
     skies: tuple[tuple[tuple[float, SkyTable], ...], ...]
     clouds: tuple[tuple[tuple[float, CloudTable], ...], ...]
     residual: float
     atmosphere: Transmittance
+    structure: StructuresConfig
+    is_cloudy: bool
 
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return in-band radiances (n,), W m⁻² sr⁻¹; 0 beyond the limb."""
@@ -149,6 +161,36 @@ class EarthBackground:
         """Return both of several bands (bands, n), with one search in the tables."""
         radiance = self._radiances_w_m2_sr(bands, view)
         return radiance, self.residual * radiance
+
+    @property
+    def structures(self) -> tuple[Structure, ...]:
+        """The structures of cloud, surface and limb."""
+        parts = (self.structure.cloud, self._surface, self.structure.limb)
+        return tuple(Structure(1e3 * part.scale_km, part.exponent) for part in parts)
+
+    def structured_radiances_w_m2_sr(
+        self, bands: Sequence[int], view: Views
+    ) -> tuple[FloatArray, FloatArray, IndexArray]:
+        """Return radiances and the standard deviations of their structure (bands, n), and its number (n,).
+
+        Emission is what is left without the Sun; shares of it and of sunlight add as independent. Beyond the limb they
+        are of the radiance at the horizon, and fall exponentially with the tangent height.
+        """
+        beyond = view.height_m > 0.0
+        lower = np.where(beyond, np.exp(-1e-3 * view.height_m / self.structure.limb.height_km), 1.0)
+        edge = evolve(view, height_m=np.where(beyond, 0.0, view.height_m))
+        whole = self._radiances_w_m2_sr(bands, edge)
+        dark = self._radiances_w_m2_sr(bands, evolve(edge, sun_elevation_sine=np.full(len(view), -1.0)))
+        cloudy = self.is_cloudy | np.isfinite(self.atmosphere.cloud_top_m(view.point_ecef_m))
+        number = np.where(beyond, 2, np.where(cloudy, 0, 1)).astype(np.int32)
+        parts = (self.structure.cloud, self._surface, self.structure.limb)
+        thermal, solar = (np.array(each) for each in zip(*((p.thermal_rms, p.solar_rms) for p in parts), strict=True))
+        rms = lower * np.hypot(thermal[number] * dark, solar[number] * (whole - dark))
+        return np.where(beyond, 0.0, whole), rms, number
+
+    @property
+    def _surface(self) -> StructureConfig:
+        return self.structure.sea if self.structure.surface == "sea" else self.structure.terrain
 
     def _radiances_w_m2_sr(self, bands: Sequence[int], view: Views) -> FloatArray:
         radiance = np.zeros((len(bands), len(view)))
@@ -191,6 +233,8 @@ def earth_background(config: EarthConfig, context: BackgroundContext) -> Backgro
         clouds=tuple(tuple((factor, _of_band(clouds, skies[number].band)) for factor, number in own) for own in parts),
         residual=config.clutter_residual,
         atmosphere=context.make_atmosphere(),
+        structure=config.structure,
+        is_cloudy=config.sky != "clear",
     )
 
 

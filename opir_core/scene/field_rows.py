@@ -56,7 +56,7 @@ def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[Fie
             default=None if is_required else plain(default),
             unit=info.unit,
             interval=info.interval,
-            choices=info.choices,
+            choices=info.choices or tuple(info.named_values),
             help=info.help,
             source=info.source,
         )

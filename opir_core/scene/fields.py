@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from typing import Any, TypeVar
 
-from attrs import NOTHING, Attribute, Converter, evolve, field, fields, fields_dict, frozen
+from attrs import NOTHING, Attribute, Converter, Factory, evolve, field, fields, fields_dict, frozen
 
 #: The key of a field's `FieldInfo` in attrs metadata.
 METADATA_KEY = "opir"
@@ -25,6 +25,8 @@ class FieldInfo:
 
     `names_of` is a catalogue hook: the field's text, or the keys of its mapping, are names of components of that hook.
     With `names_depth` 1 they are the keys of the mappings in the mapping. The scene reader checks them.
+
+    `named_values` are the whole values of a nested field that texts stand for.
     """
 
     help: str
@@ -38,6 +40,7 @@ class FieldInfo:
     instead_of: str = ""
     names_of: str = ""
     names_depth: int = 0
+    named_values: Mapping[str, Any] = Factory(dict)
 
     @property
     def interval(self) -> str:
@@ -115,15 +118,27 @@ def nested(
     check: Callable[[Any], str | None] | None = None,
     names_of: str = "",
     names_depth: int = 0,
+    named_values: Mapping[str, Any] | None = None,
 ) -> Any:
     """Return an attrs field for another configuration class, a tuple or a mapping.
 
     `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns the error of the whole value, or
-    None; `names_of` and `names_depth` as in `FieldInfo`.
+    None; `names_of` and `names_depth` as in `FieldInfo`. `named_values` are texts that a scene, or Python, may give
+    instead of a whole value.
     """
-    info = FieldInfo(help, unit, source, minimum, maximum, names_of=names_of, names_depth=names_depth)
+    info = FieldInfo(
+        help,
+        unit,
+        source,
+        minimum,
+        maximum,
+        names_of=names_of,
+        names_depth=names_depth,
+        named_values=named_values or {},
+    )
+    by_name = Converter(_named_value, takes_field=True) if named_values else None
     validators = [_validate_numbers_inside, *([_from_check(check)] if check else [])]
-    return field(default=default, validator=validators, metadata={METADATA_KEY: info}, kw_only=True)
+    return field(default=default, converter=by_name, validator=validators, metadata={METADATA_KEY: info}, kw_only=True)
 
 
 def info_of(attribute: "Attribute[Any]") -> FieldInfo:
@@ -173,6 +188,18 @@ def _set_once(value: Any, config: Any, attribute: "Attribute[Any]") -> Any:
     if value is attribute.default:
         return None
     raise ValueError(f"{attribute.name} {error_of_both(plain.name)}, or set {attribute.name} to None")
+
+
+def _named_value(value: Any, attribute: "Attribute[Any]") -> Any:
+    """Return the value that a text stands for; any other value itself."""
+    return named_value(info_of(attribute), value) if isinstance(value, str) else value
+
+
+def named_value(info: FieldInfo, name: str) -> Any:
+    """Return the value of a field that a text stands for, or raise `ValueError`."""
+    if name not in info.named_values:
+        raise ValueError(f"{name!r} is not {' or '.join(info.named_values)}; or give a block of settings")
+    return info.named_values[name]
 
 
 def _bound(closed: float | None, opened: float | None) -> float | None:
@@ -253,9 +280,24 @@ class Cited:
     source: str
 
 
+@frozen
+class Named:
+    """Texts that stand for whole values of a nested field; its default stays as it is."""
+
+    values: Mapping[str, Any]
+
+
 def cited(value: Any, source: str) -> Cited:
     """Return a default that names its source; a default given bare is notional."""
     return Cited(value, source)
+
+
+def named(**values: Any) -> Named:
+    """Return the values that texts stand for in a model's nested field, `notional` for instance, for `with_defaults`.
+
+    The field's own default stays.
+    """
+    return Named(values)
 
 
 def with_defaults(**defaults: Any) -> Callable[[C], C]:
@@ -282,6 +324,9 @@ def _redefaulted(defaults: dict[str, Any], heir: type, attributes: "list[Attribu
 
 
 def _with_default(attribute: "Attribute[Any]", default: Any) -> "Attribute[Any]":
+    if isinstance(default, Named):
+        info = evolve(info_of(attribute), named_values=default.values)
+        return attribute.evolve(metadata={**attribute.metadata, METADATA_KEY: info})
     chosen = default if isinstance(default, Cited) else Cited(default, "notional")
     info = evolve(info_of(attribute), source=chosen.source)
     # Attribute.evolve is attrs' own way to change an attribute in a field transformer.

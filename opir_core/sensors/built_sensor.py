@@ -89,6 +89,7 @@ def _radiometer(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> Radiom
         threshold=_threshold(config),
         coincidence=config.coincidence_sigma,
         ratios=tuple(config.plausible_ratios.get(band.name, (0.0, float("inf"))) for band in bands),
+        focal_plane=config.focal_plane,
     )
 
 

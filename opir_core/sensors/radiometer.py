@@ -1,10 +1,12 @@
 """The radiometric part of a scanning sensor's configuration."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from attrs import Factory, fields, frozen
 
+from opir_core.interfaces.focal_plane import FocalPlaneConfig
 from opir_core.scene.fields import nested, number
 
 #: Bounds come in twos.
@@ -84,6 +86,46 @@ class RadiometerConfig:
         check=_ratios_complaint,
         help="by band [least, most] irradiance over that of the shortest band, where bands are compared",
     )
+    focal_plane: FocalPlaneConfig | None = nested(
+        default=None,
+        named_values={"notional": FocalPlaneConfig()},
+        source="no default: nei_w_m2 and collection_m2_s as they are",
+        help="optics, detectors, filters and jitter, from which NEI, clutter, saturation and the accuracy of lines of"
+        " sight follow; notional: the sensor model's own made-up values",
+    )
+
+
+#: Thresholds, standard deviations, at which a CFAR loss is worked out: a P_fa of 0.16 to 8e-24.
+_CFAR_THRESHOLDS = (1.0, 10.0)
+
+
+def focal_plane_complaint(config: RadiometerConfig, scan_period_ms: float) -> str | None:
+    """Return the error in a focal plane beside the sensor's other settings, or None."""
+    plane = config.focal_plane
+    if plane is None:
+        return None
+    if plane.integration_time_ms > scan_period_ms:
+        return (
+            f"focal_plane.integration_time_ms: {plane.integration_time_ms:g} is longer than scan_period_ms,"
+            f" {scan_period_ms:g}"
+        )
+    if plane.temporal_filter == "difference" and plane.lag_s * 1e3 < scan_period_ms:
+        return f"focal_plane.lag_s: {plane.lag_s:g} is shorter than a scan period, {scan_period_ms * 1e-3:g} s"
+    if plane.reference_cells is not None and not _is_cfar_threshold(config):
+        low, high = _CFAR_THRESHOLDS
+        return (
+            f"focal_plane.reference_cells: the loss of a threshold above {high:g} or below {low:g} standard deviations"
+            " is not worked out; change threshold_sigma or false_alarm_probability"
+        )
+    return None
+
+
+def _is_cfar_threshold(config: RadiometerConfig) -> bool:
+    """Return whether the threshold is one at which a CFAR loss is worked out."""
+    chances = [0.5 * math.erfc(sigma / math.sqrt(2.0)) for sigma in _CFAR_THRESHOLDS]
+    if config.false_alarm_probability is not None:
+        return chances[1] <= config.false_alarm_probability <= chances[0]
+    return _CFAR_THRESHOLDS[0] <= config.threshold_sigma <= _CFAR_THRESHOLDS[1]
 
 
 def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:

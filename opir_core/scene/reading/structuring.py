@@ -14,7 +14,7 @@ from attrs import NOTHING, Attribute, fields, frozen, has
 from cattrs import Converter
 
 from opir_core.errors import nearest_names
-from opir_core.scene.fields import METADATA_KEY, info_of
+from opir_core.scene.fields import METADATA_KEY, FieldInfo, info_of, named_value
 from opir_core.scene.reading.nodes import (
     UNREADABLE,
     ErrorCollector,
@@ -182,7 +182,9 @@ class FieldReader:
 
     def value(self, node: Node) -> Any:
         """Return the field's value, or raise what its type or its validator says of it."""
-        default = self.attribute.default
+        default, info = self.attribute.default, info_of(self.attribute)
+        if info.named_values and isinstance(node.value, str):
+            return self._named(info, node)
         if isinstance(self.read, ClassReader) and isinstance(default, self.read.config_class):
             value = self.read.made(node, (), base=default)
         else:
@@ -193,6 +195,13 @@ class FieldReader:
             except ValueError as error:
                 raise node.refused(_words_of(error)) from error
         return value
+
+    def _named(self, info: FieldInfo, node: Node) -> Any:
+        """Return the value that a text stands for."""
+        try:
+            return named_value(info, node.value)
+        except ValueError as error:
+            raise node.refused(_words_of(error)) from error
 
 
 @frozen

@@ -10,11 +10,13 @@ from collections.abc import Iterable
 
 from opir_core.plugin import (
     Constellation,
+    FocalPlaneConfig,
     ScanningSensorConfig,
     SensorModel,
     cited,
     geostationary_fleet,
     hookimpl,
+    named,
     scanning_model,
     with_defaults,
 )
@@ -41,6 +43,23 @@ HERITAGE = {
 }
 
 
+#: Made up so that the noise that follows is about `nei_w_m2`, in the default band.
+NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
+    aperture_m=0.9,
+    optics_transmission=0.6,
+    quantum_efficiency=0.6,
+    integration_time_ms=30.0,
+    subframes=512,
+    dark_current_e_s=1.5e11,
+    read_noise_e=300.0,
+    well_capacity_e=1.5e8,
+    blur_urad=18.0,
+    jitter_urad=5.0,
+    registration_urad=1.0,
+    drift_urad_s=0.05,
+)
+
+
 @with_defaults(
     bands=cited({"LWIR": (8.0, 12.0)}, PAPER),
     scan_pattern=cited("spin", PAPER),
@@ -52,6 +71,7 @@ HERITAGE = {
     false_alarm_susceptibility=cited("high", PAPER),
     spectral_discrimination=cited("none", "opir-simulator paper (2026), section 3.4"),
     confusion=NOTIONAL_CONFUSION,
+    focal_plane=named(notional=NOTIONAL_FOCAL_PLANE),
 )
 class DspConfig(ScanningSensorConfig):
     """What a scene may set of a DSP sensor."""

@@ -4,10 +4,12 @@ from collections.abc import Iterable
 
 from opir_core.plugin import (
     Constellation,
+    FocalPlaneConfig,
     ScanningSensorConfig,
     SensorModel,
     cited,
     hookimpl,
+    named,
     scanning_model,
     walker_fleet,
     with_defaults,
@@ -34,6 +36,35 @@ NOTIONAL_CONFUSION = {
 }
 
 
+#: Made up so that the noise that follows is about `nei_w_m2`.
+NOTIONAL_WIDE_FOCAL_PLANE = FocalPlaneConfig(
+    aperture_m=0.1,
+    integration_time_ms=20.0,
+    subframes=8,
+    dark_current_e_s=7e7,
+    read_noise_e=50.0,
+    well_capacity_e=2e7,
+    blur_urad=65.0,
+    jitter_urad=10.0,
+    registration_urad=4.0,
+    drift_urad_s=2.0,
+    lag_s=2.0,
+)
+NOTIONAL_MEDIUM_FOCAL_PLANE = FocalPlaneConfig(
+    aperture_m=0.2,
+    integration_time_ms=20.0,
+    subframes=64,
+    dark_current_e_s=3.4e8,
+    read_noise_e=50.0,
+    well_capacity_e=5e7,
+    blur_urad=14.0,
+    jitter_urad=3.0,
+    registration_urad=1.0,
+    drift_urad_s=0.5,
+    lag_s=2.0,
+)
+
+
 @with_defaults(
     bands={"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)},
     scan_pattern="staring",
@@ -48,6 +79,7 @@ NOTIONAL_CONFUSION = {
     spectral_discrimination="dual-band-ratio",
     plausible_ratios={"MWIR": (0.8, 4.0)},
     confusion=NOTIONAL_CONFUSION,
+    focal_plane=named(notional=NOTIONAL_WIDE_FOCAL_PLANE),
 )
 class WideConfig(ScanningSensorConfig):
     """What a scene may set of a LEO-WIDE sensor."""
@@ -67,6 +99,7 @@ class WideConfig(ScanningSensorConfig):
     false_alarm_susceptibility="low",
     spectral_discrimination=cited("none", "notional: a warm body shows in LWIR alone"),
     confusion=NOTIONAL_CONFUSION,
+    focal_plane=named(notional=NOTIONAL_MEDIUM_FOCAL_PLANE),
 )
 class MediumConfig(ScanningSensorConfig):
     """What a scene may set of a LEO-MEDIUM sensor."""

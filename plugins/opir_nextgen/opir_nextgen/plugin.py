@@ -4,11 +4,13 @@ from collections.abc import Iterable
 
 from opir_core.plugin import (
     Constellation,
+    FocalPlaneConfig,
     ScanningSensorConfig,
     SensorModel,
     cited,
     geostationary_fleet,
     hookimpl,
+    named,
     scanning_model,
     with_defaults,
 )
@@ -29,6 +31,21 @@ NOTIONAL_CONFUSION = {
 PAPER_PRESET = {"scan_phase": "aligned"}
 
 
+#: Made up so that the noise that follows is about `nei_w_m2`.
+NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
+    aperture_m=1.0,
+    integration_time_ms=10.0,
+    subframes=64,
+    dark_current_e_s=4e8,
+    read_noise_e=50.0,
+    well_capacity_e=4e7,
+    blur_urad=4.0,
+    jitter_urad=1.0,
+    registration_urad=0.2,
+    drift_urad_s=0.01,
+)
+
+
 @with_defaults(
     bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0), "LWIR": (8.0, 12.0)}, PAPER),
     scan_pattern=cited("staring", PAPER),
@@ -43,6 +60,7 @@ PAPER_PRESET = {"scan_phase": "aligned"}
     false_alarm_susceptibility=cited("low", PAPER),
     spectral_discrimination=cited("triple-coincidence", "opir-simulator paper (2026), section 3.4"),
     confusion=NOTIONAL_CONFUSION,
+    focal_plane=named(notional=NOTIONAL_FOCAL_PLANE),
 )
 class NextGenConfig(ScanningSensorConfig):
     """What a scene may set of a NEXTGEN-GEO sensor."""

@@ -4,11 +4,13 @@ from collections.abc import Iterable
 
 from opir_core.plugin import (
     Constellation,
+    FocalPlaneConfig,
     ScanningSensorConfig,
     SensorModel,
     cited,
     geostationary_fleet,
     hookimpl,
+    named,
     scanning_model,
     with_defaults,
 )
@@ -29,6 +31,21 @@ NOTIONAL_CONFUSION = {
 PAPER_PRESET = {"scan_phase": "aligned"}
 
 
+#: Made up so that the noise that follows is about `nei_w_m2`.
+NOTIONAL_FOCAL_PLANE = FocalPlaneConfig(
+    aperture_m=0.6,
+    integration_time_ms=10.0,
+    subframes=16,
+    dark_current_e_s=5e9,
+    read_noise_e=100.0,
+    well_capacity_e=2e7,
+    blur_urad=9.0,
+    jitter_urad=2.5,
+    registration_urad=0.5,
+    drift_urad_s=0.02,
+)
+
+
 @with_defaults(
     bands=cited({"SWIR": (2.5, 3.0), "MWIR": (4.0, 5.0)}, PAPER),
     scan_pattern=cited("step-stare", PAPER),
@@ -40,6 +57,7 @@ PAPER_PRESET = {"scan_phase": "aligned"}
     false_alarm_susceptibility=cited("moderate", PAPER),
     spectral_discrimination=cited("dual-band-ratio", "opir-simulator paper (2026), section 3.4"),
     confusion=NOTIONAL_CONFUSION,
+    focal_plane=named(notional=NOTIONAL_FOCAL_PLANE),
 )
 class SbirsConfig(ScanningSensorConfig):
     """What a scene may set of a SBIRS-GEO sensor."""

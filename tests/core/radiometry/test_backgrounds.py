@@ -10,10 +10,17 @@ from opir_core.geometry import geodetic_to_ecef, sun_position_ecef_m
 from opir_core.geometry.occlusion import grazing_height_m
 from opir_core.geometry.sun import sun_ecef_m
 from opir_core.interfaces.protocols import Band
-from opir_core.interfaces.radiometric_models import AtmosphereContext, BackgroundContext, Views
+from opir_core.interfaces.radiometric_models import AtmosphereContext, BackgroundContext, Structure, Views
 from opir_core.plugin.components import NoConfig
 from opir_core.plugin.host import Host
-from opir_core.radiometry.configs import CloudConfig, EarthConfig, LowtranConfig
+from opir_core.radiometry.configs import (
+    CloudConfig,
+    EarthConfig,
+    LimbStructureConfig,
+    LowtranConfig,
+    StructureConfig,
+    StructuresConfig,
+)
 from opir_core.radiometry.earth import LOOK_SINES, earth_background, sky_tables, table_rows
 from opir_core.radiometry.lowtran import lowtran_atmosphere
 from opir_core.radiometry.viewing import views
@@ -191,3 +198,41 @@ def test_views_do_not_depend_on_their_company():
         alone = views(sensor[one], (target - sensor)[one], time_s[one], EPOCH_US)
         for name in ("height_m", "elevation_sine", "sun_elevation_sine", "point_ecef_m"):
             assert getattr(alone, name).tolist() == getattr(together, name)[one].tolist()
+
+
+def test_structure_is_shares_of_emission_and_of_sunlight():
+    part = {"thermal_rms": 0.2, "solar_rms": 0.5, "scale_km": 12.0, "exponent": 2.8}
+    settings = StructuresConfig(terrain=StructureConfig(**part), cloud=StructureConfig(thermal_rms=0.0, solar_rms=0.4))
+    swir = NAMES.index("SWIR")
+    view, night = looks([0.4, 0.9], [0.6, 0.6]), looks([0.4, 0.9], [-0.3, -0.3])
+    clear, cloudy = (background(cloud, structure=settings) for cloud in (None, CloudConfig(top_km=10.0)))
+    radiance, rms, number = clear.structured_radiances_w_m2_sr([swir], view)
+    emitted = clear.radiance_w_m2_sr(swir, night)
+    np.testing.assert_allclose(radiance[0], clear.radiance_w_m2_sr(swir, view), rtol=1e-14)
+    np.testing.assert_allclose(rms[0], np.hypot(0.2 * emitted, 0.5 * (radiance[0] - emitted)), rtol=1e-12)
+    assert [clear.structures[one] for one in number] == [Structure(12e3, 2.8)] * 2
+    radiance, rms, number = cloudy.structured_radiances_w_m2_sr([swir], view)
+    np.testing.assert_allclose(rms[0], 0.4 * (radiance[0] - cloudy.radiance_w_m2_sr(swir, night)), rtol=1e-12)
+    assert number.tolist() == [0, 0]
+    assert cloudy.structured_radiances_w_m2_sr([swir], night)[1].tolist() == [[0.0, 0.0]]
+
+
+def test_structure_beyond_the_limb_falls_with_height_over_dark_space():
+    limb = LimbStructureConfig(thermal_rms=0.1, solar_rms=0.0, height_km=10.0)
+    model = background(structure=StructuresConfig(limb=limb))
+    view = looks(0.0, -0.5, [0.0, 1.0, 10e3, 20e3, np.inf])
+    radiance, rms, number = model.structured_radiances_w_m2_sr([0, 2], view)
+    horizon = np.array([float(model.radiance_w_m2_sr(band, looks(0.0, -0.5))[0]) for band in (0, 2)])
+    np.testing.assert_allclose(rms[:, 1:4], 0.1 * horizon[:, None] * np.exp([-1e-4, -1.0, -2.0]), rtol=1e-12)
+    assert radiance[:, 1:].tolist() == [[0.0] * 4] * 2
+    assert rms[:, 4].tolist() == [0.0, 0.0]
+    assert number.tolist() == [1, 2, 2, 2, 2]
+
+
+def test_sea_and_cloudy_skies_have_structures_of_their_own():
+    sea, cumulus = background(structure=StructuresConfig(surface="sea")), background(sky="cumulus_top2.7km")
+    view = looks([0.4], [0.6])
+    numbers = [model.structured_radiances_w_m2_sr([0], view)[2][0] for model in (sea, cumulus)]
+    of_sea, of_cloud = sea.structures[numbers[0]], cumulus.structures[numbers[1]]
+    assert of_sea == Structure(1e3 * StructuresConfig().sea.scale_km, StructuresConfig().sea.exponent)
+    assert of_cloud == Structure(1e3 * StructuresConfig().cloud.scale_km, StructuresConfig().cloud.exponent)

@@ -1,0 +1,104 @@
+"""The settings of a sensor's focal plane: optics, detectors, spatial and temporal filter, jitter and drift.
+
+A sensor's configuration holds them, its `Radiometer` carries them, detection models work out what they come to.
+"""
+
+from attrs import frozen
+
+from opir_core.scene.fields import number, text
+
+SPATIAL_FILTERS = ("sum", "surround", "matched")
+TEMPORAL_FILTERS = ("difference", "none")
+
+
+@frozen(kw_only=True)
+class FocalPlaneConfig:
+    """What a scene may set of a focal plane; pixels are as wide as the sensor's `ifov_urad`."""
+
+    aperture_m: float = number(default=0.6, unit="m", above=0.0, maximum=100.0, help="diameter of the aperture")
+    optics_transmission: float = number(
+        default=0.7, above=0.0, maximum=1.0, help="share of in-band light that the optics pass"
+    )
+    quantum_efficiency: float = number(default=0.7, above=0.0, maximum=1.0, help="electrons per photon on a pixel")
+    integration_time_ms: float = number(
+        default=10.0, unit="ms", above=0.0, maximum=1e6, help="integration time of a frame, all its subframes together"
+    )
+    subframes: int = number(
+        default=16, minimum=1, maximum=1_000_000, help="subframes added up to a frame, each read out by itself"
+    )
+    dark_current_e_s: float = number(
+        default=5e9,
+        unit="e⁻/s",
+        minimum=0.0,
+        maximum=1e15,
+        help="electrons of a pixel without light from outside: dark current and warm optics",
+    )
+    read_noise_e: float = number(
+        default=100.0, unit="e⁻", minimum=0.0, maximum=1e9, help="standard deviation of reading a pixel of a subframe"
+    )
+    well_capacity_e: float = number(
+        default=2e7, unit="e⁻", above=0.0, maximum=1e18, help="electrons that a pixel holds in a subframe"
+    )
+    blur_urad: float = number(
+        default=9.0,
+        unit="urad",
+        minimum=0.0,
+        maximum=1e5,
+        help="standard deviation per axis of blur besides diffraction: aberrations, crosstalk",
+    )
+    jitter_urad: float = number(
+        default=2.5,
+        unit="urad",
+        minimum=0.0,
+        maximum=1e5,
+        help="standard deviation per axis of the line of sight within an integration: it blurs",
+    )
+    registration_urad: float = number(
+        default=0.5,
+        unit="urad",
+        minimum=0.0,
+        maximum=1e5,
+        help="standard deviation per axis with which a frame is registered, new from frame to frame: it lets clutter"
+        " through the frame difference",
+    )
+    drift_urad_s: float = number(
+        default=0.02,
+        unit="urad/s",
+        minimum=0.0,
+        maximum=1e6,
+        help="rate at which the line of sight drifts over the scene, uncorrected: it smears, and lets clutter through",
+    )
+    core_pixels: int = number(
+        default=1, minimum=1, maximum=9, help="pixels along a side of the square in which the spatial filter adds"
+    )
+    spatial_filter: str = text(
+        default="matched",
+        choices=SPATIAL_FILTERS,
+        help="sum: of the core; surround: less the mean of a ring of pixels around it; matched: weights of the spot in"
+        " the core and two pixels around it, less their mean",
+    )
+    temporal_filter: str = text(
+        default="difference",
+        choices=TEMPORAL_FILTERS,
+        help="difference: of a frame and one lag_s earlier, with twice the variance of noise; none: a single frame",
+    )
+    lag_s: float = number(
+        default=10.0, unit="s", above=0.0, maximum=1e5, help="age of the frame that temporal_filter: difference takes"
+    )
+    reference_cells: int | None = number(
+        default=None,
+        minimum=8,
+        maximum=1_000_000,
+        source="no default: noise and clutter known exactly",
+        help="cells from which the threshold estimates noise and clutter (cell-averaging CFAR); fewer lose more",
+    )
+    phase: str = text(
+        default="mean",
+        choices=("mean", "worst"),
+        help="where on its pixel a point source is: the mean over all places, or on the corner of four pixels",
+    )
+    nei: str = text(
+        default="computed",
+        choices=("computed", "given"),
+        help="computed: NEI from the focal plane; given: the sensor's nei_w_m2",
+    )
