@@ -12,7 +12,13 @@ EVERY = list(cases(2))
 CHOSEN = [*EVERY[10:], *(case._replace(slices=6) for case in islice(EVERY, 3, 8, 2))]
 
 
-@pytest.mark.parametrize("case", CHOSEN, ids=lambda case: f"{case.name}, {case.size} states")
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, marks=[pytest.mark.slow] * (row % 2), id=f"{case.name}, {case.size} states")
+        for row, case in enumerate(CHOSEN)
+    ],
+)
 def test_no_digit_that_matters_is_lost(case: Case) -> None:
     for sample in samples(case, every=5):
         assert sample.smallest > 0.0

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,11 @@ DOORS = {"opir_core", "opir_core.plugin", "opir_core.__main__"}
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def module_of(path: Path) -> str:
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
@@ -47,7 +53,7 @@ def floor_of(module: str) -> str:
 
 def imports_of(path: Path) -> Iterator[str]:
     """Yield the modules of the core that a file imports, wherever in it, types included."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             yield from (name.name for name in node.names if name.name in CORE_MODULES)
         elif isinstance(node, ast.ImportFrom) and node.module in CORE_MODULES:
@@ -55,18 +61,21 @@ def imports_of(path: Path) -> Iterator[str]:
             yield from (name if name in CORE_MODULES else node.module for name in inner)
 
 
-GRAPH = {module: sorted(set(imports_of(path))) for module, path in CORE_MODULES.items()}
+@cache
+def graph() -> dict[str, list[str]]:
+    """Return the modules of the core that each imports."""
+    return {module: sorted(set(imports_of(path))) for module, path in CORE_MODULES.items()}
 
 
 def test_every_folder_of_the_core_has_its_floor() -> None:
-    assert {floor_of(module) for module in GRAPH if module not in DOORS} == set(FLOORS)
+    assert {floor_of(module) for module in graph() if module not in DOORS} == set(FLOORS)
 
 
 def test_imports_of_the_core_go_down() -> None:
     rank = {name: number for number, name in enumerate(FLOORS)}
     upward = [
         f"{module} imports {other}"
-        for module, others in GRAPH.items()
+        for module, others in graph().items()
         if module not in DOORS
         for other in others
         if other in DOORS or rank[floor_of(other)] > rank[floor_of(module)]
@@ -75,7 +84,7 @@ def test_imports_of_the_core_go_down() -> None:
 
 
 def test_no_imports_run_in_a_circle() -> None:
-    left = {module: set(others) - {module} for module, others in GRAPH.items()}
+    left = {module: set(others) - {module} for module, others in graph().items()}
     while free := [module for module, others in left.items() if not others]:
         left = {module: others - set(free) for module, others in left.items() if module not in free}
     assert not left, "a circle runs through some of these"
@@ -101,7 +110,7 @@ def test_no_module_lies_flat_in_the_core() -> None:
 
 
 def functions(path: Path) -> Iterator[Function]:
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, Function):
             yield node
 
@@ -134,7 +143,7 @@ def test_no_module_has_a_vague_name() -> None:
 def test_no_class_name_stands_twice() -> None:
     homes: dict[str, list[str]] = {}
     for path in SOURCES:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree_of(path)):
             if isinstance(node, ast.ClassDef):
                 homes.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
     assert not {name: where for name, where in homes.items() if len(where) > 1}
@@ -165,7 +174,7 @@ WHERE_HOOKS_ARE_NAMED = {
 
 def code_of(path: Path) -> str:
     """Return a module's source without its docstrings and comments, which may give examples."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = tree_of(path)
     for node in ast.walk(tree):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             node.value.value = ""

@@ -142,7 +142,9 @@ def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_mo
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc", "boost-profile"])
+@pytest.mark.parametrize(
+    "tracker", ["stereo-filter", "kepler-arc", pytest.param("boost-profile", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("sigma_urad", [0.0, 0.001])
 def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: float) -> None:
     slots = {"A": -135.0, "B": -90.0}

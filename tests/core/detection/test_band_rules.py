@@ -100,7 +100,7 @@ def test_free_draws_pass_as_often_as_the_probability_says(rule: AnyBand | RatioG
 def test_measurements_conditional_on_detection_are_those_of_the_free_draws_that_pass(
     rule: AnyBand | RatioGates,
 ) -> None:
-    rng, snr, ones = np.random.default_rng(5), np.array([6.0, 8.0, 2.5]), np.ones((200_000, 3))
+    rng, snr, ones = np.random.default_rng(5), np.array([6.0, 8.0, 2.5]), np.ones((60_000, 3))
     free = snr + rng.normal(size=ones.shape)
     kept = free[rule.passes(free, ones)]
     drawn = rule.conditional(np.tile(snr, (len(kept), 1)), ones[: len(kept)], rng.random((len(kept), 4)))

@@ -166,7 +166,7 @@ class _Given:
         return _Given(self.normal[rows])
 
 
-@pytest.mark.parametrize("signal", [4.0, 6.0, 9.0])
+@pytest.mark.parametrize("signal", [pytest.param(4.0, marks=pytest.mark.slow), 6.0, 9.0])
 def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_that_did_not(
     plan: Any, signal: float
 ) -> None:

@@ -38,7 +38,9 @@ def exact_m(flight, target, time_s):
     return np.where((time_s <= flight.burnout_s[target])[:, None], boost, eci_to_ecef(coast, time_s))
 
 
-@pytest.mark.parametrize("tolerance_m", [1.0, 0.01, 1e-4])
+@pytest.mark.parametrize(
+    "tolerance_m", [pytest.param(1.0, marks=pytest.mark.slow), 0.01, pytest.param(1e-4, marks=pytest.mark.slow)]
+)
 def test_a_million_points_are_within_the_tolerance(flight, tolerance_m):
     """A third anywhere in the boost, a third crowded to pitch-over, where it bends most, a third in free flight."""
     rng = np.random.default_rng(12)

@@ -104,14 +104,14 @@ def test_least_height_against_a_search_along_the_segment():
         (6.38e6, 7e6, 1e-8),
         (6.4e6, 4.3e7, 5e-8),
     ):
-        ends = rng.normal(size=(2, 1000, 3))
-        ends *= rng.uniform(lowest, highest, (2, 1000, 1)) / np.linalg.norm(ends, axis=2, keepdims=True)
+        ends = rng.normal(size=(2, 250, 3))
+        ends *= rng.uniform(lowest, highest, (2, 250, 1)) / np.linalg.norm(ends, axis=2, keepdims=True)
         observer, target = ends
 
         def height(share, observer=observer, target=target):
             return ecef_to_geodetic(observer + share[:, None] * (target - observer)).height_m
 
-        low, high = np.zeros(1000), np.ones(1000)
+        low, high = np.zeros(250), np.ones(250)
         for _ in range(75):
             left, right = high - ratio * (high - low), low + ratio * (high - low)
             falls = height(left) < height(right)

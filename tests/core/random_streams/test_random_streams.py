@@ -121,7 +121,7 @@ def test_further_words_are_those_of_splitmix64() -> None:
 
 def test_normals_spun_from_a_looks_word_are_normal_and_know_nothing_of_its_direction_or_of_other_purposes() -> None:
     """10 tests of normality, 132 rank correlations of values and of sizes: 99.9 % in all (Bonferroni)."""
-    words, none = raw(200_000, seed=4), np.zeros(0, dtype=np.int64)
+    words, none = raw(60_000, seed=4), np.zeros(0, dtype=np.int64)
     rows = np.arange(len(words))
     dice = WindowNumbers(PairStreams(1, []), none, none, none).of(rows, rows, words)
     spun = [*dice.normals("measurement", 5).T, *dice.normals("other", 5).T]

@@ -114,7 +114,10 @@ PLACES = """
 """
 
 
-@pytest.mark.parametrize("place", PLACES.split())
+@pytest.mark.parametrize(
+    "place",
+    [pytest.param(place, marks=[pytest.mark.slow] * (row % 2)) for row, place in enumerate(PLACES.split())],
+)
 def test_odd_scalars_are_refused_or_keep_their_meaning(place: str) -> None:
     for raw in RAW_VALUES:
         tree = pairs(good_mapping())

@@ -176,7 +176,11 @@ def test_the_tracker_with_one_target_is_a_plain_loop_of_stone_soups_extended_fil
 
 @pytest.mark.parametrize(
     "tracker",
-    ["stonesoup", "{model: stonesoup, filter: ukf}", "{model: stonesoup, association: jpda, motion: jerk, noise: 0.3}"],
+    [
+        "stonesoup",
+        pytest.param("{model: stonesoup, filter: ukf}", marks=pytest.mark.slow),
+        "{model: stonesoup, association: jpda, motion: jerk, noise: 0.3}",
+    ],
 )
 def test_two_launches_are_two_tracks_that_know_how_wrong_they_are(tracker):
     plan = plan_of(f"tracker={tracker}", LAUNCHES, "duration_s=45")

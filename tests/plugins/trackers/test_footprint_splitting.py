@@ -56,7 +56,7 @@ def test_launches_six_kilometres_apart_have_a_track_each(sensors: list[dict[str,
     assert nearest_m.max() < 2e3
 
 
-@pytest.mark.parametrize("sensors", [TWO, FIVE], ids=["two", "five"])
+@pytest.mark.parametrize("sensors", [pytest.param(TWO, marks=pytest.mark.slow), FIVE], ids=["two", "five"])
 def test_launches_along_the_sensors_base_begin_no_more_than_a_tenth_too_many(sensors: list[dict[str, Any]]) -> None:
     """A ray of one sensor meets the other's rays of all its neighbours, at other heights; two are in one plane."""
     tracks, nearest_m = chain(sensors, (0.0, 0.05), 0.1)

@@ -118,9 +118,14 @@ GRID = [
     (10.0, 500, 1, 30, 0.8),
     (10.0, 10000, 3, 30, 1.0),
 ]
+#: Every value of each column is among these.
+QUICK = {(0.2, 1000, 1, 0, 0.8), (0.5, 200, 3, 30, 0.8), (1.0, 100, 2, 30, 0.3), (5.0, 1000, 3, 0, 1.0), *GRID[-2:]}
 
 
-@pytest.mark.parametrize(("cadence_s", "period_ms", "count", "bias_urad", "chance"), GRID)
+@pytest.mark.parametrize(
+    ("cadence_s", "period_ms", "count", "bias_urad", "chance"),
+    [pytest.param(*row, marks=[] if row in QUICK else pytest.mark.slow) for row in GRID],
+)
 def test_any_cadence_scans_sensors_biases_and_chances(
     cadence_s: float, period_ms: float, count: int, bias_urad: float, chance: float
 ) -> None:

@@ -118,7 +118,9 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("azimuth_deg", [15.0, 110.0, 290.0])
+@pytest.mark.parametrize(
+    "azimuth_deg", [15.0, *(pytest.param(each, marks=pytest.mark.slow) for each in (110.0, 290.0))]
+)
 @pytest.mark.parametrize("case", CASES)
 def test_impacts_of_open_ends_are_those_of_flights_drawn_at_random(case, azimuth_deg):
     kind, *rest = case
