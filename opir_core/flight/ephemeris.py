@@ -200,7 +200,15 @@ class Ephemeris:
             raise ValueError("every span of an ephemeris must start before it ends")
         if not tolerance_m > 0.0:
             raise ValueError(f"the tolerance of an ephemeris must be above zero, not {tolerance_m} m")
-        target, lower, upper = _smooth_spans(start, end, breakpoints_s)
+        inner = np.empty((len(start), 0)) if breakpoints_s is None else np.asarray(breakpoints_s, dtype=np.float64)
+        inner = np.clip(inner, start[:, None], end[:, None])
+        cuts = np.sort(np.concatenate([start[:, None], inner, end[:, None]], axis=1), axis=1)
+        for later in range(1, cuts.shape[1] - 1):
+            close_s = cuts[:, later] - cuts[:, later - 1] < _ONE_BREAK_S
+            cuts[:, later] = np.where(close_s, cuts[:, later - 1], cuts[:, later])
+        cuts[:, 1:-1] = np.where(end[:, None] - cuts[:, 1:-1] < _ONE_BREAK_S, end[:, None], cuts[:, 1:-1])
+        target, gap = np.nonzero(cuts[:, :-1] < cuts[:, 1:])
+        lower, upper = cuts[target, gap], cuts[target, gap + 1]
         return _indexed(fitted_segments(motion, target, lower, upper, tolerance_m), tolerance_m)
 
     @staticmethod
@@ -292,21 +300,6 @@ def _spread(index: RowArray) -> _Spread:
     counts[1:] -= ends[:-1]
     counts[0] += 1
     return lambda columns: columns.take(heads, axis=-1).repeat(counts, axis=-1)
-
-
-def _smooth_spans(
-    start_s: FloatArray, end_s: FloatArray, breakpoints_s: ArrayLike | None
-) -> tuple[RowArray, FloatArray, FloatArray]:
-    """Return the spans cut at their breakpoints: target, start and end (m,)."""
-    inner = np.empty((len(start_s), 0)) if breakpoints_s is None else np.asarray(breakpoints_s, dtype=np.float64)
-    inner = np.clip(inner, start_s[:, None], end_s[:, None])
-    cuts = np.sort(np.concatenate([start_s[:, None], inner, end_s[:, None]], axis=1), axis=1)
-    for later in range(1, cuts.shape[1] - 1):
-        close_s = cuts[:, later] - cuts[:, later - 1] < _ONE_BREAK_S
-        cuts[:, later] = np.where(close_s, cuts[:, later - 1], cuts[:, later])
-    cuts[:, 1:-1] = np.where(end_s[:, None] - cuts[:, 1:-1] < _ONE_BREAK_S, end_s[:, None], cuts[:, 1:-1])
-    target, gap = np.nonzero(cuts[:, :-1] < cuts[:, 1:])
-    return target, cuts[target, gap], cuts[target, gap + 1]
 
 
 def _indexed(segments: HermiteSegments, tolerance_m: float) -> Ephemeris:

@@ -1,33 +1,38 @@
 """Records of columns: numpy arrays of one length that are indexed, concatenated and filled together."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any, Generic, Self, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from typing import Any, ClassVar, Generic, Self, TypeVar, get_args, get_type_hints
 
 import numpy as np
 from attrs import fields
 
 _Filled = TypeVar("_Filled", bound="Columns")
 
-#: The column names of each record: needed for every block of rows.
-_KNOWN_NAMES: dict[Any, tuple[str, ...]] = {}
+
+def _names(record: Any) -> tuple[str, ...]:
+    return tuple(attribute.name for attribute in fields(record))
 
 
-class _FirstNames(dict[Any, str]):
-    """The name of each record's first column, which gives its length."""
-
-    def __missing__(self, record: Any) -> str:
-        self[record] = names_of(record)[0]
-        return self[record]
+def _kinds(record: Any) -> tuple[Any, ...]:
+    hints = get_type_hints(record)
+    return tuple(get_args(get_args(hints[name])[1])[0] for name in names_of(record))
 
 
-_FIRST_NAMES = _FirstNames()
+#: Returns the names of a record's columns, in order; needed for every block of rows.
+names_of: Callable[[Any], tuple[str, ...]] = cache(_names)
+#: Returns the number types of a record's columns, in order.
+_kinds_of: Callable[[Any], tuple[Any, ...]] = cache(_kinds)
 
 
 class Columns:
     """A record of columns; the first attribute gives its length, and any may be None."""
 
+    #: The shape of a row in the columns that have more than one number a row.
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {}
+
     def __len__(self) -> int:
-        return len(getattr(self, _FIRST_NAMES[type(self)]))
+        return len(getattr(self, names_of(type(self))[0]))
 
     def take(self, rows: Any) -> Self:
         """Return some of the rows, by an index array, a mask or a slice."""
@@ -65,7 +70,8 @@ class Columns:
     @classmethod
     def empty(cls) -> Self:
         """Return the record without rows."""
-        raise TypeError(f"{cls.__name__} has no empty form")
+        columns = zip(names_of(cls), _kinds_of(cls), strict=True)
+        return cls(*(np.empty((0, *cls.row_shapes.get(name, ())), dtype=kind) for name, kind in columns))
 
 
 class Filling(Generic[_Filled]):
@@ -97,11 +103,3 @@ class Filling(Generic[_Filled]):
 
     def _blank(self, column: Any) -> Any:
         return None if column is None else np.empty((self._rows, *column.shape[1:]), column.dtype)
-
-
-def names_of(record: Any) -> tuple[str, ...]:
-    """Return the names of a record's columns, in order."""
-    names = _KNOWN_NAMES.get(record)
-    if names is None:
-        names = _KNOWN_NAMES[record] = tuple(attribute.name for attribute in fields(record))
-    return names

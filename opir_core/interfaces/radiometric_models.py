@@ -6,8 +6,8 @@ not depend on how rows are grouped into calls. The functions at the end evaluate
 method if it has one.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Protocol, Self, runtime_checkable
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from attrs import field, frozen
@@ -26,17 +26,13 @@ class Paths(Columns):
     horizon; `target_ecef_m` and `sensor_ecef_m` are positions (n, 3), m; `time_s` is scene time.
     """
 
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {"target_ecef_m": (3,), "sensor_ecef_m": (3,)}
+
     height_m: FloatArray
     elevation_sine: FloatArray
     target_ecef_m: FloatArray
     sensor_ecef_m: FloatArray
     time_s: FloatArray
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Return the record of no paths."""
-        none, nowhere = np.empty(0), np.empty((0, 3))
-        return cls(none, none, nowhere, nowhere, none)
 
 
 @frozen(eq=False)
@@ -49,17 +45,13 @@ class Views(Columns):
     beyond the limb; `sun_elevation_sine` of the Sun above it; `time_s` is scene time.
     """
 
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {"point_ecef_m": (3,)}
+
     height_m: FloatArray
     elevation_sine: FloatArray
     sun_elevation_sine: FloatArray
     point_ecef_m: FloatArray
     time_s: FloatArray
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Return the record of no views."""
-        none = np.empty(0)
-        return cls(none, none, none, np.empty((0, 3)), none)
 
 
 class Signatures(Protocol):

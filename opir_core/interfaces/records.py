@@ -3,15 +3,15 @@
 Arrays are read-only in records that leave the engine.
 """
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from attrs import Factory, field, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.interfaces.columns import Columns, names_of
+from opir_core.interfaces.columns import Columns
 
 if TYPE_CHECKING:
     from opir_core.interfaces.viewpoints import AzimuthElevation
@@ -94,6 +94,14 @@ class Detections(Columns):
     `time_s`, `azimuth_rad` and `elevation_rad` are computed at each access; for both angles call `angles()` once.
     """
 
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
+        "detection_id": (2,),
+        "line_of_sight_ecef": (3,),
+        "sensor_ecef_m": (3,),
+        "band_irradiance_w_m2": (0,),
+        "type_log_probability": (0,),
+    }
+
     time_ns: IntArray
     sensor: IndexArray
     scan: IntArray
@@ -143,11 +151,6 @@ class Detections(Columns):
 
         return Viewpoints.of(self.sensor, self.sensor_ecef_m).angles(self.line_of_sight_ecef)
 
-    @classmethod
-    def empty(cls) -> Self:
-        """Return the record of no detections."""
-        return _no_rows(cls, _DETECTION_SHAPES)
-
 
 @frozen(eq=False)
 class DetectionTruth(Columns):
@@ -169,11 +172,6 @@ class DetectionTruth(Columns):
         """Return the sensor's elevation above the target's horizon, (n,) rad."""
         return np.arcsin(self.target_elevation_sine)
 
-    @classmethod
-    def empty(cls) -> Self:
-        """Return the record of no rows."""
-        return _no_rows(cls, _TRUTH_SHAPES)
-
 
 #: Probabilities of the containment ellipsoids and ellipses of states and impacts in tracks.
 TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
@@ -192,6 +190,20 @@ class Tracks(Columns):
     ellipsoids that contain the state; nan for those of a normal distribution.
     """
 
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
+        "state": (6,),
+        "state_covariance": (6, 6),
+        "state_sigmas": (3,),
+        "launch": (3,),
+        "launch_covariance": (3, 3),
+        "impact": (3,),
+        "impact_covariance": (3, 3),
+        "impact_sigmas": (3,),
+        "burnout": (7,),
+        "burnout_covariance": (7, 7),
+        "type_probability": (4,),
+    }
+
     tick_s: FloatArray
     track: IntArray
     state: FloatArray
@@ -205,11 +217,6 @@ class Tracks(Columns):
     burnout_covariance: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7, 7), takes_self=True))
     impact_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
     state_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
-
-    @classmethod
-    def empty(cls) -> Self:
-        """Return the record of no tracks."""
-        return _no_rows(cls, _TRACK_SHAPES)
 
 
 @frozen(eq=False)
@@ -252,45 +259,5 @@ class Batch:
         return self.body.split(b"\n")[:-1]
 
 
-_Record = TypeVar("_Record")
-_Shapes = Mapping[str, tuple[Any, tuple[int, ...]]]
-
-_DETECTION_SHAPES: _Shapes = {
-    "time_ns": (np.int64, ()),
-    "sensor": (np.int32, ()),
-    "scan": (np.int64, ()),
-    "detection_id": (np.uint64, (2,)),
-    "reported_type": (np.uint8, ()),
-    "bands": (np.uint8, ()),
-    "detection_count": (np.int32, ()),
-    "line_of_sight_ecef": (np.float64, (3,)),
-    "sensor_ecef_m": (np.float64, (3,)),
-    "track": (np.int64, ()),
-    "estimate": (np.int64, ()),
-    "band_irradiance_w_m2": (np.float64, (0,)),
-    "type_log_probability": (np.float64, (0,)),
-}
-_TRUTH_SHAPES: _Shapes = {"target": (np.int32, ())}
-_TRACK_SHAPES: _Shapes = {
-    "track": (np.int64, ()),
-    "state": (np.float64, (6,)),
-    "state_covariance": (np.float64, (6, 6)),
-    "launch": (np.float64, (3,)),
-    "launch_covariance": (np.float64, (3, 3)),
-    "impact": (np.float64, (3,)),
-    "impact_covariance": (np.float64, (3, 3)),
-    "impact_sigmas": (np.float64, (3,)),
-    "state_sigmas": (np.float64, (3,)),
-    "burnout": (np.float64, (7,)),
-    "burnout_covariance": (np.float64, (7, 7)),
-    "type_probability": (np.float64, (4,)),
-}
-
-
 def _unknown(tracks: Tracks, *shape: int) -> FloatArray:
     return np.full((len(tracks.tick_s), *shape), np.nan)
-
-
-def _no_rows(record: Callable[..., _Record], shapes: _Shapes) -> _Record:
-    specified = (shapes.get(name, (np.float64, ())) for name in names_of(record))
-    return record(*(np.empty((0, *shape), dtype=kind) for kind, shape in specified))

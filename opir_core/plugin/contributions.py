@@ -52,7 +52,14 @@ def contributions_of(plugin: object) -> Contributions:
     for hook, kind in CATALOGUE.items():
         for implementation in implementations.get(hook, ()):
             for component in _yielded(implementation, hook):
-                _add(components, component, hook, kind)
+                if not isinstance(component, kind):
+                    raise InvalidPlugin(f"{hook} yielded {kind_of(component)} instead of {with_article(kind.__name__)}")
+                fault = _fault_in(component)
+                if fault:
+                    raise InvalidPlugin(f"{hook} yielded {with_article(kind.kind)} {fault}")
+                if (hook, component.name) in components:
+                    raise InvalidPlugin(f"{hook} yielded two {plural(kind.kind)} named {component.name!r}")
+                components[hook, component.name] = component
     commands = implementations.get(COMMAND_HOOK, ())
     return Contributions(components, tuple(partial(_add_commands, implementation) for implementation in commands))
 
@@ -123,22 +130,6 @@ def _yielded(implementation: pluggy.HookImpl, hook: str) -> list[Any]:
     if len(items) > MAXIMUM_COMPONENTS:
         raise InvalidPlugin(f"{hook} yields more than {MAXIMUM_COMPONENTS} components")
     return items
-
-
-def _add(
-    components: dict[Offer, Offered],
-    component: Any,
-    hook: str,
-    kind: type[Offered],
-) -> None:
-    if not isinstance(component, kind):
-        raise InvalidPlugin(f"{hook} yielded {kind_of(component)} instead of {with_article(kind.__name__)}")
-    fault = _fault_in(component)
-    if fault:
-        raise InvalidPlugin(f"{hook} yielded {with_article(kind.kind)} {fault}")
-    if (hook, component.name) in components:
-        raise InvalidPlugin(f"{hook} yielded two {plural(kind.kind)} named {component.name!r}")
-    components[hook, component.name] = component
 
 
 def _add_commands(implementation: pluggy.HookImpl, commands: Any) -> None:

@@ -157,12 +157,6 @@ class Innovations(Columns):
     is_biased: BoolArray
     nis: FloatArray
 
-    @classmethod
-    def empty(cls) -> "Innovations":
-        """Return an empty record."""
-        real, truth = np.empty(0), np.empty(0, dtype=np.bool_)
-        return cls(np.empty(0, dtype=np.int64), real, truth, truth, real)
-
 
 def innovations(evidence: RunEvidence, owners: Ownership) -> Innovations:
     """Return the innovations of the tracks in force, by track."""

@@ -40,13 +40,6 @@ class StateErrors(Columns):
     velocity_free_bound_m_s: FloatArray
     impact_m: FloatArray
 
-    @classmethod
-    def empty(cls) -> "StateErrors":
-        """Return an empty record."""
-        integer, real = np.empty(0, dtype=np.int64), np.empty(0)
-        truth = np.empty(0, dtype=np.bool_)
-        return cls(integer, real, real, truth, truth, *(real for _ in range(8)))
-
 
 @frozen(eq=False)
 class PointErrors(Columns):
@@ -65,12 +58,6 @@ class PointErrors(Columns):
     impact_m: FloatArray
     impact_nees: FloatArray
     impact_time_s: FloatArray
-
-    @classmethod
-    def empty(cls) -> "PointErrors":
-        """Return an empty record."""
-        real, truth = np.empty(0), np.empty(0, dtype=np.bool_)
-        return cls(np.empty(0, dtype=np.int64), truth, truth, *(real for _ in range(6)))
 
 
 def state_errors(evidence: RunEvidence, owners: Ownership) -> StateErrors:

@@ -51,7 +51,11 @@ class SensorReader:
         block = dict(block_of(node))
         if "constellation" not in block:
             if "model" not in block:
-                _refuse_nameless(block, node)
+                for key, value in block.items():
+                    if nearest(key, _NAMING_KEYS):
+                        with under(key_step(key)):
+                            raise unknown_key(key, value, _NAMING_KEYS)
+                raise node.refused("names neither a model nor a constellation")
             return [SceneSensor(*self._identifier.identified(node, path, _SENSOR_KEYS, path))]
         with under(".constellation"):
             name = component_name(block.pop("constellation"))
@@ -101,15 +105,6 @@ class SensorReader:
         settings = evolve(settings, given=given, giver=constellation, other_keys=_FLEET_KEYS)
         choice = self._components.choice(_MODELS, constellation.model, path, settings)
         return SceneSensor(own_id, choice, constellation.name)
-
-
-def _refuse_nameless(block: Mapping[str, Node], node: Node) -> None:
-    """Reject a block without a model and a constellation."""
-    for key, value in block.items():
-        if nearest(key, _NAMING_KEYS):
-            with under(key_step(key)):
-                raise unknown_key(key, value, _NAMING_KEYS)
-    raise node.refused("names neither a model nor a constellation")
 
 
 _SINKS = "opir_sinks"

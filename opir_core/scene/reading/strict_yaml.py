@@ -98,21 +98,17 @@ def _number_or_text(text: str) -> int | float | str:
             raise ValueError(f"a whole number of {digits} digits; at most {MAXIMUM_DIGITS} are read")
         return int(text)
     if _DECIMAL.fullmatch(text):
-        return _decimal(text)
+        number = float(text)
+        short = text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."
+        if math.isinf(number):
+            raise ValueError(f"{short} is too large for a number; the largest is about 1.8e308")
+        if number == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):
+            raise ValueError(f"{short} is too small for a number and would be read as 0")
+        return number
     for pattern, complaint in _ODD:
         if pattern.fullmatch(text):
             raise ValueError(complaint.format(text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."))
     return quoted_value(text)
-
-
-def _decimal(text: str) -> float:
-    number = float(text)
-    short = text if len(text) <= MAXIMUM_DIGITS else f"{text[:MAXIMUM_DIGITS]}..."
-    if math.isinf(number):
-        raise ValueError(f"{short} is too large for a number; the largest is about 1.8e308")
-    if number == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):
-        raise ValueError(f"{short} is too small for a number and would be read as 0")
-    return number
 
 
 #: libyaml's parser where PyYAML has it, else PyYAML's own: the same events, more slowly.
