@@ -58,6 +58,14 @@ def dot(one: ArrayLike, other: ArrayLike) -> FloatArray:
     return product
 
 
+def angle_between_rad(one: ArrayLike, other: ArrayLike) -> FloatArray:
+    """Return the angles (...) between vectors (..., 3), rad, in [0, pi]; accurate to rounding near 0 and pi too."""
+    (ax, ay, az), (bx, by, bz) = components(one), components(other)
+    across = length(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    angle: FloatArray = np.arctan2(across, ax * bx + ay * by + az * bz)
+    return angle
+
+
 def lengths_and_remainders(
     x: FloatArray, y: FloatArray, z: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

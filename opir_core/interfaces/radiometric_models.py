@@ -92,6 +92,17 @@ class SignaturesWithBreakpoints(Protocol):
 
 
 @runtime_checkable
+class ReflectingSignatures(Protocol):
+    """What `Signatures` also have whose targets reflect sunlight; the engine adds it to their intensities."""
+
+    def reflecting_area_m2(self, target: IndexArray, time_since_ignition_s: FloatArray) -> FloatArray:
+        """Return albedo times cross-section (n,), m², of diffuse spheres; 0 where nothing is reflected.
+
+        Only targets that sensors follow after burnout reflect.
+        """
+
+
+@runtime_checkable
 class TransmittanceWithBreakpoints(Protocol):
     """What a `Transmittance` also has that jumps or bends at altitudes of its own."""
 

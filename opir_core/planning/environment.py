@@ -5,7 +5,7 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import evolve, frozen
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.flight.gravity_and_drag import height_m
@@ -18,6 +18,7 @@ from opir_core.interfaces.radiometric_models import (
     BackgroundContext,
     CourseWithBreakpoints,
     Paths,
+    ReflectingSignatures,
     SignatureContext,
     Signatures,
     SignaturesWithBreakpoints,
@@ -29,6 +30,7 @@ from opir_core.interfaces.radiometric_models import (
     intensities_w_sr,
 )
 from opir_core.interfaces.records import Exposures
+from opir_core.planning.reflection import ReflectedSunlight, shadow_times_s
 from opir_core.planning.targets import Targets
 from opir_core.plugin.components import SignatureModel
 from opir_core.plugin.host import Host
@@ -104,7 +106,8 @@ def heights_m(position_ecef_m: FloatArray) -> FloatArray:
 class RadiometricEnvironment:
     """Signatures of all targets, the atmosphere and the background, for the distinct `bands` of the scene's sensors.
 
-    Target k has row `place[k]` of `signatures[group[k]]`.
+    Target k has row `place[k]` of `signatures[group[k]]`. `sunlight` is what bodies reflect, None in scenes where none
+    is observed.
     """
 
     bands: tuple[Band, ...]
@@ -117,6 +120,7 @@ class RadiometricEnvironment:
     epoch_us: int
     has_background: bool
     reference_intensity_w_sr: FloatArray
+    sunlight: ReflectedSunlight | None = None
 
     def paths(self, exposures: Exposures) -> Paths:
         """Return the light paths of looks."""
@@ -152,20 +156,41 @@ class RadiometricEnvironment:
     ) -> FloatArray:
         """Return the in-band radiant intensities (bands, n) of the targets of looks, at the source."""
         since_s = exposures.emission_time_s - self.targets.ignition_s[exposures.target]
-        place = self.place[exposures.target]
+        intensity = self._own_intensities_w_sr(bands, exposures.target, since_s, height_m, aspect)
+        if self.sunlight is not None:
+            area = self.reflecting_area_m2(exposures.target, since_s)
+            late = np.flatnonzero(area > 0.0)
+            looks = exposures.take(late)
+            intensity[:, late] += self.sunlight.intensities_w_sr(bands, looks, height_m[late], area[late])
+        return intensity
+
+    def _own_intensities_w_sr(
+        self, bands: Sequence[int], target: IndexArray, since_s: FloatArray, height_m: FloatArray, aspect: FloatArray
+    ) -> FloatArray:
+        """Return what signatures radiate (bands, n)."""
+        place, group = self.place[target], self.group[target]
         if len(self.signatures) == 1:
             return intensities_w_sr(self.signatures[0], bands, place, since_s, height_m, aspect)
-        intensity, group = np.empty((len(bands), len(exposures))), self.group[exposures.target]
+        intensity = np.empty((len(bands), len(target)))
         for number, signatures in enumerate(self.signatures):
             rows = np.flatnonzero(group == number)
             own = intensities_w_sr(signatures, bands, place[rows], since_s[rows], height_m[rows], aspect[rows])
             intensity[:, rows] = own
         return intensity
 
+    def reflecting_area_m2(self, target: IndexArray, since_s: FloatArray) -> FloatArray:
+        """Return albedo times cross-section (n,) of targets at times since ignition (n,)."""
+        area, group = np.zeros(len(target)), self.group[target]
+        for number, signatures in enumerate(self.signatures):
+            if isinstance(signatures, ReflectingSignatures):
+                rows = np.flatnonzero(group == number)
+                area[rows] = signatures.reflecting_area_m2(self.place[target[rows]], since_s[rows])
+        return area
+
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend; nan for none.
 
-        They come from signatures, the atmosphere and the trajectories (direction of flight).
+        They come from signatures, the atmosphere, the trajectories (direction of flight) and the Earth's shadow.
         """
         everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
         heights = ascents(self.targets)
@@ -189,6 +214,8 @@ class RadiometricEnvironment:
                 own = np.full((len(self.group), own_s.shape[1]), np.nan)
                 own[turning] = own_s[self.targets.place[turning]]
                 times_s.append(own)
+        if self.sunlight is not None:
+            times_s.append(shadow_times_s(self.targets, self.epoch_us))
         return np.concatenate(times_s, axis=1)
 
     def _off_flight_rad(self, exposures: Exposures, to_sensor: FloatArray) -> FloatArray:
@@ -218,7 +245,7 @@ def make_environment(
         bands=bands, path=scene.background.path, epoch_us=scene.epoch_us, make_atmosphere=lambda: atmosphere
     )
     signatures, group, place = _signatures(scene, host, bands, targets, sources)
-    return RadiometricEnvironment(
+    environment = RadiometricEnvironment(
         bands=bands,
         targets=targets,
         signatures=signatures,
@@ -230,6 +257,10 @@ def make_environment(
         has_background=scene.background.name != "none",
         reference_intensity_w_sr=_reference_intensity_w_sr(host, bands),
     )
+    followed = np.flatnonzero(targets.end_s > targets.burnout_s).astype(np.int32)
+    if not np.any(environment.reflecting_area_m2(followed, (targets.end_s - targets.ignition_s)[followed])):
+        return environment
+    return evolve(environment, sunlight=ReflectedSunlight.of(bands, atmosphere, scene.epoch_us))
 
 
 def make_sources(scene: Scene, host: Host, sensors: Sequence[Sensor]) -> tuple[Sources, ...]:

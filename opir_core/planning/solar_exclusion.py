@@ -11,7 +11,7 @@ from attrs import frozen
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.geometry.sun import is_sunlit, sun_ecef_m
-from opir_core.geometry.vectors import components, dot, length, vector
+from opir_core.geometry.vectors import angle_between_rad
 from opir_core.interfaces.protocols import Sensor
 from opir_core.orbits.sun_events import outage_times_s
 
@@ -42,7 +42,7 @@ class SolarExclusion:
         rows = np.flatnonzero((later >= 0) & (time_s <= self.stop_s[np.maximum(later, 0)]))
         sensor_m = sensor_ecef_m[rows]
         sun_m = sun_ecef_m(time_s[rows], self.epoch_us)
-        angle = _angle_rad(target_ecef_m[rows] - sensor_m, sun_m - sensor_m)
+        angle = angle_between_rad(target_ecef_m[rows] - sensor_m, sun_m - sensor_m)
         margin = np.full(len(time_s), np.inf)
         margin[rows] = np.where(is_sunlit(sensor_m, sun_m), angle - self.angle_rad, np.inf)
         return margin
@@ -56,11 +56,3 @@ class SolarExclusion:
 def solar_exclusions(sensors: Sequence[Sensor], epoch_us: int, end_s: float) -> tuple[SolarExclusion | None, ...]:
     """Return the solar exclusion of each sensor in a scene, or None where it prevents no look."""
     return tuple(SolarExclusion.of(sensor, epoch_us, end_s) for sensor in sensors)
-
-
-def _angle_rad(one: FloatArray, other: FloatArray) -> FloatArray:
-    """Return the angles (n,) between vectors (n, 3), accurate to rounding for small ones too."""
-    (ax, ay, az), (bx, by, bz) = components(one), components(other)
-    across = vector(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
-    angle: FloatArray = np.arctan2(length(*components(across)), dot(one, other))
-    return angle

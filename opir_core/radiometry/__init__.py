@@ -52,6 +52,7 @@ if TYPE_CHECKING:
         planck_radiance,
         two_colour_temperature,
     )
+    from opir_core.radiometry.sunlight import lambert_phase, lambert_sphere_intensity, solar_irradiance
 
 #: The module of each name, by which it is imported when it is first used.
 _HOMES = {
@@ -70,6 +71,7 @@ _HOMES = {
         "Temperature band_photon_radiance band_radiance band_radiance_slope band_ratio grey_body_intensity "
         "planck_photon_radiance planck_radiance two_colour_temperature"
     ),
+    "radiometry.sunlight": "lambert_phase lambert_sphere_intensity solar_irradiance",
     "interfaces.radiometric_models": "Paths Views",
 }
 
@@ -97,6 +99,8 @@ __all__ = [
     "irradiance_of_projected_area",
     "irradiance_of_sphere",
     "joined_centroid_variance",
+    "lambert_phase",
+    "lambert_sphere_intensity",
     "mean_shares",
     "minimum_detectable_intensity",
     "noise_electrons",
@@ -108,6 +112,7 @@ __all__ = [
     "sampling_ratio",
     "saturation_irradiance",
     "signal_gain",
+    "solar_irradiance",
     "structure_correlation",
     "structure_spectrum",
     "two_colour_temperature",

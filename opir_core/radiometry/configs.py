@@ -107,6 +107,13 @@ class PlumeConfig:
         help="area that the body shows after burnout, projected, the mean over aspects",
     )
     body_emissivity: float = number(default=0.9, minimum=0.0, maximum=1.0, help="emissivity of the body after burnout")
+    body_albedo: float = number(
+        default=0.1,
+        minimum=0.0,
+        maximum=1.0,
+        source="notional: 1 - 0.9, what is not absorbed by a grey body of the default emissivity (Kirchhoff)",
+        help="share of the sunlight that the body reflects after burnout, diffusely, in every band",
+    )
     continuum_temperature_k: float = number(
         default=1500.0, unit="K", minimum=300.0, maximum=6000.0, help="temperature of the grey continuum, of particles"
     )

@@ -3,7 +3,7 @@
 Source: `opir_core/data/plumes.json`, which marks its notional values. Intensity is the product of the band's peak and
 factors for stage, rise at ignition, altitude and aspect. The factor of aspect is that of the projected area of a long
 body: at an angle a from the direction of flight √(sin² a + e² cos² a), with e its value end-on. After burnout only the
-body radiates, grey and at one temperature; reflected sunlight and earthshine are not modelled.
+body radiates, grey and at one temperature, and reflects sunlight as a diffuse sphere; earthshine is not modelled.
 """
 
 import json
@@ -35,11 +35,12 @@ GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (
 class PlumeSignatures:
     """Plumes of n targets, and their bodies: `peak_w_sr` and `body_w_sr` (bands, n).
 
-    The other columns are (n,), stage scales (n, 8), shapes by number.
+    The other columns are (n,), stage scales (n, 8), shapes by number; `body_reflecting_m2` is albedo times area.
     """
 
     peak_w_sr: FloatArray
     body_w_sr: FloatArray
+    body_reflecting_m2: FloatArray
     burn_time_s: FloatArray
     stages: IntArray
     stage_scale: FloatArray
@@ -78,6 +79,11 @@ class PlumeSignatures:
             np.multiply(self.peak_w_sr[band].take(target), shape, out=intensity)
             intensity[late] = self.body_w_sr[band].take(target[late])
         return intensities
+
+    def reflecting_area_m2(self, target: IndexArray, time_since_ignition_s: FloatArray) -> FloatArray:
+        """Return albedo times cross-section (n,) of bodies, m²; 0 before burnout."""
+        is_late = time_since_ignition_s > self.burn_time_s[target]
+        return np.where(is_late, self.body_reflecting_m2[target], 0.0)
 
     @property
     def time_breakpoints_s(self) -> FloatArray:
@@ -130,6 +136,7 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
     return PlumeSignatures(
         peak_w_sr=np.array(peaks, dtype=np.float64).reshape(-1, len(context.bands)).T.copy(),
         body_w_sr=_bodies(configs, plumes, context),
+        body_reflecting_m2=_column(configs, "body_albedo") * _column(configs, "body_area_m2"),
         burn_time_s=np.asarray(context.burn_time_s, dtype=np.float64),
         stages=np.array([config.stages or plume.stages for config, plume in zip(configs, plumes, strict=True)]),
         stage_scale=np.array([_padded(config.stage_scale) for config in configs]),

@@ -19,16 +19,15 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.geometry import geodetic_to_ecef, local_axes
-from opir_core.geometry.sun import ASTRONOMICAL_UNIT_M, SUN_RADIUS_M, sun_ecef_m
+from opir_core.geometry.sun import sun_ecef_m
 from opir_core.geometry.vectors import components, dot, length, vector
-from opir_core.interfaces.protocols import Band, Trajectories
+from opir_core.interfaces.protocols import Trajectories
 from opir_core.interfaces.radiometric_models import Paths, Signatures, SourceContext, Sources, Transmittance
 from opir_core.radiometry.emitters import Emitters, emitters_of
-from opir_core.radiometry.planck import band_radiance, grey_body_intensity
+from opir_core.radiometry.planck import grey_body_intensity
 from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
+from opir_core.radiometry.sunlight import solar_irradiance
 from opir_core.scene.scene import EMITTER_TYPES
-
-_SUN_SOLID_ANGLE_SR = np.pi * (SUN_RADIUS_M / ASTRONOMICAL_UNIT_M) ** 2
 
 
 @frozen(eq=False)
@@ -90,7 +89,8 @@ def glint_signatures(
     config: GlintConfig, emitters: Emitters, position_ecef_m: FloatArray, context: SourceContext
 ) -> GlintSignatures:
     """Return the signatures of patches of water at positions (n, 3)."""
-    light = [sunlight_w_m2(emitters["temperature_k"], band) * emitters["emissivity"] for band in context.bands]
+    sun_k, share = emitters["temperature_k"], emitters["emissivity"]
+    light = [solar_irradiance(band.lower_um, band.upper_um, sun_k) * share for band in context.bands]
     return GlintSignatures(
         sunlight_w_m2=np.maximum(np.array(light, dtype=np.float64).reshape(len(context.bands), len(emitters)), 0.0),
         area_m2=emitters["area_m2"],
@@ -103,11 +103,6 @@ def glint_signatures(
         epoch_us=context.epoch_us,
         sky=context.make_atmosphere() if context.make_atmosphere is not None else None,
     )
-
-
-def sunlight_w_m2(temperature_k: FloatArray, band: Band) -> FloatArray:
-    """Return the Sun's in-band irradiance at one astronomical unit, W/m²: a disc of a black body."""
-    return band_radiance(temperature_k, band.lower_um, band.upper_um) * _SUN_SOLID_ANGLE_SR
 
 
 @np.errstate(over="ignore", under="ignore")
