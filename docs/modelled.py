@@ -61,9 +61,10 @@ PARTS = (
     Part(
         "Bodies after burnout",
         "notional",
-        "grey body at one temperature, for sensors with `follows_bodies`",
-        "heating at re-entry; reflected sunlight and earthshine; spin",
-        "LWIR: reflection adds at most about 10 % at emissivity 0.9. Re-entry: signal far too low",
+        "grey body at one temperature that reflects sunlight as a diffuse sphere, with the Earth's umbra and penumbra"
+        " ([the Sun](sun.md)), for sensors with `follows_bodies`",
+        "heating at re-entry; earthshine; shape, gloss and spin; albedo that differs from band to band",
+        "LWIR: earthshine adds at most about 10 % at emissivity 0.9. Re-entry: signal far too low",
     ),
     Part(
         "Fires and gas flares",
@@ -77,8 +78,9 @@ PARTS = (
         "computed",
         "Cox and Munk slope statistics, Fresnel reflectance, the Sun as a black disc, the scene's atmosphere on the"
         " way down",
-        "wind direction; shadowing; whitecaps; refractive index by wavelength",
-        "Not estimated",
+        "wind direction; shadowing; whitecaps; refractive index by wavelength; in the background a map of land and sea,"
+        " and structure",
+        "Not estimated. Too bright where the sensor is low above the sea's horizon",
     ),
     Part(
         "Bolides",
@@ -169,6 +171,14 @@ PARTS = (
         " [All figures](../reference/orbits.md)",
     ),
     Part(
+        "Solar outages and eclipses",
+        "computed",
+        "Sun to 0.001°, ellipsoid without air, umbra and penumbra; the exclusion angle is notional ([the Sun](sun.md))",
+        "stray light beyond the exclusion angle; refraction; the Moon; trackers do not know of outages",
+        "Edges in time: 0.2 s against astropy, and up to 0.9 s where UT1 differs from UTC. Air at the limb: not"
+        " estimated",
+    ),
+    Part(
         "Line of sight",
         "computed",
         "straight line over WGS 84 with light time; Gaussian error and constant bias",
@@ -242,7 +252,7 @@ How the figures were obtained:
 - *Refraction.* Ray through spherical shells, refractivity 2.73e-4 at the ground and scale height 8.4 km; for a target
   at 10 km the shift is a third.
 - *CO₂.* Optical depth scaled by 1.3 at every wavelength; the largest change of exp(−d) is 0.10.
-- *Reflection.* Earth radiance at 8 to 12 µm on a body of reflectance 0.1 at 300 K.
+- *Earthshine.* Earth radiance at 8 to 12 µm on a body of reflectance 0.1 at 300 K.
 """
 
 #: The headline settings of a sensor model, as columns.

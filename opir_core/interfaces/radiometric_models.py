@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
-from attrs import field, frozen
+from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces.columns import Columns
@@ -42,7 +42,8 @@ class Views(Columns):
     `point_ecef_m` (n, 3) is where the line of sight meets the WGS 84 ellipsoid or, where it misses it, the point of the
     line that comes nearest to it. `height_m` is that point's height: 0 on the Earth, the tangent height beyond the limb
     (inf where the line only leads away from the Earth). `elevation_sine` is of the sensor above the point's horizon, 0
-    beyond the limb; `sun_elevation_sine` of the Sun above it; `time_s` is scene time.
+    beyond the limb; `sun_elevation_sine` of the Sun above it; `time_s` is scene time. `line_of_sight_ecef` (n, 3) are
+    unit vectors from the sensor, nan where the maker of the record does not know them.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {"point_ecef_m": (3,)}
@@ -52,6 +53,9 @@ class Views(Columns):
     sun_elevation_sine: FloatArray
     point_ecef_m: FloatArray
     time_s: FloatArray
+    line_of_sight_ecef: FloatArray = field(
+        default=Factory(lambda rows: np.full((len(rows.time_s), 3), np.nan), takes_self=True)
+    )
 
 
 class Signatures(Protocol):

@@ -261,6 +261,15 @@ class EarthConfig:
         help="albedo of the atmosphere's opaque cloud",
         source="the upper of the two in LOWTRAN's table here",
     )
+    sea_wind_m_s: float | None = number(
+        default=None,
+        unit="m/s",
+        minimum=0.0,
+        maximum=30.0,
+        help="wind over a sea that covers the whole Earth and mirrors the Sun (sky: clear alone); for its structure set"
+        " structure.surface",
+        source="none: no sun glint",
+    )
     clutter_residual: float = number(
         default=5e-6,
         minimum=0.0,
@@ -278,3 +287,7 @@ class EarthConfig:
     structure: StructuresConfig = nested(
         default=StructuresConfig(), help="structure of radiance, for sensors with a focal plane"
     )
+
+    def __attrs_post_init__(self) -> None:
+        if self.sea_wind_m_s is not None and self.sky != "clear":
+            raise ValueError(f"sea_wind_m_s goes with sky: clear alone, not with {self.sky}; leave one of them out")

@@ -3,7 +3,7 @@
 Between the points of LOWTRAN7's table radiance is interpolated linearly in the sines of the elevation of sensor and Sun
 at the ground; the solar part falls linearly to zero at sunset, and below the lowest look of the table radiance is that
 of the lowest. Where the scene's atmosphere has cloud it is the table's opaque cloud, for all climates. Beyond the limb
-is cold space. The rules of interpolation are opir's.
+is cold space. The rules of interpolation are opir's. A sea, where one is set, adds sun glint to the clear sky.
 """
 
 import csv
@@ -28,6 +28,7 @@ from opir_core.interfaces.radiometric_models import (
 from opir_core.radiometry.configs import EarthConfig, StructureConfig, StructuresConfig
 from opir_core.radiometry.long_paths import as_slice_if_consecutive
 from opir_core.radiometry.lowtran import nearest_of, parts_of, require_known_bands
+from opir_core.radiometry.sea_surface import SeaGlint
 
 _TABLE = Path(__file__).parents[1] / "data" / "lowtran7_background_radiance.csv"
 _OPAQUE = "ANALYTIC_opaque_cloud_top"
@@ -138,7 +139,7 @@ class EarthBackground:
     """Radiance tables by band, each a list of tables with their factors.
 
     `residual` is the share of radiance that is clutter to sensors without a focal plane, `structure` that of others;
-    `is_cloudy` says that skies without opaque cloud are cloudy, too.
+    `is_cloudy` says that skies without opaque cloud are cloudy, too; `sea` mirrors the Sun below a clear sky.
     """
 
     skies: tuple[tuple[tuple[float, SkyTable], ...], ...]
@@ -147,6 +148,7 @@ class EarthBackground:
     atmosphere: Transmittance
     structure: StructuresConfig
     is_cloudy: bool
+    sea: SeaGlint | None = None
 
     def radiance_w_m2_sr(self, band: int, view: Views) -> FloatArray:
         """Return in-band radiances (n,), W m⁻² sr⁻¹; 0 beyond the limb."""
@@ -203,6 +205,8 @@ class EarthBackground:
             radiance[:, cloudy] = [_cloud_radiance(self.clouds[band], high, sun) for band in bands]
         low, sun = _SkyPlaces(view.elevation_sine[clear]), _SkyPlaces(view.sun_elevation_sine[clear])
         radiance[:, clear] = [_sky_radiance(self.skies[band], low, sun) for band in bands]
+        if self.sea is not None:
+            radiance[:, clear] += self.sea.radiances_w_m2_sr(bands, view.take(clear))
         return radiance
 
 
@@ -228,13 +232,16 @@ def earth_background(config: EarthConfig, context: BackgroundContext) -> Backgro
     require_known_bands(config.bands, context.bands, context.path)
     skies, clouds = sky_tables(config.climate, config.sky), cloud_tables(config.cloud_albedo)
     parts = [_parts(band, config.bands, [table.band for table in skies], context.path) for band in context.bands]
+    atmosphere, wind_m_s = context.make_atmosphere(), config.sea_wind_m_s
+    sea = None if wind_m_s is None else SeaGlint.of(context.bands, wind_m_s, atmosphere, context.epoch_us)
     return EarthBackground(
         skies=tuple(tuple((factor, skies[number]) for factor, number in own) for own in parts),
         clouds=tuple(tuple((factor, _of_band(clouds, skies[number].band)) for factor, number in own) for own in parts),
         residual=config.clutter_residual,
-        atmosphere=context.make_atmosphere(),
+        atmosphere=atmosphere,
         structure=config.structure,
         is_cloudy=config.sky != "clear",
+        sea=sea,
     )
 
 

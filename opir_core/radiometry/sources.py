@@ -2,12 +2,9 @@
 
 They pass through the same atmosphere, aperture and threshold as plumes.
 
-Sun glint: the Sun is mirrored by the wave facets with a normal that bisects the directions to Sun and sensor. The
-density of slopes is that of Cox and Munk, isotropic: normal, of variance 0.003 + 0.00512 W with the wind W in m/s.
-Radiant intensity over an area A is then A ρ E p / (4 cos⁴ β) with the tilt β, the density of slopes
-p = exp(-tan² β / σ²) / (π σ²), the in-band irradiance E of the Sun at the surface and Fresnel's reflectance ρ at the
-Sun's zenith angle. Source: C. Cox and W. Munk, J. Opt. Soc. Am. 44 (1954), 838-850. Shadowed facets and double
-reflection are not modelled.
+Sun glint (`opir_core.radiometry.sea_surface`): the radiant intensity over an area A is A ρ E p / (4 cos⁴ β) with the
+tilt β of the facets, the density of slopes p = exp(-tan² β / σ²) / (π σ²), the in-band irradiance E of the Sun at the
+surface and Fresnel's reflectance ρ at the Sun's zenith angle.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,6 +22,7 @@ from opir_core.interfaces.protocols import Trajectories
 from opir_core.interfaces.radiometric_models import Paths, Signatures, SourceContext, Sources, Transmittance
 from opir_core.radiometry.emitters import Emitters, emitters_of
 from opir_core.radiometry.planck import grey_body_intensity
+from opir_core.radiometry.sea_surface import reflectance, slope_density, slope_variance
 from opir_core.radiometry.source_configs import BolideConfig, FireConfig, FlareConfig, GlintConfig
 from opir_core.radiometry.sunlight import solar_irradiance
 from opir_core.scene.scene import EMITTER_TYPES
@@ -98,28 +96,11 @@ def glint_signatures(
         height_m=emitters["height_m"],
         position_ecef_m=position_ecef_m,
         up_ecef=local_axes(position_ecef_m)[:, 2],
-        slope_variance=0.003 + 0.00512 * config.wind_m_s,
+        slope_variance=slope_variance(config.wind_m_s),
         refractive_index=config.refractive_index,
         epoch_us=context.epoch_us,
         sky=context.make_atmosphere() if context.make_atmosphere is not None else None,
     )
-
-
-@np.errstate(over="ignore", under="ignore")
-def slope_density(tilt_rad: FloatArray, variance: float) -> FloatArray:
-    """Return the density of slopes over cos⁴ of the tilt, (n,)."""
-    cosine = np.maximum(np.cos(tilt_rad), 1e-6)
-    steepness = 1.0 / np.square(cosine) - 1.0
-    return np.exp(-steepness / variance) / (np.pi * variance) / np.square(np.square(cosine))
-
-
-def reflectance(cosine: FloatArray, refractive_index: float) -> FloatArray:
-    """Return Fresnel's reflectances (n,) of unpolarised light, by the cosine of the angle of incidence."""
-    inside = np.sqrt(1.0 - (1.0 - np.square(cosine)) / refractive_index**2)
-    across = (cosine - refractive_index * inside) / (cosine + refractive_index * inside)
-    along = (refractive_index * cosine - inside) / (refractive_index * cosine + inside)
-    mean: FloatArray = 0.5 * (np.square(across) + np.square(along))
-    return mean
 
 
 @frozen(eq=False)

@@ -31,6 +31,7 @@ def views(sensor_ecef_m: FloatArray, direction_ecef: FloatArray, time_s: FloatAr
         sun_elevation_sine=np.clip(dot(up, _unit(sun - point)), -1.0, 1.0),
         point_ecef_m=point,
         time_s=time_s,
+        line_of_sight_ecef=along,
     )
 
 

@@ -334,4 +334,5 @@ def _views() -> Views:
     height_m = np.where(rows % 5 == 4, np.inf, np.where(rows % 5 == 3, 20e3, 0.0))
     point = geodetic_to_ecef(latitude, longitude, np.where(np.isinf(height_m), 4e7, height_m))
     elevation_sine = np.where(height_m > 0.0, 0.0, np.sin(np.linspace(0.0, np.pi / 2.0, _ROWS)))
-    return Views(height_m, elevation_sine, np.cos(rows * 0.3), point, rows.astype(np.float64))
+    down = -point / np.sqrt(np.square(point).sum(axis=1))[:, None]
+    return Views(height_m, elevation_sine, np.cos(rows * 0.3), point, rows.astype(np.float64), down)

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 from hypothesis import given
 from hypothesis import strategies as st
 
 from opir_core.errors import ModelError
-from opir_core.geometry import geodetic_to_ecef, sun_position_ecef_m
+from opir_core.geometry import geodetic_to_ecef, local_axes, sun_position_ecef_m
 from opir_core.geometry.occlusion import grazing_height_m
 from opir_core.geometry.sun import sun_ecef_m
 from opir_core.interfaces.protocols import Band
@@ -152,6 +153,23 @@ def test_a_view_ends_where_the_line_meets_the_earth():
     assert found.elevation_sine[0] == pytest.approx(1.0)
     # Noon UTC on the first of April: the Sun is 4.6 degrees north of the point below the sensor.
     assert np.degrees(np.arccos(found.sun_elevation_sine[0])) == pytest.approx(4.7, abs=0.5)
+
+
+def test_each_view_has_the_sun_of_its_own_place():
+    """At six in the evening one sensor sees day in the west, night in the east, and no step at the terminator."""
+    longitude = np.linspace(-70.0, 70.0, 281)
+    sensor, direction = sight(np.zeros(281), longitude, np.zeros(281))
+    evening_s = np.full(281, 6.0 * 3600.0)
+    view = views(sensor, direction, evening_s, EPOCH_US)
+    sun = sun_position_ecef_m(np.datetime64(EPOCH_US, "us"), evening_s) - view.point_ecef_m
+    up = local_axes(view.point_ecef_m)[:, 2]
+    sines = np.sum(up * sun, axis=1) / np.linalg.norm(sun, axis=1)
+    np.testing.assert_allclose(view.sun_elevation_sine, sines, atol=1e-6)
+    swir = CLEAR.radiance_w_m2_sr(NAMES.index("SWIR"), view)
+    night = CLEAR.radiance_w_m2_sr(NAMES.index("SWIR"), evolve(view, sun_elevation_sine=np.full(281, -0.5)))
+    assert np.array_equal(swir > night, sines > 0.0)
+    assert 100 < np.count_nonzero(sines > 0.0) < 181
+    assert np.abs(np.diff(swir)).max() < 0.05 * swir.max()
 
 
 def test_a_view_beyond_the_limb_has_its_lowest_height():
