@@ -12,7 +12,7 @@ from attrs import frozen
 
 from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Window
-from opir_core.output.sink_thread import OpenSink
+from opir_core.output.sink_thread import COUNTS, OpenSink
 
 
 @frozen
@@ -83,21 +83,12 @@ class SinkGroup:
 
     def report(self) -> PumpReport:
         """Return the reports of the closed sinks."""
-        reports = (_report(sink) for sink in self._sinks if sink.is_closed)
+        closed = [(sink, sink.delivery()) for sink in self._sinks if sink.is_closed]
+        reports = (
+            SinkReport(name=sink.path, error=sink.error, **{each: getattr(counts, each) for each in COUNTS})
+            for sink, counts in closed
+        )
         return PumpReport(self.windows, self.events, tuple(reports))
-
-
-def _report(sink: OpenSink) -> SinkReport:
-    counts = sink.delivery()
-    return SinkReport(
-        sink.path,
-        counts.delivered,
-        counts.spooled,
-        counts.dropped,
-        sink.error,
-        counts.withheld,
-        counts.recovered,
-    )
 
 
 def pump(

@@ -20,6 +20,9 @@ from opir_core.interfaces.records import Window
 #: Maximum number of windows in the queue of a sink without a spool.
 QUEUED_WINDOWS = 200
 
+#: The counts of a `Delivery`.
+COUNTS = ("delivered", "spooled", "dropped", "withheld", "recovered")
+
 _POLL_S = 0.05
 #: Time, s, in which a sink with a spool must close when it is replaced; the new sink sends the rest of the spool.
 _REPLACEMENT_S = 2.5
@@ -181,11 +184,7 @@ class SinkThread(OpenSink):
             name=self.name,
             state="failed" if self.error else "closed" if self.is_closed else "open",
             given=self._given,
-            delivered=counts.delivered,
-            spooled=counts.spooled,
-            dropped=counts.dropped,
-            withheld=counts.withheld,
-            recovered=counts.recovered,
+            **{each: getattr(counts, each) for each in COUNTS},
             queued_windows=self._queue.qsize(),
             waits=self._waits + (self._sink.waits if isinstance(self._sink, BufferingSink) else 0),
             error=self.error,
@@ -256,10 +255,4 @@ class SinkThread(OpenSink):
 
 
 def _sum(one: Delivery, other: Delivery) -> Delivery:
-    return Delivery(
-        delivered=one.delivered + other.delivered,
-        spooled=one.spooled + other.spooled,
-        dropped=one.dropped + other.dropped,
-        withheld=one.withheld + other.withheld,
-        recovered=one.recovered + other.recovered,
-    )
+    return Delivery(**{name: getattr(one, name) + getattr(other, name) for name in COUNTS})

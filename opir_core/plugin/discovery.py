@@ -20,6 +20,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from functools import partial
 from importlib import import_module
 from importlib.machinery import PathFinder
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -140,17 +141,14 @@ def _readers_in_directory(directory: Path) -> Iterator[tuple[str, _Reader]]:
     except OSError:
         return
     for name in names:
-        yield name, _reader(directory / name)
+        yield name, partial(_content, directory / name)
 
 
-def _reader(folder: Path) -> _Reader:
-    def read(file_name: str) -> str:
-        try:
-            return (folder / file_name).read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            return ""
-
-    return read
+def _content(folder: Path, file_name: str) -> str:
+    try:
+        return (folder / file_name).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
 
 
 def _readers_by_importlib(**where: Any) -> Iterator[tuple[str, _Reader]]:
@@ -270,20 +268,17 @@ def core_sources() -> list[Source]:
 
 
 def installed_sources() -> list[Source]:
-    """Return the plugins of all installed distributions, sorted by distribution and name."""
-    distributions = distributions_with((PLUGIN_GROUP, COMPONENT_GROUP))
-    return [source for distribution in distributions for source in sources_of(distribution)]
+    """Return the plugins of all installed distributions, sorted by distribution and name.
 
-
-def sources_of(distribution: Distribution) -> list[Source]:
-    """Return the plugins of one distribution, sorted by name.
-
-    An entry of `opir.components` that belongs to none of them is an error of every plugin of the distribution.
+    An entry of `opir.components` that belongs to none of a distribution's plugins is an error of each of them.
     """
-    plugins = sorted(set(distribution.entry_points.get(PLUGIN_GROUP, ())))
-    adverts = sorted(set(distribution.entry_points.get(COMPONENT_GROUP, ())))
-    faults = _faults(plugins, adverts)
-    return [_source(distribution, name, value, adverts, faults) for name, value in plugins or [("", "")]]
+    sources = []
+    for distribution in distributions_with((PLUGIN_GROUP, COMPONENT_GROUP)):
+        plugins = sorted(set(distribution.entry_points.get(PLUGIN_GROUP, ())))
+        adverts = sorted(set(distribution.entry_points.get(COMPONENT_GROUP, ())))
+        faults = _faults(plugins, adverts)
+        sources += [_source(distribution, name, value, adverts, faults) for name, value in plugins or [("", "")]]
+    return sources
 
 
 def selected(sources: Iterable[Source], allowed: Iterable[str] | None, rule: str) -> Selection:
@@ -319,12 +314,10 @@ def _source(
 def _faults(plugins: Sequence[Entry], adverts: Sequence[Entry]) -> list[str]:
     values = {value for _, value in plugins}
     unreadable = [entry for entry, _ in adverts if _offer(entry)[0] not in HOOK_OF_KIND.values()]
+    strangers = [(entry, value) for entry, value in adverts if value not in values]
+    words = "which is not one of its entry points in group opir"
     return [
-        *(
-            f"advertises {entry} for {value!r}, which is not one of its entry points in group opir"
-            for entry, value in adverts
-            if value not in values
-        ),
+        *(f"advertises {entry} for {value!r}, {words}" for entry, value in strangers),
         *(f"advertises {entry}, which is not a kind of component and a name" for entry in unreadable),
     ]
 
@@ -339,6 +332,4 @@ def _imported(value: str) -> object:
     if match is None:
         raise ImportError(f"the entry point {value!r} is not of the form module or module:object")
     found: object = import_module(match["module"])
-    for attribute in (match["attribute"] or "").split(".") if match["attribute"] else ():
-        found = getattr(found, attribute)
-    return found
+    return attrgetter(match["attribute"])(found) if match["attribute"] else found

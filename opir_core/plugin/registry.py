@@ -62,8 +62,8 @@ class Registry:
     @property
     def ready(self) -> tuple[Provenance, ...]:
         """Return the plugins that were loaded and did not fail, sorted."""
-        ready = (source for source, outcome in self._outcomes.items() if isinstance(outcome, Contributions))
-        return tuple(sorted(source.provenance for source in ready))
+        outcomes = self._outcomes.items()
+        return tuple(sorted(source.provenance for source, each in outcomes if isinstance(each, Contributions)))
 
     def add(self, source: Source, contributions: Contributions) -> None:
         """Add a plugin with its contributions."""

@@ -199,26 +199,11 @@ class CountingTracker:
         self.ticks.append((tick_s, len(detections)))
         for sensor in detections.sensor.tolist():
             self.counts[sensor] = self.counts.get(sensor, 0) + 1
-        return self._tracks(tick_s)
-
-    def _tracks(self, tick_s: float) -> Tracks:
         rows = sorted(self.counts.items())
-        count = len(rows)
-        state = np.zeros((count, 6))
+        state = np.zeros((len(rows), 6))
         state[:, 0] = [detections for _, detections in rows]
-        return Tracks(
-            tick_s=np.full(count, tick_s),
-            track=np.array([sensor for sensor, _ in rows], dtype=np.int64),
-            state=state,
-            state_covariance=np.full((count, 6, 6), np.nan),
-            launch=np.full((count, 3), np.nan),
-            launch_covariance=np.full((count, 3, 3), np.nan),
-            impact=np.full((count, 3), np.nan),
-            impact_covariance=np.full((count, 3, 3), np.nan),
-            burnout=np.full((count, 7), np.nan),
-            burnout_covariance=np.full((count, 7, 7), np.nan),
-            type_probability=np.full((count, 4), 0.25),
-        )
+        track = np.array([sensor for sensor, _ in rows], dtype=np.int64)
+        return stub_estimates(len(rows), tick_s=tick_s, track=track, state=state, type_probability=0.25)
 
 
 def stub_sensor(id: str = "S-1", slot_deg: float = 0.0, **changes: Any) -> Sensor:  # noqa: A002
