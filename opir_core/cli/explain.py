@@ -63,6 +63,9 @@ def _as_text(plan: Mapping[str, Any]) -> str:
     if plan["noise"]:
         noise = [(row["sensor_id"], f"{row['per_scan']:.3g}", f"{row['per_hour']:.3g}") for row in plan["noise"]]
         parts.append(table(("sensor", "false alarms per scan", "per hour"), noise, numbers=(1, 2)))
+    if plan["focal_planes"]:
+        columns = ("sensor", "band", "NEI W/m2", "noise over NEI", "in one pixel", "saturation W/m2")
+        parts.append(table(columns, [_focal_plane_cells(row) for row in plan["focal_planes"]], numbers=(2, 3, 4, 5)))
     parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
     return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
 
@@ -81,6 +84,18 @@ def _outage_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 def _eclipse_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     times = (row[name] for name in ("start_s", "umbra_start_s", "umbra_stop_s", "stop_s"))
     return (row["sensor_id"], *("-" if time_s is None else f"{time_s:.1f}" for time_s in times))
+
+
+def _focal_plane_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    least, largest = row["least_noise_over_nei"], row["largest_noise_over_nei"]
+    return (
+        row["sensor_id"],
+        row["band"],
+        f"{row['nei_w_m2']:.2g}",
+        "-" if largest is None else f"{least:.3g} to {largest:.3g}",
+        f"{row['share_in_pixel']:.0%}",
+        f"{row['saturation_w_m2']:.2g}",
+    )
 
 
 def _compass(azimuth_deg: float) -> str:

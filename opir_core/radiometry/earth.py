@@ -182,7 +182,9 @@ class EarthBackground:
         lower = np.where(beyond, np.exp(-1e-3 * view.height_m / self.structure.limb.height_km), 1.0)
         edge = evolve(view, height_m=np.where(beyond, 0.0, view.height_m))
         whole = self._radiances_w_m2_sr(bands, edge)
-        dark = self._radiances_w_m2_sr(bands, evolve(edge, sun_elevation_sine=np.full(len(view), -1.0)))
+        is_lit = bool(np.any(view.sun_elevation_sine > 0.0))
+        night = evolve(edge, sun_elevation_sine=-np.ones(len(view)))
+        dark = self._radiances_w_m2_sr(bands, night) if is_lit else whole
         cloudy = self.is_cloudy | np.isfinite(self.atmosphere.cloud_top_m(view.point_ecef_m))
         number = np.where(beyond, 2, np.where(cloudy, 0, 1)).astype(np.int32)
         parts = (self.structure.cloud, self._surface, self.structure.limb)

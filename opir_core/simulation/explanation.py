@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from opir_core.arrays import FloatArray
-from opir_core.interfaces.optional import FalseAlarmModel
+from opir_core.arrays import FloatArray, IndexArray
+from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import Sensor
 from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.looks import look_times_ns
@@ -26,8 +26,19 @@ _REASONS = {
 }
 
 
+#: Looks of a pair whose noise is shown.
+_LOOKS_SHOWN = 16
+
+
+class _LookNoise(NamedTuple):
+    """Noise (n, B), W/m², of looks of sensors (n,)."""
+
+    sensor: IndexArray
+    noise_w_m2: FloatArray
+
+
 def explained(plan: Plan) -> Mapping[str, Any]:
-    """Return components, pairs, looks, outages, eclipses, noise, omitted computations and warnings, as plain values."""
+    """Return what a plan computes, skips and omits, sensor by sensor and pair by pair, as plain values."""
     looking = np.flatnonzero(plan.pairs.looks > 0)
     return {
         "scene": plan.scene.name,
@@ -40,6 +51,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "outages": [row for sensor in plan.sensors for row in _outages(plan, sensor)],
         "eclipses": [row for sensor in plan.sensors for row in _eclipses(plan, sensor)],
         "noise": _noise(plan),
+        "focal_planes": _focal_planes(plan),
         "not_computed": _not_computed(plan),
         "warnings": alignment_warnings(plan),
     }
@@ -104,6 +116,38 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
         {"sensor_id": sensor.id, "per_scan": rate, "per_hour": rate * 3600e9 / sensor.scan.period_ns}
         for sensor, rate in both
     ]
+
+
+def _focal_planes(plan: Plan) -> list[Mapping[str, Any]]:
+    """Return what focal planes come to by band, with the noise of looks in this scene; nothing for models without."""
+    receivers = getattr(plan.detection, "receivers", ())
+    if not isinstance(plan.detection, SignalModel) or all(receiver.plane is None for receiver in receivers):
+        return []
+    noise = _look_noise(plan, plan.detection)
+    return [
+        {
+            "sensor_id": sensor.id,
+            "band": band.name,
+            "nei_w_m2": receiver.radiometer.nei_w_m2[place],
+            "share_in_pixel": float(receiver.plane.peak_share[place]),
+            "saturation_w_m2": float(receiver.plane.most_w_m2(0.0)[place, 0]),
+            "least_noise_over_nei": float(own.min() / receiver.radiometer.nei_w_m2[place]) if len(own) else None,
+            "largest_noise_over_nei": float(own.max() / receiver.radiometer.nei_w_m2[place]) if len(own) else None,
+        }
+        for number, (sensor, receiver) in enumerate(zip(plan.sensors, receivers, strict=True))
+        if receiver.plane is not None
+        for place, band in enumerate(sensor.bands)
+        for own in [noise.noise_w_m2[noise.sensor == number, place]]
+    ]
+
+
+def _look_noise(plan: Plan, model: SignalModel) -> _LookNoise:
+    """Return the noise of a few looks of every pair."""
+    pair = np.repeat(np.flatnonzero(plan.pairs.looks > 0), _LOOKS_SHOWN)
+    share = np.tile(np.linspace(0.0, 1.0, _LOOKS_SHOWN), len(pair) // _LOOKS_SHOWN)
+    first, last = plan.pairs.first_scan[pair], plan.pairs.last_scan[pair]
+    exposures = plan.look_geometry().exposures(pair, first + np.floor(share * (last - first)).astype(np.int64))
+    return _LookNoise(exposures.sensor, model.response(exposures).noise_w_m2)
 
 
 def _names(plan: Plan, row: int) -> Mapping[str, str]:

@@ -18,6 +18,7 @@ from opir_core.interfaces.radiometric_models import (
     Signatures,
     SourceContext,
     Sources,
+    StructuredBackground,
     Transmittance,
     Views,
 )
@@ -303,6 +304,25 @@ class BackgroundContract(EnvironmentContract):
         """Radiance and clutter are 0 on lines of sight that miss the Earth."""
         values = self.values(0, np.flatnonzero(np.isinf(_views().height_m)))
         require(np.all(values == 0.0), f"space has {np.max(values)} W/(m2 sr)", "Return 0 there.")
+
+    def test_structure_goes_with_the_radiance(self) -> None:
+        """Structured radiances equal the plain ones; their structure is finite and known."""
+        model, view, bands = self.model(), _views(), range(len(self.bands))
+        if not isinstance(model, StructuredBackground):
+            return
+        radiance, rms, number = model.structured_radiances_w_m2_sr(list(bands), view.freeze())
+        plain = np.array([model.radiance_w_m2_sr(band, view) for band in bands])
+        require(np.array_equal(radiance, plain), "the radiances differ", "Return those of radiance_w_m2_sr.")
+        require(
+            np.all(np.isfinite(rms)) and np.all(rms >= 0.0),
+            f"standard deviations are from {np.min(rms)} to {np.max(rms)}",
+            "Return W/(m2 sr), never nan, 0 for space.",
+        )
+        require(
+            np.all((number >= 0) & (number < len(model.structures))),
+            f"numbers of structures are from {np.min(number)} to {np.max(number)}, of {len(model.structures)}",
+            "Return indices into structures.",
+        )
 
 
 def _identity(sky: Transmittance) -> Transmittance:

@@ -24,6 +24,7 @@ from opir_core.radiometry import (
 )
 from opir_core.scene.reading.canonical import scene_mapping
 from opir_core.simulation.engine import Engine
+from opir_core.simulation.explanation import explained
 from opir_core.simulation.interpolation import ProbabilityInterpolant
 
 CLOUD = {"atmosphere": {"model": "lowtran", "cloud": {"top_km": 8.0}}, "background": "earth"}
@@ -252,3 +253,20 @@ def test_a_fleet_works_its_focal_plane_out_once(monkeypatch: pytest.MonkeyPatch)
     plane = [{**sensor, "focal_plane": {"aperture_m": 0.61}} for sensor in slots]
     Engine(opir.compile_plan(scene(plane, "I", **SKIES["cloud by day"])))
     assert len(built) == 2
+
+
+def test_explain_shows_what_focal_planes_come_to() -> None:
+    sky = SKIES["cloud by day"]
+    plan = opir.compile_plan(scene([with_plane(SBIRS), NEXTGEN], "I", **sky))
+    rows = explained(plan)["focal_planes"]
+    assert [(row["sensor_id"], row["band"]) for row in rows] == [("B", "SWIR"), ("B", "MWIR")]
+    response = plan.detection.response(looks_of(plan, 1))
+    for place, row in enumerate(rows):
+        nei = plan.detection.receivers[0].radiometer.nei_w_m2[place]
+        noise = response.noise_w_m2[looks_of(plan, 1).sensor == 0, place] / nei
+        assert row["nei_w_m2"] == nei
+        assert row["least_noise_over_nei"] == pytest.approx(noise.min(), rel=0.01)
+        assert row["largest_noise_over_nei"] == pytest.approx(noise.max(), rel=0.01)
+        assert row["share_in_pixel"] == pytest.approx(0.52, abs=0.02)
+    assert explained(opir.compile_plan(scene([SBIRS], "I", **sky)))["focal_planes"] == []
+    assert explained(opir.compile_plan(scene([SBIRS], "I", detection="constant")))["focal_planes"] == []
