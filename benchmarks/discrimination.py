@@ -134,7 +134,7 @@ def areas(people: Population, looks: dict[str, Looks]) -> Iterator[Area]:
     plume = np.isin(people.kind, TARGET_TYPES)
     for of_looks in (False, True):
         for sensor in SENSORS:
-            score = looks[f"{sensor}-ANY"].log_ratio
+            score = looks[f"{sensor}-ANY"].log_odds
             shown = np.isfinite(score) | of_looks
             for kind in (*KINDS, "all"):
                 other = ~plume if kind == "all" else people.kind == kind
@@ -160,7 +160,7 @@ def area_orders(
     """Return each step of the order of sensors with gain, deviation and p."""
     plume, found = np.isin(people.kind, TARGET_TYPES), []
     for worse, better in pairwise(SENSORS):
-        scores = [looks[f"{sensor}-ANY"].log_ratio for sensor in (worse, better)]
+        scores = [looks[f"{sensor}-ANY"].log_odds for sensor in (worse, better)]
         parts = [[score[plume], score[~plume]] for score in scores]
         found.append((worse, better, *area_gain(parts[0], parts[1], of_looks=of_looks)))
     return found

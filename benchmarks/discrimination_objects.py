@@ -14,6 +14,8 @@ from opir_core.simulation.run import Run
 
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
 KINDS = ("fire", "flare", "glint")
+#: Looks are judged one by one.
+SINGLE = {"confirmation_detections": 1}
 PERIOD_S, DURATION_S = 2.0, 256.0
 #: All sensors look at the same whole periods, at which the moments lie.
 ALIGNED = {"scan_period_ms": 1e3 * PERIOD_S, "scan_phase": "aligned"}
@@ -31,9 +33,9 @@ class Population(NamedTuple):
 
 
 class Looks(NamedTuple):
-    """Of one sensor, for each emitter: ln of the likelihood ratio (-inf undetected), reported code, posterior."""
+    """Of one sensor, for each emitter: ln of the odds of a missile (-inf undetected), reported code, posterior."""
 
-    log_ratio: FloatArray
+    log_odds: FloatArray
     code: NDArray[np.int64]
     probability: FloatArray
 
@@ -44,7 +46,7 @@ def population(launches: int, sources: int, seed: int) -> Population:
     targets = [launched(rng, kind, number) for kind in TARGET_TYPES for number in range(launches)]
     blocks = [sourced(rng, kind, sources) for kind in KINDS]
     sensors = [
-        {"model": model, "id": f"{model}{suffix}", "orbital_slot_deg": 0.0, **ALIGNED, **rule}
+        {"model": model, "id": f"{model}{suffix}", "orbital_slot_deg": 0.0, **SINGLE, **ALIGNED, **rule}
         for model in SENSORS
         for suffix, rule in (("", {}), ("-ANY", {"spectral_discrimination": "none"}))
     ]
@@ -136,13 +138,13 @@ def looks_at(people: Population, classifier: Any, run: Run) -> dict[str, Looks]:
     """Return, by sensor id, what the engine says of each emitter at its moment."""
     found, target = run.detections, run.truth.target
     due = np.append(np.round(people.moment_s * 1e9).astype(np.int64), -1)[target]
-    log_ratio = classifier.log_ratio(found.type_log_probability)
+    log_odds = classifier.log_odds(found.type_log_probability)
     looks = {}
     for number, sensor in enumerate(run.sensors):
         rows = np.flatnonzero((found.sensor == number) & (found.time_ns == due))
         score, code = np.full(len(people.kind), -np.inf), np.full(len(people.kind), len(REPORTED_TYPES))
         probability = np.full((len(people.kind), 4), np.nan)
-        score[target[rows]], code[target[rows]] = log_ratio[rows], found.reported_type[rows]
+        score[target[rows]], code[target[rows]] = log_odds[rows], found.reported_type[rows]
         probability[target[rows]] = found.type_probability[rows]
         looks[sensor.id] = Looks(score, code, probability)
     return looks

@@ -38,7 +38,7 @@ def draw_curves(axis: Any, people: Population, looks: dict[str, Looks], kind: st
     rng, at = np.random.default_rng(5), np.linspace(0.0, 1.0, 101)
     plume, other = np.isin(people.kind, TARGET_TYPES), people.kind == kind
     for sensor, colour in zip(SENSORS, ("C1", "C0", "C2"), strict=True):
-        score = looks[f"{sensor}-ANY"].log_ratio
+        score = looks[f"{sensor}-ANY"].log_odds
         shown = np.isfinite(score) | of_looks
         parts = score[plume & shown], score[other & shown]
         drawn = [roc(*(rng.choice(part, len(part)) for part in parts), at) for _ in range(200)]

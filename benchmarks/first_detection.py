@@ -4,9 +4,9 @@
         [--from-csv docs/benchmarks]
 
 A launch of each class is repeated many times, each time with random numbers of its own, in one run of the engine. The
-distribution of the first detection is compared with the one that follows exactly from the probabilities of the looks:
-the first detection is at look k with probability p(k) times the product of 1 - p over the looks before it. Where the
-two differ by too much, the script fails. The same exact distribution is computed once more with the ratio gates open.
+distribution of the first report is compared with the one that follows exactly from the probabilities of the looks and
+from the confirmation over scans. Where the two differ by too much, the script fails. The exact distribution is computed
+once more with each cause of a delay switched off by itself.
 `--write` puts the page, its data as CSV files and, where matplotlib is installed, a plot into a folder; `--from-csv`
 draws page and plot again from the CSV files in a folder.
 """
@@ -42,8 +42,7 @@ LAUNCHES = {
     "IRBM": {"launch": (35.0, -110.0), "aim": (50.0, -85.0)},
     "ICBM": {"launch": (35.0, -110.0), "aim": (60.0, 60.0)},
 }
-#: The name of the cases with open ratio gates, and the heights and bands for which transmittances are listed.
-OPEN = "clear sky, open gates"
+#: Heights and bands for which transmittances are listed.
 HEIGHTS_KM = (0.0, 1.0, 2.0, 4.0, 6.0, 10.0)
 BANDS = (Band("SWIR", 2.5, 3.0), Band("MWIR", 4.0, 5.0), Band("LWIR", 8.0, 12.0))
 ELEVATION_DEG = 49.0
@@ -56,58 +55,57 @@ CONFIDENCE = 0.999
 
 #: Ratio gates that let every ratio of bands pass.
 OPEN_GATES = {
-    "SBIRS-GEO": {"MWIR": [1e-9, 1e9]},
-    "NEXTGEN-GEO": {"MWIR": [1e-9, 1e9], "LWIR": [1e-9, 1e9]},
+    "SBIRS-GEO": {"plausible_ratios": {"SWIR": [1e-9, 1e9]}},
+    "NEXTGEN-GEO": {"plausible_ratios": {"SWIR": [1e-9, 1e9], "LWIR": [1e-9, 1e9]}},
+}
+#: Causes of delays: what is changed in the scene, and in the sensors, to be rid of each.
+CAUSES: dict[str, tuple[dict[str, Any], dict[str, dict[str, Any]]]] = {
+    "no air": ({"atmosphere": "clear"}, {}),
+    "no background": ({"background": "none"}, {}),
+    "open gates": ({}, OPEN_GATES),
+    "no confirmation": ({}, {sensor: {"confirmation_detections": 1} for sensor in SENSORS}),
 }
 
 PAGE = """# First detections
 
-*When, and at what height, is a launch of each class first detected?* One launch of each class at 35° N, 110° W, seen
+*When, and at what height, is a launch of each class first reported?* One launch of each class at 35° N, 110° W, seen
 from the geostationary slots {slots}. Plumes and sensor noise are notional.
 
 {headline}
 
-Entries are medians of the launches that are detected during their burn: time after ignition and height, as ranges over
-five climates. All launches are detected, except SRBM by DSP: {faint} %.
+Entries are medians of the launches that are reported during their burn: time after ignition and height, as ranges over
+five climates. All launches are reported, except SRBM by DSP: {faint} %.
 
-![Median height of the first detection by class, sensor and sky](first_detection.svg)
+![Median height of the first report by class, sensor and sky](first_detection.svg)
 
-- DSP (LWIR) detects an ICBM from the ground up. An SRBM stays below its noise until late in the burn.
-- SBIRS-GEO and NEXTGEN-GEO detect the ICBM, the brightest target, later than DSP. The cause is the ratio gate (next
-  section).
+- NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP, in each climate. Sensors report the second of three
+  looks that detect (`confirmation_detections`), one to two scans after the first.
 - No plume is detected below a cloud deck. Over the cold top of the deck at 10 km DSP detects more SRBM ({cloudy} %): a
   cold cloud has less LWIR clutter than warm ground.
 - Half cover either hides the launch site or does not; it is drawn once in a run. Here it hides the site.
 
-## A limit of the ratio gate
+## What delays a first report
 
-`dual-band-ratio` and `triple-coincidence` compare the ratio of two measured bands with `plausible_ratios`. They use
-irradiance **at the aperture** and do not correct for transmittance, which differs between bands. On this path the
-atmosphere multiplies MWIR/SWIR (4 to 5 µm over 2.5 to 3 µm) by
+Each cause switched off by itself, clear sky:
 
-{ratios}
+{causes}
 
-The plumes have MWIR/SWIR of 1.75 at the source; the upper limit is 4. A plume therefore fails the gate as long as the
-atmosphere multiplies the ratio by more than 2.3, although both bands are above their thresholds. NEXTGEN-GEO also
-limits LWIR/SWIR to 0.5: 0.06 to 0.08 at the source, multiplied by {lwir} at sea level. With the gates open
-(`plausible_ratios` of 1e-9 to 1e9), clear sky:
-
-{gates}
-
-- The gate causes most of the delay of the ICBM with both sensors, and of every class with NEXTGEN-GEO.
-- With SBIRS-GEO it does not delay the SRBM, and the IRBM by about 2 s at most. There SWIR, the reference band, is below
-  the threshold: its transmittance from sea level is {swir}.
-
-To avoid this limit, widen `plausible_ratios` or set `spectral_discrimination: none`. Both let more fires, flares and
-glints pass.
+- **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. In humid air SBIRS-GEO waits until the
+  plume of an SRBM is above the lowest kilometre. LWIR of DSP is dimmed less.
+- **Background.** Photon noise and clutter of the warm Earth matter in LWIR, to DSP.
+- **Ratio gates** delay nothing: their bounds allow for what air does to the ratio of two bands
+  ([detection](../explanation/detection.md#rules-over-bands)). On this path it multiplies MWIR/SWIR by {mwir_over_swir}
+  from sea level.
+- **Confirmation** costs a scan or two of a bright plume. Near the threshold it waits until two of three looks detect.
+- What is left is the plume itself: its brightness grows from ignition on, and the threshold.
 
 ## Method
 
-`detection: snr`, `atmosphere: lowtran`, `background: earth` by day, all else by default. Each of the {cells} cases
-(class, sensor, climate, cloud) has {targets} launches with random numbers of their own. Times of first detection are
-distributed as computed exactly from the probabilities of all looks: the largest difference is {worst:.2f} of the bound
-of Dvoretzky, Kiefer, Wolfowitz and Massart at {confidence:g} for all cases together (Bonferroni). Open gates: exact
-distribution.
+`detection: snr`, `atmosphere: lowtran`, `background: earth` by day, all else by default. Each of the
+{cells} cases (class, sensor, climate, cloud) has {targets} launches with random numbers of their own. Times of first
+reports are distributed as computed exactly from the probabilities of all looks and the confirmation: the largest
+difference is {worst:.2f} of the bound of Dvoretzky, Kiefer, Wolfowitz and Massart at {confidence:g} for all cases
+together (Bonferroni). Causes: exact distribution.
 
 All cases: [first_detection.csv](first_detection.csv); transmittances:
 [first_detection_air.csv](first_detection_air.csv). Made by
@@ -145,8 +143,9 @@ def scene(
     exact: bool,
     kinds: tuple[str, ...] = tuple(LAUNCHES),
     settings: Mapping[str, Mapping[str, Any]] | None = None,
+    **changes: Any,
 ) -> Scene:
-    """Return a scene with each launch repeated; `settings` are further keys by sensor."""
+    """Return a scene with each launch repeated; `settings` are further keys by sensor, `changes` of the scene."""
     atmosphere: dict[str, Any] = {"model": "lowtran", "climate": climate}
     if CLOUDS[cloud] is not None:
         atmosphere["cloud"] = CLOUDS[cloud]
@@ -178,12 +177,13 @@ def scene(
         "atmosphere": atmosphere,
         "background": "earth",
         "outputs": [],
+        **changes,
     }
     return scene_from_mapping(mapping)
 
 
 class Law(NamedTuple):
-    """The looks of one sensor at one launch: when light left, how high, and the chance that this detects first."""
+    """The looks of one sensor at one launch: when light left, how high, and the chance that this is reported first."""
 
     emission_s: NDArray[np.float64]
     height_m: NDArray[np.float64]
@@ -191,22 +191,41 @@ class Law(NamedTuple):
 
 
 def laws(plan: Plan) -> dict[tuple[int, int], Law]:
-    """Return the law of the first detection by sensor and target, from every look's probability."""
+    """Return the law of the first report by sensor and target, from every look's probability."""
     looks = Looks.between(plan.pairs, 0, plan.end_ns)
     exposed = plan.look_geometry().exposures(looks.pair, looks.scan)
     chance = plan.detection.probability(exposed)
     found = {}
     for pair in np.unique(looks.pair).tolist():
         rows = np.flatnonzero(looks.pair == pair)
-        missed = np.cumprod(np.concatenate([[1.0], 1.0 - chance[rows][:-1]]))
+        confirmation = plan.sensors[plan.pairs.sensor[pair]].radiometer.confirmation
         height = ecef_to_geodetic(exposed.target_ecef_m[rows]).height_m
         key = int(plan.pairs.sensor[pair]), int(plan.pairs.target[pair])
-        found[key] = Law(exposed.emission_time_s[rows], height, chance[rows] * missed)
+        found[key] = Law(exposed.emission_time_s[rows], height, first_reports(chance[rows], *confirmation))
     return found
 
 
+def first_reports(chance: NDArray[np.float64], needed: int, scans: int) -> NDArray[np.float64]:
+    """Return the probabilities (n,) that looks with P_d (n,) are the first reported ones: the last of M in N looks.
+
+    States are which of the last N - 1 looks detected, as bits, with none reported yet.
+    """
+    states = np.arange(1 << (scans - 1))
+    hits = np.array([state.bit_count() for state in states.tolist()])
+    shifted = (states << 1) & (len(states) - 1)
+    weight, first = (states == 0).astype(np.float64), np.zeros(len(chance))
+    for look, p in enumerate(chance.tolist()):
+        reported = hits >= needed - 1
+        first[look] = p * weight[reported].sum()
+        after = np.bincount(shifted, weight * (1.0 - p), minlength=len(states))
+        if scans > 1:
+            after += np.bincount((shifted | 1)[~reported], (weight * p)[~reported], minlength=len(states))
+        weight = after
+    return first
+
+
 def first_times(plan: Plan) -> NDArray[np.float64]:
-    """Return when the light of first detections left (sensors, targets), s; inf where there is none."""
+    """Return when the light of first reports left (sensors, targets), s; inf where there is none."""
     first = np.full((len(plan.sensors), len(plan.targets.ids)), np.inf)
     engine = Engine(plan)
     step_ns = 5 * 10**9
@@ -245,14 +264,14 @@ def median(law: Law) -> tuple[float, float, float]:
     return float(law.emission_s[middle] - IGNITION_S), float(law.height_m[middle] / 1e3), share
 
 
-def with_open_gates(climate: str) -> Iterator[Cell]:
-    """Yield the cases with open ratio gates under a clear sky, from the exact distribution."""
-    gates = {sensor: {"plausible_ratios": ratios} for sensor, ratios in OPEN_GATES.items()}
-    by_look = laws(compile_plan(scene(climate, "clear sky", 1, exact=True, settings=gates)))
+def without(cause: str, climate: str) -> Iterator[Cell]:
+    """Yield the cases with a cause of delays switched off under a clear sky, from the exact distribution."""
+    changes, settings = CAUSES[cause]
+    by_look = laws(compile_plan(scene(climate, "clear sky", 1, exact=True, settings=settings, **changes)))
     for number, kind in enumerate(LAUNCHES):
         for sensor, name in enumerate(SENSORS):
-            if name in gates:
-                yield Cell(kind, name, climate, OPEN, *median(by_look[sensor, number]), 0.0)
+            law = by_look.get((sensor, number), Law(np.zeros(0), np.zeros(0), np.zeros(0)))
+            yield Cell(kind, name, climate, cause, *median(law), 0.0)
 
 
 def air(climate: str) -> Iterator[Air]:
@@ -270,7 +289,7 @@ def air(climate: str) -> Iterator[Air]:
 def spread(found: list[Cell]) -> str:
     """Return the range of times and heights of some cases."""
     times, heights = [cell.time_s for cell in found], [cell.height_km for cell in found]
-    time = between(f"{min(times):.0f}", f"{max(times):.0f}")
+    time = between(*(f"{each:.1f}" if each < 9.95 else f"{each:.0f}" for each in (min(times), max(times))))
     return f"{time} s, {between(f'{min(heights):.1f}', f'{max(heights):.1f}')} km"
 
 
@@ -289,24 +308,14 @@ def headline(found: list[Cell]) -> str:
     return "\n".join(lines)
 
 
-def gates_table(found: list[Cell]) -> str:
-    """Return a line for each class and sensor with ratio gates: default gates and open ones."""
-    lines = ["| class | sensor | default gates | open gates |", "|---|---|---|---|"]
+def causes_table(found: list[Cell]) -> str:
+    """Return a line for each class and sensor: times by default, and without each cause."""
+    lines = [f"| class | sensor | default | {' | '.join(CAUSES)} |", "|---" * (3 + len(CAUSES)) + "|"]
     for kind in LAUNCHES:
-        for sensor in OPEN_GATES:
+        for sensor in SENSORS:
             own = [cell for cell in found if (cell.kind, cell.sensor) == (kind, sensor)]
-            both = [spread([cell for cell in own if cell.cloud == cloud]) for cloud in ("clear sky", OPEN)]
-            lines.append(f"| {kind} | {sensor} | {' | '.join(both)} |")
-    return "\n".join(lines)
-
-
-def ratios_table(rows: list[Air]) -> str:
-    """Return the ratio of the transmittances MWIR/SWIR by height and climate."""
-    climates = list(dict.fromkeys(row.climate for row in rows))
-    lines = [f"| height, km | {' | '.join(climates)} |", "|---" * (1 + len(climates)) + "|"]
-    for height_km in HEIGHTS_KM:
-        own = [row.mwir / row.swir for row in rows if row.height_km == height_km]
-        lines.append(f"| {height_km:g} | {' | '.join(f'{ratio:.1f}' for ratio in own)} |")
+            every = [spread([c for c in own if c.cloud == sky]).partition(",")[0] for sky in ("clear sky", *CAUSES)]
+            lines.append(f"| {kind} | {sensor} | {' | '.join(every)} |")
     return "\n".join(lines)
 
 
@@ -317,7 +326,7 @@ def percent(found: list[Cell], cloud: str) -> str:
 
 
 def write_plot(found: list[Cell], path: Path) -> None:
-    """Draw heights of first detection: a panel for each kind of cloud and for open gates, a mark for each climate."""
+    """Draw heights of the first report: a panel for each kind of cloud and without air, a mark for each climate."""
     import matplotlib as mpl
 
     mpl.use("svg")
@@ -326,7 +335,7 @@ def write_plot(found: list[Cell], path: Path) -> None:
 
     figure, axes = plt.subplots(1, len(CLOUDS) + 1, figsize=(12, 4), sharey=True, constrained_layout=True)
     lines = [(kind, sensor) for kind in LAUNCHES for sensor in SENSORS]
-    for axis, cloud in zip(axes, (*CLOUDS, OPEN), strict=True):
+    for axis, cloud in zip(axes, (*CLOUDS, "no air"), strict=True):
         for number, climate in enumerate(CLIMATES):
             own = [c for c in found if c.cloud == cloud and c.climate == climate and c.share >= 0.01]
             places = [lines.index((c.kind, c.sensor)) + 0.12 * (number - 2) for c in own]
@@ -334,7 +343,7 @@ def write_plot(found: list[Cell], path: Path) -> None:
         axis.set(title=cloud, yscale="symlog", xticks=range(len(lines)))
         axis.set_xticklabels([f"{kind} {sensor}" for kind, sensor in lines], rotation=90, fontsize=7)
         axis.grid(axis="y", alpha=0.3)
-    axes[0].set_ylabel("median height of the first detection, km")
+    axes[0].set_ylabel("median height of the first report, km")
     axes[1].legend(fontsize=7)
     figure.savefig(path, metadata={"Date": None})
 
@@ -343,15 +352,14 @@ def page(found: list[Cell], rows: list[Air], facts: Mapping[str, str]) -> str:
     """Return the page."""
     ground = [row for row in rows if row.height_km == 0.0]
     swir = [row.swir for row in ground]
-    lwir = [row.lwir / row.swir for row in ground]
+    ratio = [row.mwir / row.swir for row in ground]
     return PAGE.format(
         slots=", ".join(f"{-slot:g}° W ({name})" for name, slot in SENSORS.items()),
         headline=headline(found),
         faint=percent(found, "clear sky"),
         cloudy=percent(found, "cloud to 10 km"),
-        ratios=ratios_table(rows),
-        lwir=f"{min(lwir):.0f} to {max(lwir):.0f}",
-        gates=gates_table(found),
+        causes=causes_table(found),
+        mwir_over_swir=f"{min(ratio):.0f} to {max(ratio):.0f}",
         swir=f"{min(swir):.3f} to {max(swir):.2f}",
         cells=facts["cases"],
         targets=facts["launches"],
@@ -385,11 +393,11 @@ def main() -> None:
         cell for cloud in CLOUDS for climate in climates for cell in cells(climate, cloud, options.targets, comparisons)
     ]
     worst = max(cell.ratio for cell in found)
-    found += [cell for climate in climates for cell in with_open_gates(climate)]
-    print(headline(found), gates_table(found), sep="\n\n")
+    found += [cell for cause in CAUSES for climate in climates for cell in without(cause, climate)]
+    print(headline(found), causes_table(found), sep="\n\n")
     print(f"\n{comparisons} cases, largest difference over its bound: {worst:.2f}")
     if worst > 1.0:
-        raise SystemExit("the engine's first detections do not follow from the probabilities of their looks")
+        raise SystemExit("the engine's first reports do not follow from the probabilities of their looks")
     if options.write:
         facts = {"cases": comparisons, "launches": options.targets, "worst_difference_over_bound": f"{worst:.4f}"}
         write_csv(options.write / "first_detection.csv", found, facts)

@@ -141,9 +141,8 @@ PARTS = (
         "Gaussian noise (NEI, photons, clutter) against a threshold; rules over bands; noise-only false alarms",
         "without a `focal_plane`: spread of a point source over neighbouring cells, saturation, image motion; always:"
         " blooming, the phase of a source on its pixel, its own photon noise, static sources that a frame difference"
-        " removes, detection over several looks, the atmosphere in the ratio gates",
-        "Source at the corner of four cells: up to three quarters of the signal (`phase: worst`). Ratio gates: first"
-        " detection up to 37 s late ([how much](../benchmarks/first_detection.md))",
+        " removes",
+        "Source at the corner of four cells: up to three quarters of the signal (`phase: worst`)",
     ),
     Part(
         "Type from measured irradiance",

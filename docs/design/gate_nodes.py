@@ -22,7 +22,7 @@ def random_rule(dice: np.random.Generator, others: int) -> RatioGates:
     upper = np.exp(dice.uniform(np.log(0.3), np.log(30.0), others)) + 1.5 * lower
     upper[dice.random(others) < 0.2] = np.inf
     threshold, coincidence = dice.uniform(3.0, 7.0), dice.uniform(2.0, 4.0)
-    return RatioGates(threshold, coincidence, 0, np.array([0.0, *lower]), np.array([np.inf, *upper]))
+    return RatioGates(threshold, coincidence, np.array([0.0, *lower]), np.array([np.inf, *upper]))
 
 
 def random_looks(dice: np.random.Generator, rule: RatioGates) -> tuple[np.ndarray, np.ndarray]:
@@ -55,7 +55,7 @@ def main() -> None:
     for attempt in range(TRIES):
         rule = random_rule(dice, 1 + attempt % 2)
         snr, noise = random_looks(dice, rule)
-        near = rule.margins(snr, noise)[:, 1:] < gate_integrals._FAR
+        near = rule.margins(snr, rule.slopes(noise))[:, 1:] < gate_integrals._FAR
         panels = gate_integrals.panels_of(gate_integrals.looks_of(rule, snr, noise, near))
         exact = integrals(rule, panels, 96)
         widths.append(panels.width)

@@ -7,9 +7,10 @@ from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
-from opir_core.builtin.configs import ConfusionConfig, WeightedConfig
+from opir_core.builtin.configs import ConfusionConfig, PosteriorConfig, WeightedConfig
 from opir_core.errors import ModelError, nearest
 from opir_core.interfaces.contexts import ModelContext
+from opir_core.interfaces.optional import PosteriorClassifier
 from opir_core.interfaces.protocols import Classifier, Confidence, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import NoConfig
@@ -172,6 +173,34 @@ class ConstantConfidence:
 def weighted_confidence(config: WeightedConfig, _context: ModelContext) -> Confidence:
     """Return the model `weighted`."""
     return WeightedConfidence(config.band, config.count, config.geometry)
+
+
+@frozen
+class PosteriorConfidence:
+    """The probability of the reported type; of UNKNOWN, the probability that the detection is of no missile."""
+
+    classifier: PosteriorClassifier
+
+    def confidence(self, sightings: ClassifierInputs) -> FloatArray:
+        """Return confidences (n,)."""
+        log_probability = self.classifier.log_posterior(sightings)
+        return self.of_types(self.classifier.reported(log_probability), log_probability)
+
+    def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
+        """Return confidences (n,) of reported types (n,)."""
+        chosen = np.take_along_axis(log_probability, reported_type[:, None].astype(np.int64), axis=1)[:, 0]
+        # A sum of shares may exceed 1 by a rounding error.
+        return np.minimum(np.exp(chosen), 1.0)
+
+
+def posterior_confidence(_config: PosteriorConfig, context: ModelContext) -> Confidence:
+    """Return the model `posterior`; raises `ModelError` for classifiers without probabilities."""
+    if not isinstance(context.classifier, PosteriorClassifier):
+        raise ModelError(
+            "confidence: posterior reports type probabilities, which the scene's classifier does not compute; choose"
+            " classification: spectral, or confidence: weighted"
+        )
+    return PosteriorConfidence(context.classifier)
 
 
 def full_confidence(_config: NoConfig, _context: ModelContext) -> Confidence:

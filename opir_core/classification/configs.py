@@ -7,21 +7,30 @@ from typing import Any, ClassVar
 from attrs import Factory, frozen
 
 from opir_core.scene.fields import nested, number
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.scene.scene import TARGET_TYPES
 
 #: Tolerance of the sum of the prior.
 PRIOR_SUM_TOLERANCE = 1e-9
 
 
 def _prior_complaint(prior: Mapping[str, Any]) -> str | None:
-    strange = [name for name in prior if name not in REPORTED_TYPES]
+    strange = [name for name in prior if name not in TARGET_TYPES]
     if strange:
-        return f"{strange[0]!r} is not a type to report; these are {', '.join(REPORTED_TYPES)}"
-    missing = [name for name in REPORTED_TYPES if not prior.get(name, 0.0) > 0.0]
+        return f"{strange[0]!r} is not a target type; these are {', '.join(TARGET_TYPES)}"
+    missing = [name for name in TARGET_TYPES if not prior.get(name, 0.0) > 0.0]
     if missing:
         return f"{missing[0]} has no share above 0"
     total = math.fsum(prior.values())
     return None if abs(total - 1.0) <= PRIOR_SUM_TOLERANCE else f"the shares sum to {total:.10g}, not to 1"
+
+
+#: Kinds of hot sources that are no missiles.
+SOURCE_KINDS = ("fire", "flare", "glint", "bolide")
+
+
+def _sources_complaint(sources: Mapping[str, Any]) -> str | None:
+    strange = [name for name in sources if name not in SOURCE_KINDS]
+    return f"{strange[0]!r} is not a kind of source; these are {', '.join(SOURCE_KINDS)}" if strange else None
 
 
 @frozen(kw_only=True)
@@ -39,21 +48,46 @@ class SpectralConfig:
         help="probability below which the likeliest type is not reported, but UNKNOWN",
     )
     prior: Mapping[str, float] = nested(
-        default=Factory(lambda: dict.fromkeys(REPORTED_TYPES, 0.25)),
+        default=Factory(lambda: dict.fromkeys(TARGET_TYPES, 1.0 / 3.0)),
         unit="1",
         minimum=0.0,
         maximum=1.0,
         check=_prior_complaint,
-        help="before anything is measured: by type the share of launches, and as UNKNOWN the share of detections that"
-        " are of no missile",
+        help="before anything is measured: by type the share of launches",
     )
-    least_log_ratio: float | None = number(
+    launches_per_day: float = number(
+        default=1.0,
+        above=0.0,
+        maximum=1e9,
+        unit="1/day",
+        help="launches to be expected in a sensor's field of regard; with the rate of false alarms and the hot sources"
+        " it gives the prior probability of a missile",
+    )
+    sources_in_view: Mapping[str, float] = nested(
+        default=Factory(lambda: {"fire": 1.0, "flare": 1.0, "glint": 0.1, "bolide": 3e-5}),
+        unit="1",
+        minimum=0.0,
+        maximum=1e9,
+        check=_sources_complaint,
+        help="by kind the mean number of hot sources in the field of regard at a time; none of the kinds not named",
+    )
+    least_log_odds: float | None = number(
         default=None,
         minimum=-1e9,
         maximum=1e9,
         unit="1",
         source="no default: the probabilities decide",
-        help="natural logarithm of the likelihood ratio of a plume over anything else below which UNKNOWN is reported",
+        help="natural logarithm of the odds of a missile below which UNKNOWN is reported",
+    )
+    false_source_probability: float | None = number(
+        default=None,
+        above=0.0,
+        below=1.0,
+        unit="1",
+        source="no default: the probabilities decide",
+        help="probability with which a detection of a hot source is taken for a missile, at most, for any kind: it sets"
+        " the least odds of each sensor",
+        instead_of="least_log_odds",
     )
     brightness_log_sigma: float = number(
         default=0.2,

@@ -57,11 +57,13 @@ class Mixture:
         return cls(log_weight, mean, covariance, edges)
 
     def log_densities(
-        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray
+        self, place: IntArray, signal: FloatArray, variance: FloatArray, count: FloatArray, least: float = -np.inf
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln weight · p(y) and ln p(count | y), (n, K) each.
 
-        `place` (n,) are the bins; signals and variances are (n, B), counts (n,).
+        `place` (n,) are the bins; signals and variances are (n, B), counts (n,). Normal densities of counts are
+        reflected at `least`, below which there are none (B. W. Silverman, Density Estimation for Statistics and Data
+        Analysis, 1986, section 2.10).
         """
         bands, size = signal.shape[1], signal.shape[1] + 1
         work = np.empty((size, size + 1, len(signal), self.log_weight.shape[1]))
@@ -72,7 +74,11 @@ class Mixture:
         log_density = self.log_weight[place]
         for row in range(bands):
             log_density += self._eliminated(work, row)
-        return log_density, self._eliminated(work, bands)
+        counted = self._eliminated(work, bands)
+        if least == -np.inf:
+            return log_density, counted
+        work[bands, -1] += 2.0 * (least - count)[:, None]
+        return log_density, np.logaddexp(counted, self._eliminated(work, bands))
 
     def _eliminated(self, work: FloatArray, row: int) -> FloatArray:
         """Return the log density of one variable given those before it, and condition those after it on it."""

@@ -51,7 +51,10 @@ _WITHIN = 1.01
 
 
 class SourceKind(NamedTuple):
-    """A kind of hot source other than missiles: a grey body; `area_m2` is the median of emissivity times area."""
+    """A kind of hot source other than missiles: a grey body; `area_m2` is the median of emissivity times area.
+
+    It shines for `shining_s` on average.
+    """
 
     name: str
     coldest_k: float
@@ -60,15 +63,16 @@ class SourceKind(NamedTuple):
     area_log_sigma: float
     lowest_m: float
     highest_m: float
+    shining_s: float
 
 
 #: Temperatures and areas are about the source models' defaults (`opir_core.radiometry.source_configs`), with notional
 #: spreads. A glint's area is that of the Sun's image: 1e6 m² of water, reflectance 0.02, slopes of a wind of 5 m/s.
 KINDS = (
-    SourceKind("fire", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0),
-    SourceKind("flare", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0),
-    SourceKind("glint", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0),
-    SourceKind("bolide", 3000.0, 6000.0, 30.0, 2.0, 30e3, 90e3),
+    SourceKind("fire", 800.0, 1200.0, 1800.0, 1.5, 0.0, 1000.0, 21_600.0),
+    SourceKind("flare", 1600.0, 2000.0, 9.0, 1.5, 0.0, 1000.0, 86_400.0),
+    SourceKind("glint", 5772.0, 5772.0, 3.7, 2.0, 0.0, 1000.0, 1200.0),
+    SourceKind("bolide", 3000.0, 6000.0, 30.0, 2.0, 30e3, 90e3, 2.0),
 )
 
 
@@ -180,7 +184,7 @@ def synthetic_sources(radius_m: float, bands: Sequence[Band], count: int) -> Syn
     drawn = low_discrepancy_points(len(KINDS) * count, 6)
     number = np.repeat(np.arange(len(KINDS)), count)
     columns = np.array([kind[1:] for kind in KINDS], dtype=np.float64)[number].T
-    coldest, hottest, area, sigma, lowest, highest = columns
+    coldest, hottest, area, sigma, lowest, highest, _ = columns
     sensor_m, site = _sites(radius_m, drawn[:, :3])
     height_m = lowest + (highest - lowest) * drawn[:, 3]
     temperature_k = coldest + (hottest - coldest) * drawn[:, 4]

@@ -4,9 +4,12 @@
 
 `RatioGates` (`dual-band-ratio` and `triple-coincidence`): y is the measured signal of the reference band, x_b those of
 the others, each in standard deviations of its own noise. A look detects if y >= T and, for every other band, x_b >= C
-and lower_b <= (x_b · noise_b) / (y · noise_r) <= upper_b. Given y the other bands are independent, so P_d is one
-integral over y, of the normal density times the probability of each band to pass its gate, on Gauss-Legendre panels. No
-integral is evaluated if the probabilities of the single conditions determine P_d.
+and x_b is within `tolerance` standard deviations of a signal with a ratio x_b / y between the slopes l_b and u_b. That
+is the generalised likelihood-ratio test of any ratio in that interval against all ratios (S. M. Kay, Fundamentals of
+Statistical Signal Processing II: Detection Theory, 1998, section 6.5): x_b - s y has the variance 1 + s². Given y the
+other bands are independent, so P_d is one integral over y, of the normal density times the probability of each band to
+pass its gate, on Gauss-Legendre panels. No integral is evaluated if the probabilities of the single conditions
+determine P_d.
 """
 
 import numpy as np
@@ -38,7 +41,7 @@ class AnyBand:
 
     threshold: float
 
-    def log_chances(self, snr: FloatArray, _noise: FloatArray, _slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
+    def log_chances(self, snr: FloatArray, _slopes: FloatArray, _slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B)."""
         log_miss = _row_sum(log_ndtr(self.threshold - snr))
         with np.errstate(divide="ignore"):
@@ -48,12 +51,16 @@ class AnyBand:
         log_hit[tiny] = logsumexp(log_ndtr(snr[tiny] - self.threshold), axis=1)
         return np.minimum(log_hit, 0.0), log_miss
 
-    def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
+    def slopes(self, noise: FloatArray, air: FloatArray | None = None) -> FloatArray:
+        """Return no slopes, (n, 0): the rule has no gates."""
+        return np.empty((len(noise), 0))
+
+    def quantile(self, snr: FloatArray, slopes: FloatArray, slack: float) -> FloatArray:
         """Return the standard normal quantiles of P_d (n,): of one band, SNR - T."""
         one: FloatArray = snr[:, 0] - self.threshold
-        return one if snr.shape[1] == 1 else probit(*self.log_chances(snr, noise, slack))
+        return one if snr.shape[1] == 1 else probit(*self.log_chances(snr, slopes, slack))
 
-    def passes(self, measured: FloatArray, _noise: FloatArray) -> BoolArray:
+    def passes(self, measured: FloatArray, _slopes: FloatArray) -> BoolArray:
         """Return which measurements (n, B) detect."""
         passed: BoolArray = measured[:, 0] >= self.threshold
         for band in range(1, measured.shape[1]):
@@ -75,7 +82,7 @@ class AnyBand:
         """Return the shares (n,) of proposals that detect: 1."""
         return np.ones(len(probability))
 
-    def conditional(self, snr: FloatArray, _noise: FloatArray, uniforms: FloatArray) -> FloatArray:
+    def conditional(self, snr: FloatArray, _slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1).
 
         The first band above the threshold is drawn from its distribution; bands before it are below the threshold,
@@ -117,53 +124,51 @@ def _row_sum(columns: FloatArray) -> FloatArray:
 
 @frozen(eq=False)
 class RatioGates(Gates):
-    """A detection in all bands: signals at least `threshold` in the band `reference` and `coincidence` in the others.
+    """A detection in all bands: signals at least `threshold` in one band and `coincidence` in the others.
 
-    `lower` and `upper` (B,) bound the ratio of each band's irradiance to that of `reference`.
+    `lower` and `upper` (B,) bound the ratio of each band's irradiance to that of the band `reference`, whose own
+    bounds are not used; `tolerance` is how far beyond these bounds noise may carry a measurement, in standard
+    deviations. Methods take the slopes (n, 2 (B - 1)) that `slopes` returns: bounds on ratios of signals in units of
+    their noise.
     """
 
-    def log_chances(self, snr: FloatArray, noise: FloatArray, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
-        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) in noise (n, B), W/m².
+    def log_chances(self, snr: FloatArray, slopes: FloatArray, slack: float = 0.0) -> tuple[FloatArray, FloatArray]:
+        """Return ln P_d and ln(1 - P_d) (n,) of looks with expected signals (n, B) and slopes (n, 2 (B - 1)).
 
         With a `slack`, the integral is omitted where the single conditions determine P_d to within it.
         """
-        margins = self.margins(snr, noise)
+        margins = self.margins(snr, slopes)
         least = margins.min(axis=1)
         open_ = _undecided(margins, least, slack)
         log_hit, log_miss = log_ndtr(least), log_ndtr(-least)
         if slack >= LEAST_SLACK:
-            chance = fast_probability(self, snr[open_], noise[open_], margins[open_])
+            chance = fast_probability(self, snr[open_], slopes[open_], margins[open_])
             with np.errstate(divide="ignore"):
                 log_hit[open_], log_miss[open_] = np.log(chance), np.log1p(-chance)
             return log_hit, log_miss
-        steepest = self._steepest(margins, noise)
+        steepest = self._steepest(margins, slopes)
         for start in range(0, len(open_), _ROWS):
             rows = open_[start : start + _ROWS]
-            log_hit[rows], log_miss[rows] = self._integrated(snr[rows], noise[rows], steepest[rows], slack)
+            log_hit[rows], log_miss[rows] = self._integrated(snr[rows], slopes[rows], steepest[rows], slack)
         return log_hit, log_miss
 
-    def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
+    def quantile(self, snr: FloatArray, slopes: FloatArray, slack: float) -> FloatArray:
         """Return the standard normal quantiles of P_d (n,), to within a slack of P_d."""
         if slack < LEAST_SLACK:
-            return probit(*self.log_chances(snr, noise, slack))
-        margins = self.margins(snr, noise)
+            return probit(*self.log_chances(snr, slopes, slack))
+        margins = self.margins(snr, slopes)
         quantile: FloatArray = margins.min(axis=1)
         open_ = _undecided(margins, quantile, slack)
-        quantile[open_] = ndtri(fast_probability(self, snr[open_], noise[open_], margins[open_]))
+        quantile[open_] = ndtri(fast_probability(self, snr[open_], slopes[open_], margins[open_]))
         return quantile
 
-    def passes(self, measured: FloatArray, noise: FloatArray) -> BoolArray:
+    def passes(self, measured: FloatArray, slopes: FloatArray) -> BoolArray:
         """Return which measurements (n, B) detect."""
         reference = measured[:, self.reference]
         passed: BoolArray = reference >= self.threshold
-        reference_w_m2 = reference * noise[:, self.reference]
         for band in self.others:
-            passed &= measured[:, band] >= self.coincidence
-            measured_w_m2 = measured[:, band] * noise[:, band]
-            if self.lower[band] > 0.0:
-                passed &= measured_w_m2 >= self.lower[band] * reference_w_m2
-            if np.isfinite(self.upper[band]):
-                passed &= measured_w_m2 <= self.upper[band] * reference_w_m2
+            low, high = self.gate(reference, slopes, band)
+            passed &= (measured[:, band] >= low) & (measured[:, band] <= high)
         return passed
 
     def confirming(self, measured: FloatArray) -> NDArray[np.uint8]:
@@ -186,58 +191,55 @@ class RatioGates(Gates):
             proposed *= ndtr(snr[:, band] - self._least(band))
         return np.minimum(probability / np.maximum(proposed, _NEVER), 1.0)
 
-    def conditional(self, snr: FloatArray, noise: FloatArray, uniforms: FloatArray) -> FloatArray:
+    def conditional(self, snr: FloatArray, slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) conditional on a detection, exactly, from numbers (n, B + 1) in [0, 1)."""
         reference = np.empty(len(snr))
-        steepest = self._steepest(self.margins(snr, noise), noise)
+        steepest = self._steepest(self.margins(snr, slopes), slopes)
         for rows, count in by_steepness(steepest):
-            density = GateDensity(self, snr[rows], noise[rows])
+            density = GateDensity(self, snr[rows], slopes[rows])
             panels = density.panels(count, _AJAR)
             base, gates = density.logarithms(panels.nodes())
             height = np.exp(base + gates - (base + gates).max(axis=1, keepdims=True))
             reference[rows] = np.maximum(panels.inverse(height, uniforms[rows, -1]), self.threshold)
-        measured, density = np.empty_like(snr), GateDensity(self, snr, noise)
+        measured = np.empty_like(snr)
         measured[:, self.reference] = reference
         for band in self.others:
-            low, high = density.gate(reference, band)
+            low, high = self.gate(reference, slopes, band)
             drawn = snr[:, band] + truncated_normals(low - snr[:, band], high - snr[:, band], uniforms[:, band])
             measured[:, band] = np.clip(drawn, low, np.maximum(low, high))
         return measured
 
-    def margins(self, snr: FloatArray, noise: FloatArray) -> FloatArray:
+    def margins(self, snr: FloatArray, slopes: FloatArray) -> FloatArray:
         """Return the margins (n, 1 + 3 · others) of the linear conditions, in standard deviations."""
         reference = snr[:, self.reference]
         margins = [reference - self.threshold]
         for band in self.others:
-            steep = noise[:, self.reference] / noise[:, band]
             margins.append(snr[:, band] - self.coincidence)
-            for bound, sign in ((self.lower[band], 1.0), (self.upper[band], -1.0)):
-                slope = bound * steep
-                is_bound = np.isfinite(bound)
-                off = sign * (snr[:, band] - slope * reference) / np.hypot(1.0, slope) if is_bound else np.inf
-                margins.append(np.broadcast_to(off, reference.shape))
+            for slope, sign in zip(self.sides(slopes, band), (1.0, -1.0), strict=True):
+                with np.errstate(invalid="ignore"):
+                    off = sign * (snr[:, band] - slope * reference) / np.hypot(1.0, slope) + self.tolerance
+                margins.append(np.where(np.isfinite(slope), off, np.inf))
         return np.stack(margins, axis=1)
 
     def _least(self, band: int) -> float:
         return self.threshold if band == self.reference else self.coincidence
 
-    def _steepest(self, margins: FloatArray, noise: FloatArray) -> FloatArray:
+    def _steepest(self, margins: FloatArray, slopes: FloatArray) -> FloatArray:
         """Return the slope (n,) of the steepest side of a gate that may be open or shut."""
-        steepest = np.ones(len(noise))
+        steepest = np.ones(len(slopes))
         for place, band in enumerate(self.others):
-            steep = noise[:, self.reference] / noise[:, band]
-            for bound, condition in ((self.lower[band], 2), (self.upper[band], 3)):
+            for slope, condition in zip(self.sides(slopes, band), (2, 3), strict=True):
                 is_near = margins[:, 3 * place + condition] < FAR
-                steepest = np.maximum(steepest, np.where(is_near, steep * max(bound, 0.0), 1.0))
+                steepest = np.maximum(steepest, np.where(is_near, slope, 1.0))
         return steepest
 
     def _integrated(
-        self, snr: FloatArray, noise: FloatArray, steepest: FloatArray, slack: float
+        self, snr: FloatArray, slopes: FloatArray, steepest: FloatArray, slack: float
     ) -> tuple[FloatArray, FloatArray]:
         """Return ln P_d and ln(1 - P_d) by the integral."""
         log_hit, log_missed = np.empty(len(snr)), np.full(len(snr), -np.inf)
         for rows, count in by_steepness(steepest):
-            density = GateDensity(self, snr[rows], noise[rows])
+            density = GateDensity(self, snr[rows], slopes[rows])
             panels = density.panels(count, -np.inf if slack else 0.0)
             base, gates = density.logarithms(panels.nodes())
             log_hit[rows] = log_integral(panels, base + gates)

@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from scipy.special import log_ndtr
 
 from opir_core.arrays import FloatArray, IntArray
-from opir_core.detection.gate_integrals import Gates
+from opir_core.detection.gate_integrals import Gates, crossing
 
 #: Nodes per panel.
 ORDER = 16
@@ -148,32 +148,24 @@ _LOG_ROOT_TWO_PI = 0.5 * np.log(2.0 * np.pi)
 
 @frozen(eq=False)
 class GateDensity:
-    """Densities of detections by a `rule`, for looks with expected signals `snr` (n, B) in noise (n, B), W/m²."""
+    """Densities of detections by a `rule`, for looks with expected signals `snr` (n, B) and slopes (n, 2 (B - 1))."""
 
     rule: Gates
     snr: FloatArray
-    noise: FloatArray
+    slopes: FloatArray
 
     def take(self, rows: IntArray) -> "GateDensity":
         """Return the densities of some of the looks."""
-        return GateDensity(self.rule, self.snr[rows], self.noise[rows])
+        return GateDensity(self.rule, self.snr[rows], self.slopes[rows])
 
     def logarithms(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the logarithms of the normal density at nodes (n, m) and of the probability to pass the gates."""
         log_gates = np.zeros_like(nodes)
         for band in self.rule.others:
-            low, high = self.gate(nodes, band)
+            low, high = self.rule.gate(nodes, self.slopes, band)
             log_gates += log_between(low - self.snr[:, band, None], high - self.snr[:, band, None])
         off = nodes - self._expected[:, None]
         return -0.5 * off * off - _LOG_ROOT_TWO_PI, log_gates
-
-    def gate(self, reference: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
-        """Return the limits of the open gate of a band, for signals of the reference band (n, …)."""
-        lower, upper = self.rule.lower[band], self.rule.upper[band]
-        steep = self._steep(band).reshape(-1, *(1 for _ in reference.shape[1:]))
-        with np.errstate(invalid="ignore"):
-            high = np.where(np.isfinite(upper), upper * steep * reference, np.inf)
-        return np.maximum(lower * steep * reference, self.rule.coincidence), high
 
     def panels(self, count: int, ajar: float) -> Panels:
         """Return panels over all y of non-negligible density.
@@ -198,11 +190,6 @@ class GateDensity:
     def _expected(self) -> FloatArray:
         return self.snr[:, self.rule.reference]
 
-    def _steep(self, band: int) -> FloatArray:
-        """Return the factors (n,) from a ratio of irradiances to a ratio of signals in units of noise."""
-        steep: FloatArray = self.noise[:, self.rule.reference] / self.noise[:, band]
-        return steep
-
     def _fallen(self, peak: FloatArray, reach: FloatArray) -> FloatArray:
         """Return the distances (n,) from the peak to negligible density, to a factor of 2, within `reach`."""
         ways = reach[:, None] * np.exp2(-np.arange(_REACHES))
@@ -214,37 +201,34 @@ class GateDensity:
 
     def _first_open(self) -> FloatArray:
         """Return the least signal (n,) of the reference band, at least the threshold, for which all gates are open."""
-        least = np.full(len(self.noise), self.rule.threshold)
+        least = np.full(len(self.snr), self.rule.threshold)
         for band in self.rule.others:
-            least = np.maximum(least, self._where_coincident(self.rule.upper[band], band))
+            _, upper = self._where(np.full((len(least), 1), self.rule.coincidence), band)
+            least = np.maximum(least, upper[:, 0])
         return least
 
     def _kinks(self) -> FloatArray:
         """Return the signals (n, others) at which lower sides change from the coincidence threshold to the ratio."""
-        rule = self.rule
-        return np.stack([self._where_coincident(rule.lower[band], band) for band in rule.others], axis=1)
+        level = np.full((len(self.snr), 1), self.rule.coincidence)
+        return np.concatenate([self._where(level, band)[0] for band in self.rule.others], axis=1)
 
     def _crossings(self) -> FloatArray:
-        """Return signals (n, k) of the reference band around which sides of gates open and shut."""
-        signals = []
-        for band in self.rule.others:
-            sides = (self.rule.lower[band], self.rule.upper[band])
-            bounds = [bound for bound in sides if np.isfinite(bound) and bound > 0.0]
-            steep = self._steep(band)
-            signals += [(self.snr[:, band, None] + _CROSSING) / (bound * steep)[:, None] for bound in bounds]
-        return np.concatenate(signals, axis=1)
+        """Return signals (n, k) of the reference band around which sides of gates open and shut; -inf for no side."""
+        levels = (self.snr[:, band, None] + _CROSSING for band in self.rule.others)
+        sides = (self._where(level, band) for level, band in zip(levels, self.rule.others, strict=True))
+        return np.concatenate([each for pair in sides for each in pair], axis=1)
 
-    def _where_coincident(self, bound: float, band: int) -> FloatArray:
-        """Return the reference signals (n,) at which a ratio bound equals the coincidence threshold, or -inf."""
-        if not (np.isfinite(bound) and bound > 0.0):
-            return np.full(len(self.noise), -np.inf)
-        return self.rule.coincidence * self.noise[:, band] / (self.noise[:, self.rule.reference] * bound)
+    def _where(self, level: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
+        """Return the signals (n, k) of the reference band with the sides of a gate at levels (n, k); -inf if never."""
+        lower, upper = (slope[:, None] for slope in self.rule.sides(self.slopes, band))
+        tolerance = self.rule.tolerance
+        return crossing(level, lower, -tolerance), crossing(level, upper, tolerance)
 
     def _gate_margin(self, reference: FloatArray) -> FloatArray:
         """Return the margins (n,) of expected signals inside the gates, for signals of the reference band."""
         margin = np.full(len(reference), np.inf)
         for band in self.rule.others:
-            low, high = self.gate(reference, band)
+            low, high = self.rule.gate(reference, self.slopes, band)
             margin = np.minimum(margin, np.minimum(self.snr[:, band] - low, high - self.snr[:, band]))
         return margin
 
@@ -253,11 +237,8 @@ class GateDensity:
         low = self._first_open()
         high = np.maximum(self._expected, low) + 1.0
         for band in self.rule.others:
-            upper = self.rule.upper[band]
-            if np.isfinite(upper) and upper > 0.0:
-                least = np.maximum(self.snr[:, band], self.rule.coincidence)
-                opens = least * self.noise[:, band] / self.noise[:, self.rule.reference]
-                high = np.maximum(high, opens / upper + 1.0)
+            least = np.maximum(self.snr[:, band, None], self.rule.coincidence)
+            high = np.maximum(high, self._where(least, band)[1][:, 0] + 1.0)
         rows = np.arange(len(self.snr))
         for step in range(_MOST_SECTIONS):
             if step == _SECTIONS:

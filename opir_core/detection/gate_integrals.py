@@ -33,14 +33,49 @@ class Gates:
 
     threshold: float
     coincidence: float
-    reference: int
     lower: FloatArray
     upper: FloatArray
+    tolerance: float = 0.0
+    reference: int = 0
 
     @property
     def others(self) -> list[int]:
         """The numbers of the other bands."""
         return [band for band in range(len(self.lower)) if band != self.reference]
+
+    def slopes(self, noise: FloatArray, air: FloatArray | None = None) -> FloatArray:
+        """Return the slopes (n, 2 (B - 1)) of the gates' sides, in units of noise (n, B): lower ones, then upper ones.
+
+        `air` (n, 2 (B - 1)) are factors on the bounds: the least and the largest that the atmosphere may put on the
+        ratio of two bands.
+        """
+        others = self.others
+        steep = noise[:, self.reference, None] / noise[:, others]
+        sides = np.concatenate([steep * self.lower[others], steep * self.upper[others]], axis=1)
+        return sides if air is None else sides * air
+
+    def sides(self, slopes: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
+        """Return the slopes (n,) of the lower and of the upper side of a band's gate."""
+        place = self.others.index(band)
+        return slopes[:, place], slopes[:, len(self.lower) - 1 + place]
+
+    def gate(self, reference: FloatArray, slopes: FloatArray, band: int) -> tuple[FloatArray, FloatArray]:
+        """Return the limits of the open gate of a band, for signals (n, …) of the reference band."""
+        shape = (-1, *(1 for _ in reference.shape[1:]))
+        lower, upper = (slope.reshape(shape) for slope in self.sides(slopes, band))
+        with np.errstate(invalid="ignore"):
+            high = upper * reference + self.tolerance * np.hypot(1.0, upper)
+        # Without an upper bound 0 · inf is nan.
+        return np.maximum(lower * reference - self.tolerance * np.hypot(1.0, lower), self.coincidence), np.where(
+            np.isfinite(upper), high, np.inf
+        )
+
+
+def crossing(level: FloatArray, slope: FloatArray, tolerance: FloatArray | float) -> FloatArray:
+    """Return the points at which sides slope · y + tolerance · √(1 + slope²) reach levels; -inf without a bound."""
+    is_bound = (slope > 0.0) & np.isfinite(slope)
+    bound = np.where(is_bound, slope, 1.0)
+    return np.where(is_bound, (level - tolerance * np.hypot(1.0, bound)) / bound, -np.inf)
 
 
 class GateLooks(NamedTuple):
@@ -78,9 +113,9 @@ class GatePanels(NamedTuple):
         return GatePanels(self.looks, *own)
 
 
-def fast_probability(rule: Gates, snr: FloatArray, noise: FloatArray, margins: FloatArray) -> FloatArray:
-    """Return P_d (n,) for signals (n, B) in noise (n, B) with margins (n, 1 + 3 · others)."""
-    panels = panels_of(looks_of(rule, snr, noise, margins[:, 1:] < _FAR))
+def fast_probability(rule: Gates, snr: FloatArray, slopes: FloatArray, margins: FloatArray) -> FloatArray:
+    """Return P_d (n,) for signals (n, B) and slopes (n, 2 · others) with margins (n, 1 + 3 · others)."""
+    panels = panels_of(looks_of(rule, snr, slopes, margins[:, 1:] < _FAR))
     # Panels without a varying side need no quadrature.
     size = np.searchsorted(WIDTHS, panels.width) * panels.moves.any(axis=0)
     code = (1 << np.arange(len(panels.moves))) @ panels.moves * len(NODES) + size
@@ -94,17 +129,15 @@ def fast_probability(rule: Gates, snr: FloatArray, noise: FloatArray, margins: F
     return np.clip(np.bincount(panels.row, part, minlength=len(snr)), 0.0, 1.0)
 
 
-def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -> GateLooks:
+def looks_of(rule: Gates, snr: FloatArray, slopes: FloatArray, near: BoolArray) -> GateLooks:
     """Return looks with the ranges over which the sides of their gates vary; `near` (n, 3 · others)."""
-    others = rule.others
-    reference, expected = snr[:, rule.reference], snr[:, others].T
-    steep = noise[:, rule.reference] / noise[:, others].T
-    lower, upper = rule.lower[others][:, None], rule.upper[others][:, None]
-    low = np.where(near[:, 1::3].T & (lower > 0.0), lower * steep, 0.0)
-    high = np.where(near[:, 2::3].T & np.isfinite(upper), np.where(np.isfinite(upper), upper, 0.0) * steep, 0.0)
+    reference, expected = snr[:, rule.reference], snr[:, rule.others].T
+    lower, upper = slopes[:, : len(expected)].T, slopes[:, len(expected) :].T
+    low = np.where(near[:, 1::3].T, lower, 0.0)
+    high = np.where(near[:, 2::3].T & np.isfinite(upper), upper, 0.0)
     shut, open_ = (np.maximum(expected + far, rule.coincidence) for far in (-_FAR, _FAR))
-    low_from, low_until = _met(shut, low, np.inf), _met(open_, low, np.inf)
-    high_from, high_until = _met(shut, high, -np.inf), _met(open_, high, -np.inf)
+    low_from, low_until = (_met(level, low, -rule.tolerance, np.inf) for level in (shut, open_))
+    high_from, high_until = (_met(level, high, rule.tolerance, -np.inf) for level in (shut, open_))
     start = np.maximum(np.maximum(rule.threshold, reference - _FAR), high_from.max(axis=0, initial=-np.inf))
     # Above a threshold beyond the expected signal the density decreases faster than from its peak.
     falling = np.maximum(start - reference, 0.0)
@@ -113,10 +146,9 @@ def looks_of(rule: Gates, snr: FloatArray, noise: FloatArray, near: BoolArray) -
     return GateLooks(reference, expected, low, high, low_from, high_until, start, stop)
 
 
-def _met(level: FloatArray, slope: FloatArray, never: float) -> FloatArray:
-    """Return the points at which lines through 0 reach levels; `never` for a slope of 0."""
-    is_sloped = slope > 0.0
-    return np.where(is_sloped, level / np.where(is_sloped, slope, 1.0), never)
+def _met(level: FloatArray, slope: FloatArray, tolerance: float, never: float) -> FloatArray:
+    """Return the points at which sides reach levels; `never` for a slope of 0."""
+    return np.where(slope > 0.0, crossing(level, slope, tolerance), never)
 
 
 def panels_of(looks: GateLooks) -> GatePanels:
@@ -139,7 +171,7 @@ def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
     if np.any(is_moving):
         half = 0.5 * (last - first)
         place, weight = _nodes(count)
-        whole = _summed(_density(0.5 * (first + last) + half * place[:, None], panels, passing), weight) * half
+        whole = _summed(_density(rule, 0.5 * (first + last) + half * place[:, None], panels, passing), weight) * half
     else:
         whole = ndtr(reference - first) - ndtr(reference - last)
     for band in np.flatnonzero(~is_moving):
@@ -148,7 +180,7 @@ def _integral(rule: Gates, panels: GatePanels, count: int) -> FloatArray:
     return integral
 
 
-def _density(nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> FloatArray:
+def _density(rule: Gates, nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> FloatArray:
     """Return the density (m, p) at nodes (m, p) of signals with other bands inside the gates with a varying side."""
     looks, row = panels.looks, panels.row
     off = nodes - looks.reference[row]
@@ -156,11 +188,19 @@ def _density(nodes: FloatArray, panels: GatePanels, passing: FloatArray) -> Floa
     lows, highs = panels.moves[:, 0].reshape(2, -1)
     for band in np.flatnonzero(lows | highs):
         expected = looks.expected[band, row]
-        inside = ndtr(expected - looks.low[band, row] * nodes) if lows[band] else passing[band]
+        inside = ndtr(expected - _side(rule, looks.low[band, row], -1.0, nodes)) if lows[band] else passing[band]
         if highs[band]:
-            inside = np.maximum(inside - ndtr(expected - looks.high[band, row] * nodes), 0.0)
+            inside = np.maximum(inside - ndtr(expected - _side(rule, looks.high[band, row], 1.0, nodes)), 0.0)
         density *= inside
     return density
+
+
+def _side(rule: Gates, slope: FloatArray, sign: float, nodes: FloatArray) -> FloatArray:
+    """Return a side of a gate at nodes (m, p)."""
+    side: FloatArray = slope * nodes
+    if rule.tolerance:
+        side += sign * rule.tolerance * np.hypot(1.0, slope)
+    return side
 
 
 def _summed(values: FloatArray, weight: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.detection.air_ratios import AirRatios
 from opir_core.detection.band_rules import AnyBand, RatioGates
 from opir_core.detection.configs import SnrConfig
 from opir_core.detection.focal_planes import FocalPlaneTerms, focal_plane_terms
@@ -77,7 +78,7 @@ def calibrated(
 
     def misses(log_factor: float) -> bool:
         noise = noise_w_m2(np.array(radiometer.nei_w_m2) * 10.0**log_factor)[None, :]
-        return float(probit(*rule.log_chances(signal[None, :] / noise, noise, _SLACK))[0]) < quantile
+        return float(probit(*rule.log_chances(signal[None, :] / noise, rule.slopes(noise), _SLACK))[0]) < quantile
 
     if not misses(_DECADES) or misses(-_DECADES):
         values = ", ".join(f"{one:.3g}" for one in intensity_w_sr)
@@ -101,12 +102,17 @@ def _turn(misses: Callable[[float], bool]) -> float:
 
 Rule = AnyBand | RatioGates
 
+#: The elevation for which false alarms of noise are computed; within 1 % noise passes gates everywhere alike, since
+#: the tolerance of their sides is several standard deviations.
+_OVERHEAD = np.ones(1)
+
 
 @frozen(eq=False)
 class Receiver:
     """A sensor's band numbers in the radiometric environment, its radiometer and its rule.
 
-    `plane` is what its focal plane comes to, None for a sensor without one.
+    `plane` is what its focal plane comes to, None for a sensor without one; `air` are the factors of the atmosphere on
+    the bounds of the rule, None where it changes none.
     """
 
     bands: IntArray
@@ -114,6 +120,7 @@ class Receiver:
     rule: Rule
     photon_j: tuple[float, ...]
     plane: FocalPlaneTerms | None = None
+    air: AirRatios | None = None
 
     @property
     def kind(self) -> tuple[Any, ...]:
@@ -135,19 +142,20 @@ class Receiver:
         gain = 1.0 if self.plane is None else float(self.plane.photon_gain[place])
         return self.photon_j[place] / self.radiometer.collection_m2_s * gain
 
-    def chances(self, snr: FloatArray, noise: FloatArray, slack: float) -> tuple[FloatArray, FloatArray]:
-        """Return ln P_d and ln(1 - P_d) (n,)."""
-        return self.rule.log_chances(snr, noise, slack)
+    def slopes(self, noise: FloatArray, elevation_sine: FloatArray | None) -> FloatArray:
+        """Return the slopes of the rule's gates for looks with noise (n, B) at elevations (n,)."""
+        air = None if self.air is None or elevation_sine is None else self.air.at(elevation_sine)
+        return self.rule.slopes(noise, air)
 
-    def quantile(self, snr: FloatArray, noise: FloatArray, slack: float) -> FloatArray:
+    def quantile(self, snr: FloatArray, slopes: FloatArray, slack: float) -> FloatArray:
         """Return the standard normal quantiles of P_d (n,), to within a slack of P_d."""
-        return self.rule.quantile(snr, noise, slack) if slack else probit(*self.chances(snr, noise, 0.0))
+        return self.rule.quantile(snr, slopes, slack) if slack else probit(*self.rule.log_chances(snr, slopes))
 
 
 def noise_chance(receiver: Receiver) -> float:
     """Return the logarithm of the false-alarm probability per resolution cell and look."""
-    nothing = np.zeros((1, len(receiver.bands)))
-    return float(receiver.chances(nothing, noise_w_m2(receiver.nei_w_m2)[None, :], 0.0)[0][0])
+    noise = noise_w_m2(receiver.nei_w_m2)[None, :]
+    return float(receiver.rule.log_chances(np.zeros(noise.shape), receiver.slopes(noise, _OVERHEAD))[0][0])
 
 
 def receivers_of(sensors: Sequence[Sensor], environment: RadiometricEnvironment, config: SnrConfig) -> list[Receiver]:
@@ -177,13 +185,22 @@ def _receiver(sensor: Sensor, environment: RadiometricEnvironment) -> Receiver:
     plane = focal_plane_terms(radiometer, sensor.bands, environment.background)
     if plane is not None:
         radiometer = evolve(radiometer, nei_w_m2=plane.nei_w_m2, collection_m2_s=plane.collection_m2_s)
+    bands = np.array([environment.bands.index(band) for band in sensor.bands])
+    rule = rule_of(sensor, radiometer)
     return Receiver(
-        bands=np.array([environment.bands.index(band) for band in sensor.bands]),
+        bands=bands,
         radiometer=radiometer,
-        rule=rule_of(sensor, radiometer),
+        rule=rule,
         photon_j=tuple(photon_energy_j(band) for band in sensor.bands),
         plane=plane,
+        air=_air(environment, bands, rule) if isinstance(rule, RatioGates) else None,
     )
+
+
+def _air(environment: RadiometricEnvironment, bands: IntArray, rule: RatioGates) -> AirRatios | None:
+    """Return the factors of a scene's atmosphere on ratios of bands, None if there are none."""
+    ratios = AirRatios.of(environment.atmosphere, int(bands[rule.reference]), bands[rule.others].tolist())
+    return None if ratios.is_clear else ratios
 
 
 def rule_of(sensor: Sensor, radiometer: Radiometer) -> Rule:
@@ -191,7 +208,14 @@ def rule_of(sensor: Sensor, radiometer: Radiometer) -> Rule:
     if sensor.spectral_discrimination == "none":
         return AnyBand(radiometer.threshold)
     lower, upper = np.array(radiometer.ratios, dtype=np.float64).T
-    return RatioGates(radiometer.threshold, radiometer.coincidence, 0, lower, upper)
+    return RatioGates(
+        radiometer.threshold,
+        radiometer.coincidence,
+        lower,
+        upper,
+        tolerance=radiometer.ratio_tolerance,
+        reference=radiometer.reference,
+    )
 
 
 def _wanted(sensor: Sensor) -> float:

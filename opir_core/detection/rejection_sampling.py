@@ -62,9 +62,9 @@ _INVERSE_AT = 1 << 32
 
 
 class Rule(Protocol):
-    """A rule over bands, for measured signals (n, B) in standard deviations of the noise (n, B)."""
+    """A rule over bands, for measured signals (n, B) in standard deviations of the noise and slopes of gates (n, k)."""
 
-    def passes(self, measured: FloatArray, noise: FloatArray) -> BoolArray:
+    def passes(self, measured: FloatArray, slopes: FloatArray) -> BoolArray:
         """Return which measurements detect."""
 
     def proposed(self, snr: FloatArray, uniforms: FloatArray) -> FloatArray:
@@ -73,25 +73,25 @@ class Rule(Protocol):
     def passing(self, snr: FloatArray, probability: FloatArray) -> FloatArray:
         """Return the shares (n,) of proposals that detect, for looks with P_d (n,)."""
 
-    def conditional(self, snr: FloatArray, noise: FloatArray, uniforms: FloatArray) -> FloatArray:
+    def conditional(self, snr: FloatArray, slopes: FloatArray, uniforms: FloatArray) -> FloatArray:
         """Return measurements (n, B) conditional on a detection, from numbers (n, B + 1) in [0, 1)."""
 
 
 def accepted_draws(
-    rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: WordArray
+    rule: Rule, snr: FloatArray, slopes: FloatArray, probability: FloatArray, seeds: WordArray
 ) -> FloatArray:
     """Return measurements (n, B) that detect, of looks with P_d (n,)."""
     # Most rows pass at once, without an acceptance rate.
     measured = rule.proposed(snr, _uniforms(seeds, np.zeros(len(seeds), dtype=np.int64), snr.shape[1] + 1))
-    left = np.flatnonzero(~rule.passes(measured, noise))
+    left = np.flatnonzero(~rule.passes(measured, slopes))
     if len(left):
-        again = snr[left], noise[left], probability[left], seeds[left]
+        again = snr[left], slopes[left], probability[left], seeds[left]
         measured[left] = _until_one_passes(rule, *again)
     return measured
 
 
 def _until_one_passes(
-    rule: Rule, snr: FloatArray, noise: FloatArray, probability: FloatArray, seeds: WordArray
+    rule: Rule, snr: FloatArray, slopes: FloatArray, probability: FloatArray, seeds: WordArray
 ) -> FloatArray:
     """Return measurements (n, B) that detect, for looks with a rejected first proposal."""
     measured = np.empty(snr.shape)
@@ -102,7 +102,7 @@ def _until_one_passes(
     for turn in range(_TURNS):
         missed = [left[:0]]
         for part in _portions(left, tries):
-            passed, drawn = _turn(rule, snr[part], noise[part], seeds[part], tries[part], turn)
+            passed, drawn = _turn(rule, snr[part], slopes[part], seeds[part], tries[part], turn)
             measured[part[passed]] = drawn
             missed.append(part[~passed])
         left = np.concatenate(missed)
@@ -111,7 +111,7 @@ def _until_one_passes(
     rest = np.concatenate([np.flatnonzero(~likely), left])
     if len(rest):
         uniforms = _uniforms(seeds[rest], np.full(len(rest), _INVERSE_AT), snr.shape[1] + 1)
-        measured[rest] = rule.conditional(snr[rest], noise[rest], uniforms)
+        measured[rest] = rule.conditional(snr[rest], slopes[rest], uniforms)
     return measured
 
 
@@ -123,14 +123,14 @@ def _portions(rows: IntArray, tries: IntArray) -> list[IntArray]:
 
 
 def _turn(
-    rule: Rule, snr: FloatArray, noise: FloatArray, seeds: WordArray, tries: IntArray, turn: int
+    rule: Rule, snr: FloatArray, slopes: FloatArray, seeds: WordArray, tries: IntArray, turn: int
 ) -> tuple[BoolArray, FloatArray]:
     """Return which rows (n,) pass within their `tries`, and the first passing proposal of each, (passed, B)."""
     ends = np.cumsum(tries)
     row = np.repeat(np.arange(len(tries)), tries)
     number = np.arange(len(row)) + np.repeat(1 + turn * tries - (ends - tries), tries)
     drawn = rule.proposed(snr.take(row, axis=0), _uniforms(seeds.take(row), number, snr.shape[1] + 1))
-    good = np.flatnonzero(rule.passes(drawn, noise.take(row, axis=0)))
+    good = np.flatnonzero(rule.passes(drawn, slopes.take(row, axis=0)))
     rows = row[good]
     first = np.flatnonzero(np.diff(rows, prepend=-1))
     passed = np.zeros(len(tries), dtype=np.bool_)

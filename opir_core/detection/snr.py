@@ -10,6 +10,7 @@ from scipy.special import ndtr
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.detection.configs import SnrConfig
+from opir_core.detection.confirmation import false_confirmation_probability, gate_radius_cells
 from opir_core.detection.focal_planes import LineOfSightError
 from opir_core.detection.receivers import (
     Receiver,
@@ -24,7 +25,7 @@ from opir_core.detection.rejection_sampling import accepted_draws
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.optional import Response
-from opir_core.interfaces.protocols import Measured, RandomDraws
+from opir_core.interfaces.protocols import Measured, RandomDraws, Sensor
 from opir_core.interfaces.radiometric_models import (
     StructuredBackground,
     Views,
@@ -32,7 +33,7 @@ from opir_core.interfaces.radiometric_models import (
     transmittances,
 )
 from opir_core.interfaces.records import Exposures
-from opir_core.planning.environment import RadiometricEnvironment
+from opir_core.planning.environment import RadiometricEnvironment, heights_m
 from opir_core.planning.looks import blocks
 from opir_core.radiometry.long_paths import as_slice_if_consecutive
 
@@ -88,8 +89,9 @@ class SnrDetection:
     `width` is the largest number of bands of a sensor; `alike` (sensors,) the first sensor with an equal receiver;
     `count_w_m2` (sensors, width) the irradiance of one photon; `floor_rad` (sensors,) the least line-of-sight sigma;
     `dark_noise_w_m2` (sensors, width) the noise with a dark background, 1 beyond a sensor's bands; `noise_chance`
-    (sensors,) the false-alarm probability per resolution cell and look, `rate_per_scan` (sensors,) the mean number of
-    false alarms per scan.
+    (sensors,) the false-alarm probability per resolution cell and look, `confirmation` (sensors, 2) M and N of the
+    confirmation over scans, `rate_per_scan` (sensors,) the mean number of confirmed false alarms per scan,
+    `false_again` (sensors,) the probability that one is followed by another near it within N scans.
     """
 
     environment: RadiometricEnvironment
@@ -101,7 +103,9 @@ class SnrDetection:
     ifov_rad: FloatArray
     dark_noise_w_m2: FloatArray
     noise_chance: FloatArray
+    confirmation: IntArray
     rate_per_scan: FloatArray
+    false_again: FloatArray
     probability_tolerance: float | None
     needs_geometry: bool = True
 
@@ -124,8 +128,9 @@ class SnrDetection:
         for number, rows in rows_of_kind:
             receiver = self.receivers[number]
             width = len(receiver.bands)
-            quantile[rows] = receiver.quantile(snr[:width, rows].T, noise[:width, rows].T, slack)
-        return Response(quantile, snr.T, noise.T)
+            slopes = receiver.slopes(noise[:width, rows].T, exposures.elevation_sine[rows])
+            quantile[rows] = receiver.quantile(snr[:width, rows].T, slopes, slack)
+        return Response(quantile, snr.T, noise.T, exposures.elevation_sine)
 
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend."""
@@ -142,23 +147,23 @@ class SnrDetection:
         found = MeasuredColumns.of(len(sensor), self.width)
         chance = _Chances(response.probit, probability)
         for number, rows in by_number(self.alike[sensor], len(self.receivers)):
-            rule, spread = self.receivers[number].rule, self._line_of_sight_error(number)
-            width, failed, seeds = len(self.receivers[number].bands), [], []
+            receiver, spread = self.receivers[number], self._line_of_sight_error(number)
+            rule, width, failed = receiver.rule, len(receiver.bands), []
             for part in _parts(rows):
                 noise = response.noise_w_m2[part, :width]
                 # Added in place: half the time, since the columns stay in the processor's cache.
                 measured = dice.take(part).normals("measurement", width)
-                off = measured[:, 0].copy()
                 measured += response.snr[part, :width]
-                again = np.flatnonzero(~rule.passes(measured, noise))
+                again = np.flatnonzero(~rule.passes(measured, receiver.slopes(noise, response.sine(part))))
                 found.put(part, measured, noise, rule, spread)
                 failed.append(_rows_of(part, again))
-                seeds.append(off[again])
             left = np.concatenate(failed)
             if len(left):
-                # The bits of a rejected draw seed the next ones.
+                # The bits of a uniform number are exact on every platform, those of a normal number are not.
+                seeds = np.ascontiguousarray(dice.take(left).uniforms("further measurements")[:, 0]).view(np.uint64)
                 snr, noise = response.snr[left, :width], response.noise_w_m2[left, :width]
-                measured = accepted_draws(rule, snr, noise, chance.of(left), np.concatenate(seeds).view(np.uint64))
+                slopes = receiver.slopes(noise, response.sine(left))
+                measured = accepted_draws(rule, snr, slopes, chance.of(left), seeds)
                 found.put(left, measured, noise, rule, spread)
         return found.measured(response.noise_w_m2)
 
@@ -176,7 +181,8 @@ class SnrDetection:
             nothing = np.zeros((len(seeds), len(receiver.bands)))
             noise = np.broadcast_to(self.dark_noise_w_m2[number, : nothing.shape[1]], nothing.shape)
             chance = np.full(len(seeds), self.noise_chance[number])
-            measured = accepted_draws(receiver.rule, nothing, noise, chance, seeds)
+            slopes = receiver.slopes(noise, np.ones(len(seeds)))
+            measured = accepted_draws(receiver.rule, nothing, slopes, chance, seeds)
             found.put(rows, measured, noise, receiver.rule, self._line_of_sight_error(number))
         return found.measured(self.dark_noise_w_m2[sensor])
 
@@ -235,11 +241,11 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     receivers = receivers_of(context.sensors, environment, config)
     half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in context.sensors])
     ifov_rad = np.array([receiver.radiometer.ifov_rad for receiver in receivers])
-    cells = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle) / ifov_rad)
     one_of_kind = {receiver.kind: receiver for receiver in receivers}
     of_kind = {kind: noise_chance(receiver) for kind, receiver in one_of_kind.items()}
     chances = np.exp(np.array([of_kind[receiver.kind] for receiver in receivers]))
     floor_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors])
+    confirmed, again = _confirmed(context.sensors, chances)
     return SnrDetection(
         environment=environment,
         receivers=tuple(receivers),
@@ -250,9 +256,37 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
         ifov_rad=ifov_rad,
         dark_noise_w_m2=_dark_noise_w_m2(receivers),
         noise_chance=chances,
-        rate_per_scan=chances * cells,
+        confirmation=np.array([receiver.radiometer.confirmation for receiver in receivers], dtype=np.int64),
+        rate_per_scan=chances * resolution_cells(half_angle, ifov_rad) * confirmed,
+        false_again=again,
         probability_tolerance=None if config.exact else config.probability_tolerance,
     )
+
+
+def resolution_cells(half_angle_rad: FloatArray, ifov_rad: FloatArray) -> FloatArray:
+    """Return the numbers of resolution cells in cones of half angles (n,): their solid angle over the IFOV squared."""
+    cells: FloatArray = 4.0 * np.pi * np.square(np.sin(0.5 * half_angle_rad) / ifov_rad)
+    return cells
+
+
+def _confirmed(sensors: Sequence[Sensor], chances: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the probabilities (sensors,) that a false alarm is confirmed, and that it is followed by another.
+
+    Confirmation gates are those at the range straight down.
+    """
+    confirmed, again = np.ones(len(sensors)), np.empty(len(sensors))
+    for number, (sensor, chance) in enumerate(zip(sensors, chances.tolist(), strict=True)):
+        radiometer = sensor.radiometer
+        assert radiometer is not None
+        needed, scans = radiometer.confirmation
+        height_m = float(heights_m(sensor.orbit.position_ecef_m(np.zeros(1)))[0])
+        period_s, speed_m_s = sensor.scan.period_ns * 1e-9, radiometer.confirmation_speed_m_s
+        back = np.arange(1, max(scans, 2))
+        radius = gate_radius_cells(back, period_s, radiometer.ifov_rad, height_m, speed_m_s)
+        again[number] = false_confirmation_probability(chance, 2, radius)
+        if needed > 1:
+            confirmed[number] = false_confirmation_probability(chance, needed, radius)
+    return confirmed, again
 
 
 class _Chances(NamedTuple):

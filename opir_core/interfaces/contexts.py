@@ -8,7 +8,7 @@ from attrs import field, frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import IndexArray
-from opir_core.interfaces.protocols import DetectionProbability, Encoder, Sensor
+from opir_core.interfaces.protocols import Classifier, DetectionProbability, Encoder, Sensor
 from opir_core.scene.scene import EMITTER_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class
 
@@ -44,7 +44,8 @@ class TargetContext:
 
 @frozen(kw_only=True)
 class ModelContext:
-    """The context of detection models and, with the built `detection`, of classifiers and confidence models.
+    """The context of detection models; with the built `detection` of classifiers; with the `classifier` of confidence
+    models.
 
     `make_environment` builds the `opir_core.planning.environment.RadiometricEnvironment`. `class_names` are the target
     classes of launches and the types of other hot sources, by default those of `target_type_code`; `target_class`
@@ -55,6 +56,7 @@ class ModelContext:
     target_type_code: NDArray[np.uint8] = field(eq=False)  #: into `EMITTER_TYPES`: launches, then other hot sources
     make_environment: Callable[[], Any] | None = field(default=None, eq=False)
     detection: DetectionProbability | None = field(default=None, eq=False)
+    classifier: Classifier | None = field(default=None, eq=False)
     class_names: tuple[str, ...] = field(default=(), eq=False)
     target_class: Callable[[str], TargetClass] = field(default=core_target_class, eq=False)
 

@@ -11,7 +11,7 @@ import numpy as np
 from attrs import frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import BoolArray, FloatArray, IndexArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Delivery, Measured, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs, Exposures, Window
@@ -50,15 +50,21 @@ class Response(Columns):
 
     `probit` (n,) is the standard normal quantile of P_d, None where the engine has it already; `snr` (n, B) the
     expected signals over `noise_w_m2` (n, B), the standard deviations of the noise at the aperture; 0 and 1 beyond a
-    sensor's own bands.
+    sensor's own bands. `elevation_sine` (n,) is of the sensor's elevation above the target's horizon; None if the model
+    does not need it to measure.
     """
 
     probit: FloatArray | None
     snr: FloatArray
     noise_w_m2: FloatArray
+    elevation_sine: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.snr)
+
+    def sine(self, rows: Any) -> FloatArray | None:
+        """Return the sines of the elevations of some of the looks, if there are any."""
+        return None if self.elevation_sine is None else self.elevation_sine[rows]
 
 
 @runtime_checkable
@@ -87,12 +93,24 @@ class WithBreakpoints(Protocol):
 
 
 @runtime_checkable
+class ConfirmingModel(Protocol):
+    """A detection model of sensors that confirm detections over scans before they report them."""
+
+    @property
+    def confirmation(self) -> IntArray:
+        """The needed detections M and the successive scans N among which these must be, (sensors, 2)."""
+
+
+@runtime_checkable
 class FalseAlarmModel(Protocol):
-    """A detection model with false alarms: rate and measurements of noise alone above a sensor's threshold."""
+    """A detection model with false alarms: rate and measurements of noise alone above a sensor's threshold.
+
+    With `ConfirmingModel` these are the confirmed ones.
+    """
 
     @property
     def rate_per_scan(self) -> FloatArray:
-        """Mean number (sensors,) of false alarms in one scan of the whole field of regard."""
+        """Mean number (sensors,) of reported false alarms in one scan of the whole field of regard."""
 
     @property
     def words(self) -> int:
@@ -114,6 +132,14 @@ class PosteriorClassifier(Protocol):
 
     def reported(self, log_posterior: FloatArray) -> NDArray[np.uint8]:
         """Return the codes (n,) reported for posteriors."""
+
+
+@runtime_checkable
+class TypeConfidence(Protocol):
+    """A `Confidence` that follows from type probabilities: the engine hands it those that it has already."""
+
+    def of_types(self, reported_type: NDArray[np.uint8], log_probability: FloatArray) -> FloatArray:
+        """Return confidences (n,) of reported types (n,) with ln P (n, 4) over `REPORTED_TYPES`."""
 
 
 @runtime_checkable

@@ -116,6 +116,15 @@ class TransmittanceWithBreakpoints(Protocol):
 
 
 @runtime_checkable
+class CloudyTransmittance(Protocol):
+    """What a `Transmittance` also has that knows the same air without its clouds."""
+
+    @property
+    def clear(self) -> "Transmittance":
+        """The air without clouds."""
+
+
+@runtime_checkable
 class CourseWithBreakpoints(Protocol):
     """What `Trajectories` also have that know when the direction of flight jumps or bends."""
 

@@ -148,11 +148,9 @@ def _models(
     )
     detection = built(host, scene.detection, context)
     context = evolve(context, detection=detection)
-    return {
-        "detection": detection,
-        "classifier": built(host, scene.classification, context),
-        "confidence": built(host, scene.confidence, context),
-    }
+    classifier = built(host, scene.classification, context)
+    confidence = built(host, scene.confidence, evolve(context, classifier=classifier))
+    return {"detection": detection, "classifier": classifier, "confidence": confidence}
 
 
 def _environment(

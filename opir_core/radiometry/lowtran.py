@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from attrs import Factory, field, frozen
+from attrs import Factory, evolve, field, frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import FloatArray, IntArray
@@ -154,6 +154,11 @@ class LowtranAtmosphere:
         if self.deck is not None:
             result[:, low[is_hidden(self.deck, path.take(low))]] = 0.0
         return result
+
+    @property
+    def clear(self) -> Transmittance:
+        """The same air without clouds."""
+        return evolve(self, deck=None)
 
     @property
     def altitude_breakpoints_m(self) -> FloatArray:

@@ -151,7 +151,7 @@ class WindowNumbers:
 class RowDraws:
     """Random draws of a batch of rows: a `RandomDraws`.
 
-    With `seeds`, raw words of the looks, normal numbers are derived from these without reading a stream.
+    With `seeds`, raw words of the looks, numbers are derived from these without reading a stream.
     """
 
     numbers: WindowNumbers
@@ -162,7 +162,10 @@ class RowDraws:
 
     def uniforms(self, purpose: str, words: int = 1) -> FloatArray:
         """Return (rows, words) numbers in [0, 1), fresh for each scan."""
-        return uniforms_of(self.numbers.of_rows(purpose, words, self.rows, self.pair))
+        columns = np.empty((words, len(self.rows)))
+        for place, column in enumerate(self._words(purpose, words)):
+            columns[place] = uniforms_of(column.copy() if self.seeds is None else column)
+        return columns.T
 
     def normals(self, purpose: str, count: int = 1) -> FloatArray:
         """Return (rows, count) standard normal numbers, fresh for each scan: two per raw word."""

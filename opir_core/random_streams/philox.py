@@ -19,7 +19,7 @@ from opir_core.arrays import FloatArray
 
 #: Name of this scheme in the manifest; it changes if any number changes.
 SCHEME = (
-    "philox4x64-10, key blake2b-128(seed, names), counter scan; uniforms 53 bits; normals of detections splitmix64 of"
+    "philox4x64-10, key blake2b-128(seed, names), counter scan; uniforms 53 bits; numbers of detections splitmix64 of"
     " the word of their direction"
 )
 

@@ -88,9 +88,19 @@ def _radiometer(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> Radiom
         collection_m2_s=config.collection_m2_s,
         threshold=_threshold(config),
         coincidence=config.coincidence_sigma,
+        confirmation=(config.confirmation_detections, config.confirmation_scans),
+        confirmation_speed_m_s=config.confirmation_speed_m_s,
+        reference=_reference(config, bands),
+        ratio_tolerance=config.ratio_tolerance_sigma,
         ratios=tuple(config.plausible_ratios.get(band.name, (0.0, float("inf"))) for band in bands),
         focal_plane=config.focal_plane,
     )
+
+
+def _reference(config: ScanningSensorConfig, bands: tuple[Band, ...]) -> int:
+    """Return the number of the reference band: the one named, or the shortest if the sensor does not have that band."""
+    names = [band.name for band in bands]
+    return names.index(config.reference_band) if config.reference_band in names else 0
 
 
 def _threshold(config: ScanningSensorConfig) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 from attrs import Factory, fields, frozen
 
 from opir_core.interfaces.focal_plane import FocalPlaneConfig
-from opir_core.scene.fields import nested, number
+from opir_core.scene.fields import nested, number, text
 
 #: Bounds come in twos.
 _PAIR = 2
@@ -80,11 +80,45 @@ class RadiometerConfig:
         maximum=1e3,
         help="signal over noise that the other bands need where bands are compared",
     )
+    reference_band: str = text(
+        default="",
+        source="no default: the shortest band",
+        help="the band that has to cross the threshold where bands are compared, and to which the plausible ratios"
+        " refer",
+    )
     plausible_ratios: Mapping[str, tuple[float, float]] = nested(
         default=Factory(dict),
         minimum=0.0,
         check=_ratios_complaint,
-        help="by band [least, most] irradiance over that of the shortest band, where bands are compared",
+        help="by band [least, most] intensity over that of the reference band at the source, where bands are compared;"
+        " the sensor widens these bounds by what the air does to the ratio at any height of the source",
+    )
+    ratio_tolerance_sigma: float = number(
+        default=3.0,
+        minimum=0.0,
+        maximum=1e3,
+        source="a plume on a bound is refused with probability Q(3) = 0.0013",
+        help="how far noise may carry a measurement beyond the plausible ratios, in standard deviations",
+    )
+    confirmation_detections: int = number(
+        default=2,
+        minimum=1,
+        maximum=8,
+        help="detections that the sensor needs before it reports the last of them, for detection: snr; 1 reports all",
+    )
+    confirmation_scans: int = number(
+        default=3,
+        minimum=1,
+        maximum=64,
+        help="successive scans among which these detections must be, the last one included",
+    )
+    confirmation_speed_m_s: float = number(
+        default=8000.0,
+        unit="m/s",
+        minimum=0.0,
+        maximum=1e5,
+        source="above the circular speed at a height of 200 km, 7784 m/s",
+        help="speed that a source may have for detections of several scans to be taken for one source",
     )
     focal_plane: FocalPlaneConfig | None = nested(
         default=None,
@@ -128,16 +162,32 @@ def _is_cfar_threshold(config: RadiometerConfig) -> bool:
     return _CFAR_THRESHOLDS[0] <= config.threshold_sigma <= _CFAR_THRESHOLDS[1]
 
 
+def confirmation_complaint(config: RadiometerConfig) -> str | None:
+    """Return the error in the settings of the confirmation over scans, or None."""
+    needed: Any = config.confirmation_detections
+    scans: Any = config.confirmation_scans
+    if not isinstance(needed, int) or not isinstance(scans, int):
+        return f"confirmation_detections and confirmation_scans: {needed!r} and {scans!r} are not whole numbers"
+    if needed > scans:
+        return f"confirmation_detections: {needed} detections do not fit into confirmation_scans: {scans}"
+    return None
+
+
 def strange_band_complaint(config: RadiometerConfig, bands: Sequence[str]) -> str | None:
     """Return the error in settings that name a band which the sensor does not have, or None.
 
     Default ratios of a model may name bands that a scene has replaced; these are ignored.
     """
+    if config.reference_band not in ("", *bands) and config.reference_band != _default(config, "reference_band"):
+        return f"reference_band: {config.reference_band} is not one of the sensor's bands, {', '.join(bands)}"
     for name in ("band_nei_w_m2", "plausible_ratios"):
         given = getattr(config, name)
-        default: Any = getattr(fields(type(config)), name).default
-        is_default = given == (default.factory() if hasattr(default, "takes_self") else default)
         strange = [band for band in given if band not in bands]
-        if strange and not is_default:
+        if strange and given != _default(config, name):
             return f"{name}: {strange[0]} is not one of the sensor's bands, {', '.join(bands)}"
     return None
+
+
+def _default(config: RadiometerConfig, name: str) -> Any:
+    default: Any = getattr(fields(type(config)), name).default
+    return default.factory() if hasattr(default, "takes_self") else default

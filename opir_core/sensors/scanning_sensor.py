@@ -10,7 +10,12 @@ from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.scene import MAXIMUM_BANDS
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
-from opir_core.sensors.radiometer import RadiometerConfig, focal_plane_complaint, strange_band_complaint
+from opir_core.sensors.radiometer import (
+    RadiometerConfig,
+    confirmation_complaint,
+    focal_plane_complaint,
+    strange_band_complaint,
+)
 
 SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
@@ -172,6 +177,7 @@ class ScanningSensorConfig(RadiometerConfig):
             self._discrimination_complaint(),
             strange_band_complaint(self, list(self.bands)),
             focal_plane_complaint(self, self.scan_period_ms),
+            confirmation_complaint(self),
         ]
 
     def _period_complaint(self) -> str | None:

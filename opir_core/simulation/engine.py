@@ -12,7 +12,7 @@ from attrs import evolve
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.columns import Filling
-from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
+from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import Measured, Tracker
 from opir_core.interfaces.records import Detections, DetectionTruth, Window
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_ns
@@ -21,6 +21,7 @@ from opir_core.planning.sightlines import Pairs
 from opir_core.random_streams.detection_ids import stream_key_words
 from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
 from opir_core.random_streams.philox import uniforms_of
+from opir_core.simulation.confirmation import Confirmation
 from opir_core.simulation.measurement import DetectionBuilder, Hits, with_tracks
 from opir_core.simulation.tracker_clock import CheckedTracker, ScheduledTracker
 
@@ -55,16 +56,22 @@ class Engine:
         self._counts = np.zeros(len(plan.pairs), dtype=np.int32)
         #: Made at the first window: an engine that takes over continues with another's tracker.
         self._scheduled: ScheduledTracker | None = None
+        self._confirmation = _confirmation(plan)
         self._interpolant = _interpolant(plan, self._geometry)
         self._false_alarms = _false_alarms(plan, self._geometry)
 
     def take_over(self, former: "Engine") -> None:
-        """Continue the run of another engine with the same sensors: its time, tracker and detection counts."""
+        """Continue the run of another engine with the same sensors: its time, tracker, counts and last detections."""
         self.time_ns, self._scheduled = former.time_ns, former._tracker
         if self.plan.sensors is not former.plan.sensors:
             self._tracker.set_sensors(self.plan.sensors)
         counts = dict(zip(former._names, former._counts.tolist(), strict=True))
         self._counts = np.array([counts.get(name, 0) for name in self._names], dtype=np.int32)
+        if self._confirmation is not None and former._confirmation is not None:
+            rows = {name: row for row, name in enumerate(former._names)}
+            both = [(row, rows[name]) for row, name in enumerate(self._names) if name in rows]
+            own_row, former_row = np.array(both, dtype=np.int64).reshape(-1, 2).T
+            self._confirmation.take_over(former._confirmation, own_row, former_row)
 
     @property
     def _tracker(self) -> ScheduledTracker:
@@ -86,7 +93,9 @@ class Engine:
             start_s=start_ns * 1e-9,
             end_s=end_ns * 1e-9,
             looks=len(looks.pair),
-            detections=with_tracks(self.plan.classifier, tracked.detections, tracked.estimates).freeze(),
+            detections=with_tracks(
+                self.plan.classifier, self.plan.confidence, tracked.detections, tracked.estimates
+            ).freeze(),
             truth=truth.freeze(),
             tracks=tracked.tracks,
             estimates=tracked.estimates,
@@ -130,20 +139,24 @@ class Engine:
         return detections.record(), truth.record()
 
     def _hits(self, looks: Looks, numbers: WindowNumbers, interpolant: "WindowInterpolant | None") -> Hits:
-        """Return the looks that detect, sorted by sensor, then target, then time."""
+        """Return the looks whose detections are reported, sorted by sensor, then target, then time."""
         probability = self._probability(looks, interpolant)
         # Looks with a P_d of 0 or 1 need no random number: 0 will do.
         drawn = numbers.words("detection", None if interpolant is None else interpolant.undecided())
         row = np.flatnonzero(uniforms_of(drawn) < probability)
         pair, scan = looks.pair.take(row), looks.scan.take(row)
-        words = numbers.of_rows("line-of-sight", 1, row, pair)[:, 0]
-        time_ns = look_times_ns(self.plan.pairs, pair, scan)
         # Detections are counted pair by pair, each included; `pair` comes in runs in order of time.
         start = np.flatnonzero(np.diff(pair, prepend=-1))
         distinct, times = pair[start], np.diff(start, append=len(pair))
         place = np.arange(len(pair)) - np.repeat(start, times)
         count: IndexArray = (self._counts[pair] + place + 1).astype(np.int32)
         self._counts[distinct] += times.astype(np.int32)
+        if self._confirmation is not None:
+            reported = np.flatnonzero(self._confirmation.confirmed(pair, scan))
+            row, pair = row.take(reported), pair.take(reported)
+            scan, count = scan.take(reported), count.take(reported)
+        words = numbers.of_rows("line-of-sight", 1, row, pair)[:, 0]
+        time_ns = look_times_ns(self.plan.pairs, pair, scan)
         return Hits(row, pair, scan, time_ns, count, probability.take(row), words)
 
     def _measured(self, hits: Hits, numbers: WindowNumbers, interpolant: "WindowInterpolant") -> Measured | None:
@@ -194,6 +207,15 @@ def _interpolant(plan: Plan, geometry: LookGeometry) -> "ProbabilityInterpolant 
     from opir_core.simulation.interpolation import ProbabilityInterpolant
 
     return ProbabilityInterpolant.of(geometry, model, model.probability_tolerance)
+
+
+def _confirmation(plan: Plan) -> Confirmation | None:
+    """Return the confirmation over scans, if the detection model has one and it needs more than one detection."""
+    model = plan.detection
+    if not isinstance(model, ConfirmingModel) or not np.any(model.confirmation[:, 0] > 1):
+        return None
+    needed, scans = model.confirmation[plan.pairs.sensor].T
+    return Confirmation(needed, scans)
 
 
 def _checked_tracker(plan: Plan) -> Tracker:

@@ -17,7 +17,7 @@ from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_POLAR_RADIUS_M
 from opir_core.geometry import intersection_with_ellipsoid
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.optional import FalseAlarmModel
+from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel
 from opir_core.interfaces.protocols import Classifier, Confidence, Measured
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth
 from opir_core.planning.sensor_states import SensorStates
@@ -25,7 +25,7 @@ from opir_core.planning.solar_exclusion import SolarExclusion
 from opir_core.random_streams.detection_ids import uuid8_words
 from opir_core.random_streams.pair_streams import PLACE_WORDS, Drawn, FalseAlarmStream
 from opir_core.scene.scene import UNKNOWN_TYPE
-from opir_core.simulation.measurement import classified, classifier_inputs
+from opir_core.simulation.measurement import classified, classifier_inputs, confidences
 
 
 @frozen(eq=False)
@@ -98,6 +98,7 @@ class FalseAlarmGenerator:
         self._id_keys = id_keys
         self._exclusions = {number: each for number, each in enumerate(exclusions) if each is not None}
         self._band_totals = np.array([len(sensor.bands) for sensor in sensors])
+        self._needed = _needed(model, len(sensors))
         self._period_ns = np.array([sensor.scan.period_ns for sensor in sensors], dtype=np.int64)
         half_angle = np.array([sensor.field_of_regard_half_angle_rad for sensor in sensors])
         self._most_fall = 2.0 * np.square(np.sin(0.5 * half_angle))
@@ -151,7 +152,7 @@ class FalseAlarmGenerator:
             reported_type=reported_type,
             bands=measured.bands,
             detection_count=sightings.detection_count,
-            confidence=self._confidence.confidence(sightings),
+            confidence=confidences(self._confidence, sightings, reported_type, log_probability),
             line_of_sight_ecef=noise.line_of_sight_ecef,
             sensor_ecef_m=noise.sensor_ecef_m,
             snr=measured.snr,
@@ -180,7 +181,7 @@ class FalseAlarmGenerator:
             np.where(hits, range_m, length(*components(noise.sensor_ecef_m))),
             np.where(hits, np.maximum(sine, 0.0), 0.0),
             self._band_totals[noise.sensor],
-            np.ones(rows, dtype=np.int32),
+            self._needed.take(noise.sensor),
         )
 
     def _types(self, sightings: ClassifierInputs) -> tuple[NDArray[np.uint8], FloatArray]:
@@ -189,6 +190,13 @@ class FalseAlarmGenerator:
         if self._classifier.pair_type(nobody, nobody, _NoDice()) is not None:
             return np.full(len(sightings), UNKNOWN_TYPE, dtype=np.uint8), np.empty((len(sightings), 0))
         return classified(self._classifier, sightings, _NoDice(len(sightings)))
+
+
+def _needed(model: FalseAlarmModel, sensors: int) -> IndexArray:
+    """Return the detections (sensors,) that a reported false alarm consists of."""
+    if isinstance(model, ConfirmingModel):
+        return model.confirmation[:, 0].astype(np.int32)
+    return np.ones(sensors, dtype=np.int32)
 
 
 @frozen

@@ -61,8 +61,8 @@ class _LookIntervals(NamedTuple):
 class ProbabilityInterpolant:
     """Interpolated P_d quantiles, one curve per piece, and signals and noise, one line per interval between knots.
 
-    `certain` (p,) is the P_d, 0 or 1, of pieces without a curve, nan for others. `at` and `rise` (2 B, k) are signals
-    and noise at an interval's first scan, and their increase per scan.
+    `certain` (p,) is the P_d, 0 or 1, of pieces without a curve, nan for others. `at` and `rise` (2 B + 1, k) are
+    signals, noise and the sine of the elevation at an interval's first scan, and their increase per scan.
     """
 
     model: SignalModel
@@ -138,9 +138,9 @@ class WindowInterpolant:
         since = (self._looks.scan[row] - np.repeat(whole.intervals.first[used], times)).astype(np.float64)
         at, rise = whole.at.take(used, axis=1), whole.rise.take(used, axis=1)
         width = len(at) // 2
-        return Response(
-            None, *(_lines_at(at[half], rise[half], times, since).T for half in (slice(width), slice(width, None)))
-        )
+        parts = (slice(width), slice(width, -1), slice(-1, None))
+        snr, noise, sine = (_lines_at(at[part], rise[part], times, since) for part in parts)
+        return Response(None, snr.T, noise.T, sine[0])
 
 
 def _lines_at(at: FloatArray, rise: FloatArray, times: IntArray, since: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray, WordArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.columns import Columns
-from opir_core.interfaces.optional import PosteriorClassifier
+from opir_core.interfaces.optional import PosteriorClassifier, TypeConfidence
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Measured, RandomDraws
 from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks
 from opir_core.planning.looks import LookGeometry
@@ -102,7 +102,7 @@ class DetectionBuilder:
             reported_type=reported_type,
             bands=sightings.bands,
             detection_count=hits.count,
-            confidence=self.confidence.confidence(sightings),
+            confidence=confidences(self.confidence, sightings, reported_type, log_probability),
             line_of_sight_ecef=measured_lines_of_sight(self.geometry.states, exposed, sigma_rad, hits.direction_words),
             sensor_ecef_m=exposed.sensor_ecef_m,
             snr=sightings.snr,
@@ -157,7 +157,18 @@ def classified(
     return classifier.reported(log_probability), log_probability
 
 
-def with_tracks(classifier: Classifier, detections: Detections, estimates: Tracks) -> Detections:
+def confidences(
+    model: Confidence, sightings: ClassifierInputs, reported_type: NDArray[np.uint8], log_probability: FloatArray
+) -> FloatArray:
+    """Return confidences (n,) of detections with reported types (n,) and ln of the type probabilities (n, 4)."""
+    if isinstance(model, TypeConfidence):
+        return model.of_types(reported_type, log_probability)
+    return model.confidence(sightings)
+
+
+def with_tracks(
+    classifier: Classifier, confidence: Confidence, detections: Detections, estimates: Tracks
+) -> Detections:
     """Return detections with type probabilities revised by their tracks.
 
     Only tracks with a burnout estimate are used: their types come from motion, those of others may come from the very
@@ -173,7 +184,10 @@ def with_tracks(classifier: Classifier, detections: Detections, estimates: Track
     log_probability, reported = detections.type_log_probability.copy(), detections.reported_type.copy()
     log_probability[rows] = classifier.revised(log_probability[rows], of_track)
     reported[rows] = classifier.reported(log_probability[rows])
-    return evolve(detections, type_log_probability=log_probability, reported_type=reported)
+    revised = evolve(detections, type_log_probability=log_probability, reported_type=reported)
+    if not isinstance(confidence, TypeConfidence):
+        return revised
+    return evolve(revised, confidence=confidence.of_types(reported, log_probability))
 
 
 def measured_lines_of_sight(

@@ -118,7 +118,7 @@ class Intervals(NamedTuple):
 class RefinedGrid(NamedTuple):
     """Pieces of three knots with P_d 0 or 1, pieces of five knots with curves, and the values at the knots.
 
-    `values` (1 + 2 B, knots) are quantile, signals and noise.
+    `values` (2 + 2 B, knots) are quantile, signals, noise and the sine of the elevation.
     """
 
     settled: Intervals
@@ -190,10 +190,11 @@ class GridRefiner:
             response = self._model.response(exposed, slack=slack)
             assert response.probit is not None
             quantile = np.clip(response.probit, -FARTHEST, FARTHEST)
-            self._keep(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T]))
+            sine = np.zeros(len(quantile)) if response.elevation_sine is None else response.elevation_sine
+            self._keep(np.concatenate([quantile[None], response.snr.T, response.noise_w_m2.T, sine[None]]))
 
     def _keep(self, values: FloatArray) -> None:
-        """Append the values (1 + 2 B, n) of looks (n,)."""
+        """Append the values (2 + 2 B, n) of looks (n,)."""
         count = self._count + values.shape[1]
         if count > self._known.shape[1]:
             # Twice the room: values are seldom copied.
@@ -220,7 +221,7 @@ class GridRefiner:
 
     def _is_steady(self, pieces: Intervals, values: FloatArray) -> BoolArray:
         """Return which pieces have signals that are nearly linear and change little: three knots suffice."""
-        signals = values[1 : 1 + (len(values) - 1) // 2].take(pieces.row, axis=1)
+        signals = values[1 : len(values) // 2].take(pieces.row, axis=1)
         change = np.ptp(signals, axis=1) <= np.maximum(STEADY_SHARE * signals.max(axis=1), SIGNAL_SIGMA)
         steady: BoolArray = np.all(change, axis=0) & self._is_straight(pieces, values)
         return steady
@@ -247,7 +248,7 @@ class GridRefiner:
 
     def _is_straight(self, pieces: Intervals, values: FloatArray) -> BoolArray:
         """Return which pieces have signals and noise that are linear between knots, to within the tolerance."""
-        width, at = (len(values) - 1) // 2, _positions(pieces)
+        width, at = len(values) // 2 - 1, _positions(pieces)
         straight = np.ones(len(pieces.pair), dtype=np.bool_)
         for band in range(width):
             for of_look, least in ((values[1 + band], SIGNAL_SIGMA), (values[1 + width + band], 0.0)):

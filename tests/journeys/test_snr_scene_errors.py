@@ -9,7 +9,7 @@ from opir_core.cli.main import main
 
 SCENE = str(EXAMPLES / "photons.yaml")
 NARROW = "sensors[1].bands={SWIR: [2.5, 3.0], MWIR: [3.4, 4.1]}"
-RATIOS = "sensors[1].plausible_ratios={MWIR: [90, 95]}"
+RATIOS = "sensors[1].plausible_ratios={SWIR: [40, 90]}"
 
 MISTAKES = {
     "the unit of a noise": (

@@ -29,6 +29,13 @@ class ConfidenceContract(SceneContract):
     key: ClassVar[str] = "confidence"
 
     @classmethod
+    def scene(cls, **changes: Any) -> dict[str, Any]:
+        """Return the test scene with the confidence model, and with type probabilities if it needs them."""
+        needs = getattr(cls.component().config, "needs_posterior", False)
+        chosen = {"detection": "snr", "classification": "spectral"} if needs else {}
+        return super().scene(**{**chosen, **changes})
+
+    @classmethod
     @cache
     def inputs(cls) -> ClassifierInputs:
         """Return inputs with all combinations of bands, counts and SNR."""

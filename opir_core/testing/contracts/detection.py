@@ -5,8 +5,8 @@ from typing import Any, ClassVar
 import numpy as np
 from attrs import evolve
 
-from opir_core.arrays import FloatArray
-from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
+from opir_core.arrays import FloatArray, IntArray
+from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
 from opir_core.interfaces.protocols import DetectionProbability, RandomDraws
 from opir_core.plugin.components import Component, DetectionModel
 from opir_core.testing.contracts.contract import (
@@ -56,6 +56,29 @@ class RecordingDraws:
         taken = sorted(self.purposes & RESERVED_PURPOSES)
         seen = f"it draws by the purpose {', '.join(taken)}"
         require(not taken, seen, "Choose a purpose of your own, e.g. its name.")
+
+
+def reported_chances(
+    chances: FloatArray, pair: IntArray, scan: IntArray, needed: IntArray, scans: IntArray
+) -> FloatArray:
+    """Return the probabilities (n,) that looks detect and are reported: at least M - 1 of the N - 1 scans before do."""
+    order = np.lexsort((scan, pair))
+    sorted_pair, sorted_scan, hit = pair[order], scan[order], chances[order]
+    counts = np.zeros((len(hit), int(needed.max(initial=1)) + 1))
+    counts[:, 0] = 1.0
+    for back in range(1, int(scans.max(initial=1))):
+        row = np.arange(back, len(hit))
+        same = (sorted_pair[row] == sorted_pair[row - back]) & (
+            sorted_scan[row] - sorted_scan[row - back] < scans[order][row]
+        )
+        chance = np.where(same, hit[row - back], 0.0)[:, None]
+        # Counts above the last column are lost: only small ones matter.
+        counts[row, 1:] = counts[row, 1:] * (1.0 - chance) + counts[row, :-1] * chance
+        counts[row, 0] *= 1.0 - chance[:, 0]
+    fewer = np.where(np.arange(counts.shape[1]) < needed[order][:, None] - 1, counts, 0.0).sum(axis=1)
+    reported = np.empty(len(hit))
+    reported[order] = hit * (1.0 - fewer)
+    return reported
 
 
 class DetectionContract(SceneContract):
@@ -152,7 +175,11 @@ class DetectionContract(SceneContract):
     def test_detections_occur_at_the_stated_rate(self) -> None:
         """The number of detections agrees with the probabilities, within 99.9 %."""
         looks, count = self.looks(), int(np.sum(self.run().truth.target >= 0))
-        chances = self.model().probability(looks.exposures)
+        model = self.model()
+        chances = model.probability(looks.exposures)
+        if isinstance(model, ConfirmingModel):
+            needed, scans = model.confirmation[looks.exposures.sensor].T
+            chances = reported_chances(chances, looks.pair, looks.exposures.scan, needed, scans)
         require(
             count_excess(count, chances) <= 1.0,
             f"{count} looks detect; the probabilities add up to {chances.sum():.1f}",
@@ -176,7 +203,7 @@ class DetectionContract(SceneContract):
 
     def test_optional_abilities_are_complete(self) -> None:
         """An optional protocol is implemented completely or not at all."""
-        require_complete_abilities(self.model(), (SignalModel, FalseAlarmModel))
+        require_complete_abilities(self.model(), (SignalModel, FalseAlarmModel, ConfirmingModel))
 
     def test_expected_measurements_agree_with_probabilities(self) -> None:
         """The quantiles that a `SignalModel` returns are those of its probabilities."""

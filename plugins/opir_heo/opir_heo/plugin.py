@@ -40,7 +40,9 @@ NOTIONAL_CONFUSION = {
     false_alarm_susceptibility="moderate",
     nei_w_m2=1e-12,
     spectral_discrimination="dual-band-ratio",
-    plausible_ratios={"MWIR": (0.8, 4.0)},
+    coincidence_sigma=2.0,
+    reference_band="MWIR",
+    plausible_ratios={"SWIR": (0.25, 1.25)},
     confusion=NOTIONAL_CONFUSION,
 )
 class HeoConfig(ScanningSensorConfig):

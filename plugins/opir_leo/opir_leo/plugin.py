@@ -77,7 +77,9 @@ NOTIONAL_MEDIUM_FOCAL_PLANE = FocalPlaneConfig(
     threshold_sigma=6.5,
     false_alarm_susceptibility="moderate",
     spectral_discrimination="dual-band-ratio",
-    plausible_ratios={"MWIR": (0.8, 4.0)},
+    coincidence_sigma=2.0,
+    reference_band="MWIR",
+    plausible_ratios={"SWIR": (0.25, 1.25)},
     confusion=NOTIONAL_CONFUSION,
     focal_plane=named(notional=NOTIONAL_WIDE_FOCAL_PLANE),
 )

@@ -10,14 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.special import logsumexp
-from scipy.stats import multivariate_normal, norm
+from scipy.stats import binom, multivariate_normal, norm
 
 import opir_core as opir
+from opir_core.builtin.classification import ConstantConfidence, PosteriorConfidence
 from opir_core.classification.configs import SpectralConfig
 from opir_core.classification.gaussian_mixture import Components, Mixture
 from opir_core.classification.spectral import SpectralClassifier
 from opir_core.classification.synthetic_looks import low_discrepancy_points
-from opir_core.classification.type_densities import TypeDensities, elevation_bin
+from opir_core.classification.type_densities import EventRates, TypeDensities, elevation_bin
 from opir_core.errors import ModelError
 from opir_core.interfaces.records import ClassifierInputs, Tracks
 from opir_core.output.events import detection_schema
@@ -37,17 +38,21 @@ def one(log_weight: float, mean: list[float], sigma: list[float]) -> Components:
     return Components(np.array([log_weight]), np.array([mean]), np.diag(np.square(sigma))[None])
 
 
+#: Reported events, 1/s: of the types, of a source detected 200 times on average, and of no noise.
+TYPE_RATES, OTHER_RATE, MEAN_COUNT = np.array([0.4, 0.3, 0.2]), 0.1, 200.0
+RATES = EventRates(np.log(TYPE_RATES), np.array([np.log(OTHER_RATE), -800.0]), 2, -12.0)
+
+
 def known_bank() -> TypeDensities:
     """Return a bank of one component a type, seen equally long, and one of anything else, in one band and a count."""
     types = [[one(0.0, [mean, 50.0], [3.0, 40.0])] for mean in (100.0, 60.0, 30.0)]
     plumes = Mixture.of([[part for (part,) in types]] * PLACES)
-    return TypeDensities(
-        1, plumes, np.zeros((PLACES, 3)), Mixture.of([[one(0.0, [45.0, 1.0], [30.0, 1.0])]] * PLACES), 1000.0
-    )
+    others = Mixture.of([[one(0.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(-800.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES)
+    return TypeDensities(1, plumes, np.zeros((PLACES, 3)), others, 1000.0, RATES)
 
 
 def known_classifier(**changes: Any) -> SpectralClassifier:
-    prior = np.log([0.4, 0.3, 0.2, 0.1])
+    prior = np.log(TYPE_RATES / TYPE_RATES.sum())
     known = SpectralClassifier((known_bank(),), np.zeros(1, dtype=np.int64), prior, 0.6, -np.inf)
     return evolve(known, **changes)
 
@@ -77,15 +82,25 @@ def sightings(intensity: Any, noise: Any, count: Any = 50) -> ClassifierInputs:
 def test_posteriors_are_those_of_bayes_rule_for_known_normal_densities() -> None:
     measured, noise, count = np.array([96.0, 57.0, 31.0, 80.0]), 4.0, 70
     log = known_classifier().log_posterior(sightings(measured, noise, count))
-    means, prior = np.array([100.0, 60.0, 30.0]), np.array([0.4, 0.3, 0.2])
-    like = norm.pdf(measured[:, None], means, np.hypot(3.0, noise))
-    plume = like @ prior / 0.9
-    other = norm.pdf(measured, 45.0, np.hypot(30.0, noise))
-    odds = 0.9 * plume / (0.1 * other)
-    split = like * prior / (like @ prior)[:, None]
-    expected = np.column_stack([split * (odds / (1.0 + odds))[:, None], 1.0 / (1.0 + odds)])
-    assert np.allclose(np.exp(log), expected, rtol=1e-12)
-    assert np.allclose(known_classifier().log_ratio(log), np.log(plume / other), rtol=1e-10)
+    # Counts begin at 1: the density below 0.5 is reflected.
+    counted = norm.pdf(count, 50.0, 40.0) + norm.pdf(1 - count, 50.0, 40.0)
+    like = norm.pdf(measured[:, None], [100.0, 60.0, 30.0], np.hypot(3.0, noise)) * counted
+    launched = TYPE_RATES * like
+    other = OTHER_RATE * norm.pdf(measured, 45.0, np.hypot(30.0, noise)) * np.exp(-count / MEAN_COUNT) / MEAN_COUNT
+    every = np.column_stack([launched, other])
+    assert np.allclose(np.exp(log), every / every.sum(axis=1, keepdims=True), rtol=1e-12)
+    assert np.allclose(known_classifier().log_odds(log), np.log(launched.sum(axis=1) / other), rtol=1e-10)
+
+
+def test_noise_consists_of_as_many_detections_as_the_sensor_needs() -> None:
+    # Events of which noise alone is as bright, 1e4 times as often as launches.
+    others = Mixture.of([[one(-800.0, [45.0, MEAN_COUNT], [30.0, 1.0]), one(0.0, [0.0, 0.0], [0.0, 0.0])]] * PLACES)
+    rates = evolve(RATES, log_other=np.array([-800.0, np.log(1e4)]))
+    bank = evolve(known_bank(), others=others, rates=rates)
+    log = known_classifier(banks=(bank,)).log_posterior(sightings([12.0] * 3, 4.0, [2, 3, 5]))
+    odds = np.diff(log[:, UNKNOWN_TYPE] - logsumexp(log[:, :UNKNOWN_TYPE], axis=1))
+    # Each further detection makes noise e^12 times less likely; counts of launches hardly change.
+    assert odds == pytest.approx([-12.0, -24.0], abs=0.2)
 
 
 def test_a_count_tells_types_apart_that_bands_do_not() -> None:
@@ -93,8 +108,6 @@ def test_a_count_tells_types_apart_that_bands_do_not() -> None:
     bank = evolve(known_bank(), plumes=Mixture.of([[part for (part,) in types]] * PLACES))
     log = known_classifier(banks=(bank,)).log_posterior(sightings([50.0] * 3, 1.0, [300, 150, 60]))
     assert np.argmax(log[:, :UNKNOWN_TYPE], axis=1).tolist() == [0, 1, 2]
-    # That it is a plume at all is judged by its light: counts of fires follow from how long a scene is.
-    assert np.ptp(log[:, UNKNOWN_TYPE]) == 0.0
 
 
 @pytest.mark.parametrize("bands", [1, 2, 3, 8])
@@ -136,10 +149,11 @@ def test_ratios_are_exact_where_probabilities_are_no_doubles() -> None:
     log = known_classifier().log_posterior(sightings([3000.0, -3000.0], 1e-6))
     assert np.isfinite(log).all()
     for row, y in enumerate((3000.0, -3000.0)):
-        plume = logsumexp(norm.logpdf(y, [100.0, 60.0, 30.0], 3.0), b=np.array([4.0, 3.0, 2.0]) / 9.0)
-        expected = plume - norm.logpdf(y, 45.0, 30.0)
+        count = np.logaddexp(norm.logpdf(50.0, 50.0, 40.0), norm.logpdf(-49.0, 50.0, 40.0))
+        launched = logsumexp(norm.logpdf(y, [100.0, 60.0, 30.0], 3.0), b=TYPE_RATES) + count
+        expected = launched - norm.logpdf(y, 45.0, 30.0) - np.log(OTHER_RATE / MEAN_COUNT) + 50.0 / MEAN_COUNT
         assert expected < -1e5
-        assert known_classifier().log_ratio(log)[row] == pytest.approx(expected, rel=1e-9)
+        assert known_classifier().log_odds(log)[row] == pytest.approx(expected, rel=1e-9)
 
 
 @given(
@@ -164,12 +178,12 @@ def test_an_unlikely_type_is_unknown() -> None:
     assert [REPORTED_TYPES[code] for code in classifier.reported(log)] == ["UNKNOWN", "ICBM", "UNKNOWN"]
 
 
-def test_a_ratio_below_the_threshold_is_unknown() -> None:
+def test_odds_below_the_threshold_are_unknown() -> None:
     log = np.log([[0.9, 0.05, 0.04, 0.01]])
-    ratio = float(known_classifier().log_ratio(log)[0])
-    assert ratio == pytest.approx(np.log(0.99 / 0.01) - np.log(0.9 / 0.1))
-    told = [known_classifier(least_log_ratio=ratio + off).reported(log)[0] for off in (-1e-9, 1e-9)]
-    assert told == [0, UNKNOWN_TYPE]
+    odds = float(known_classifier().log_odds(log)[0])
+    assert odds == pytest.approx(np.log(0.99 / 0.01))
+    codes = [known_classifier(least_log_odds=odds + off).reported(log)[0] for off in (-1e-9, 1e-9)]
+    assert codes == [0, UNKNOWN_TYPE]
 
 
 def test_the_motion_of_a_track_takes_the_place_of_the_prior() -> None:
@@ -205,12 +219,32 @@ def tracks(*, knows_burnout: bool) -> Tracks:
     )
 
 
+def test_confidence_is_the_probability_of_what_is_reported() -> None:
+    seen, classifier = sightings([96.0, 57.0, 31.0, 500.0], 4.0, 70), known_classifier()
+    log = classifier.log_posterior(seen)
+    reported = classifier.reported(log)
+    assert {0, UNKNOWN_TYPE} <= set(reported.tolist())
+    expected = np.exp(log)[np.arange(4), reported]
+    assert np.array_equal(PosteriorConfidence(classifier).confidence(seen), expected)
+
+
+def test_confidence_follows_when_motion_revises_types() -> None:
+    log = np.log([[0.8, 0.1, 0.05, 0.05], [0.8, 0.1, 0.05, 0.05]])
+    window = stub_window(2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8))
+    classified = evolve(window.detections, type_log_probability=log, confidence=np.array([0.8, 0.8]))
+    model = PosteriorConfidence(known_classifier())
+    found = with_tracks(known_classifier(), model, classified, tracks(knows_burnout=True))
+    rows = np.arange(2), found.reported_type
+    assert found.confidence == pytest.approx(np.exp(found.type_log_probability)[rows])
+    assert found.confidence[1] == 0.8 != found.confidence[0]
+
+
 @pytest.mark.parametrize("knows_burnout", [True, False])
 def test_only_tracks_that_know_a_burnout_have_their_types_from_motion(knows_burnout: bool) -> None:
     log = np.log([[0.8, 0.1, 0.05, 0.05], [0.8, 0.1, 0.05, 0.05]])
     window = stub_window(2, estimate=np.array([0, -1]), reported_type=np.zeros(2, np.uint8))
     judged = evolve(window.detections, type_log_probability=log)
-    found = with_tracks(known_classifier(), judged, tracks(knows_burnout=knows_burnout))
+    found = with_tracks(known_classifier(), ConstantConfidence(0.5), judged, tracks(knows_burnout=knows_burnout))
     assert found.reported_type.tolist() == ([2, 0] if knows_burnout else [0, 0])
     assert np.array_equal(found.type_log_probability[1], log[1])
     assert np.allclose(found.type_probability.sum(axis=1), 1.0)
@@ -231,8 +265,8 @@ def test_parts_of_the_sky_hold_every_elevation() -> None:
     ("prior", "complaint"),
     [
         ({"ICBM": 0.5, "IRBM": 0.5}, "SRBM has no share above 0"),
-        ({"ICBM": 0.5, "IRBM": 0.2, "SRBM": 0.2, "UNKNOWN": 0.2}, "the shares sum to 1.1"),
-        ({"ICBM": 0.5, "MRBM": 0.5}, "'MRBM' is not a type"),
+        ({"ICBM": 0.6, "IRBM": 0.2, "SRBM": 0.3}, "the shares sum to 1.1"),
+        ({"ICBM": 0.5, "MRBM": 0.5}, "'MRBM' is not a target type"),
     ],
 )
 def test_a_prior_is_checked_when_it_is_read(prior: dict[str, float], complaint: str) -> None:
@@ -272,3 +306,43 @@ def test_no_noise_and_enormous_noise_are_judged(nei_w_m2: float) -> None:
     chances = run.detections.type_probability
     assert len(chances) > 0 or nei_w_m2 == 1e6
     assert np.allclose(chances.sum(axis=1), 1.0)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.01])
+def test_hot_sources_are_taken_for_missiles_as_often_as_is_asked_for(share: float) -> None:
+    """Sources of the classifier's own prior, through the engine: at most the share, within 99.9 %, by kind."""
+    rng = np.random.default_rng(5)
+    rows = [
+        {
+            "lat_deg": float(latitude),
+            "lon_deg": float(longitude),
+            "temperature_k": float(rng.uniform(800.0, 1200.0)),
+            "area_m2": float(1800.0 * np.exp(1.5 * rng.standard_normal())),
+        }
+        for latitude, longitude in zip(rng.uniform(-60.0, 60.0, 600), rng.uniform(-60.0, 60.0, 600), strict=True)
+    ]
+    sensor = {
+        "model": "generic-scanner",
+        "id": "S",
+        "orbital_slot_deg": 0.0,
+        "bands": {"SWIR": [2.5, 3.0], "MWIR": [4.0, 5.0]},
+    }
+    scene = opir.scene_from_mapping(
+        {
+            "scene": "fires",
+            "epoch": "2026-04-01T12:00:00Z",
+            "duration_s": 60.0,
+            "sensors": [{**sensor, "scan_period_ms": 10_000.0, "detection_probability": {}}],
+            "targets": [],
+            "sources": [{"id": "F", "model": "fires", "emissivity": 1.0, "at": rows}],
+            "detection": "snr",
+            "classification": {"model": "spectral", "confidence": 0.0, "false_source_probability": share},
+            "atmosphere": "lowtran",
+            "outputs": [],
+        }
+    )
+    run = opir.simulate(scene)
+    first = np.unique(run.truth.target, return_index=True)[1]
+    taken = np.sum(run.detections.reported_type[first] != UNKNOWN_TYPE)
+    assert len(first) > 300
+    assert taken <= binom.isf(0.001, len(first), share)

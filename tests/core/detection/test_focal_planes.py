@@ -111,7 +111,7 @@ def test_structure_costs_detections_before_sunlit_cloud_and_none_in_the_night() 
             sensor = SBIRS if name == "given" else with_plane(SBIRS)
             plan = opir.compile_plan(scene([sensor], "IRS", duration_s=150, **changes))
             seen[sky, name] = float(plan.detection.probability(looks_of(plan)).mean())
-    assert seen["cloud by day", "notional"] < 0.9 * seen["cloud by day", "given"]
+    assert seen["cloud by day", "notional"] < 0.97 * seen["cloud by day", "given"]
     assert seen["clear by night", "notional"] == pytest.approx(seen["clear by night", "given"], rel=0.03)
 
 

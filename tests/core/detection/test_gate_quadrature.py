@@ -10,7 +10,7 @@ from opir_core.detection import gate_integrals
 from opir_core.detection.band_rules import RatioGates
 from opir_core.detection.gate_integrals import NODES, WIDTHS, fast_probability, looks_of, panels_of
 
-PAPER = RatioGates(5.0, 2.0, 0, np.array([0.0, 0.8, 0.01]), np.array([np.inf, 4.0, 0.5]))
+PAPER = RatioGates(5.0, 2.0, np.array([0.0, 0.8, 0.01]), np.array([np.inf, 4.0, 0.5]))
 
 
 def on_edges(rng: np.random.Generator, rule: RatioGates, rows: int) -> tuple[FloatArray, FloatArray]:
@@ -31,31 +31,35 @@ def test_steep_or_flat_it_is_within_what_it_says(others: int) -> None:
     for _ in range(12):
         lower = 10.0 ** rng.uniform(-2.0, 1.0, others) * (rng.random(others) < 0.8)
         upper = np.where(rng.random(others) < 0.8, 1.5 * lower + 10.0 ** rng.uniform(-0.5, 1.5, others), np.inf)
-        rule = RatioGates(rng.uniform(3.0, 7.0), 2.5, 0, np.array([0.0, *lower]), np.array([np.inf, *upper]))
+        rule = RatioGates(
+            rng.uniform(3.0, 7.0), 2.5, np.array([0.0, *lower]), np.array([np.inf, *upper]), float(rng.integers(0, 4))
+        )
         snr, noise = on_edges(rng, rule, 150)
-        quick = fast_probability(rule, snr, noise, rule.margins(snr, noise))
-        assert np.abs(quick - np.exp(rule.log_chances(snr, noise)[0])).max() <= 1e-10
+        quick = fast_probability(rule, snr, rule.slopes(noise), rule.margins(snr, rule.slopes(noise)))
+        assert np.abs(quick - np.exp(rule.log_chances(snr, rule.slopes(noise))[0])).max() <= 1e-10
 
 
 def test_the_same_look_has_the_same_chance_in_any_company() -> None:
     snr, noise = on_edges(np.random.default_rng(5), PAPER, 600)
-    margins = PAPER.margins(snr, noise)
-    together = fast_probability(PAPER, snr, noise, margins)
+    margins = PAPER.margins(snr, PAPER.slopes(noise))
+    together = fast_probability(PAPER, snr, PAPER.slopes(noise), margins)
     for rows in (slice(0, 1), slice(7, 8), slice(100, 350)):
-        assert np.array_equal(fast_probability(PAPER, snr[rows], noise[rows], margins[rows]), together[rows])
+        assert np.array_equal(
+            fast_probability(PAPER, snr[rows], PAPER.slopes(noise[rows]), margins[rows]), together[rows]
+        )
 
 
 def test_a_look_costs_few_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[int, int]] = []
     density = gate_integrals._density
 
-    def counted(nodes: FloatArray, *rest: Any) -> FloatArray:
+    def counted(rule: RatioGates, nodes: FloatArray, *rest: Any) -> FloatArray:
         asked.append((len(nodes), nodes.size))
-        return density(nodes, *rest)
+        return density(rule, nodes, *rest)
 
     monkeypatch.setattr(gate_integrals, "_density", counted)
     snr, noise = on_edges(np.random.default_rng(6), PAPER, 4000)
-    fast_probability(PAPER, snr, noise, PAPER.margins(snr, noise))
+    fast_probability(PAPER, snr, PAPER.slopes(noise), PAPER.margins(snr, PAPER.slopes(noise)))
     assert sum(size for _, size in asked) <= 40 * len(snr)
     assert max(nodes for nodes, _ in asked) <= 64
     assert len(asked) <= 60
@@ -66,7 +70,7 @@ def test_what_no_gate_touches_costs_none(monkeypatch: pytest.MonkeyPatch) -> Non
     snr, noise = np.array([[6.0, 12.0, 2.5], [40.0, 70.0, 3.1]]), np.ones((2, 3))
     margins = np.full((2, 7), 9.0)
     margins[:, 0], margins[:, 4] = snr[:, 0] - 5.0, snr[:, 2] - 2.0
-    chance = fast_probability(PAPER, snr, noise, margins)
+    chance = fast_probability(PAPER, snr, PAPER.slopes(noise), margins)
     from scipy.special import ndtr
 
     assert chance == pytest.approx(ndtr(snr[:, 0] - 5.0) * ndtr(snr[:, 2] - 2.0), abs=1e-11)
@@ -75,6 +79,6 @@ def test_what_no_gate_touches_costs_none(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_no_panel_is_wider_than_what_nodes_are_known_for() -> None:
     rng = np.random.default_rng(7)
     snr, noise = on_edges(rng, PAPER, 3000)
-    panels = panels_of(looks_of(PAPER, snr, noise, PAPER.margins(snr, noise)[:, 1:] < 6.8))
+    panels = panels_of(looks_of(PAPER, snr, PAPER.slopes(noise), PAPER.margins(snr, PAPER.slopes(noise))[:, 1:] < 6.8))
     assert panels.width.max() < 24.0
     assert len(NODES) == len(WIDTHS) + 1

@@ -26,7 +26,7 @@ SCENE: dict[str, Any] = {
         }
     ],
     "sensors": [
-        {"model": model, "id": f"{model}-{slot:g}", "orbital_slot_deg": slot}
+        {"model": model, "id": f"{model}-{slot:g}", "orbital_slot_deg": slot, "confirmation_detections": 1}
         for model in ("SBIRS-GEO", "NEXTGEN-GEO")
         for slot in (-150.0, -140.0, -120.0, -110.0)
     ],

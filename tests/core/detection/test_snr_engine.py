@@ -162,6 +162,10 @@ class _Given:
     def normals(self, purpose: str, count: int = 1) -> np.ndarray:
         return self.normal[:, :count].copy()
 
+    def uniforms(self, purpose: str, words: int = 1) -> np.ndarray:
+        # A row's own number, whichever rows are taken.
+        return np.remainder(np.abs(self.normal[:, :1]) * 1e6, 1.0) * np.ones(words)
+
     def take(self, rows: Any) -> "_Given":
         return _Given(self.normal[rows])
 
@@ -177,15 +181,15 @@ def test_what_is_measured_has_the_law_of_draws_that_detect_and_forgets_the_one_t
     # The colour of a plume, which lies within the gates.
     colour = model.environment.reference_intensity_w_sr[receiver.bands] / model.dark_noise_w_m2[2]
     snr = np.tile(signal * colour / colour[0], (rows, 1))
-    log_chance = receiver.rule.log_chances(snr[:1], noise[:1])[0]
+    log_chance = receiver.rule.log_chances(snr[:1], receiver.rule.slopes(noise[:1]))[0]
     response = Response(np.full(rows, norm.ppf(np.exp(log_chance[0]))), snr, noise)
     normal = rng.normal(size=(rows, 3))
     measured = model.measure_response(response, np.full(rows, 2, dtype=np.int32), _Given(normal))
     drawn = measured.band_irradiance_w_m2 / noise
     free = snr[:1] + rng.normal(size=(int(rows / np.exp(log_chance[0])), 3))
-    kept = free[receiver.rule.passes(free, noise[:1].repeat(len(free), axis=0))]
-    failed = ~receiver.rule.passes(snr + normal, noise)
-    assert receiver.rule.passes(drawn, noise).all()
+    kept = free[receiver.rule.passes(free, receiver.rule.slopes(noise[:1].repeat(len(free), axis=0)))]
+    failed = ~receiver.rule.passes(snr + normal, receiver.rule.slopes(noise))
+    assert receiver.rule.passes(drawn, receiver.rule.slopes(noise)).all()
     for band in range(3):
         edges = np.quantile(kept[:, band], np.linspace(0.0, 1.0, 41)[1:-1])
         one, other = (np.bincount(np.searchsorted(edges, each[:, band]), minlength=40) for each in (kept, drawn))
@@ -203,7 +207,9 @@ def test_calibrated_sensors_see_the_reference_as_the_paper_says(plan: Any) -> No
         receiver = model.receivers[number]
         signal = model.environment.reference_intensity_w_sr[receiver.bands] / 3.6e7**2
         noise = receiver.nei_w_m2
-        chance = np.exp(receiver.rule.log_chances((signal / noise)[None, :], noise[None, :])[0][0])
+        chance = np.exp(
+            receiver.rule.log_chances((signal / noise)[None, :], receiver.rule.slopes(noise[None, :]))[0][0]
+        )
         assert chance == pytest.approx(wanted, abs=1e-12)
 
 

@@ -99,13 +99,9 @@ def test_probabilities_everywhere(name: str, sky: str, nei: float) -> None:
             # Nothing is between, and the range falls with height.
             assert (np.diff(chance) >= -1e-12).all()
         if nei == 1e6:
-            assert chance == pytest.approx(plan.detection.rate_per_scan[0] / cells(plan), rel=1e-9)
-
-
-def cells(plan: Any) -> float:
-    """Return the resolution cells of the first sensor's field of regard."""
-    half = plan.sensors[0].field_of_regard_half_angle_rad
-    return float(4.0 * np.pi * (np.sin(0.5 * half) / plan.sensors[0].radiometer.ifov_rad) ** 2)
+            # The air widens gates towards the horizon, by which noise passes them hardly more often.
+            near = 1e-9 if name == "DSP" or sky == "empty" else 0.01
+            assert chance == pytest.approx(plan.detection.noise_chance[0], rel=near)
 
 
 @pytest.mark.parametrize("longitude_deg", LONGITUDES_DEG[:3])
@@ -122,7 +118,7 @@ def test_inside_cloud_there_is_noise_alone(name: str) -> None:
     hidden = HEIGHTS_M < 10e3
     assert (plan.detection.response(looks).snr[hidden] == 0.0).all()
     assert (plan.detection.response(looks).snr[~hidden, 0] > 0.0).all()
-    alone = plan.detection.rate_per_scan[0] / cells(plan)
+    alone = plan.detection.noise_chance[0]
     below = chances(plan, looks)[hidden]
     if name == "DSP":
         assert below == pytest.approx(alone, rel=1e-9)

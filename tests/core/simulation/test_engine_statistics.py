@@ -55,7 +55,9 @@ def scene(repeats: int, sensors: list[dict[str, Any]], **changes: Any) -> opir.S
 
 
 def fleet(**settings: Any) -> list[dict[str, Any]]:
-    return [{"model": model, "id": model, "orbital_slot_deg": slot, **settings} for model, slot in SENSORS.items()]
+    """Return one sensor of each kind; they report every detection: the laws here are of single looks."""
+    every = {"confirmation_detections": 1, **settings}
+    return [{"model": model, "id": model, "orbital_slot_deg": slot, **every} for model, slot in SENSORS.items()]
 
 
 def drawn(plan: Any) -> tuple[Detections, DetectionTruth]:
@@ -165,9 +167,11 @@ def noise_chance(sensor: Any) -> float:
 
     def density(y: float) -> float:
         value = norm.pdf(y)
-        for band in range(1, len(sensor.bands)):
-            steep = light.nei_w_m2[0] / light.nei_w_m2[band]
-            low, high = max(light.ratios[band][0] * steep * y, light.coincidence), light.ratios[band][1] * steep * y
+        for band in set(range(len(sensor.bands))) - {light.reference}:
+            steep = light.nei_w_m2[light.reference] / light.nei_w_m2[band]
+            least, most = (ratio * steep for ratio in light.ratios[band])
+            low = max(least * y - light.ratio_tolerance * np.hypot(1.0, least), light.coincidence)
+            high = most * y + light.ratio_tolerance * np.hypot(1.0, most)
             value *= max(norm.sf(low) - norm.sf(high), 0.0)
         return float(value)
 
@@ -175,7 +179,7 @@ def noise_chance(sensor: Any) -> float:
 
 
 def test_noise_of_every_sensor_is_poisson_at_the_rate_of_its_threshold() -> None:
-    low = {"threshold_sigma": 4.2, "coincidence_sigma": 1.0}
+    low = {"threshold_sigma": 4.4, "coincidence_sigma": 1.0}
     plan = opir.compile_plan(scene(0, fleet(**low), duration_s=120.0))
     detections, truth = drawn(plan)
     assert (truth.target < 0).all()

@@ -1,0 +1,48 @@
+"""Confirmation over scans: a sensor reports a detection if it is the last of M in N successive scans."""
+
+import numpy as np
+
+from opir_core.arrays import BoolArray, IntArray
+
+#: Before every scan.
+_NEVER = -(1 << 62)
+
+
+class Confirmation:
+    """M-of-N confirmation of the detections of pairs; remembers each pair's last detections between windows.
+
+    `needed` (pairs,) is M, `scans` (pairs,) is N, of each pair's sensor.
+    """
+
+    def __init__(self, needed: IntArray, scans: IntArray) -> None:
+        self._needed, self._scans = needed, scans
+        self._recent = np.full((len(needed), int(needed.max(initial=1)) - 1), _NEVER)
+
+    def confirmed(self, pair: IntArray, scan: IntArray) -> BoolArray:
+        """Return which detections are reported, given by pairs (n,) and scans (n,), sorted by pair, then scan."""
+        start = np.flatnonzero(np.diff(pair, prepend=-1))
+        times = np.diff(start, append=len(pair))
+        place = np.arange(len(pair)) - np.repeat(start, times)
+        back = self._needed[pair] - 1
+        inside = np.flatnonzero(place >= back)
+        before = np.flatnonzero(place < back)
+        first = np.empty(len(pair), dtype=np.int64)
+        first[inside] = scan[inside - back[inside]]
+        first[before] = self._recent[pair[before], back[before] - 1 - place[before]]
+        self._remember(pair[start], times, scan, start)
+        confirmed: BoolArray = scan - first < self._scans[pair]
+        return confirmed
+
+    def take_over(self, former: "Confirmation", own_row: IntArray, former_row: IntArray) -> None:
+        """Continue with the last detections of pairs of another one."""
+        width = min(self._recent.shape[1], former._recent.shape[1])
+        self._recent[own_row, :width] = former._recent[former_row, :width]
+
+    def _remember(self, pair: IntArray, times: IntArray, scan: IntArray, start: IntArray) -> None:
+        """Keep the scans of the last detections of distinct pairs, the latest one first."""
+        known = self._recent[pair]
+        for back in range(known.shape[1]):
+            is_new = times > back
+            new = scan[np.where(is_new, start + times - 1 - back, start)]
+            old = known[np.arange(len(pair)), np.where(is_new, 0, back - times)]
+            self._recent[pair, back] = np.where(is_new, new, old)
