@@ -62,13 +62,21 @@ def zero_crossings(
 
 
 def intervals_below(
-    function: Callable[[FloatArray], FloatArray], start_s: float, stop_s: float, *, step_s: float
+    function: Callable[[FloatArray], FloatArray],
+    start_s: float,
+    stop_s: float,
+    *,
+    step_s: float,
+    tolerance_s: float = 1e-3,
 ) -> FloatArray:
-    """Return the intervals (k, 2) of [start, stop] in which a function of time is negative, in order."""
+    """Return the intervals (k, 2) of [start, stop] in which a function of time is negative, in order.
+
+    Step and tolerance are those of `zero_crossings`.
+    """
     if stop_s <= start_s:
         return np.empty((0, 2))
     ends = np.array([start_s]), np.array([stop_s])
-    found = zero_crossings(lambda _, time_s: function(time_s), *ends, step_s=step_s)
+    found = zero_crossings(lambda _, time_s: function(time_s), *ends, step_s=step_s, tolerance_s=tolerance_s)
     edges = np.concatenate([ends[0], found.time_s, ends[1]])
     # Between two crossings the sign is that of the middle.
     is_below = function(0.5 * (edges[:-1] + edges[1:])) < 0.0
@@ -92,15 +100,24 @@ def _samples(function: RowFunction, start_s: FloatArray, stop_s: FloatArray, ste
 def _around_extrema(function: RowFunction, samples: _Brackets, tolerance_s: float) -> list[_Brackets]:
     """Return the brackets of crossings in pairs, before and after an extremum between samples of one sign."""
     doubles = _nearest_to_zero(samples)
+    if not len(doubles.row):
+        return []
     # With one sign all along, the extremum of |f| that may lie beyond zero is the least of sign · f.
     sign = np.where(doubles.at_start < 0.0, -1.0, 1.0)
     low, high = doubles.start_s, doubles.stop_s
+    inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_inner, at_outer = (sign * function(doubles.row, time_s) for time_s in (inner, outer))
     for _ in range(_iterations(high - low, tolerance_s, _GOLDEN)):
-        inner, outer = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-        is_left = sign * function(doubles.row, inner) < sign * function(doubles.row, outer)
+        is_left = at_inner < at_outer
         low, high = np.where(is_left, low, inner), np.where(is_left, outer, high)
-    middle = 0.5 * (low + high)
-    value = function(doubles.row, middle)
+        # One of the two inner points stays inside; the other is new.
+        kept, at_kept = np.where(is_left, inner, outer), np.where(is_left, at_inner, at_outer)
+        fresh = np.where(is_left, high - _GOLDEN * (high - low), low + _GOLDEN * (high - low))
+        at_fresh = sign * function(doubles.row, fresh)
+        inner, outer = np.where(is_left, fresh, kept), np.where(is_left, kept, fresh)
+        at_inner, at_outer = np.where(is_left, at_fresh, at_kept), np.where(is_left, at_kept, at_fresh)
+    middle = np.where(at_inner < at_outer, inner, outer)
+    value = sign * np.minimum(at_inner, at_outer)
     beyond = np.flatnonzero((value < 0.0) != (sign < 0.0))
     before = _Brackets(doubles.row, doubles.start_s, middle, doubles.at_start, value)
     after = _Brackets(doubles.row, middle, doubles.stop_s, value, doubles.at_stop)

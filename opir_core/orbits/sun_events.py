@@ -88,8 +88,13 @@ def outage_intervals(sensor: Sensor, epoch: Epoch, start_s: float, stop_s: float
     return Outages(found[:, 0], found[:, 1], azimuth, closest_s, nearest, lost)
 
 
-def outage_times_s(sensor: Sensor, epoch_us: int, start_s: float, stop_s: float) -> FloatArray:
-    """Return the starts and stops (n, 2), s, of `outage_intervals`; the epoch is in microseconds of UTC since 1970."""
+def outage_times_s(
+    sensor: Sensor, epoch_us: int, start_s: float, stop_s: float, *, tolerance_s: float = 1e-3
+) -> FloatArray:
+    """Return the starts and stops (n, 2), s, of `outage_intervals`, to within a tolerance.
+
+    The epoch is in microseconds of UTC since 1970.
+    """
     reach_rad = sensor.field_of_regard_half_angle_rad + sensor.solar_exclusion_rad
 
     def margin(time_s: FloatArray) -> FloatArray:
@@ -100,7 +105,7 @@ def outage_times_s(sensor: Sensor, epoch_us: int, start_s: float, stop_s: float)
 
     if sensor.solar_exclusion_rad <= 0.0:
         return np.empty((0, 2))
-    return intervals_below(margin, start_s, stop_s, step_s=_STEP_S)
+    return intervals_below(margin, start_s, stop_s, step_s=_STEP_S, tolerance_s=tolerance_s)
 
 
 def cap_overlap_sr(one_rad: ArrayLike, other_rad: ArrayLike, apart_rad: ArrayLike) -> FloatArray:

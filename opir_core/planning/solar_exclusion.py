@@ -15,8 +15,8 @@ from opir_core.geometry.vectors import angle_between_rad
 from opir_core.interfaces.protocols import Sensor
 from opir_core.orbits.sun_events import outage_times_s
 
-#: By how much the times enclose an outage on both sides, s: more than the error of its ends.
-_ALLOWANCE_S = 1.0
+#: By how much the times enclose an outage on both sides, s, and the error of its ends.
+_ALLOWANCE_S, _TOLERANCE_S = 1.0, 0.1
 
 
 @frozen(eq=False)
@@ -31,7 +31,8 @@ class SolarExclusion:
     @classmethod
     def of(cls, sensor: Sensor, epoch_us: int, end_s: float) -> "SolarExclusion | None":
         """Return the solar exclusion of a sensor from scene time 0 to an end, or None if it prevents no look."""
-        start_s, stop_s = outage_times_s(sensor, epoch_us, -_ALLOWANCE_S, end_s + _ALLOWANCE_S).T
+        ends_s = -_ALLOWANCE_S, end_s + _ALLOWANCE_S
+        start_s, stop_s = outage_times_s(sensor, epoch_us, *ends_s, tolerance_s=_TOLERANCE_S).T
         if not len(start_s):
             return None
         return cls(sensor.solar_exclusion_rad, epoch_us, start_s - _ALLOWANCE_S, stop_s + _ALLOWANCE_S)
