@@ -103,11 +103,10 @@ class FocalPlaneTerms:
         """Return the variances (n,), rad², of centroids in the best band, of signals (n, B) in noise (n, B), W/m²."""
         best = np.full(len(snr), np.inf)
         for band in range(snr.shape[1]):
-            signal = np.maximum(snr[:, band], _LEAST)
-            white = np.square(self.centroid_rad[band] / signal)
-            one = self.spot_rad[band] ** 2
-            photons = one * self.electron_w_m2[band] / np.maximum(signal * noise[:, band], _LEAST)
+            signal, one = np.maximum(snr[:, band], _LEAST), self.spot_rad[band] ** 2
             # One electron places a spot: the brightest pixel holds more.
+            white = np.minimum(np.square(self.centroid_rad[band] / signal), one)
+            photons = one * self.electron_w_m2[band] / np.maximum(signal * noise[:, band], _LEAST)
             np.minimum(best, np.minimum(joined_centroid_variance(white, photons), one), out=best)
         return best
 

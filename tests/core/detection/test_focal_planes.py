@@ -270,3 +270,23 @@ def test_explain_shows_what_focal_planes_come_to() -> None:
         assert row["share_in_pixel"] == pytest.approx(0.52, abs=0.02)
     assert explained(opir.compile_plan(scene([SBIRS], "I", **sky)))["focal_planes"] == []
     assert explained(opir.compile_plan(scene([SBIRS], "I", detection="constant")))["focal_planes"] == []
+
+
+@pytest.mark.parametrize(
+    ("plane", "sees"),
+    [
+        ({"aperture_m": 100.0, "blur_urad": 0.0, "jitter_urad": 0.0, "well_capacity_e": 1e12}, True),
+        ({"read_noise_e": 0.0, "dark_current_e_s": 0.0}, True),
+        ({"registration_urad": 0.0, "drift_urad_s": 0.0}, True),
+        ({"core_pixels": 9}, True),
+        ({"blur_urad": 9e4}, False),
+        ({"registration_urad": 1e5, "drift_urad_s": 1e6, "lag_s": 1e5}, False),
+    ],
+)
+def test_extreme_focal_planes_stay_in_bounds(plane: dict[str, Any], sees: bool) -> None:
+    plan = opir.compile_plan(scene([with_plane(SBIRS, plane)], "I", atmosphere="lowtran", background="earth"))
+    found, truth = joined(windows_of(plan, [60.0]))
+    assert (len(found) > 0) == sees
+    assert np.all(np.isfinite(found.snr))
+    assert np.all((found.line_of_sight_sigma_rad >= 20e-6) & (found.line_of_sight_sigma_rad < 1e-3))
+    assert np.all(truth.probability[truth.target >= 0] > 0.0)

@@ -54,3 +54,23 @@ def test_a_window_with_noise_is_summed_up_without_a_copy_of_its_columns(monkeypa
     counts = tally.counts()
     assert counts["detections"] == len(window.detections)
     assert counts["noise_detections"] == int((window.truth.target < 0).sum())
+
+
+def test_a_focal_plane_adds_few_evaluations_to_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noise with structure is as smooth along a track as without: hardly more looks are evaluated, none twice."""
+    evaluated: dict[str, int] = {}
+    own = snr.SnrDetection.response
+    for name in ("without", "notional"):
+        sensors = [{**sensor, **({} if name == "without" else {"focal_plane": name})} for sensor in SCENE["sensors"]]
+        rows: list[int] = []
+
+        def counted(model: Any, exposures: Any, rows: list[int] = rows, **changes: Any) -> Any:
+            rows.append(len(exposures))
+            return own(model, exposures, **changes)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(snr.SnrDetection, "response", counted)
+            scene = {**SCENE, "sensors": sensors, "atmosphere": "lowtran", "background": "earth"}
+            list(plan_windows(opir.compile_plan(opir.scene_from_mapping(scene))))
+        evaluated[name] = sum(rows)
+    assert 0 < evaluated["notional"] < 1.25 * evaluated["without"]
