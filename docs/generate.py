@@ -17,7 +17,7 @@ from modelled import modelled_pages
 from opir_core.cli.main import main as opir
 from opir_core.plugin.components import CATALOGUE, Component, Constellation, plural
 from opir_core.plugin.host import Host
-from opir_core.scene.field_rows import field_rows, shown
+from opir_core.scene.field_rows import field_rows, named_values, shown
 from opir_core.scene.reading.scene_schema import SceneFile
 from opir_core.scene.scene import SceneDrag
 from opir_core.scene.target_classes import TargetClass
@@ -147,6 +147,8 @@ def entry(host: Host, hook: str, name: str) -> Iterator[str]:
         for preset, values in offered.presets.items():
             told = ", ".join(f"`{key}: {shown(value)}`" for key, value in values.items())
             yield from ("", f"Preset `{preset}`: {told}.")
+        for text, value in named_values(offered.config).items():
+            yield from ("", f"`{text}` stands for `{shown(value)}`.")
 
 
 def class_lines(kind: TargetClass) -> Iterator[str]:

@@ -14,7 +14,7 @@ from opir_core.plugin.components import CATALOGUE, Constellation, Offered, Prove
 from opir_core.plugin.error_messages import PACKAGES, way_to_install
 from opir_core.plugin.host import Host
 from opir_core.plugin.registry import PluginRow
-from opir_core.scene.field_rows import REQUIRED, field_rows, plain, shown
+from opir_core.scene.field_rows import REQUIRED, field_rows, named_values, plain, shown
 from opir_core.scene.target_classes import TargetClass
 
 #: The hooks by the names of their kinds on the command line: `sensor-model`, `tracker`.
@@ -92,7 +92,8 @@ def described(component: Offered, owner: Provenance) -> Mapping[str, Any]:
         after = {"after_burnout": {component.after_burnout.model: asdict(component.after_burnout)}}
         return {**head, **{key: value for key, value in asdict(component).items() if key not in head}, **after}
     rows = [asdict(row) for row in field_rows(component.config)]
-    return {**head, "fields": rows, "presets": {name: plain(values) for name, values in component.presets.items()}}
+    presets = {name: plain(values) for name, values in component.presets.items()}
+    return {**head, "fields": rows, "presets": presets, "named_values": named_values(component.config)}
 
 
 def _plugins_text(rows: Sequence[PluginRow]) -> str:
@@ -174,7 +175,8 @@ def _settings(row: Mapping[str, Any]) -> list[str]:
     if not row["fields"]:
         return ["It has no settings."]
     presets = [f"preset {name}: {shown(values)}" for name, values in row["presets"].items()]
-    return ["\n".join(map(_field, row["fields"])), *presets]
+    named = [f"{text} is {shown(value)}" for text, value in row["named_values"].items()]
+    return ["\n".join(map(_field, row["fields"])), *presets, *named]
 
 
 def _field(row: Mapping[str, Any]) -> str:

@@ -65,6 +65,15 @@ def field_rows(config: type, prefix: str = "", base: Any = None) -> Iterator[Fie
             yield from field_rows(inner, f"{prefix}{attribute.name}.", default if isinstance(default, inner) else None)
 
 
+def named_values(config: type) -> Mapping[str, Any]:
+    """Return the values that texts stand for, plain, by `field: text` as a scene has it."""
+    return {
+        f"{attribute.name}: {name}": plain(value)
+        for attribute in fields(config)
+        for name, value in info_of(attribute).named_values.items()
+    }
+
+
 def plain(value: Any) -> Any:
     """Return a value as JSON has it."""
     if has(type(value)):

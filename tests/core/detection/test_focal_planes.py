@@ -22,6 +22,7 @@ from opir_core.radiometry import (
     noise_gain,
     signal_gain,
 )
+from opir_core.scene.field_rows import named_values
 from opir_core.scene.reading.canonical import scene_mapping
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.explanation import explained
@@ -290,3 +291,10 @@ def test_extreme_focal_planes_stay_in_bounds(plane: dict[str, Any], sees: bool) 
     assert np.all(np.isfinite(found.snr))
     assert np.all((found.line_of_sight_sigma_rad >= 20e-6) & (found.line_of_sight_sigma_rad < 1e-3))
     assert np.all(truth.probability[truth.target >= 0] > 0.0)
+
+
+def test_a_model_s_notional_values_are_described() -> None:
+    from opir_dsp.plugin import DspConfig
+
+    described = named_values(DspConfig)["focal_plane: notional"]
+    assert FocalPlaneConfig(**described) == DspConfig(orbital_slot_deg=0.0, focal_plane="notional").focal_plane
