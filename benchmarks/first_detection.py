@@ -78,8 +78,9 @@ five climates. All launches are reported, except SRBM by DSP: {faint} %.
 
 ![Median height of the first report by class, sensor and sky](first_detection.svg)
 
-- NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP, in each climate. Sensors report the second of three
-  looks that detect (`confirmation_detections`), one to two scans after the first.
+- NEXTGEN-GEO reports every class first, then SBIRS-GEO, then DSP; the ICBM through tropical air is reported by DSP
+  before SBIRS-GEO (water vapour in SWIR). Sensors report the second of three looks that detect
+  (`confirmation_detections`).
 - No plume is detected below a cloud deck. Over the cold top of the deck at 10 km DSP detects more SRBM ({cloudy} %): a
   cold cloud has less LWIR clutter than warm ground.
 - Half cover either hides the launch site or does not; it is drawn once in a run. Here it hides the site.
@@ -90,8 +91,8 @@ Each cause switched off by itself, clear sky:
 
 {causes}
 
-- **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. In humid air SBIRS-GEO waits until the
-  plume of an SRBM is above the lowest kilometre. LWIR of DSP is dimmed less.
+- **Air.** Water vapour absorbs SWIR: its transmittance from sea level is {swir}. In humid air SBIRS-GEO waits until
+  the plume of an SRBM is above the lowest kilometres. LWIR of DSP is dimmed less.
 - **Background.** Photon noise and clutter of the warm Earth matter in LWIR, to DSP.
 - **Ratio gates** delay nothing: their bounds allow for what air does to the ratio of two bands
   ([detection](../explanation/detection.md#rules-over-bands)). On this path it multiplies MWIR/SWIR by {mwir_over_swir}
