@@ -44,7 +44,7 @@ discriminates. Bands and noise are notional.
 
 ## Plume against fire, flare and glint
 
-Area under the ROC curve (AUC) of the log-likelihood ratio of `classification: spectral`, with 95 % intervals:
+Area under the ROC curve (AUC) of the log odds of a missile by `classification: spectral`, with 95 % intervals:
 
 {areas}
 
@@ -78,7 +78,8 @@ probability of 0.6 (the default).
 geostationary slot by day (noon, midlatitude summer, no cloud). Places are uniform in the sine of the elevation,
 headings uniform, ranges log-uniform within the class, brightness log-normal with sigma {brightness} (all bands) and
 {colour} (each band), areas with sigma {area}; glints are within 10° of the specular point. One look at each object at
-a random time, the same for all sensors; the revisit interval is {period:g} s. All else by default.
+a random time, the same for all sensors; the revisit interval is {period:g} s. Every
+detection is reported; the classifier's prior is that of the scene. All else by default.
 
 AUC is the probability that a plume scores above the other object, ties counting half. Its interval is DeLong's
 (Biometrics 44, 1988, 837); its lower end is at most that of Clopper and Pearson for the smaller number of objects. The

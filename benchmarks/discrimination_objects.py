@@ -14,6 +14,8 @@ from opir_core.simulation.run import Run
 
 SENSORS = ("DSP", "SBIRS-GEO", "NEXTGEN-GEO")
 KINDS = ("fire", "flare", "glint")
+#: Mean times for which sources shine, as in the classifier's prior.
+SHINING_S = {"fire": 21_600.0, "flare": 86_400.0, "glint": 1200.0}
 #: Looks are judged one by one.
 SINGLE = {"confirmation_detections": 1}
 PERIOD_S, DURATION_S = 2.0, 256.0
@@ -59,7 +61,7 @@ def population(launches: int, sources: int, seed: int) -> Population:
         "targets": targets,
         "sources": blocks,
         "detection": "snr",
-        "classification": "spectral",
+        "classification": {"model": "spectral", **prior(launches, sources)},
         "atmosphere": {"model": "lowtran", "climate": "midlat_summer"},
         "background": "earth",
     }
@@ -67,6 +69,14 @@ def population(launches: int, sources: int, seed: int) -> Population:
     burn_s = np.array([boost_profile(target["profile"]).burn_time_s for target in targets])
     within_s = np.concatenate([burn_s, np.full(len(KINDS) * sources, DURATION_S)])
     return Population(scene, kind, moments_s(rng, within_s))
+
+
+def prior(launches: int, sources: int) -> dict[str, Any]:
+    """Return the prior of the classifier: as many launches a day, and sources that shine as long, as in the scene."""
+    return {
+        "launches_per_day": 86_400.0 / DURATION_S * launches * len(TARGET_TYPES),
+        "sources_in_view": {kind: sources * SHINING_S[kind] / DURATION_S for kind in KINDS},
+    }
 
 
 def moments_s(rng: np.random.Generator, within_s: FloatArray) -> FloatArray:
