@@ -258,7 +258,7 @@ class ByCrowd(Changed):
     """Less likely the more targets there are."""
 
     def probability(self, exposures: Exposures) -> FloatArray:
-        return np.full(len(exposures), 1.0 / len(self.type_code))
+        return np.full(len(exposures), 1.0 / len(self.class_number))
 
 
 @detection_mutant("beyond-certain", "test_probabilities_lie_in_the_unit_interval")
@@ -345,7 +345,7 @@ class NoiseOfTargets(Changed):
 
     @property
     def rate_per_scan(self) -> FloatArray:
-        return np.full(len(self.band_count), 0.1 * len(self.type_code))
+        return np.full(len(self.band_count), 0.1 * len(self.class_number))
 
     def measure_noise(self, sensor: Any, uniforms: FloatArray) -> Measured:
         return Measured(np.ones(len(sensor), dtype=np.uint8), np.full(len(sensor), 5.0))
@@ -518,7 +518,7 @@ class ThreeStates(ConfusionClassifier):
 def classifier_build(made: type[ConfusionClassifier]) -> Callable[..., Any]:
     def build(config: Any, context: Any) -> Any:
         like: Any = confusion_classifier(config, context)
-        return made(like.thresholds, like.class_number)
+        return made(like.thresholds, like.class_number, like.classes)
 
     return build
 
