@@ -140,7 +140,14 @@ def inside(times, stop_s):
     return known[(known > 0.0) & (known < stop_s)]
 
 
-@pytest.fixture(scope="module", params=GEOMETRIES)
+#: Two days, or kinds of orbit that others stand for.
+SLOW = {"geo-inclined", "molniya-2", "molniya-3", "molniya-4", "tundra-2"}
+
+
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in GEOMETRIES],
+)
 def geometry(request):
     epoch, hours, elements, field, exclusion = GEOMETRIES[request.param]
     epoch_us = int(np.datetime64(epoch, "us").astype(np.int64))

@@ -17,6 +17,8 @@ from opir_core.testing.json_schema import schema_errors
 pytest_plugins = ["pytester"]
 
 UNEVEN = "test_results_of_others_do_not_change"
+#: No plugin of pytest but that of opir.
+ALONE = ("--disable-plugin-autoload", "-p", "opir", "-p", "no:cacheprovider")
 
 
 def opir(*words: str) -> subprocess.CompletedProcess[str]:
@@ -112,12 +114,12 @@ def test_expected_failures_are_strict_in_pytest(
 ) -> None:
     pytester.makepyfile(CONTRACT_FILE.format(name=name, expected=expected))
     chosen = "test_confidences_are_independent"
-    pytester.runpytest_inprocess("-p", "no:cacheprovider", "-k", chosen).assert_outcomes(**outcomes)
+    pytester.runpytest_inprocess(*ALONE, "-k", chosen).assert_outcomes(**outcomes)
 
 
 def test_an_expected_failure_of_no_test_is_refused_by_pytest(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(CONTRACT_FILE.format(name="weighted", expected={"test_nothing": "x"}))
-    done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    done = pytester.runpytest_inprocess(*ALONE)
     done.stderr.fnmatch_lines(["*expects test_nothing to fail: no such test, or no reason*"])
 
 

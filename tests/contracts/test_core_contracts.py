@@ -37,6 +37,7 @@ class TestSnrDetection(DetectionContract):
     name = "snr"
 
 
+@pytest.mark.slow
 class TestSnrDetectionOfEveryLook(DetectionContract):
     name = "snr"
     settings: ClassVar[Mapping[str, Any]] = {"exact": True, "calibrate": "paper"}
@@ -66,6 +67,7 @@ class TestConfusionClassifier(ClassifierContract):
     name = "paper"
 
 
+@pytest.mark.slow
 class TestSpectralClassifier(ClassifierContract):
     name = "spectral"
     settings: ClassVar[Mapping[str, Any]] = {"launches": 8}

@@ -17,7 +17,12 @@ PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "pl
 #: Pages with blocks that run for a second and more, apart from those of the README.
 LONG = {
     *("docs/explanation/association.md", "docs/explanation/boost-profile.md", "docs/explanation/classification.md"),
-    *("docs/explanation/detection.md", "docs/explanation/kepler-arc.md", "docs/how-to/score-tracks.md"),
+    *(
+        "docs/explanation/detection.md",
+        "docs/explanation/kepler-arc.md",
+        "docs/explanation/latency.md",
+        "docs/how-to/score-tracks.md",
+    ),
     *(
         "docs/how-to/serve.md",
         "docs/how-to/stone-soup.md",

@@ -93,6 +93,7 @@ def assert_all_sound(tracks: Tracks, is_arc: bool) -> None:
         assert not np.any(np.abs(place[:, 1]) > np.pi)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @settings(examples(24), derandomize=True)
 @given(sensors=sensors(), targets=targets(), tracker=st.sampled_from(TRACKERS), seed=st.integers(0, 1000))

@@ -21,6 +21,8 @@ from opir_core.plugin.host import Host
 from opir_core.scene.scene import TARGET_TYPES
 from opir_core.sensors.radiometer import RadiometerConfig
 
+pytestmark = pytest.mark.slow
+
 BENCHMARKS = ROOT / "benchmarks"
 FLOATS = NDArray[np.float64]
 
@@ -59,7 +61,6 @@ def streamed(benchmark_: SimpleNamespace, people: Any, simulated: Any) -> tuple[
     return other, benchmark_.looks_at(other, *simulated)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("of_looks", [False, True])
 def test_sensors_tell_plumes_from_other_hot_things_in_the_order_of_their_bands(
     benchmark_: SimpleNamespace, burning: tuple[Any, dict[str, Any]], of_looks: bool

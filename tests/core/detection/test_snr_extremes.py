@@ -90,7 +90,7 @@ SKIES: dict[str, dict[str, Any]] = {
 
 @pytest.mark.parametrize("sky", SKIES)
 @pytest.mark.parametrize("name", SENSORS)
-@pytest.mark.parametrize("nei", [0.0, 1e-30, 1e6])
+@pytest.mark.parametrize("nei", [0.0, pytest.param(1e-30, marks=pytest.mark.slow), 1e6])
 def test_probabilities_everywhere(name: str, sky: str, nei: float) -> None:
     plan = assembled([{**SENSORS[name], "nei_w_m2": nei, "band_nei_w_m2": {}}], **SKIES[sky])
     for longitude_deg in LONGITUDES_DEG:

@@ -24,7 +24,9 @@ def shots(count, seed=0):
     return up * (6371e3 + height), speed * (np.sin(angle) * up + np.cos(angle) * along)
 
 
-@pytest.mark.parametrize("tolerance_m", [1e-1, 1e-3, 1e-5])
+@pytest.mark.parametrize(
+    "tolerance_m", [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", list(MODELS))
 def test_every_state_is_what_propagation_to_its_time_gives(name, tolerance_m):
     position, velocity = shots(20)

@@ -70,7 +70,9 @@ def test_without_oblateness_it_is_the_closed_form(tolerance_m, height_m):
     assert np.abs(duration - exact_duration).max() <= max(1e-3 * tolerance_m, 1e-9)
 
 
-@pytest.mark.parametrize("tolerance_m", [1e-1, 1e-3, 1e-5])
+@pytest.mark.parametrize(
+    "tolerance_m", [pytest.param(1e-1, marks=pytest.mark.slow), 1e-3, pytest.param(1e-5, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("name", NUMERICAL)
 def test_errors_stay_within_the_tolerance(name, tolerance_m):
     position, velocity = shots(150, seed=4)

@@ -49,7 +49,7 @@ def chain(sensors: list[dict[str, Any]], step_deg: tuple[float, float], every_s:
 
 
 @pytest.mark.parametrize("sensors", [TWO, FIVE], ids=["two", "five"])
-@pytest.mark.parametrize("every_s", [0.0, 0.1])
+@pytest.mark.parametrize("every_s", [pytest.param(0.0, marks=pytest.mark.slow), 0.1])
 def test_launches_six_kilometres_apart_have_a_track_each(sensors: list[dict[str, Any]], every_s: float) -> None:
     tracks, nearest_m = chain(sensors, (0.05, -0.02), every_s)
     assert tracks == 30

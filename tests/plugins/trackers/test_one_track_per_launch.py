@@ -39,7 +39,7 @@ def tracks_a_launch(*overrides: str) -> tuple[list[int], int]:
     return [int(np.count_nonzero(target == number)) for number in range(3)], int(np.count_nonzero(target < 0))
 
 
-@pytest.mark.parametrize("phase", ["aligned", "random"])
+@pytest.mark.parametrize("phase", [pytest.param("aligned", marks=pytest.mark.slow), "random"])
 def test_scans_ten_seconds_apart(phase: str) -> None:
     looks = sensors(-165.0, -105.0, period_ms=10000, model="DSP", more=f", scan_phase: {phase}")
     assert tracks_a_launch(looks, "detection=always", "tracker=stereo-filter") == ([1, 1, 1], 0)

@@ -65,7 +65,7 @@ def test_a_thrusting_target_is_on_no_arc():
     assert found["paper"] < found["recent"] < true
 
 
-@pytest.mark.parametrize("apart_deg", [0.0, 1e-3, 0.1])
+@pytest.mark.parametrize("apart_deg", [0.0, *(pytest.param(each, marks=pytest.mark.slow) for each in (1e-3, 0.1))])
 def test_sensors_at_one_place_tell_no_distance(apart_deg):
     """Their lines meet anywhere: without the heights of one sensor's arc the target was thousands of kilometres off."""
     pair = [

@@ -171,6 +171,7 @@ def test_a_scene_is_tracked_to_launch_and_impact():
     assert np.linalg.eigvalsh(last.impact_covariance).min() > 0.0
 
 
+@pytest.mark.slow
 def test_an_impact_that_could_be_anywhere_is_not_told():
     tracker = {"model": "boost-profile", "impacts_in_burn": True}
     near, far = (

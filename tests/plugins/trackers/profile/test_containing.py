@@ -142,6 +142,7 @@ def test_an_arc_along_which_impacts_grow_ever_faster_is_lognormal(growth):
     assert [held(radius, within) for radius in radii] == pytest.approx(SHARES, abs=LATTICE)
 
 
+@pytest.mark.slow
 def test_an_end_that_may_come_any_moment_has_the_quantiles_of_its_law():
     from scipy.stats import expon
 

@@ -100,7 +100,7 @@ def test_a_part_that_ends_where_its_whole_does_is_as_likely_and_stands_there(lat
 
 
 def test_what_two_sensors_have_seen_and_states_are_told_as_they_are_without():
-    fitting, bank = followed(sensors=2, runs=8)
+    fitting, bank = followed(sensors=2, runs=4)
     whole, apart = (told_of(fitting, bank, memory) for memory in (None, fitting.memory(bank)))
     assert np.array_equal(whole.impact, apart.impact)
     assert np.array_equal(whole.impact_sigmas, apart.impact_sigmas)
