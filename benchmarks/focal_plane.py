@@ -47,7 +47,7 @@ KINDS = ("frame", "fixed", "cells")
 CENTROIDS = tuple(
     (spot, noise, electrons)
     for spot in (0.35, 0.5, 0.8, 1.2)
-    for noise, electrons in ((300.0, 2e4), (30.0, 1e4), (3.0, 4e3))
+    for noise, electrons in ((100.0, 2e4), (30.0, 1e4), (3.0, 4e3))
 )
 
 PAGE = """# The focal plane against simulated frames
@@ -59,7 +59,8 @@ differences, filters, thresholds.
 {table}
 
 - *within 95 %*: settings whose figure lies in the 95 % interval of the simulation around it;
-- *largest*: the largest deviation, in standard errors of the simulation; {expected:.1f} is expected of so many.
+- *largest*: the largest deviation, in standard errors of the simulation; of {count} figures one is expected beyond
+  {expected:.1f}.
 
 ![Simulated against closed-form P_d and P_fa, and their deviations in standard errors](focal_plane.svg)
 
@@ -67,11 +68,11 @@ differences, filters, thresholds.
 
 The closed forms above are averages over the sub-pixel phase of the target and over the displacement of the two frames,
 and count the photon noise of the target. `detection: snr` takes the mean phase, the root mean square of the noise over
-frames, and no photon noise of the target. Its P_d is off by
+frames, and no photon noise of the target. Deviation of its P_d, at most {most:.2f}:
 
 {simplified}
 
-at most by {most:.2f}. With a threshold that does not follow the noise of each frame, a registration error makes false
+With a threshold that does not follow the noise of each frame, a registration error makes false
 alarms more frequent than Q(T): frames with large errors make most of them. The simulation has {fixed} settings of that
 kind; P_fa is up to {tail:.1f} times Q(T) at {tail_sigma:g} σ. The detection model lets the threshold follow.
 
@@ -198,20 +199,24 @@ def expected(setting: Setting) -> tuple[float, float, float]:
     moved, weight = noise.distances()
     sigma = noise.sigma_moved(moved)[:, None]
     limit = setting.threshold * (noise.sigma if setting.threshold_of == "fixed" else sigma)
-    grid = (np.arange(12) + 0.5) / 12 - 0.5
-    phase = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    node, share = np.polynomial.legendre.leggauss(12)
+    phase = 0.5 * np.stack(np.meshgrid(node, node), axis=-1).reshape(-1, 2)
+    of_phase = 0.25 * np.outer(share, share).ravel()
     parts = shares(images.spot, phase, len(images.weights))
     signal = images.target_e * (parts * images.weights).sum(axis=(1, 2))
     own = images.target_e * (parts * images.weights**2).sum(axis=(1, 2))
     spread = np.sqrt(sigma**2 + own)
     if setting.threshold_of == "cells":
         chance = float(ndtr(-setting.threshold))
-        found = cfar_probability_of_detection(signal / sigma, cfar_threshold(chance, CELLS), CELLS)
+        # The target's own photons spread the tested cell, not the reference cells.
+        wider = np.sqrt((own / sigma**2 + 1.0 + 1.0 / CELLS) / (1.0 + 1.0 / CELLS))
+        limit = cfar_threshold(chance, CELLS) / wider
+        found = cfar_probability_of_detection(signal / sigma / wider, limit, CELLS)
         model = float(ndtr(setting.snr / cfar_loss(chance, CELLS) - setting.threshold))
-        return chance, float(weight @ found.mean(axis=1)), model
+        return chance, float(weight @ found @ of_phase), model
     false = float(weight @ ndtr(-limit / sigma)[:, 0])
     found = ndtr((signal - limit) / spread)
-    return false, float(weight @ found.mean(axis=1)), float(ndtr(setting.snr - setting.threshold))
+    return false, float(weight @ found @ of_phase), float(ndtr(setting.snr - setting.threshold))
 
 
 def crossed(setting: Setting, outputs: Outputs) -> tuple[Floats, Floats]:
@@ -326,6 +331,7 @@ def page_of(rows: list[Row]) -> str:
         settings=len(rows),
         frames=rows[0]["frames"],
         table=markdown_table(("figure", "settings", "within 95 %", "largest"), lines),
+        count=count,
         expected=-float(ndtri(0.5 / count)),
         simplified=markdown_table(("settings", "median", "largest"), parts),
         most=model.max(),
