@@ -13,7 +13,7 @@ from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 #: How far the sum of the confidence weights may be from 1.
 WEIGHT_SUM_TOLERANCE = 1e-9
 
-TYPE_HELP = "target class: ICBM, IRBM, SRBM, MRBM, SLBM, or that of a plugin"
+TYPE_HELP = "target class: ICBM, IRBM, SRBM, MRBM, SLBM, HGV, SLV, or that of a plugin"
 
 PAPER_CONFIDENCE = "opir-simulator paper (2026), section 4.3, names the weights and not their values; notional"
 
@@ -129,6 +129,58 @@ class BallisticConfig:
         minimum=1.0,
         maximum=1e6,
         help="m/(C_d A) in free flight with drag; default: the scene's",
+    )
+
+
+@frozen(kw_only=True)
+class InsertionConfig:
+    """What a scene may set of a target of the model `orbit`."""
+
+    type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
+    launch: LaunchConfig = nested(help="launch point and time")
+    azimuth_deg: float = number(
+        unit="deg",
+        minimum=0.0,
+        below=360.0,
+        help="launch azimuth over the rotating Earth, clockwise from true north",
+    )
+    altitude_km: float | None = number(
+        default=None,
+        unit="km",
+        minimum=150.0,
+        maximum=600.0,
+        help="altitude of the circular orbit above the equatorial radius; default: the class's",
+    )
+    followed_s: float = number(
+        default=6000.0,
+        unit="s",
+        above=0.0,
+        maximum=86_400.0,
+        source="a revolution of a low orbit takes about 5400 s",
+        help="time after burnout in which sensors that follow bodies observe the target",
+    )
+    ballistic_coefficient_kg_m2: float | None = number(
+        default=None,
+        unit="kg/m²",
+        minimum=1.0,
+        maximum=1e6,
+        help="m/(C_d A) in orbit with drag; default: the scene's",
+    )
+
+
+@frozen(kw_only=True)
+class GlideConfig:
+    """What a scene may set of a target of the model `glide`."""
+
+    type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
+    launch: LaunchConfig = nested(help="launch point and time")
+    aim: AimConfig = nested(help="aim point")
+    ballistic_coefficient_kg_m2: float | None = number(
+        default=None,
+        unit="kg/m²",
+        minimum=1.0,
+        maximum=1e6,
+        help="m/(C_d A) after the glide with drag; default: the scene's",
     )
 
 

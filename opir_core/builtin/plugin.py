@@ -11,6 +11,8 @@ from opir_core.builtin.configs import (
     BallisticConfig,
     ConfusionConfig,
     ConstantConfig,
+    GlideConfig,
+    InsertionConfig,
     JsonlConfig,
     MemoryConfig,
     PosteriorConfig,
@@ -149,12 +151,24 @@ def opir_trackers() -> Iterable[TrackerModel]:
 
 @hookimpl
 def opir_target_models() -> Iterable[TargetModel]:
-    """Yield `ballistic` and `table`."""
+    """Yield `ballistic`, `orbit`, `glide` and `table`."""
     yield TargetModel(
         name="ballistic",
         summary="boost on a generic class profile, then free flight to the aim point under the scene's forces",
         config=BallisticConfig,
         build=_built_by("targets", "ballistic_targets"),
+    )
+    yield TargetModel(
+        name="orbit",
+        summary="boost on a class profile into a circular orbit",
+        config=InsertionConfig,
+        build=_built_by("orbit_targets", "orbit_targets"),
+    )
+    yield TargetModel(
+        name="glide",
+        summary="boost on a class profile, equilibrium glide at a constant lift-to-drag ratio, and free fall",
+        config=GlideConfig,
+        build=_built_by("glide_targets", "glide_targets"),
     )
     yield TargetModel(
         name="table",

@@ -17,14 +17,13 @@ from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
 from opir_core.flight.boost import Ascent, BoostPath, LaunchSite, ascent, boost_path, launch_site
 from opir_core.flight.conic_impact import kepler_impact
-from opir_core.flight.ephemeris import Ephemeris, Motion
-from opir_core.flight.kepler import propagate_kepler
+from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.free_flight import free_flight_ephemeris
 from opir_core.geometry import (
     Geodetic,
     ecef_to_eci,
     ecef_to_eci_state,
     eci_to_ecef,
-    eci_to_ecef_state,
     geodesic_inverse,
     geodetic_to_ecef,
 )
@@ -43,7 +42,7 @@ class AimedLanding:
     """Impacts of trial flights: columns (n,) and (n, 3).
 
     The miss is split along and across the great circle to the aim point, by polar angles about the launch point: each
-    of the two unknowns then mostly changes its own coordinate. `duration_s` is from burnout to impact.
+    of the two unknowns then mostly changes its own coordinate. `duration_s` is from the release to impact.
     """
 
     along_m: FloatArray
@@ -85,9 +84,13 @@ class LaunchSolution:
         swept_rad = self.course.burnout_swept_rad(speed_m_s, plane.radius_m)
         return plane.state(height_m, swept_rad, speed_m_s, self.course.turn_rad)
 
+    def release(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return positions and velocities, as `burnout` does, at which free flight begins: those at burnout."""
+        return self.burnout(azimuth_rad, speed_m_s)
+
     def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> AimedLanding:
-        """Return the impacts of flights; the inertial frame is ECEF frozen at burnout."""
-        duration_s, point_m = self._impact(*ecef_to_eci_state(*self.burnout(azimuth_rad, speed_m_s), 0.0))
+        """Return the impacts of flights; the inertial frame is ECEF frozen at the release."""
+        duration_s, point_m = self._impact(*ecef_to_eci_state(*self.release(azimuth_rad, speed_m_s), 0.0))
         impact_m = eci_to_ecef(point_m, duration_s)
         range_rad, bearing_rad = self.polar_rad(impact_m)
         aim_range_rad, aim_bearing_rad = self.polar_rad(self.aim_ecef_m)
@@ -131,8 +134,16 @@ def solved(shot: LaunchSolution, tolerance_m: float) -> tuple[FloatArray, FloatA
 
     Without a solution, those of the nearest trial; trials without impact are nan.
     """
+    return solved_from(shot, *_guess(shot.in_two_body_motion()), tolerance_m)
+
+
+@np.errstate(invalid="ignore", divide="ignore", over="ignore")
+def solved_from(
+    shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return what `solved` does, from guesses of azimuths and burnout speeds."""
     two_body = shot.in_two_body_motion()
-    azimuth_rad, speed_m_s = _corrected(two_body, *_guess(two_body), tolerance_m)
+    azimuth_rad, speed_m_s = _corrected(two_body, azimuth_rad, speed_m_s, tolerance_m)
     if two_body is shot:
         return azimuth_rad, speed_m_s
     return _corrected(shot, azimuth_rad, speed_m_s, tolerance_m)
@@ -300,9 +311,9 @@ def aim(
     )
     course = ascent(profiles, _flight_path_angle_rad(range_m, profiles))
     site, aim_m = launch_site(*launch), geodetic_to_ecef(*aim_point)
-    shot = LaunchSolution(site, course, aim_m, aim_point.height_m, _forces_of(forces, n))
+    shot = LaunchSolution(site, course, aim_m, aim_point.height_m, forces_on(forces, n))
     azimuth_rad, speed_m_s = np.full(n, np.nan), np.full(n, np.nan)
-    rows = np.flatnonzero(_is_within_limits(range_m, profiles))
+    rows = np.flatnonzero(within_range_limits(range_m, profiles))
     azimuth_rad[rows], speed_m_s[rows] = solved(shot.take(rows), tolerance_m)
     landing = shot.landing(azimuth_rad, speed_m_s)
     converged = landing.miss_m <= tolerance_m
@@ -320,7 +331,7 @@ def aim(
         landing.impact_ecef_m,
         landing.miss_m,
         converged,
-        _complaints(range_m, profiles, converged),
+        range_complaints(range_m, profiles, converged),
         path,
     )
 
@@ -359,7 +370,7 @@ def _lambert_range_m(
     return distance
 
 
-def _forces_of(model: "ForceModel", n: int) -> "Forces | None":
+def forces_on(model: "ForceModel", n: int) -> "Forces | None":
     """Return the forces on n targets; None, without importing numerical propagation, for two-body motion."""
     if model == "kepler":
         return None
@@ -375,15 +386,16 @@ def _flight_path_angle_rad(range_m: FloatArray, profiles: Sequence[BoostProfile]
     return reference_rad + 0.25 * (reference_m - range_m) / _MEAN_RADIUS_M
 
 
-def _is_within_limits(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> BoolArray:
+def within_range_limits(range_m: FloatArray, profiles: Sequence[BoostProfile]) -> BoolArray:
+    """Return which ranges (n,) are within the limits of the profiles."""
     shortest = np.array([profile.minimum_range_m for profile in profiles])
     longest = np.array([profile.maximum_range_m for profile in profiles])
     return (range_m >= shortest) & (range_m <= longest)
 
 
-def _complaints(range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray) -> tuple[str, ...]:
+def range_complaints(range_m: FloatArray, profiles: Sequence[BoostProfile], converged: BoolArray) -> tuple[str, ...]:
     """Return for each target the reason why it cannot reach its aim point, or an empty string."""
-    within, complaints = _is_within_limits(range_m, profiles), []
+    within, complaints = within_range_limits(range_m, profiles), []
     for row, profile in enumerate(profiles):
         distance = f"the aim point is {range_m[row] / 1e3:.0f} km from the launch point"
         limits = f"{profile.name} flies {profile.minimum_range_m / 1e3:g} to {profile.maximum_range_m / 1e3:g} km"
@@ -396,10 +408,6 @@ def _column(values: ArrayLike, n: int) -> FloatArray:
     return np.broadcast_to(np.asarray(values, dtype=np.float64), (n,))
 
 
-#: Arcs are integrated this much beyond impact, s, so that rounded times lie within them.
-_BREATH_S = 1e-3
-
-
 def boost_ephemeris(path: BoostPath, tolerance_m: float = 0.01) -> Ephemeris:
     """Return the ECEF ephemeris of the boost of n targets, ignition to burnout, to a tolerance in m."""
     return Ephemeris.build(path.state, path.ignition_s, path.burnout_s, path.breakpoints_s(), tolerance_m)
@@ -407,34 +415,11 @@ def boost_ephemeris(path: BoostPath, tolerance_m: float = 0.01) -> Ephemeris:
 
 def coast_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
     """Return the ECEF ephemeris of the free flight of n targets, burnout to impact; `forces` as in `aim`."""
-    is_kepler = forces == "kepler" or forces.is_kepler
-    inertial = _two_body(flight) if is_kepler else _integrated(flight, forces, tolerance_m)
-
-    def state(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return eci_to_ecef_state(*inertial(target, time_s), time_s)
-
-    return Ephemeris.build(state, flight.burnout_s, flight.impact_s, tolerance_m=tolerance_m)
+    states = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
+    return free_flight_ephemeris(flight.burnout_s, flight.impact_s, *states, forces=forces, tolerance_m=tolerance_m)
 
 
 def flight_ephemeris(flight: Aim, tolerance_m: float = 0.01, forces: "ForceModel" = "kepler") -> Ephemeris:
     """Return the ECEF ephemeris of the flights of n targets, ignition to impact; arguments as in `coast_ephemeris`."""
     boost, coast = boost_ephemeris(flight.path, tolerance_m), coast_ephemeris(flight, tolerance_m, forces)
     return Ephemeris.joined([boost, coast])
-
-
-def _two_body(flight: Aim) -> Motion:
-    def state(target: RowArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        position, velocity = flight.burnout_position_eci_m[target], flight.burnout_velocity_eci_m_s[target]
-        return propagate_kepler(position, velocity, time_s - flight.burnout_s[target])
-
-    return state
-
-
-def _integrated(flight: Aim, forces: "ForceModel", tolerance_m: float) -> Motion:
-    """Return the motion of arcs integrated once, to a hundredth of the tolerance, so that it is smooth for the fit."""
-    from opir_core.flight.dense_output import dense_arcs
-
-    duration_s = flight.impact_s - flight.burnout_s
-    states = flight.burnout_position_eci_m, flight.burnout_velocity_eci_m_s
-    arcs = dense_arcs(*states, duration_s + _BREATH_S, forces, tolerance_m=0.01 * tolerance_m)
-    return lambda target, time_s: arcs.state(target, np.maximum(time_s - flight.burnout_s[target], 0.0))

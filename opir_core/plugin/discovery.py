@@ -217,7 +217,7 @@ CORE_PLUGINS: Mapping[str, tuple[str, frozenset[Offer] | None]] = {
     "detection": ("opir_core.detection.plugin", frozenset({("opir_detection_models", "snr")})),
     "target-classes": (
         "opir_core.builtin.target_classes",
-        frozenset(("opir_target_classes", name) for name in ("ICBM", "IRBM", "SRBM", "MRBM", "SLBM")),
+        frozenset(("opir_target_classes", name) for name in ("ICBM", "IRBM", "SRBM", "MRBM", "SLBM", "HGV", "SLV")),
     ),
     "classification": ("opir_core.classification.plugin", frozenset({("opir_classifiers", "spectral")})),
 }

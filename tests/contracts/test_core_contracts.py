@@ -21,6 +21,7 @@ from opir_core.testing import (
     TargetContract,
     TrackerContract,
 )
+from opir_core.testing.bench import TARGETS
 
 
 class TestGenericScanner(SensorContract):
@@ -91,6 +92,34 @@ class TestNoTracker(TrackerContract):
 
 class TestBallisticTargets(TargetContract):
     name = "ballistic"
+
+
+def _as_class(name: str, *keys: str) -> tuple[Mapping[str, Any], ...]:
+    """Return the launches of the test scene with another class and these keys."""
+    return tuple({**{key: launch[key] for key in keys}, "type": name} for launch in TARGETS)
+
+
+class TestOrbitTargets(TargetContract):
+    name = "orbit"
+    launches = _as_class("SLV", "id", "launch")
+    settings: ClassVar[Mapping[str, Any]] = {"azimuth_deg": 77.0, "followed_s": 1500.0}
+
+
+class TestGlideTargets(TargetContract):
+    name = "glide"
+    launches = tuple(
+        {**launch, "aim": aim}
+        for launch, aim in zip(
+            _as_class("HGV", "id", "launch"),
+            (
+                {"lat_deg": 9.0, "lon_deg": 167.7},
+                {"lat_deg": 10.0, "lon_deg": -140.0},
+                {"lat_deg": 50.0, "lon_deg": -150.0},
+                {"lat_deg": 5.0, "lon_deg": 60.0},
+            ),
+            strict=True,
+        )
+    )
 
 
 class TestClearAtmosphere(AtmosphereContract):

@@ -24,6 +24,14 @@ class TestSlbm(TargetClassContract):
     name = "SLBM"
 
 
+class TestHgv(TargetClassContract):
+    name = "HGV"
+
+
+class TestSlv(TargetClassContract):
+    name = "SLV"
+
+
 def test_every_class_of_the_core_is_tested_here():
     tested = {kind.name for kind in TargetClassContract.__subclasses__() if kind.__module__ == __name__}
     assert tested == set(core_target_classes())

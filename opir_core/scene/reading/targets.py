@@ -1,7 +1,7 @@
 """The targets and sources of a scene, and the forces in free flight: `kepler`, or zonal harmonics and drag."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from attrs import evolve
 
@@ -22,6 +22,7 @@ from opir_core.scene.reading.nodes import (
 from opir_core.scene.reading.scene_schema import DEFAULT_TARGET_MODEL
 from opir_core.scene.reading.structuring import block_of, class_reader, items_of, nearest, read_text, refusal, required
 from opir_core.scene.scene import Choice, SceneDrag, SceneForces, SceneSource, SceneTarget
+from opir_core.scene.target_classes import TargetClass
 
 _ID = re.compile(rf"[A-Za-z0-9._:-]{{1,{MAXIMUM_ID_LENGTH}}}")
 
@@ -33,9 +34,12 @@ ID_RULE = f"ids have 1 to {MAXIMUM_ID_LENGTH} characters, of A to Z, a to z, 0 t
 class Identifier:
     """Reads blocks of `id`, `model` and settings of one kind; ids are unique."""
 
-    def __init__(self, components: ComponentReader, hook: str, default_model: str | None = None) -> None:
+    def __init__(
+        self, components: ComponentReader, hook: str, default_model: Callable[[Mapping[str, Node]], str] | None = None
+    ) -> None:
         self.components = components
         self.hook = hook
+        #: Returns the model of a block without one.
         self._default_model = default_model
         self._homes: dict[str, str] = {}
 
@@ -65,7 +69,7 @@ class Identifier:
 
     def _model(self, settings: dict[str, Node], node: Node) -> str:
         if "model" not in settings and self._default_model is not None:
-            return self._default_model
+            return self._default_model(settings)
         with under(".model"):
             return component_name(required(settings, "model", node))
 
@@ -140,7 +144,7 @@ class TargetReader:
 
     def __init__(self, components: ComponentReader, duration_s: float | None) -> None:
         self._components = components
-        self._identifier = Identifier(components, "opir_target_models", DEFAULT_TARGET_MODEL)
+        self._identifier = Identifier(components, "opir_target_models", self._default_model)
         self._duration_s = duration_s
 
     def targets(self, node: Node) -> tuple[SceneTarget, ...]:
@@ -168,6 +172,17 @@ class TargetReader:
             self._refuse_late_launch(choice, node)
         collector.require_whole()
         return SceneTarget(own_id, choice, signature)
+
+    def _default_model(self, settings: Mapping[str, Node]) -> str:
+        """Return the model of a block without one: that of its target class, `ballistic` if the class is unknown."""
+        kind = settings.get("type")
+        if kind is None or kind.value not in self._components.names(TargetClass.hook):
+            return DEFAULT_TARGET_MODEL
+        try:
+            found: TargetClass = self._components.component(TargetClass.hook, kind.value, "type")
+        except InvalidNode:
+            return DEFAULT_TARGET_MODEL
+        return found.after_burnout.model
 
     def _refuse_late_launch(self, choice: Choice, node: Node) -> None:
         """Reject a launch after the end of the scene, for models with `launch.time_s`."""

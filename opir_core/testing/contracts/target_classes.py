@@ -1,7 +1,7 @@
 """Conformance tests of target classes."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from opir_core.plugin.components import TargetModel
 from opir_core.scene.scene import REPORTED_TYPES
-from opir_core.scene.target_classes import BoostProfile, TargetClass
+from opir_core.scene.target_classes import BoostProfile, OrbitInsertion, TargetClass
 from opir_core.testing.bench import bench_scene
 from opir_core.testing.contracts.contract import require
 from opir_core.testing.contracts.targets import TargetContract
@@ -26,7 +26,8 @@ _SHARES = (0.02, 0.5, 0.98)
 class TargetClassContract(TargetContract):
     """Conformance tests of a target class: those of its target model with flights of the class.
 
-    Each profile flies three ranges within its limits; `settings` are added to each target.
+    Each profile flies three ranges within its limits, or a class into orbit at three azimuths; `settings` are added to
+    each target.
     """
 
     @classmethod
@@ -42,9 +43,12 @@ class TargetClassContract(TargetContract):
     @classmethod
     @cache
     def blocks(cls) -> list[dict[str, Any]]:
-        """Return the blocks of the targets: three flights of each profile."""
+        """Return the blocks of the targets: three flights of each profile, or into orbit."""
         model = cls.target_class().after_burnout.model
-        flights = [flight for profile in cls.target_class().profiles for flight in _flights(profile)]
+        if model == OrbitInsertion.model:
+            flights = list(_ascents())
+        else:
+            flights = [flight for profile in cls.target_class().profiles for flight in _flights(profile)]
         return [
             {"id": f"T{number}", "model": model, "type": cls.name, **flight, **cls.settings}
             for number, flight in enumerate(flights, start=1)
@@ -113,6 +117,12 @@ def _flights(profile: BoostProfile) -> Sequence[Mapping[str, Any]]:
         {"launch": {**_LAUNCH, "time_s": 2.0 + number}, "aim": _place(range_m)}
         for number, range_m in enumerate(ranges_m)
     ]
+
+
+def _ascents() -> Iterator[Mapping[str, Any]]:
+    """Yield launch and azimuth of flights into orbit: with, across and against the rotation of the Earth."""
+    for number, azimuth_deg in enumerate((90.0, 180.0, 270.0)):
+        yield {"launch": {**_LAUNCH, "time_s": 2.0 + number}, "azimuth_deg": azimuth_deg}
 
 
 def _place(range_m: float) -> Mapping[str, float]:

@@ -67,7 +67,10 @@ def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Fo
     landed = earth_rotated(fell.reshape(-1, 3), -(time_s + flight).ravel()).reshape(fell.shape)
     when, ground = time_s + flight[:, 0], landed[:, 0]
     if not forces.is_kepler:
-        forced, point = _impacts_of(every[:, 0], forces)
+        # A point with a two-body arc that does not come down has no covariance: its arc is not integrated in vain.
+        falls = np.flatnonzero(np.isfinite(flight).all(axis=1))
+        forced, point = np.full(len(state), np.nan), np.full((len(state), 3), np.nan)
+        forced[falls], point[falls] = _impacts_of(every[falls, 0], forces)
         when = time_s + forced - since_s[:, 0]
         ground = earth_rotated(point, -when)
     axes = local_axes(ground)[:, :2].transpose(0, 2, 1)

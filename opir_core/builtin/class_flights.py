@@ -1,0 +1,159 @@
+"""What the target models of classes share: their trajectories, choice of profiles, and plain values for the truth."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from attrs import define
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray, IndexArray
+from opir_core.builtin.configs import AimConfig, LaunchConfig
+from opir_core.errors import Problem, SceneError
+from opir_core.flight.boost import BoostPath
+from opir_core.flight.ephemeris import Ephemeris
+from opir_core.geometry import Geodetic, ecef_to_geodetic
+from opir_core.interfaces.contexts import TargetContext
+from opir_core.scene.target_classes import BoostProfile, TargetClass
+
+if TYPE_CHECKING:
+    from opir_core.flight.forces import ForceModel
+
+#: How far the interpolated positions may be from the profile's, m.
+EPHEMERIS_TOLERANCE_M = 0.01
+
+
+class LaunchSettings(Protocol):
+    """The settings that targets of all classes have."""
+
+    @property
+    def type(self) -> str:
+        """The target class."""
+
+    @property
+    def launch(self) -> LaunchConfig:
+        """Launch point and time."""
+
+
+class DragSettings(Protocol):
+    """The settings of targets with a ballistic coefficient of their own, kg/m², or None."""
+
+    @property
+    def ballistic_coefficient_kg_m2(self) -> float | None:
+        """The ballistic coefficient in free flight."""
+
+
+@define(eq=False, kw_only=True)
+class ClassFlights:
+    """Targets of classes, from ignition to burnout or, where a sensor follows them, to the end of their flight.
+
+    `coast` is the flight after burnout where a sensor follows it, else None; `final_s` (n,) its end; `turns_s` (n, k)
+    the times at which the direction of flight bends.
+    """
+
+    classes: tuple[TargetClass, ...]
+    profiles: tuple[BoostProfile, ...]
+    ids: tuple[str, ...]
+    ignition_s: FloatArray
+    burnout_s: FloatArray
+    final_s: FloatArray
+    turns_s: FloatArray
+    boost: Ephemeris
+    coast: Ephemeris | None
+
+    @property
+    def type_code(self) -> NDArray[np.uint8]:
+        """Codes (n,) of the missile types that the classes resemble."""
+        return np.array([kind.type_code for kind in self.classes], dtype=np.uint8)
+
+    @property
+    def class_names(self) -> Sequence[str]:
+        """Names of the target classes."""
+        return [kind.name for kind in self.classes]
+
+    @property
+    def end_s(self) -> FloatArray:
+        """Scene times to which positions are known, (n,) s."""
+        return self.burnout_s if self.coast is None else self.final_s
+
+    @property
+    def course_breakpoints_s(self) -> FloatArray:
+        """Scene times (n, k) at which the direction of flight bends: pitch-over, and after burnout."""
+        return self.turns_s
+
+    def position_ecef_m(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
+        """Return positions (m, 3) of targets (m,) at scene times (m,), to 1 cm; nan outside ignition to `end_s`."""
+        if self.coast is None:
+            return self.boost.position_m(target, time_s)
+        late = time_s > self.burnout_s[target]
+        boost = self.boost.position_m(target, np.where(late, np.nan, time_s))
+        return np.where(late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost)
+
+
+def classes_of(configs: Sequence[LaunchSettings], context: TargetContext, model: str) -> tuple[TargetClass, ...]:
+    """Return the classes of targets; raises `SceneError` for those that another model flies after burnout."""
+    classes = tuple(context.target_class(config.type) for config in configs)
+    problems = [
+        Problem(f"{path}.type", f"{kind.name} has the model {kind.after_burnout.model}, not {model}; omit model")
+        for kind, path in zip(classes, context.paths, strict=True)
+        if kind.after_burnout.model != model
+    ]
+    if problems:
+        raise SceneError(problems)
+    return classes
+
+
+def boost_of(path: BoostPath) -> Ephemeris:
+    """Return the ephemeris of boosts."""
+    return Ephemeris.build(path.state, path.ignition_s, path.burnout_s, path.breakpoints_s(), EPHEMERIS_TOLERANCE_M)
+
+
+def ignitions_s(configs: Sequence[LaunchSettings]) -> FloatArray:
+    """Return the scene times of ignition, (n,)."""
+    return np.array([config.launch.time_s for config in configs], dtype=np.float64)
+
+
+def forces_of_targets(configs: Sequence[DragSettings], context: TargetContext) -> "ForceModel":
+    """Return the scene's forces, with the ballistic coefficients that targets bring."""
+    forces = context.forces
+    if isinstance(forces, str) or forces.drag is None:
+        return forces
+    usual = float(forces.drag.ballistic_coefficient_kg_m2)
+    own = (config.ballistic_coefficient_kg_m2 for config in configs)
+    return forces.with_ballistic_coefficients([usual if value is None else value for value in own])
+
+
+def other_ranges(kind: TargetClass, chosen: BoostProfile) -> str:
+    """Return which ranges the other profiles of a class have."""
+    others = (profile for profile in kind.profiles if profile.name != chosen.name)
+    return "".join(
+        f"; of type {kind.name} there is also {other.name}, {other.minimum_range_m / 1e3:g} to"
+        f" {other.maximum_range_m / 1e3:g} km"
+        for other in others
+    )
+
+
+def geodetic_columns(places: Iterable[LaunchConfig | AimConfig]) -> Geodetic:
+    """Return the columns of places in radians and metres."""
+    rows = [(math.radians(place.lat_deg), math.radians(place.lon_deg), place.height_m) for place in places]
+    return Geodetic(*np.array(rows, dtype=np.float64).reshape(-1, 3).T)
+
+
+def plain_place(config: LaunchConfig | AimConfig) -> dict[str, float]:
+    """Return a place as plain values."""
+    return {"lat_deg": config.lat_deg, "lon_deg": config.lon_deg, "height_m": config.height_m}
+
+
+def plain_places(position_ecef_m: FloatArray) -> list[dict[str, float]]:
+    """Return positions (n, 3) as plain geodetic places, with heights above the WGS 84 ellipsoid."""
+    where = ecef_to_geodetic(position_ecef_m)
+    columns = (np.degrees(where.latitude_rad), np.degrees(where.longitude_rad), where.height_m)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return [{"lat_deg": latitude, "lon_deg": longitude, "height_m": height} for latitude, longitude, height in rows]
+
+
+def plain_states(position_ecef_m: FloatArray, velocity_ecef_m_s: FloatArray) -> list[Mapping[str, Any]]:
+    """Return states (n, 3) as plain places with position and velocity, which is relative to the rotating Earth."""
+    rows = zip(plain_places(position_ecef_m), position_ecef_m.tolist(), velocity_ecef_m_s.tolist(), strict=True)
+    return [{**place, "position_ecef_m": position, "velocity_ecef_m_s": velocity} for place, position, velocity in rows]
