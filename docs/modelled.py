@@ -165,6 +165,22 @@ PARTS = (
         " SRBM 4 km (18 km), ICBM 0.7 km (3 km)",
     ),
     Part(
+        "Glide after a boost (HGV)",
+        "computed",
+        "equilibrium glide at a constant lift-to-drag ratio (Eggers, Allen and Neice, 1957) in an exponential"
+        " atmosphere, then free fall; lift-to-drag ratio and final speed notional",
+        "the Earth's rotation during the glide; phugoid motion, manoeuvres, heating, the dive",
+        "Closed form against its equations of motion: 1 m. Rotation, eastwards on the equator at 5 km/s: 8 % of weight"
+        " less to carry, so a longer glide; the rest is not estimated",
+    ),
+    Part(
+        "Insertion into orbit (SLV)",
+        "computed",
+        "one burn on a class profile that ends in a circular orbit, then a two-body arc or the scene's forces",
+        "coast phases, several burns, dog-legs, spent stages",
+        "Burns to orbit last 8 to 10 minutes here; those with a coast are longer",
+    ),
+    Part(
         "Sensor orbits",
         "computed",
         "two-body motion or SGP4",

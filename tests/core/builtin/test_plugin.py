@@ -23,7 +23,7 @@ MODELS = {
     "opir_classifiers": {"paper", "none", "always", "never"},
     "opir_confidence_models": {"weighted", "always", "never"},
     "opir_trackers": {"none"},
-    "opir_target_models": {"ballistic", "table"},
+    "opir_target_models": {"ballistic", "orbit", "glide", "table"},
     "opir_atmosphere_models": {"clear"},
     "opir_background_models": {"none"},
 }

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import opir_core
 from opir_core.errors import ModelError
-from opir_core.flight.boost import boost_profiles
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import SignatureContext
 from opir_core.plugin.host import Host
@@ -21,6 +20,7 @@ from opir_core.radiometry import plume as plume_module
 from opir_core.radiometry.configs import PlumeConfig
 from opir_core.radiometry.plume import plume_intensity_w_sr, plume_signatures, plume_table
 from opir_core.scene.fields import info_of
+from opir_core.scene.target_classes import core_profiles
 
 TABLE = json.loads((Path(opir_core.__file__).parent / "data" / "plumes.json").read_text(encoding="utf-8"))
 BANDS = tuple(Band(name, *edges) for name, edges in TABLE["bands_um"].items())
@@ -63,7 +63,7 @@ def test_a_hundred_plumes_of_one_class_cost_the_integrals_of_one(monkeypatch):
 
 
 def test_every_class_profile_has_a_plume():
-    assert set(CLASSES) == set(boost_profiles())
+    assert set(CLASSES) == set(core_profiles())
 
 
 @pytest.mark.parametrize("name", CLASSES)

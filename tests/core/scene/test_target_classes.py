@@ -37,7 +37,8 @@ class Probes:
 
 
 def scene_of(kind, host=None, **changes):
-    mapping = bench_scene(targets=[{"id": "T", "type": kind, **FLIGHT}], **changes)
+    flight = {"launch": FLIGHT["launch"], "azimuth_deg": 90.0} if kind == "SLV" else FLIGHT
+    mapping = bench_scene(targets=[{"id": "T", "type": kind, **flight}], **changes)
     return scene_from_mapping(mapping, host=host or Host.of())
 
 
