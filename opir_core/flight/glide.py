@@ -244,16 +244,14 @@ def glide_flight(
     `forces` act after the glide. Targets whose aim point is outside the range of their profile, or is missed by more
     than the tolerance, are reported in `complaints`.
     """
-    n = len(profiles)
+    n, aim_m = len(profiles), geodetic_to_ecef(*aim_point)
     range_m = surface_range_m(*launch[:2], *aim_point[:2])
     site, course = launch_site(*launch), ascent(profiles, np.zeros(n))
-    aim_m = geodetic_to_ecef(*aim_point)
     shot = GlideLaunch(site, course, aim_m, aim_point.height_m, forces_on(forces, n), shape)
     azimuth_rad, speed_m_s = np.full(n, np.nan), np.full(n, np.nan)
     rows = np.flatnonzero(within_range_limits(range_m, profiles))
     part = shot.take(rows)
-    guess = _guess(part, course.burn_time_s[rows])
-    azimuth_rad[rows], speed_m_s[rows] = solved_from(part, *guess, tolerance_m)
+    azimuth_rad[rows], speed_m_s[rows] = solved_from(part, *_guess(part), tolerance_m)
     landing = shot.landing(azimuth_rad, speed_m_s)
     converged = landing.miss_m <= tolerance_m
     turned = shot.turned(azimuth_rad, speed_m_s)
@@ -277,7 +275,7 @@ def glide_flight(
     )
 
 
-def _guess(shot: GlideLaunch, burn_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _guess(shot: GlideLaunch) -> tuple[FloatArray, FloatArray]:
     """Return first guesses of azimuths and burnout speeds: those whose glide is as long as the way.
 
     The way that boost and fall cover is half the burn at the burnout speed.
@@ -290,7 +288,7 @@ def _guess(shot: GlideLaunch, burn_s: FloatArray) -> tuple[FloatArray, FloatArra
     speed_m_s = np.zeros_like(psi)
     for _ in range(3):
         speed_m_s = circular_m_s * np.sqrt(1.0 - left * np.exp(-2.0 * glided / shape.lift_to_drag))
-        glided = np.maximum(psi - 0.5 * burn_s * speed_m_s / radius_m, 0.0)
+        glided = np.maximum(psi - 0.5 * shot.course.burn_time_s * speed_m_s / radius_m, 0.0)
     return azimuth_rad, speed_m_s
 
 
