@@ -165,20 +165,14 @@ PARTS = (
         " SRBM 4 km (18 km), ICBM 0.7 km (3 km)",
     ),
     Part(
-        "Glide after a boost (HGV)",
+        "Glide, and insertion into orbit",
         "computed",
-        "equilibrium glide at a constant lift-to-drag ratio (Eggers, Allen and Neice, 1957) in an exponential"
-        " atmosphere, then free fall; lift-to-drag ratio and final speed notional",
-        "the Earth's rotation during the glide; phugoid motion, manoeuvres, heating, the dive",
-        "Closed form against its equations of motion: 1 m. Rotation, eastwards on the equator at 5 km/s: 8 % of weight"
-        " less to carry, so a longer glide; the rest is not estimated",
-    ),
-    Part(
-        "Insertion into orbit (SLV)",
-        "computed",
-        "one burn on a class profile that ends in a circular orbit, then a two-body arc or the scene's forces",
-        "coast phases, several burns, dog-legs, spent stages",
-        "Burns to orbit last 8 to 10 minutes here; those with a coast are longer",
+        "HGV: equilibrium glide at a constant lift-to-drag ratio (Eggers, Allen and Neice, 1957) in an exponential"
+        " atmosphere, then free fall. SLV: one burn that ends in a circular orbit. Both on notional class profiles",
+        "HGV: the Earth's rotation during the glide; phugoid motion, manoeuvres, heating, the dive. SLV: coast phases,"
+        " several burns, spent stages",
+        "Rotation, eastwards on the equator at 5 km/s: the glider carries 8 % of its weight less, so it glides farther;"
+        " the rest is not estimated",
     ),
     Part(
         "Sensor orbits",
