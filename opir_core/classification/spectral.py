@@ -25,7 +25,7 @@ from opir_core.interfaces.records import ClassifierInputs
 from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 
 #: Rows classified at once.
-_ROWS = 256
+_ROWS = 512
 
 #: Counts are whole numbers from 1 on; their densities begin half a step below.
 _LEAST_COUNT = 0.5

@@ -56,6 +56,11 @@ class TestWeightedConfidence(ConfidenceContract):
     name = "weighted"
 
 
+@pytest.mark.slow
+class TestPosteriorConfidence(ConfidenceContract):
+    name = "posterior"
+
+
 class TestFullConfidence(ConfidenceContract):
     name = "always"
 

@@ -287,7 +287,7 @@ def test_explain_shows_what_focal_planes_come_to() -> None:
 def test_extreme_focal_planes_stay_in_bounds(plane: dict[str, Any], sees: bool) -> None:
     plan = opir.compile_plan(scene([with_plane(SBIRS, plane)], "I", atmosphere="lowtran", background="earth"))
     found, truth = joined(windows_of(plan, [60.0]))
-    assert (len(found) > 0) == sees
+    assert np.any(truth.target >= 0) == sees
     assert np.all(np.isfinite(found.snr))
     assert np.all((found.line_of_sight_sigma_rad >= 20e-6) & (found.line_of_sight_sigma_rad < 1e-3))
     assert np.all(truth.probability[truth.target >= 0] > 0.0)
