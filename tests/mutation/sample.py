@@ -3,8 +3,9 @@
 `python tests/mutation/sample.py --draws 100 --seed 1 --jobs 2 --out mutants.json`
 
 All tokens that may change are equally likely. Each mutant is made in a copy of the checkout and meets the quick tests
-of its folder, then the other quick tests that import it, nearest first. The first test that fails kills it. So does a
-hang: a test that does not end within a limit. A mutant survives if no test fails until the limit of all its tests.
+of its folder, then the other quick tests that import it, nearest first, then the slow tests of its folder. The first
+test that fails kills it. So does a hang: a test that does not end within a limit. A mutant survives if no test fails
+within the time limit of each of the three.
 """
 
 import argparse
@@ -44,6 +45,8 @@ resource.setrlimit(resource.RLIMIT_AS, ({MOST_BYTES}, {MOST_BYTES}))
 sys.exit(pytest.main(sys.argv[1:]))
 """
 PASSED = {0, 5}
+#: As pytest allows slow tests in tests/conftest.py and others in pyproject.toml.
+SLOWER = 600 / 120
 POLL_S = 0.2
 OUT_OF_TIME = "tests left out at the time limit"
 COPY_TEST = """
@@ -76,26 +79,39 @@ class Result:
 
 @frozen
 class Limits:
-    """The time of one test, and that of all tests of a mutant."""
+    """The time of one test, and that of all tests of a stage."""
 
     test_s: float
     all_s: float
 
 
 @frozen
+class Stage:
+    """Tests of a mutant that run together: files, which of their tests by an expression of `-m`, and which not."""
+
+    files: list[str]
+    chosen: str
+    left_out: tuple[str, ...] = ()
+
+    def words(self) -> list[str]:
+        """Return these tests as arguments of pytest."""
+        return ["-m", self.chosen, *(f"--deselect={test}" for test in self.left_out), *self.files]
+
+
+@frozen
 class Work:
-    """A mutant to run: its source and the tests, first those of its folder."""
+    """A mutant to run, its source and its stages."""
 
     mutant: Mutant
     source: str
-    tests: tuple[list[str], list[str]]
+    stages: list[Stage]
 
 
 def main() -> None:
     """Draw the mutants, run their tests and print the survivors."""
     asked = _arguments()
     limits = Limits(asked.test_limit_s, asked.limit_s)
-    work = _work(asked.draws, asked.seed)
+    work = _work(asked.draws, asked.seed, asked.deselect)
     results = list[Result]()
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(asked.jobs) as pool:
         copies: queue.SimpleQueue[Path] = queue.SimpleQueue()
@@ -116,18 +132,19 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw (default 1)")
     parser.add_argument("--jobs", type=int, default=2, help="mutants at a time (default 2)")
     parser.add_argument("--test-limit-s", type=float, default=90.0, help="a longer test is a hang (default 90)")
-    parser.add_argument("--limit-s", type=float, default=240.0, help="time for all tests of a mutant (default 240)")
+    parser.add_argument("--limit-s", type=float, default=240.0, help="time for each stage of tests (default 240)")
+    parser.add_argument("--deselect", action="append", default=[], help="a test that fails without a mutant as well")
     parser.add_argument("--out", type=Path, help="write the results to this JSON file")
     return parser.parse_args()
 
 
-def _work(draws: int, seed: int) -> list[Work]:
+def _work(draws: int, seed: int, left_out: Sequence[str]) -> list[Work]:
     files = source_files(ROOT)
     tests = [path for folder in RUNNING for path in (ROOT / "tests" / folder).rglob("*.py")]
     others = [str(path.relative_to(ROOT)) for path in [*tests, *(ROOT / "tests" / "support").glob("*.py")]]
     imports = imports_of(ROOT, [*files, *others])
     drawn = draw({file: (ROOT / file).read_text(encoding="utf-8") for file in files}, draws, seed)
-    return [Work(mutant, source, tests_of(mutant.file, imports)) for mutant, source in drawn]
+    return [Work(mutant, source, stages_of(mutant.file, imports, left_out)) for mutant, source in drawn]
 
 
 def draw(sources: dict[str, str], draws: int, seed: int) -> list[tuple[Mutant, str]]:
@@ -142,6 +159,13 @@ def _mutant(file: str, source: str, site: Site, choice: str) -> tuple[Mutant, st
     changed = mutated(source, site, choice)
     before, after = (text.split("\n")[site.line - 1].strip() for text in (source, changed))
     return Mutant(file, site.line, source[site.start : site.end], choice, before, after), changed
+
+
+def stages_of(file: str, imports: dict[str, set[str]], left_out: Sequence[str] = ()) -> list[Stage]:
+    """Return the stages of a module's mutants that have files."""
+    own, others = tests_of(file, imports)
+    stages = [(own, "not slow"), (others, "not slow"), (own, "slow")]
+    return [Stage(files, chosen, tuple(left_out)) for files, chosen in stages if files]
 
 
 def tests_of(file: str, imports: dict[str, set[str]]) -> tuple[list[str], list[str]]:
@@ -181,7 +205,7 @@ def _checked(copy: Path, limits: Limits) -> Path:
     """Return a copy whose tests run, with its own modules; raise `SystemExit` if they do not."""
     test = copy / "tests" / "core" / "test_copy.py"
     test.write_text(COPY_TEST.format(place=str(copy)))
-    outcome, by = _outcome(copy, [str(test)], limits)
+    outcome, by = _outcome(copy, Stage([str(test)], "not slow"), limits)
     test.unlink()
     if outcome != "survived":
         raise SystemExit(f"the tests do not run in a copy of this checkout: {by}")
@@ -192,17 +216,18 @@ def _result(work: Work, copies: "queue.SimpleQueue[Path]", limits: Limits) -> Re
     copy, start = copies.get(), time.monotonic()
     place = copy / work.mutant.file
     original = place.read_text(encoding="utf-8")
-    outcome, by = "survived", "no quick test imports it"
+    outcome, told = "survived", list[str]()
     try:
         _write(place, work.source)
-        for tests in filter(None, work.tests):
-            left_s = limits.all_s - (time.monotonic() - start)
-            outcome, by = _outcome(copy, tests, Limits(limits.test_s, left_s))
-            if outcome != "survived" or by == OUT_OF_TIME:
+        for stage in work.stages:
+            outcome, by = _outcome(copy, stage, limits)
+            told.append(by)
+            if outcome != "survived":
                 break
     finally:
         _write(place, original)
         copies.put(copy)
+    by = told[-1] if outcome != "survived" else "; ".join(told) or "no test imports it"
     return Result(work.mutant, outcome, by, round(time.monotonic() - start, 1))
 
 
@@ -213,19 +238,20 @@ def _write(path: Path, source: str) -> None:
         compiled.unlink()
 
 
-def _outcome(copy: Path, tests: Sequence[str], limits: Limits) -> tuple[str, str]:
+def _outcome(copy: Path, stage: Stage, limits: Limits) -> tuple[str, str]:
     """Return what the tests say of a copy, and the test that failed or how far they came."""
     output = copy / "output.txt"
     with output.open("wb") as stream:
-        command = [sys.executable, "-c", START, *PYTEST, *PROPERTIES, *tests]
+        command = [sys.executable, "-c", START, *PYTEST, *PROPERTIES, *stage.words()]
         settings: dict[str, Any] = {"cwd": copy, "env": _variables(copy), "start_new_session": True}
         process = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT, **settings)
-        stopped = _stopped(process, output, limits)
+        longest = Limits(limits.test_s * (SLOWER if stage.chosen == "slow" else 1.0), limits.all_s)
+        stopped = _stopped(process, output, longest)
     if stopped:
         return stopped
     lines = output.read_text(encoding="utf-8", errors="replace").split("\n")
     if process.returncode in PASSED:
-        return "survived", "all passed"
+        return "survived", f"all {stage.chosen} passed"
     failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
     return "killed", (failed or [line for line in lines if line] or ["no output"])[0]
 

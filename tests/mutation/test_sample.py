@@ -69,9 +69,15 @@ def test_tests_of_the_folder_come_first_and_the_nearest_first(monkeypatch: pytes
     }
     write(tmp_path, files)
     monkeypatch.setattr(sample, "ROOT", tmp_path)
-    own, others = sample.tests_of("opir_core/flight/arc.py", imports_of(tmp_path, files))
-    assert own == ["tests/core/flight/test_arc.py", "tests/core/flight/test_aiming.py"]
-    assert others == ["tests/core/scene/test_near.py", "tests/core/scene/test_a_far.py"]
+    stages = sample.stages_of("opir_core/flight/arc.py", imports_of(tmp_path, files), ["test_x.py::test_y"])
+    own = ["tests/core/flight/test_arc.py", "tests/core/flight/test_aiming.py"]
+    others = ["tests/core/scene/test_near.py", "tests/core/scene/test_a_far.py"]
+    left_out = "--deselect=test_x.py::test_y"
+    assert [stage.words() for stage in stages] == [
+        ["-m", "not slow", left_out, *own],
+        ["-m", "not slow", left_out, *others],
+        ["-m", "slow", left_out, *own],
+    ]
 
 
 def test_imports_are_counted_through_helpers_plugins_and_names_in_strings(tmp_path: Path) -> None:
@@ -101,7 +107,7 @@ def write(folder: Path, files: dict[str, str]) -> None:
 @pytest.mark.parametrize(
     ("source", "limits_s", "outcome", "told"),
     [
-        ("def test_a(): pass", (60, 90), "survived", "all passed"),
+        ("def test_a(): pass", (60, 90), "survived", "all not slow passed"),
         ("def test_a(): assert False", (60, 90), "killed", "FAILED test_a.py::test_a"),
         ("import nothing_of_this_name", (60, 90), "killed", "ERROR test_a.py"),
         ("import time\ndef test_a(): time.sleep(90)", (5, 90), "hang", "no test ended in 5 s"),
@@ -112,8 +118,16 @@ def test_what_tests_say_of_a_mutant(
     tmp_path: Path, source: str, limits_s: tuple[float, float], outcome: str, told: str
 ) -> None:
     settings = "from hypothesis import settings\nsettings.register_profile('unshrunk', max_examples=1)\n"
-    write(tmp_path, {"test_a.py": source, "conftest.py": settings, "plugins/opir_x/x.py": "", "pytest.ini": "[pytest]"})
-    said, by = sample._outcome(tmp_path, ["test_a.py"], sample.Limits(*limits_s))
+    write(
+        tmp_path,
+        {
+            "test_a.py": source,
+            "conftest.py": settings,
+            "plugins/opir_x/x.py": "",
+            "pytest.ini": "[pytest]\nmarkers = slow",
+        },
+    )
+    said, by = sample._outcome(tmp_path, sample.Stage(["test_a.py"], "not slow"), sample.Limits(*limits_s))
     assert said == outcome
     assert by.startswith(told)
 
