@@ -131,8 +131,8 @@ PARTS = (
         " difference with registration error and drift, in closed form ([how](focal-plane.md),"
         " [checked on images](../benchmarks/focal_plane.md)). Others:"
         " `clutter_residual`, a fixed share of the radiance",
-        "correlation from look to look; foreshortening towards the limb; non-Gaussian tails; motion of clouds;"
-        " structure by place and season",
+        "correlation between the looks at a target; foreshortening towards the limb; non-Gaussian tails; motion of"
+        " clouds; structure by place and season",
         "Correlation: [how many looks count](focal-plane.md#from-look-to-look). Tails: false alarms of real clutter are"
         " more frequent and come in groups",
     ),

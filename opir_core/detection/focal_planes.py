@@ -68,12 +68,17 @@ class ClutterTable:
 class FocalPlaneTerms:
     """What a focal plane comes to, by band.
 
+    `filters` are the transfers of spot, pixel and spatial filter, `frames` is the temporal filter, all in pixels, which
+    are `pixel_rad` wide.
     `photon_gain` is the factor on the variance of background photons, `clutter_gain` that on the amplitude of clutter
     in a pixel; `clutter` (B, structures) are tables; `well_w_m2` the irradiance in a pixel that fills its well, of
     which a source puts `peak_share` into one pixel. A centroid in noise alone is off by `centroid_rad` over the SNR,
     one electron by `spot_rad`; `electron_w_m2` is the irradiance of one electron.
     """
 
+    pixel_rad: float
+    filters: tuple[SpatialTransfer, ...]
+    frames: FrameDifference | None
     nei_w_m2: tuple[float, ...]
     collection_m2_s: float
     photon_gain: FloatArray
@@ -93,6 +98,11 @@ class FocalPlaneTerms:
             for band, tables in enumerate(self.clutter):
                 clutter[band, rows] *= tables[number].amplitude(range_m[rows])
         return clutter
+
+    def clutter_correlation(self, structure: Structure, range_m: float, interval_s: FloatArray) -> FloatArray:
+        """Return the correlations (B, k) of clutter in one cell in scans that are intervals (k,), s, apart."""
+        scale = structure.scale_m / (range_m * self.pixel_rad)
+        return np.array([one.correlation(scale, structure.exponent, interval_s, self.frames) for one in self.filters])
 
     def most_w_m2(self, behind_w_m2: FloatArray | float) -> FloatArray:
         """Return the irradiances (B, n) of targets that fill a well, before a background in a pixel (B, n)."""
@@ -159,6 +169,9 @@ def _terms(
     nei = computed if plane.nei == "computed" else np.array(radiometer.nei_w_m2)
     transfers = [SpatialTransfer.of(weights, one / pixel) for weights, one in spots]
     return FocalPlaneTerms(
+        pixel_rad=pixel,
+        filters=tuple(transfers),
+        frames=frames,
         nei_w_m2=tuple((nei * loss).tolist()),
         collection_m2_s=math.pi / 4.0 * plane.aperture_m**2 * _efficiency(plane) * time_s,
         photon_gain=frame_noise * np.square(loss / passed),

@@ -22,6 +22,7 @@ from opir_core.detection.receivers import (
     receivers_of,
 )
 from opir_core.detection.rejection_sampling import accepted_draws
+from opir_core.detection.scan_correlation import scan_correlation
 from opir_core.geometry.vectors import components, length
 from opir_core.interfaces.contexts import ModelContext
 from opir_core.interfaces.optional import Response
@@ -245,7 +246,7 @@ def snr_detection(config: SnrConfig, context: ModelContext) -> SnrDetection:
     of_kind = {kind: noise_chance(receiver) for kind, receiver in one_of_kind.items()}
     chances = np.exp(np.array([of_kind[receiver.kind] for receiver in receivers]))
     floor_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors])
-    confirmed, again = _confirmed(context.sensors, chances)
+    confirmed, again = _confirmed(context.sensors, receivers, environment, chances)
     return SnrDetection(
         environment=environment,
         receivers=tuple(receivers),
@@ -269,23 +270,25 @@ def resolution_cells(half_angle_rad: FloatArray, ifov_rad: FloatArray) -> FloatA
     return cells
 
 
-def _confirmed(sensors: Sequence[Sensor], chances: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _confirmed(
+    sensors: Sequence[Sensor], receivers: Sequence[Receiver], environment: RadiometricEnvironment, chances: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the probabilities (sensors,) that a false alarm is confirmed, and that it is followed by another.
 
-    Confirmation gates are those at the range straight down.
+    Confirmation gates and the correlation of clutter are those at the range straight down.
     """
     confirmed, again = np.ones(len(sensors)), np.empty(len(sensors))
-    for number, (sensor, chance) in enumerate(zip(sensors, chances.tolist(), strict=True)):
-        radiometer = sensor.radiometer
-        assert radiometer is not None
+    for number, (sensor, receiver) in enumerate(zip(sensors, receivers, strict=True)):
+        radiometer, chance = receiver.radiometer, float(chances[number])
         needed, scans = radiometer.confirmation
         height_m = float(heights_m(sensor.orbit.position_ecef_m(np.zeros(1)))[0])
         period_s, speed_m_s = sensor.scan.period_ns * 1e-9, radiometer.confirmation_speed_m_s
-        back = np.arange(1, max(scans, 2))
+        back = np.arange(1.0, max(scans, 2))
         radius = gate_radius_cells(back, period_s, radiometer.ifov_rad, height_m, speed_m_s)
-        again[number] = false_confirmation_probability(chance, 2, radius)
+        correlation = scan_correlation(sensor, receiver, environment, period_s * back)
+        again[number] = false_confirmation_probability(chance, 2, radius, correlation)
         if needed > 1:
-            confirmed[number] = false_confirmation_probability(chance, needed, radius)
+            confirmed[number] = false_confirmation_probability(chance, needed, radius, correlation)
     return confirmed, again
 
 

@@ -126,7 +126,7 @@ class SpatialTransfer:
         """Return the correlations (…) of what is left at one target in looks that are intervals (…), s, apart.
 
         `motion_per_s` is the target's motion over the scene, pixels per s, in an unknown direction. Without frames the
-        sensor neither drifts nor jitters: structure changes only by the target's motion.
+        sensor neither drifts nor jitters: structure changes only by the target's motion. 0 where nothing is left.
         """
         time = np.asarray(interval_s, dtype=np.float64)
         moved = j0(motion_per_s * np.abs(time)[..., None] * self.wavenumber)
@@ -137,7 +137,8 @@ class SpatialTransfer:
             early, late = self._frame(frames, time - frames.lag_s), self._frame(frames, time + frames.lag_s)
             common = self.weight * moved * (both - early - late)
         field = structure_spectrum(self.wavenumber, scale, exponent)
-        return np.asarray((field * common).sum(axis=-1) / self.variance(scale, exponent, frames))
+        left = max(float(self.variance(scale, exponent, frames)), np.finfo(np.float64).tiny)
+        return np.asarray((field * common).sum(axis=-1) / left)
 
     def _frame(self, frames: FrameDifference, time_s: FloatArray) -> FloatArray:
         """Return the transfer (…, q) of the displacement of two frames some time apart; 1 of a frame with itself."""

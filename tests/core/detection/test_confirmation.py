@@ -2,10 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.spatial import cKDTree
-from scipy.stats import binom
+from scipy.stats import binom, norm
 
-from opir_core.detection.confirmation import false_confirmation_probability, gate_radius_cells
+from opir_core.detection.confirmation import (
+    false_confirmation_probability,
+    gate_radius_cells,
+    repeated_crossing_probability,
+)
 
 
 def drawn_share(chance: float, needed: int, radius: np.ndarray, seed: int) -> tuple[int, int]:
@@ -44,3 +49,42 @@ def test_small_chances_are_not_lost() -> None:
     # Three detections in three scans: both gates must be hit.
     exact = (1e-12 * np.pi * 4.0) * (1e-12 * np.pi * 9.0)
     assert false_confirmation_probability(1e-12, 3, radius) == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("chance", [0.1, 1e-3, 2.867e-7, 1e-12])
+@pytest.mark.parametrize("correlation", [-0.1, 0.05, 0.3, 0.8, 0.99])
+def test_a_crossing_repeats_as_the_integral_over_the_first_says(chance: float, correlation: float) -> None:
+    limit, spread = norm.isf(chance), np.sqrt(1.0 - correlation**2)
+
+    def both(first: float) -> float:
+        return float(norm.pdf(first) * norm.sf((limit - correlation * first) / spread))
+
+    expected = quad(both, limit, limit + 12.0, epsabs=0.0, epsrel=1e-10, limit=500)[0] / chance
+    assert float(repeated_crossing_probability(chance, correlation)) == pytest.approx(expected, rel=1e-8)
+
+
+def test_noise_without_correlation_forgets_and_noise_that_stays_crosses_again() -> None:
+    assert repeated_crossing_probability(1e-6, [0.0, 1.0]).tolist() == pytest.approx([1e-6, 1.0], rel=1e-12)
+    assert float(repeated_crossing_probability(1e-6, -0.5)) < 1e-12
+    assert float(repeated_crossing_probability(0.0, 0.5)) == 0.0
+    radius = np.array([1.5, 2.5])
+    assert false_confirmation_probability(1e-5, 3, radius, 1.0) == pytest.approx(1.0)
+    alone = false_confirmation_probability(1e-5, 2, radius)
+    assert false_confirmation_probability(1e-5, 2, radius, [0.0, 0.0]) == alone
+    assert false_confirmation_probability(1e-5, 2, radius, 0.2) > 3.0 * alone
+
+
+def test_confirmations_of_correlated_noise_are_those_of_series_of_cells() -> None:
+    """A chain of looks at one cell, whose neighbours cross independently; 4 standard deviations."""
+    rng, chance, rho, radius, looks = np.random.default_rng(8), 0.02, 0.6, np.array([1.2, 1.4]), 400_000
+    limit, before = norm.isf(chance), np.empty((2, looks))
+    now = rng.normal(size=looks)
+    for scan in range(2):
+        before[scan] = rho ** (scan + 1) * now + np.sqrt(1.0 - rho ** (2 * scan + 2)) * rng.normal(size=looks)
+    near = rng.random((2, looks)) < -np.expm1(-chance * (np.pi * radius**2 - 1.0))[:, None]
+    crossed = now > limit
+    confirmed = ((before > limit) | near).any(axis=0)[crossed]
+    expected = false_confirmation_probability(chance, 2, radius, rho ** np.array([1.0, 2.0]))
+    # A cell of a gate is its area's worth of a Poisson field: exp(-P_fa) for 1 - P_fa.
+    allowed = 4.0 * np.sqrt(expected * (1.0 - expected) / crossed.sum()) + chance**2
+    assert confirmed.mean() == pytest.approx(expected, abs=allowed)

@@ -163,6 +163,21 @@ def test_reference_cells_divide_the_signal_over_noise_by_the_loss() -> None:
     assert known.detection.rate_per_scan.tolist() == estimated.detection.rate_per_scan.tolist()
 
 
+def test_clutter_that_stays_is_confirmed_over_scans() -> None:
+    """Registration errors are new in every frame; what drift leaves is there again in the next scan."""
+    confirmed = {}
+    for name, plane in {
+        "none": None,
+        "registration": {"registration_urad": 1.0, "drift_urad_s": 0.0},
+        "drift": {"registration_urad": 0.0, "drift_urad_s": 1.0},
+    }.items():
+        sensor = {**SBIRS, "focal_plane": plane, "confirmation_detections": 2, "confirmation_scans": 3}
+        plan = opir.compile_plan(scene([sensor], "I", **SKIES["cloud by day"]))
+        confirmed[name] = float(plan.detection.rate_per_scan[0] / plan.detection.noise_chance[0])
+    assert confirmed["registration"] == pytest.approx(confirmed["none"], rel=0.05)
+    assert confirmed["drift"] > 1e4 * confirmed["none"]
+
+
 def test_worst_phase_and_given_noise() -> None:
     mean, worst, given = (
         opir.compile_plan(scene([with_plane(SBIRS, plane)], "I")).detection.receivers[0]
