@@ -113,7 +113,7 @@ def _noise(plan: Plan) -> list[Mapping[str, Any]]:
         return []
     both = zip(plan.sensors, plan.detection.rate_per_scan.tolist(), strict=True)
     return [
-        {"sensor_id": sensor.id, "per_scan": rate, "per_hour": rate * 3600e9 / sensor.scan.period_ns}
+        {"sensor_id": sensor.id, "per_scan": rate, "per_day": rate * 86_400e9 / sensor.scan.period_ns}
         for sensor, rate in both
     ]
 
