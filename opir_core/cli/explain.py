@@ -10,6 +10,7 @@ from opir_core.cli.scene_arguments import add_scene_arguments, plan_of, scene_of
 from opir_core.cli.terminal import grouped, table
 from opir_core.planning.plan import Plan
 from opir_core.plugin.host import Host
+from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.explanation import explained
 
 
@@ -66,6 +67,12 @@ def _as_text(plan: Mapping[str, Any]) -> str:
     if plan["focal_planes"]:
         columns = ("sensor", "band", "NEI W/m2", "noise over NEI", "in one pixel", "saturation W/m2")
         parts.append(table(columns, [_focal_plane_cells(row) for row in plan["focal_planes"]], numbers=(2, 3, 4, 5)))
+    if any(row["mean_s"] for row in plan["reporting"]):
+        parts.append(
+            table(("sensor", "reports after s", "σ s", "stages"), list(map(_reporting_cells, plan["reporting"])))
+        )
+    if plan["tracking"]["order"] == BY_REPORT:
+        parts.append(f"tracking in the order of report, {plan['tracking']['lag_s']:.3f} s after the ticks")
     parts.append("\n".join(f"not computed: {line}" for line in plan["not_computed"]))
     return "\n\n".join([*parts, *(f"warning: {line}" for line in plan["warnings"])])
 
@@ -102,6 +109,16 @@ def _compass(azimuth_deg: float) -> str:
     """Return the nearest of eight points of the compass."""
     points = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
     return points[round(azimuth_deg / 45.0) % len(points)]
+
+
+def _reporting_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    stages = (f"{stage['name']} {_spread(stage)}" for stage in row["stages"] if stage["mean_s"])
+    return row["sensor_id"], f"{row['mean_s']:g}", f"{row['sigma_s']:.3g}", ", ".join(stages) or "-"
+
+
+def _spread(stage: Mapping[str, Any]) -> str:
+    """Return `35 ± 8.66`, or `35` for a constant latency."""
+    return f"{stage['mean_s']:g} ± {stage['sigma_s']:.3g}" if stage["sigma_s"] else f"{stage['mean_s']:g}"
 
 
 def _pair_cells(row: Mapping[str, Any]) -> tuple[str, ...]:

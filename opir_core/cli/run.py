@@ -142,6 +142,7 @@ def as_json(outcome: RunOutcome, files: Mapping[str, Path]) -> str:
 def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str:
     """Return the summary as tables."""
     counts, targets = outcome.summary["counts"], outcome.summary["targets"]
+    is_delayed = any(row["reporting_mean_s"] for row in outcome.summary["sensors"])
     head = (
         f"{scene.name}: {grouped(counts['detections'])} detections in {grouped(counts['looks'])} looks, "
         f"{scene.duration_s:g} s, seed {scene.seed}"
@@ -149,7 +150,7 @@ def as_text(scene: Scene, outcome: RunOutcome, files: Mapping[str, Path]) -> str
     parts = [
         head,
         table(_SENSOR_HEAD, [_sensor_cells(row) for row in outcome.summary["sensors"]], numbers=(2, 3, 4)),
-        _listed(_TARGET_HEAD, [_target_cells(row) for row in targets], numbers=(2, 3, 5, 6)),
+        _target_table(targets, is_delayed=is_delayed),
         _listed(_TRACK_HEAD, [_track_cells(row) for row in outcome.summary["tracks"]], numbers=(0, 2, 3)),
         "\n".join([*_delivered(scene, outcome), *(f"{path}: {what}" for what, path in files.items())]),
     ]
@@ -184,6 +185,18 @@ def _target_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         str(row["sensors"]),
         row["reported_type"] if is_detected else "-",
     )
+
+
+def _target_table(targets: Sequence[Mapping[str, Any]], *, is_delayed: bool) -> str:
+    """Return the table of targets, with the latency up to the first report if some sensor's reports are late."""
+    head, cells = list(_TARGET_HEAD), [list(_target_cells(row)) for row in targets]
+    if not is_delayed:
+        return _listed(head, cells, numbers=(2, 3, 5, 6))
+    head.insert(4, "end to end s")
+    for row, each in zip(targets, cells, strict=True):
+        latency_s = row["end_to_end_latency_s"]
+        each.insert(4, "-" if latency_s is None else f"{latency_s:.3f}")
+    return _listed(head, cells, numbers=(2, 3, 4, 6, 7))
 
 
 def _track_cells(row: Mapping[str, Any]) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
+from operator import is_
 from typing import Any, ClassVar, Generic, Self, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -26,7 +27,10 @@ _kinds_of: Callable[[Any], tuple[Any, ...]] = cache(_kinds)
 
 
 class Columns:
-    """A record of columns; the first attribute gives its length, and any may be None."""
+    """A record of columns; the first attribute gives its length, and any may be None.
+
+    A column that is the array of the first one stays so: `take` and `concatenate` copy it once.
+    """
 
     #: The shape of a row in the columns that have more than one number a row.
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {}
@@ -37,10 +41,18 @@ class Columns:
     def take(self, rows: Any) -> Self:
         """Return some of the rows, by an index array, a mask or a slice."""
         columns = [getattr(self, name) for name in names_of(type(self))]
+        first = columns[0]
         if isinstance(rows, np.ndarray) and rows.dtype != np.bool_:
             # For columns of vectors `take` is several times as fast as an index.
-            return type(self)(*[None if column is None else column.take(rows, axis=0) for column in columns])
-        return type(self)(*[None if column is None else column[rows] for column in columns])
+            of_first = None if first is None else first.take(rows, axis=0)
+            taken = [
+                of_first if column is first else None if column is None else column.take(rows, axis=0)
+                for column in columns
+            ]
+        else:
+            of_first = None if first is None else first[rows]
+            taken = [of_first if column is first else None if column is None else column[rows] for column in columns]
+        return type(self)(*taken)
 
     def part(self, rows: Any) -> Self:
         """Return some of the rows, by distinct sorted indices; the record itself if these are all rows."""
@@ -65,7 +77,15 @@ class Columns:
             return cls.empty()
         # Empty pieces may have columns of another width.
         pieces = [piece for piece in pieces if len(piece)] or pieces[:1]
-        return cls(*(np.concatenate([getattr(piece, name) for piece in pieces]) for name in names_of(cls)))
+        columns = [[getattr(piece, name) for piece in pieces] for name in names_of(cls)]
+        first = columns[0]
+        of_first = np.concatenate(first)
+        return cls(
+            *[
+                of_first if column[0] is first[0] and all(map(is_, column, first)) else np.concatenate(column)
+                for column in columns
+            ]
+        )
 
     @classmethod
     def empty(cls) -> Self:

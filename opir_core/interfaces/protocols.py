@@ -87,6 +87,18 @@ class ScanPattern(Protocol):
         """
 
 
+@frozen
+class ReportingStage:
+    """A stage between a look and its report: the mean and the standard deviation of its latency, s.
+
+    The latency is constant where `sigma_s` is 0, else gamma distributed.
+    """
+
+    name: str
+    mean_s: float
+    sigma_s: float = 0.0
+
+
 @frozen(eq=False, kw_only=True)
 class Sensor:
     """A sensor, built by a sensor model from a scene's block.
@@ -102,6 +114,7 @@ class Sensor:
     `line_of_sight_sigma_rad` is the standard deviation of single lines of sight, per axis,
     `line_of_sight_bias_sigma_rad` that of the bias, per axis, which is constant during a run
     (`opir_core.planning.sensor_states`). A sensor that `follows_bodies` observes targets after burnout, up to impact.
+    The report of a scan follows its looks by the sum of the latencies of `reporting`; without stages, at once.
     """
 
     id: str
@@ -121,6 +134,7 @@ class Sensor:
     follows_bodies: bool = False
     solar_exclusion_rad: float = 0.0
     radiometer: Radiometer | None = None
+    reporting: tuple[ReportingStage, ...] = ()
     settings: Mapping[str, Any] = field(factory=dict)
 
 

@@ -75,15 +75,16 @@ class ClassifierInputs(Columns):
 
 @frozen(eq=False)
 class Detections(Columns):
-    """Reports of sensors; one row per detection, sorted by time, then sensor, then look. They contain no truth.
+    """Reports of sensors; one row per detection, sorted by report, then time, sensor and look. They contain no truth.
 
-    `time_ns` is the scene time of the look, exact; `sensor` an index into the run's sensors; `scan` counts the sensor's
-    scans from the scene's epoch; `detection_id` (n, 2) holds the two 64-bit halves of a UUID; `reported_type` is a code
-    into `REPORTED_TYPES`; `bands` a bit mask over the sensor's bands; `detection_count` the number of detections of
-    this object by this sensor so far; `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object;
+    `time_ns` is the scene time of the look, `reported_ns` that of its report, both exact; they are the same array if no
+    sensor has a reporting latency. `sensor` is an index into the run's sensors; `scan` counts the sensor's scans from
+    the scene's epoch; `detection_id` (n, 2) holds the two 64-bit halves of a UUID; `reported_type` is a code into
+    `REPORTED_TYPES`; `bands` a bit mask over the sensor's bands; `detection_count` the number of detections of this
+    object by this sensor so far; `line_of_sight_ecef` (n, 3) the measured unit vector from sensor to object;
     `sensor_ecef_m` (n, 3) the sensor's position; `snr` is nan if the model has none; `track` is the track's number or
     -1; `estimate` the row of the window's `estimates` that holds the track's state at the last tick before the
-    detection, or -1.
+    detection, or -1. If the scene tracks in the order of report, it is the last tick available before the report.
 
     `line_of_sight_sigma_rad` (n,) is the standard deviation of this line of sight along each axis across it, without
     the bias common to all lines of sight of a sensor. `band_irradiance_w_m2` (n, B) is measured at the aperture, nan
@@ -120,6 +121,12 @@ class Detections(Columns):
     type_log_probability: FloatArray = field(
         default=Factory(lambda rows: np.empty((len(rows.time_ns), 0)), takes_self=True)
     )
+    reported_ns: IntArray = field(default=Factory(lambda rows: rows.time_ns, takes_self=True))
+
+    @property
+    def is_delayed(self) -> bool:
+        """Whether there are detections, and a column of its own has the times of their reports."""
+        return self.reported_ns is not self.time_ns and len(self.time_ns) > 0
 
     @property
     def type_probability(self) -> FloatArray:
@@ -181,13 +188,14 @@ TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 class Tracks(Columns):
     """Estimates of a tracker, one row per track and tick, sorted by tick, then track.
 
-    Unknown quantities are nan. `launch` and `impact` (n, 3) are latitude_rad, longitude_rad and time_s;
-    `launch_covariance` and `impact_covariance` (n, 3, 3) are over east, north (m) and time (s); `state` (n, 6) is ECEF
-    position and velocity at the tick, `state_covariance` (n, 6, 6) its covariance; `burnout` (n, 7) is ECEF position
-    and velocity at the end of the burn and its time_s, with `burnout_covariance` (n, 7, 7); `type_probability` (n, 4)
-    is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the ellipses that contain the impact with the
-    probabilities `TRACK_CONTAINMENTS`, in standard deviations of its covariance, and `state_sigmas` (n, 3) those of the
-    ellipsoids that contain the state; nan for those of a normal distribution.
+    `tick_s` is the time for which an estimate is valid, `available_s` the time at which it became available: the same
+    unless reports are late. Unknown quantities are nan. `launch` and `impact` (n, 3) are latitude_rad, longitude_rad
+    and time_s; `launch_covariance` and `impact_covariance` (n, 3, 3) are over east, north (m) and time (s); `state`
+    (n, 6) is ECEF position and velocity at the tick, `state_covariance` (n, 6, 6) its covariance; `burnout` (n, 7) is
+    ECEF position and velocity at the end of the burn and its time_s, with `burnout_covariance` (n, 7, 7);
+    `type_probability` (n, 4) is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the ellipses that
+    contain the impact with the probabilities `TRACK_CONTAINMENTS`, in standard deviations of its covariance, and
+    `state_sigmas` (n, 3) those of the ellipsoids that contain the state; nan for those of a normal distribution.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
@@ -217,14 +225,15 @@ class Tracks(Columns):
     burnout_covariance: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 7, 7), takes_self=True))
     impact_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
     state_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
+    available_s: FloatArray = field(default=Factory(lambda rows: rows.tick_s, takes_self=True))
 
 
 @frozen(eq=False)
 class Window:
     """The results of a slice of scene time [start_s, end_s).
 
-    `truth` has the rows of `detections`; `tracks` are the rows of the ticks in the window; `estimates` those to which
-    `detections.estimate` refers.
+    `detections` are those reported in the window, `truth` has their rows; `tracks` are the rows of the ticks in the
+    window; `estimates` those to which `detections.estimate` refers.
     """
 
     start_s: float

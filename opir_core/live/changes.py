@@ -148,6 +148,8 @@ _FIXED = {
     "light_time": _RESTART,
     "forces": _RESTART,
     "tracker": f"{_RESTART}: tracks would be lost",
+    "tracking_order": f"{_RESTART}: tracks would be lost",
+    "tracking_lag_s": f"{_RESTART}: tracks would be lost",
     "sources": _RESTART,
 }
 

@@ -20,7 +20,7 @@ from opir_core.interfaces.records import Tracks, Window
 from opir_core.live.changes import PastError, plan_of_lap
 from opir_core.planning.plan import Plan
 from opir_core.plugin.host import Host
-from opir_core.scene.scene import Scene
+from opir_core.scene.scene import BY_REPORT, Scene
 from opir_core.simulation.engine import Engine
 
 #: Interval, s, after which another thread releases the interpreter to the run; Python's default is 5 ms.
@@ -94,12 +94,14 @@ class LapOffset:
         if not self.time_ns:
             return window
         detections, offset_s = window.detections, self.time_ns * 1e-9
+        time_ns = detections.time_ns + self.time_ns
+        reported_ns = detections.reported_ns + self.time_ns if detections.is_delayed else time_ns
         track: IntArray = np.where(detections.track >= 0, detections.track + self.tracks, detections.track)
         return evolve(
             window,
             start_s=window.start_s + offset_s,
             end_s=window.end_s + offset_s,
-            detections=evolve(detections, time_ns=detections.time_ns + self.time_ns, track=track).freeze(),
+            detections=evolve(detections, time_ns=time_ns, reported_ns=reported_ns, track=track).freeze(),
             tracks=self._tracks(window.tracks, offset_s),
             estimates=self._tracks(window.estimates, offset_s),
         )
@@ -108,6 +110,7 @@ class LapOffset:
         return evolve(
             tracks,
             tick_s=tracks.tick_s + offset_s,
+            available_s=tracks.available_s + offset_s,
             track=tracks.track + self.tracks,
             launch=_later(tracks.launch, offset_s),
             impact=_later(tracks.impact, offset_s),
@@ -136,12 +139,17 @@ class RunPosition:
         return self.engine.time_ns + self.offset.time_ns
 
 
+_NO_LOOP = "a looped scene cannot track in the order of report; set observation, or run the scene without --loop"
+
+
 class LapPlans:
     """Plans of the laps to come; the next is compiled in a thread of its own while one runs."""
 
     def __init__(self, base: Scene, host: Host, lap_ns: int) -> None:
         if lap_ns % 1000:
             raise SceneError([Problem("duration_s", "the duration of a looped scene must be whole microseconds")])
+        if base.tracking_order == BY_REPORT:
+            raise SceneError([Problem("tracking_order", _NO_LOOP)])
         self.lap_ns = lap_ns
         self._base = base
         self._host = host

@@ -31,6 +31,7 @@ from opir_core.plugin.host import Host
 from opir_core.scene.reading import scene_mapping
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
+from opir_core.simulation.report_order import ReportOrder, quiet_window
 
 #: Upper edges, s, of the histogram of lateness; a last bin has all later cycles.
 LATE_EDGES_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5)
@@ -38,7 +39,10 @@ LATE_EDGES_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.
 
 @frozen(eq=False)
 class LiveWindow:
-    """A window of a live run as written to sinks, with its cycle, lap and plan."""
+    """A window of a live run as written to sinks, with its cycle, lap and plan.
+
+    Targets in the truth of late reports are numbered as in the plan of their observation.
+    """
 
     window: Window
     cycle: int
@@ -106,7 +110,7 @@ class Counts:
         self.looks += window.looks
         self.detections += len(detections)
         self.detections_by_sensor += np.bincount(detections.sensor, minlength=len(self.last_ns))
-        self.last_ns[detections.sensor] = detections.time_ns
+        np.maximum.at(self.last_ns, detections.sensor, detections.time_ns)
 
     def ended(self, time_ns: int, late_s: float, allowed_s: float) -> None:
         """Count a cycle up to scene time `time_ns` and its lateness; over `allowed_s` it missed its deadline."""
@@ -155,6 +159,7 @@ class LiveRun:
         self.on_window = on_window
         #: Replaced as a whole, only by the run's thread, so that engine, lap and offset always belong together.
         self._position = RunPosition(Engine(compile_plan(scene, host)), 0, LapOffset())
+        self._reports = ReportOrder(self.plan)
         self._lap_plans = LapPlans(scene, host, self.plan.end_ns) if settings.loop else None
         self._pace = Pace(settings.speed, settings.cycle_ns)
         self._counts = Counts.of(len(scene.sensors))
@@ -324,29 +329,40 @@ class LiveRun:
     def _cycle(self) -> bool:
         """Run one cycle; return whether there is another."""
         self._apply_changes()
-        position = self._position
-        if position.engine.time_ns >= position.engine.plan.end_ns:
-            if self._lap_plans is None:
-                return False
-            lap = self._position.lap + 1
-            plan = self._lap_plans.plan(lap)
-            position = self._position = RunPosition(
-                Engine(plan), lap, LapOffset(lap * self._lap_plans.lap_ns, self._tracks)
-            )
-            self._launch_count += len(plan.targets.ids)
-            self._lap_plans.prepare(lap + 1)
-        engine, offset = position.engine, position.offset
-        edge_ns = min(engine.time_ns + self._pace.step_ns(position.time_ns), engine.plan.end_ns)
-        due_ns = edge_ns + offset.time_ns
+        if self._is_over and self._lap_plans is not None:
+            self._next_lap(self._lap_plans)
+        if self._is_over and self._counts.time_ns >= self._reports.end_ns:
+            return False
+        due_ns = self._due_ns()
         if not self._pace.wait(due_ns, self._stopping):
             return False
-        window = offset.shifted(engine.advance(edge_ns))
+        window = self._reports.take(self._observed(due_ns), due_ns)
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         self._write(window)
-        self.on_window(LiveWindow(window, self._counts.cycle, position.lap, engine.plan))
-        allowed_s = min(sensor.scan.period_ns for sensor in engine.plan.sensors) / _NS
+        self.on_window(LiveWindow(window, self._counts.cycle, self._position.lap, self.plan))
+        allowed_s = min(sensor.scan.period_ns for sensor in self.plan.sensors) / _NS
         self._counts.ended(due_ns, self._pace.late_ns(due_ns) / _NS, allowed_s)
         return True
+
+    @property
+    def _is_over(self) -> bool:
+        """Whether the engine has reached the end of its lap; reports may still be on their way."""
+        return self._position.engine.time_ns >= self.plan.end_ns
+
+    def _due_ns(self) -> int:
+        """Return the scene time, over all laps, at which the next cycle ends."""
+        position = self._position
+        if self._is_over:
+            return self._counts.time_ns + self._pace.step_ns(self._counts.time_ns)
+        edge_ns = min(position.engine.time_ns + self._pace.step_ns(position.time_ns), self.plan.end_ns)
+        return edge_ns + position.offset.time_ns
+
+    def _observed(self, due_ns: int) -> Window:
+        """Return the window of observations up to a scene time; after the scene's end there are none."""
+        position = self._position
+        if self._is_over:
+            return quiet_window(self._counts.time_ns, due_ns)
+        return position.offset.shifted(position.engine.advance(due_ns - position.offset.time_ns))
 
     def _write(self, window: Window) -> None:
         """Write a window to the sinks, first to those with a spool: no event is visible before it is safe from loss."""
@@ -359,6 +375,14 @@ class LiveRun:
             if not sink.is_spooled:
                 sink.write(window, self._stopping)
 
+    def _next_lap(self, lap_plans: LapPlans) -> None:
+        lap = self._position.lap + 1
+        plan = lap_plans.plan(lap)
+        self._position = RunPosition(Engine(plan), lap, LapOffset(lap * lap_plans.lap_ns, self._tracks))
+        self._launch_count += len(plan.targets.ids)
+        self._reports.use(plan)
+        lap_plans.prepare(lap + 1)
+
     def _apply_changes(self) -> None:
         """Apply the changes queued since the last window."""
         for change, answer in self._changes.pending():
@@ -368,6 +392,7 @@ class LiveRun:
                 answer.set_exception(past_error(self.time_ns))
                 continue
             change.engine.take_over(position.engine)
+            self._reports.use(change.engine.plan)
             self._position = evolve(position, engine=change.engine)
             if self._lap_plans is not None and change.base is not None:
                 self._lap_plans.prepare(position.lap + 1, change.base)

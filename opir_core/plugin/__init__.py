@@ -28,6 +28,7 @@ from opir_core.plugin.hookspecs import hookimpl
 from opir_core.scene.fields import FieldInfo, cited, flag, named, nested, number, text, with_defaults
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES, TARGET_TYPES
 from opir_core.scene.target_classes import Ballistic, BoostProfile, EquilibriumGlide, OrbitInsertion, Plume, TargetClass
+from opir_core.sensors.reporting import ReportingConfig, ReportingStageConfig
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 from opir_core.sensors.sensor_components import (
     geostationary_fleet,
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
         Measured,
         Orbit,
         RandomDraws,
+        ReportingStage,
         ScanPattern,
         Sensor,
         Sink,
@@ -103,7 +105,7 @@ _HOMES = {
         ),
         "interfaces.protocols": (
             "Band Classifier Confidence Delivery DetectionProbability Encoder Measured Orbit RandomDraws "
-            "ScanPattern Sensor Sink Tracker Trajectories Transport"
+            "ReportingStage ScanPattern Sensor Sink Tracker Trajectories Transport"
         ),
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
         "interfaces.optional": (
@@ -124,8 +126,9 @@ __all__ = [  # noqa: RUF022
     "DetectionProbability", "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide",
     "EventEncoder", "Exposures", "FalseAlarmModel", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
     "Host", "Measured", "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion", "PartialEncoder",
-    "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker", "Response",
-    "ScanPattern", "ScanningSensorConfig", "Sensor", "SensorContext", "SensorModel", "SignalModel",
+    "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
+    "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
+    "Sensor", "SensorContext", "SensorModel", "SignalModel",
     "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
     "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "Tracker",
     "TrackerContext", "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views", "Window",

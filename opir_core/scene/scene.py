@@ -117,12 +117,17 @@ class SceneForces:
         return (*self.zonal, *(() if self.drag is None else ("drag",))) or ("kepler",)
 
 
+#: The orders in which the tracker gets detections.
+BY_OBSERVATION, BY_REPORT = "observation", "report"
+
+
 @frozen
 class Scene:
     """A whole scene.
 
     `epoch_us` is the start of scene time, in microseconds of UTC since 1970-01-01 (no leap seconds). `light_time` is
-    whether light travels at finite speed.
+    whether light travels at finite speed. In the `tracking_order` of report the tracker is stepped `tracking_lag_s`
+    after its ticks, None for the time within which nearly all reports come.
     """
 
     name: str
@@ -141,6 +146,8 @@ class Scene:
     outputs: tuple[Choice, ...] = ()
     light_time: bool = True
     forces: SceneForces = SceneForces()
+    tracking_order: str = BY_OBSERVATION
+    tracking_lag_s: float | None = None
 
     @property
     def choices(self) -> tuple[Choice, ...]:

@@ -24,8 +24,8 @@ class Coverage:
     """One row per detected launch.
 
     `share` is the fraction of ticks with a track, from the first detection to burnout; `first_track_s` the time from
-    the first detection to the first track, s; `tracks` the number of tracks, more than one where a track was lost or
-    duplicated.
+    the first detection to the first available estimate of a track, s; `tracks` the number of tracks, more than one
+    where a track was lost or duplicated.
     """
 
     share: FloatArray
@@ -50,6 +50,8 @@ def ticks_s(evidence: RunEvidence) -> FloatArray:
 def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
     """Return the coverage of a run's launches."""
     ticks, owner = ticks_s(evidence), owners.target[np.searchsorted(owners.track, evidence.tracks.track)]
+    # Files of other trackers may not say when estimates became available: as soon as they are valid.
+    available_s = np.fmax(evidence.tracks.available_s, evidence.tracks.tick_s)
     shares, firsts, counts = [], [], []
     for target in range(len(evidence.plan.scene.targets)):
         detected_s = evidence.time_s[evidence.target == target]
@@ -58,7 +60,7 @@ def coverage(evidence: RunEvidence, owners: Ownership) -> Coverage:
         times = np.unique(evidence.tracks.tick_s[owner == target])
         expected = ticks[(ticks >= detected_s[0]) & (ticks <= evidence.plan.targets.burnout_s[target])]
         shares.append(float(np.isin(expected, times).mean()) if len(expected) else np.nan)
-        firsts.append(float(times[0] - detected_s[0]) if len(times) else np.nan)
+        firsts.append(float(available_s[owner == target].min() - detected_s[0]) if len(times) else np.nan)
         counts.append(np.count_nonzero(owners.target == target))
     return Coverage(np.array(shares), np.array(firsts), np.array(counts, dtype=np.int64))
 

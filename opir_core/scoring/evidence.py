@@ -63,7 +63,8 @@ class RunEvidence:
 
 def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvidence:
     """Return the evidence of a run in memory with the plan of its scene."""
-    detections = run.detections
+    order = np.argsort(run.detections.time_ns, kind="stable") if run.detections.is_delayed else slice(None)
+    detections = run.detections.take(order)
     owner, sigma_rad = final_tracks(run.tracks, detections.track), detections.line_of_sight_sigma_rad
     return RunEvidence(
         plan=plan,
@@ -72,7 +73,7 @@ def evidence_of_run(run: Run, plan: Plan, tracking_s: float = np.nan) -> RunEvid
         sensor=detections.sensor,
         sigma_rad=sigma_rad,
         track=owner,
-        target=run.truth.target,
+        target=run.truth.target[order],
         direction_ecef=detections.line_of_sight_ecef,
         sensor_ecef_m=detections.sensor_ecef_m,
         tracking_s=tracking_s,

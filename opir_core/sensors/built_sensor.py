@@ -8,8 +8,9 @@ from attrs import asdict, fields_dict
 
 from opir_core.detection.threshold import threshold_sigma
 from opir_core.interfaces.contexts import SensorContext
-from opir_core.interfaces.protocols import Band, Orbit, Radiometer, ScanPattern, Sensor
+from opir_core.interfaces.protocols import Band, Orbit, Radiometer, ReportingStage, ScanPattern, Sensor
 from opir_core.orbits.orbit_models import GeostationaryOrbit, orbit_of
+from opir_core.sensors.reporting import ReportingConfig
 from opir_core.sensors.scan_patterns import scan_pattern
 from opir_core.sensors.scanning_sensor import ScanningSensorConfig
 
@@ -39,8 +40,17 @@ def built_sensor(config: ScanningSensorConfig, context: SensorContext, type_: st
         false_alarm_susceptibility=config.false_alarm_susceptibility,
         spectral_discrimination=config.spectral_discrimination,
         follows_bodies=config.follows_bodies,
+        reporting=_reporting(config.reporting),
         settings={**asdict(config), **completed},
     )
+
+
+def _reporting(config: ReportingConfig) -> tuple[ReportingStage, ...]:
+    """Return the stages of reporting, in order; none without latency."""
+    stages = {name: getattr(config, name) for name in fields_dict(type(config))}
+    if not any(stage.mean_s for stage in stages.values()):
+        return ()
+    return tuple(ReportingStage(name, stage.mean_s, stage.sigma_s) for name, stage in stages.items())
 
 
 def _slot_deg(config: ScanningSensorConfig) -> float | None:

@@ -16,6 +16,7 @@ from opir_core.sensors.radiometer import (
     focal_plane_complaint,
     strange_band_complaint,
 )
+from opir_core.sensors.reporting import PRESETS, ReportingConfig
 
 SCAN_PATTERNS = ("spin", "step-stare", "staring")
 SCAN_PHASES = ("aligned", "random", "swept")
@@ -138,6 +139,12 @@ class ScanningSensorConfig(RadiometerConfig):
         maximum=1e5,
         source="0: no bias, as in the opir-simulator paper (2026)",
         help="standard deviation, per axis, of the constant error of all a sensor's directions, drawn once a run",
+    )
+    reporting: ReportingConfig = nested(
+        default=ReportingConfig(),
+        source="none: event time, as in the opir-simulator paper (2026)",
+        help="latency between a look and its report, by stage",
+        named_values=PRESETS,
     )
     false_alarm_susceptibility: str = text(
         default="moderate", choices=SUSCEPTIBILITIES, help="how readily clutter is taken for a target"

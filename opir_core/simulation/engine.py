@@ -13,21 +13,23 @@ from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.columns import Filling
 from opir_core.interfaces.optional import ConfirmingModel, FalseAlarmModel, SignalModel
-from opir_core.interfaces.protocols import Measured, Tracker
+from opir_core.interfaces.protocols import Measured
 from opir_core.interfaces.records import Detections, DetectionTruth, Window
 from opir_core.planning.looks import LookGeometry, Looks, blocks, look_times_ns
-from opir_core.planning.plan import Plan, check_hint, owner_text
+from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Pairs
 from opir_core.random_streams.detection_ids import stream_key_words
 from opir_core.random_streams.pair_streams import PairStreams, WindowNumbers
 from opir_core.random_streams.philox import uniforms_of
+from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.confirmation import Confirmation
 from opir_core.simulation.measurement import DetectionBuilder, Hits, with_tracks
-from opir_core.simulation.tracker_clock import CheckedTracker, ScheduledTracker
+from opir_core.simulation.tracker_clock import ScheduledTracker, checked_tracker
 
 if TYPE_CHECKING:
     from opir_core.simulation.false_alarms import FalseAlarmGenerator, FalseAlarms
     from opir_core.simulation.interpolation import ProbabilityInterpolant, WindowInterpolant
+    from opir_core.simulation.reporting import ReportingDelays
 
 #: numpy sorts whole numbers of 16 bits by radix, several times faster than longer ones.
 _RADIX_LIMIT = 1 << 16
@@ -59,6 +61,7 @@ class Engine:
         self._confirmation = _confirmation(plan)
         self._interpolant = _interpolant(plan, self._geometry)
         self._false_alarms = _false_alarms(plan, self._geometry)
+        self._delays = _delays(plan)
 
     def take_over(self, former: "Engine") -> None:
         """Continue the run of another engine with the same sensors: its time, tracker, counts and last detections."""
@@ -75,18 +78,21 @@ class Engine:
 
     @property
     def _tracker(self) -> ScheduledTracker:
-        """The tracker of this run."""
+        """The tracker of this run; none of its own in the order of report, in which `ReportOrder` steps it."""
         if self._scheduled is None:
-            self._scheduled = ScheduledTracker(_checked_tracker(self.plan), self.plan.end_ns)
+            is_here = self.plan.scene.tracking_order != BY_REPORT
+            self._scheduled = ScheduledTracker(checked_tracker(self.plan) if is_here else None, self.plan.end_ns)
         return self._scheduled
 
     def advance(self, end_ns: int) -> Window:
-        """Return the window from the end of the last one to `end_ns`."""
+        """Return the window of observations from the end of the last one to `end_ns`, whenever they are reported."""
         start_ns, self.time_ns = self.time_ns, end_ns
         looks = Looks.between(self.plan.pairs, start_ns, end_ns)
         numbers = WindowNumbers(self._streams, looks.active, looks.first_scan, looks.scans)
         false_alarms = None if self._false_alarms is None else self._false_alarms.between(start_ns, end_ns)
         detections, truth = self._detected(looks, numbers, false_alarms)
+        if self._delays is not None:
+            detections = self._delays.reported(detections)
         tracked = self._tracker.absorb(detections, start_ns, end_ns)
         self._streams.forget(looks.active[self.plan.pairs.is_over(end_ns)[looks.active]])
         return Window(
@@ -127,8 +133,9 @@ class Engine:
         # Column by column: gathering rows of all columns at once touches more pages than the processor caches.
         hits, measured = hits.take(order), None if measured is None else measured.take(order)
         none = np.full(len(hits), -1, dtype=np.int64)
-        columns = {"time_ns": hits.time_ns, "scan": hits.scan, "detection_count": hits.count}
-        given = {**columns, "track": none, "estimate": none} | ({} if measured is None else _measured_columns(measured))
+        times = {"time_ns": hits.time_ns, "reported_ns": hits.time_ns}
+        columns = {**times, "scan": hits.scan, "detection_count": hits.count, "track": none, "estimate": none}
+        given = columns | ({} if measured is None else _measured_columns(measured))
         detections = Filling(Detections, len(hits), given)
         truth = Filling(DetectionTruth, len(hits), {"probability": hits.probability})
         for rows in blocks(len(hits)):
@@ -218,14 +225,6 @@ def _confirmation(plan: Plan) -> Confirmation | None:
     return Confirmation(needed, scans)
 
 
-def _checked_tracker(plan: Plan) -> Tracker:
-    """Return a new tracker of a plan, with checked output if it steps."""
-    tracker, choice = plan.make_tracker(), plan.scene.tracker
-    if tracker.cadence_s is None:
-        return tracker
-    return CheckedTracker(tracker, lambda: owner_text(plan.host, choice), check_hint(choice.name))
-
-
 def _false_alarms(plan: Plan, geometry: LookGeometry) -> "FalseAlarmGenerator | None":
     """Return the generator of false alarms, if the detection model has any."""
     model, scene, names = plan.detection, plan.scene, plan.sensor_names()
@@ -243,6 +242,15 @@ def _false_alarms(plan: Plan, geometry: LookGeometry) -> "FalseAlarmGenerator | 
         id_keys=stream_key_words(scene.seed, scene.name, scene.epoch_us, [(name, "\x1fnoise") for name in names]),
         exclusions=geometry.exclusions,
     )
+
+
+def _delays(plan: Plan) -> "ReportingDelays | None":
+    """Return the reporting latencies of a plan, if any sensor has some."""
+    if not any(sensor.reporting for sensor in plan.sensors):
+        return None
+    from opir_core.simulation.reporting import ReportingDelays
+
+    return ReportingDelays(plan.scene.seed, plan.sensors, plan.sensor_names())
 
 
 def _tick_ns(pairs: Pairs) -> int:

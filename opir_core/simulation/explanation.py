@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from attrs import asdict
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces.optional import FalseAlarmModel, SignalModel
@@ -13,7 +14,9 @@ from opir_core.orbits import eclipse_intervals, outage_intervals
 from opir_core.planning.looks import look_times_ns
 from opir_core.planning.plan import Plan
 from opir_core.planning.sightlines import Blocked
+from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.manifest import components_used
+from opir_core.simulation.report_order import tracking_lag_ns
 from opir_core.simulation.run import window_edges_ns
 from opir_core.simulation.scan_alignment import alignment_warnings
 
@@ -52,6 +55,8 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "eclipses": [row for sensor in plan.sensors for row in _eclipses(plan, sensor)],
         "noise": _noise(plan),
         "focal_planes": _focal_planes(plan),
+        "reporting": _reporting(plan),
+        "tracking": _tracking(plan),
         "not_computed": _not_computed(plan),
         "warnings": alignment_warnings(plan),
     }
@@ -150,6 +155,25 @@ def _look_noise(plan: Plan, model: SignalModel) -> _LookNoise:
     return _LookNoise(exposures.sensor, model.response(exposures).noise_w_m2)
 
 
+def _reporting(plan: Plan) -> list[Mapping[str, Any]]:
+    """Return the latency of each sensor's reports: mean and standard deviation, in all and by stage."""
+    return [
+        {
+            "sensor_id": sensor.id,
+            "mean_s": sum(stage.mean_s for stage in sensor.reporting),
+            "sigma_s": math.hypot(*(stage.sigma_s for stage in sensor.reporting)),
+            "stages": [asdict(stage) for stage in sensor.reporting],
+        }
+        for sensor in plan.sensors
+    ]
+
+
+def _tracking(plan: Plan) -> Mapping[str, Any]:
+    """Return the order in which the tracker gets detections and its lag, None for the order of observation."""
+    order = plan.scene.tracking_order
+    return {"order": order, "lag_s": tracking_lag_ns(plan) * 1e-9 if order == BY_REPORT else None}
+
+
 def _names(plan: Plan, row: int) -> Mapping[str, str]:
     sensor, target = plan.sensors[plan.pairs.sensor[row]], plan.targets.ids[plan.pairs.target[row]]
     return {"sensor_id": sensor.id, "target_id": target}
@@ -167,6 +191,7 @@ def _not_computed(plan: Plan) -> list[str]:
         (plan.make_tracker().cadence_s is None, "tracks (no tracker)"),
         (plan.scene.atmosphere.name == "clear", "atmosphere (a clear sky, transmittance 1)"),
         (plan.scene.background.name == "none", "background (none)"),
+        (not any(sensor.reporting for sensor in plan.sensors), "reporting latency (reports are at the times of looks)"),
         (not plan.scene.outputs, "event encoding (no outputs)"),
     )
     return [line for is_skipped, line in omitted if is_skipped]

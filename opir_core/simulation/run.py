@@ -3,13 +3,12 @@
 Windows are sized by their number of looks, so that memory does not grow with a scene's duration.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from attrs import evolve, frozen
+from attrs import frozen
 
-from opir_core.arrays import IntArray
 from opir_core.errors import Problem, SceneError
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
@@ -19,6 +18,7 @@ from opir_core.plugin.host import Host
 from opir_core.scene.scene import Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.manifest import run_manifest
+from opir_core.simulation.report_order import ReportOrder, joined_detections
 from opir_core.simulation.summary import Tally
 
 
@@ -91,15 +91,18 @@ def windows(scene: Scene, host: Host | None = None, *, window_s: float | None = 
 
 
 def plan_windows(plan: Plan, window_s: float | None = None) -> Iterator[Window]:
-    """Yield the windows of a plan, in order of time."""
-    engine = Engine(plan)
+    """Yield the windows of a plan, in order of time; the last one has what is reported after the scene's end."""
+    engine, reports = Engine(plan), ReportOrder(plan)
     for edge_ns in window_edges_ns(plan, window_s):
-        yield engine.advance(edge_ns)
+        yield reports.take(engine.advance(edge_ns), edge_ns)
+    rest = reports.rest()
+    if rest is not None:
+        yield rest
 
 
 def _collected(plan: Plan, tally: Tally, parts: Sequence[Window]) -> Run:
     return Run(
-        detections=_with_run_estimates(parts),
+        detections=joined_detections(parts).freeze(),
         truth=DetectionTruth.concatenate(part.truth for part in parts),
         tracks=Tracks.concatenate(part.tracks for part in parts),
         estimates=Tracks.concatenate(part.estimates for part in parts),
@@ -108,17 +111,3 @@ def _collected(plan: Plan, tally: Tally, parts: Sequence[Window]) -> Run:
         summary=tally.summary(),
         manifest=run_manifest(plan, tally.counts()),
     )
-
-
-def _with_run_estimates(parts: Iterable[Window]) -> Detections:
-    """Return all detections, with `estimate` as rows of the whole run's estimates."""
-    shifted, rows = [], 0
-    for part in parts:
-        shifted.append(part.detections if rows == 0 else _shifted(part.detections, rows))
-        rows += len(part.estimates)
-    return Detections.concatenate(shifted).freeze()
-
-
-def _shifted(detections: Detections, rows: int) -> Detections:
-    estimate: IntArray = detections.estimate + rows * (detections.estimate >= 0)
-    return evolve(detections, estimate=estimate)

@@ -28,6 +28,8 @@ class Tally:
         self._noise = np.zeros(shape[0], dtype=np.int64)
         self._detections = np.zeros(shape, dtype=np.int64)
         self._first_s = np.full(shape, np.inf)
+        self._first_report_s = np.full(shape[1], np.inf)
+        self._is_delayed = any(sensor.reporting for sensor in sensors)
         self._last_s = np.full(shape, -np.inf)
         self._reported = np.zeros((shape[1], len(REPORTED_TYPES)), dtype=np.int64)
         self._confidence = np.zeros(shape[1])
@@ -39,16 +41,19 @@ class Tally:
             yield window
 
     def count(self, window: Window) -> None:
-        """Count a window; its detections are sorted by time."""
+        """Count a window."""
         self._looks += window.looks
         self._tracks = max(self._tracks, int(window.tracks.track.max(initial=-1)) + 1)
         self._latest.take(window.tracks)
         seen, target = window.detections, window.truth.target
         is_noise = target < 0
         columns: tuple[Any, ...] = (seen.sensor, target, seen.time_ns, seen.reported_type, seen.confidence)
-        if is_noise.any():
+        rows = np.flatnonzero(~is_noise)
+        if self._is_delayed:
+            rows = rows.take(np.argsort(seen.time_ns.take(rows), kind="stable"))
+            np.minimum.at(self._first_report_s, target.take(rows), seen.reported_ns.take(rows) * 1e-9)
+        if is_noise.any() or self._is_delayed:
             self._noise += np.bincount(seen.sensor[is_noise], minlength=len(self._noise))
-            rows = np.flatnonzero(~is_noise)
             columns = tuple(column.take(rows) for column in columns)
         self._count(*columns)
 
@@ -60,7 +65,7 @@ class Tally:
         reported_type: NDArray[np.uint8],
         confidence: FloatArray,
     ) -> None:
-        """Count detections (n,) of targets."""
+        """Count detections (n,) of targets, sorted by time."""
         sensors, targets = self._detections.shape
         pair = sensor * targets + target
         time_s = time_ns * 1e-9
@@ -95,6 +100,7 @@ class Tally:
                     "sensor_id": sensor.id,
                     "sensor_type": sensor.type,
                     "looks": int(self._looks_of_sensor[row]),
+                    "reporting_mean_s": sum(stage.mean_s for stage in sensor.reporting),
                     "detections": int(self._detections[row].sum() + self._noise[row]),
                     "noise_detections": int(self._noise[row]),
                     "targets_detected": int((self._detections[row] > 0).sum()),
@@ -110,6 +116,7 @@ class Tally:
         is_detected = bool(detections.sum())
         first = int(self._first_s[:, row].argmin())
         first_s = float(self._first_s[first, row])
+        first_report_s = float(self._first_report_s[row]) if self._is_delayed else first_s
         reported = REPORTED_TYPES[int(self._reported[row].argmax())]
         return {
             "target_id": targets.ids[row],
@@ -121,6 +128,7 @@ class Tally:
             "first_detection_s": first_s if is_detected else None,
             "first_sensor_id": self._sensors[first].id if is_detected else None,
             "latency_s": first_s - float(targets.ignition_s[row]) if is_detected else None,
+            "end_to_end_latency_s": first_report_s - float(targets.ignition_s[row]) if is_detected else None,
             "last_detection_s": float(self._last_s[:, row].max()) if is_detected else None,
             "reported_type": reported if is_detected else None,
             "highest_confidence": float(self._confidence[row]) if is_detected else None,

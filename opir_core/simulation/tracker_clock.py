@@ -11,6 +11,7 @@ from opir_core.errors import ModelError, OpirError, kind_of
 from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import Detections, Tracks
+from opir_core.planning.plan import Plan, check_hint, owner_text
 from opir_core.plugin.error_messages import described_error
 
 _NS = 1_000_000_000
@@ -28,14 +29,25 @@ class Tracked:
 
 
 class ScheduledTracker:
-    """Steps a tracker at whole multiples of its cadence and at the scene's end; associates the detections between."""
+    """Steps a tracker at whole multiples of its cadence and at the scene's end; associates the detections between.
 
-    def __init__(self, tracker: Tracker, end_ns: int) -> None:
+    Detections come in the order of observation, whenever they are reported: estimates are available as soon as all
+    reports of earlier looks are there. Without a tracker nothing is associated.
+    """
+
+    def __init__(self, tracker: Tracker | None, end_ns: int) -> None:
         self._tracker = tracker
         self._end_ns = end_ns
-        self._cadence_ns = None if tracker.cadence_s is None else max(1, round(tracker.cadence_s * _NS))
+        cadence_s = None if tracker is None else tracker.cadence_s
+        self._cadence_ns = None if cadence_s is None else max(1, round(cadence_s * _NS))
         self._pending: list[Detections] = []
         self._in_force = Tracks.empty()
+        self._latest_report_ns = 0
+
+    @property
+    def _tracker_in_use(self) -> Tracker:
+        assert self._tracker is not None
+        return self._tracker
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Pass the sensors' new settings to a tracker that uses them."""
@@ -60,9 +72,9 @@ class ScheduledTracker:
 
     def _associated(self, detections: Detections, offset: int) -> Detections:
         visible = without_truth(detections)
-        track = self._tracker.associate(visible) if len(detections) else np.empty(0, dtype=np.int64)
+        track = self._tracker_in_use.associate(visible) if len(detections) else np.empty(0, dtype=np.int64)
         self._pending.append(evolve(visible, track=track))
-        return evolve(detections, track=track, estimate=_rows_of(self._in_force.track, track, offset))
+        return evolve(detections, track=track, estimate=rows_of(self._in_force.track, track, offset))
 
     def _stepped(self, edge_ns: int) -> list[Tracks]:
         assert self._cadence_ns is not None
@@ -70,8 +82,21 @@ class ScheduledTracker:
             return []
         # A single piece is passed on as it is: trackers may recognise the arrays of `associate`.
         since = self._pending[0] if len(self._pending) == 1 else Detections.concatenate(self._pending)
-        self._in_force, self._pending = self._tracker.step(edge_ns / _NS, since), []
-        return [self._in_force]
+        if since.is_delayed:
+            self._latest_report_ns = max(self._latest_report_ns, int(since.reported_ns.max()))
+        tracks, self._pending = self._tracker_in_use.step(edge_ns / _NS, since), []
+        if self._latest_report_ns > edge_ns:
+            tracks = evolve(tracks, available_s=np.full(len(tracks), self._latest_report_ns / _NS))
+        self._in_force = tracks
+        return [tracks]
+
+
+def checked_tracker(plan: Plan) -> Tracker:
+    """Return a new tracker of a plan, with checked output if it steps."""
+    tracker, choice = plan.make_tracker(), plan.scene.tracker
+    if tracker.cadence_s is None:
+        return tracker
+    return CheckedTracker(tracker, lambda: owner_text(plan.host, choice), check_hint(choice.name))
 
 
 def without_truth(detections: Detections) -> Detections:
@@ -80,7 +105,7 @@ def without_truth(detections: Detections) -> Detections:
     return evolve(detections, detection_count=np.zeros(count, dtype=np.int32), confidence=np.full(count, np.nan))
 
 
-def _rows_of(numbers: IntArray, track: IntArray, offset: int) -> IntArray:
+def rows_of(numbers: IntArray, track: IntArray, offset: int) -> IntArray:
     """Return the rows of tracks in sorted track `numbers`, plus `offset`; -1 for those not among them."""
     if not len(numbers):
         return np.full(len(track), -1, dtype=np.int64)

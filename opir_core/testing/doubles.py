@@ -31,10 +31,13 @@ _SIGMA_RAD = 2e-5
 def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = None, **columns: Any) -> Window:
     """Return a window of detections of sensor 0, one a second from `first_scan` on.
 
-    `columns` replace columns of the detections; values are broadcast.
+    `columns` replace columns of the detections; values are broadcast. Reports are at once unless given.
     """
     scan = np.arange(first_scan, first_scan + count)
-    detections = evolve(_detections(scan), **{name: _like(name, value, count) for name, value in columns.items()})
+    detections = _detections(scan)
+    given = {name: _like(name, value, count) for name, value in columns.items()}
+    given.setdefault("reported_ns", given.get("time_ns", detections.time_ns))
+    detections = evolve(detections, **given)
     return Window(
         start_s=float(first_scan),
         end_s=float(first_scan + count),
@@ -61,6 +64,7 @@ def stub_estimates(count: int, **columns: Any) -> Tracks:
     }
     unknown |= {"tick_s": np.arange(count, dtype=np.float64), "track": np.zeros(count, dtype=np.int64)}
     given = {name: np.array(np.broadcast_to(value, unknown[name].shape)) for name, value in columns.items()}
+    given.setdefault("available_s", given.get("tick_s", unknown["tick_s"]))
     return Tracks(**(unknown | given))
 
 

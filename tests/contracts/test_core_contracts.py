@@ -29,6 +29,11 @@ class TestGenericScanner(SensorContract):
     settings: ClassVar[Mapping[str, Any]] = {"scan_pattern": "step-stare", "scan_phase": "swept"}
 
 
+class TestGenericScannerWithReportingLatency(SensorContract):
+    name = "generic-scanner"
+    settings: ClassVar[Mapping[str, Any]] = {"reporting": {"downlink": {"mean_s": 3.0, "sigma_s": 2.0}}}
+
+
 class TestConstantDetection(DetectionContract):
     name = "constant"
     settings: ClassVar[Mapping[str, Any]] = {"band_confirmation": 0.5}

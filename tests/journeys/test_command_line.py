@@ -202,6 +202,39 @@ def test_aligned_scans_on_ignitions_are_warned_of(tmp_path: Path, opir: Opir) ->
     assert "warning" not in opir("explain", FIRST_LIGHT).stdout
 
 
+LATE = ("--set", "sensors[0].reporting={downlink: {mean_s: 2}, processing: {mean_s: 5, sigma_s: 1.5}}")
+
+
+def test_a_run_tells_the_latency_up_to_the_report_only_where_there_is_one(opir: Opir) -> None:
+    prompt, late = opir("run", FIRST_LIGHT), opir("run", FIRST_LIGHT, *LATE)
+    assert "end to end" not in prompt.stdout
+    head, row = (late.stdout.splitlines()[number] for number in (5, 6))
+    assert head.split("  ")[:2] == ["target", "type"]
+    assert head.index("end to end s") > head.index("latency s")
+    first_s, report_s = map(float, row.split()[3:5])
+    assert first_s + 2.0 < report_s < first_s + 2.0 + 5.0 + 4 * 1.5
+    events = lines(Path("events.jsonl"))
+    assert len(events) == 750
+    reports = [str(event["reported_at"]) for event in events]
+    assert reports == sorted(reports)
+    assert reports[-1] > max(str(event["timestamp"]) for event in events)
+
+
+def test_explain_tells_each_sensor_s_latency_and_the_order_of_tracking(opir: Opir) -> None:
+    told = opir("explain", FIRST_LIGHT, *LATE, "--set", "tracking_order=report", "--set", "tracking_lag_s=9.5")
+    assert told.returncode == 0, told.stderr
+    rows = told.stdout.splitlines()
+    place = next(number for number, row in enumerate(rows) if row.startswith("sensor  reports after s"))
+    assert rows[place + 1].split("  ")[0] == "DSP-1"
+    assert rows[place + 1].endswith("downlink 2, processing 5 ± 1.5")
+    assert "tracking in the order of report, 9.500 s after the ticks" in rows
+    prompt = opir("explain", FIRST_LIGHT)
+    assert "not computed: reporting latency (reports are at the times of looks)" in prompt.stdout
+    plain = json.loads(opir("explain", FIRST_LIGHT, "--json").stdout)
+    assert plain["reporting"] == [{"sensor_id": "DSP-1", "mean_s": 0, "sigma_s": 0.0, "stages": []}]
+    assert plain["tracking"] == {"order": "observation", "lag_s": None}
+
+
 def test_plugins_are_listed_with_their_versions(opir: Opir) -> None:
     rows = json.loads(opir("plugins", "--json").stdout)
     assert {row["distribution"] for row in rows} >= {"opir-core", "opir-dsp", "opir-sbirs", "opir-nextgen"}

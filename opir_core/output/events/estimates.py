@@ -64,7 +64,7 @@ class TrackState(msgspec.Struct):
     ellipsoid_sigmas: list[float] | None
 
 
-_TRACK_FIELDS = b'"track_state":%b,"burnout":%b,"track_type_probability":%b,'
+_TRACK_FIELDS = b'"track_state":%b,"burnout":%b,"track_type_probability":%b,"track_available_at":%b,'
 _encode = msgspec.json.Encoder().encode
 
 
@@ -117,12 +117,18 @@ def _ellipses(
 
 
 def track_fields(window: Window, epoch_us: int) -> Piece:
-    """Return state, burnout and type probability of the track of each detection, as of its estimate's tick."""
+    """Return state, burnout, type probability and availability of each detection's track, of its estimate's tick."""
     rows, of_detection = np.unique(window.detections.estimate, return_inverse=True)
     used = window.estimates.take(rows[rows >= 0])
-    unknown = [_TRACK_FIELDS % (b"null", b"null", b"null")] * (len(rows) - len(used))
-    texts = zip(state_texts(used, epoch_us), burnout_texts(used, epoch_us), type_texts(used), strict=True)
-    return taken(piece_table([*unknown, *(_TRACK_FIELDS % values for values in texts)]), of_detection)
+    unknown = [_TRACK_FIELDS % (b"null", b"null", b"null", b"null")] * (len(rows) - len(used))
+    columns = (
+        state_texts(used, epoch_us),
+        burnout_texts(used, epoch_us),
+        type_texts(used),
+        map(_encode, time_texts(used.available_s, epoch_us)),
+    )
+    known = [_TRACK_FIELDS % values for values in zip(*columns, strict=True)]
+    return taken(piece_table([*unknown, *known]), of_detection)
 
 
 def state_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:

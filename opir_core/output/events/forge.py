@@ -24,6 +24,7 @@ from opir_core.output.events.text import (
     IRRADIANCE_DIGITS,
     METRE_DECIMALS,
     RATIO_DECIMALS,
+    EventTimes,
     Piece,
     joined_lines,
     number_texts,
@@ -37,6 +38,7 @@ from opir_core.output.events.text import (
     rounded_number,
     significant,
     taken,
+    time_pieces,
     vector_texts,
 )
 from opir_core.scene.scene import REPORTED_TYPES
@@ -80,7 +82,8 @@ def _texts(irradiance_w_m2: FloatArray, exists: BoolArray) -> list[bytes]:
 _OPENING = b'{"detection_id":"', b'","timestamp":"'
 _SENSOR = b'"sensor_id":%b,"sensor_type":%b,"orbital_slot":%b,"target_type":%b,'
 _POINTS = b'"launch_point":%b,"impact_point":%b,"confidence":'
-_TRACK = b',"schema_version":"%b","track_id":%b,"azimuth_deg":'
+_REPORT = b',"schema_version":"%b","reported_at":"' % SCHEMA_VERSION.encode(), b'"'
+_TRACK = b',"track_id":%b,"azimuth_deg":'
 _SIGMA = b',"line_of_sight_sigma_urad":'
 _BANDS = b',"bands":%b,"snr":'
 _POSITION = b',"sensor_position_ecef_m":[%b],'
@@ -118,15 +121,17 @@ class ForgeEncoder:
             return b""
         require_valid(window, self._sensors)
         sensor = detections.sensor.astype(np.int64)
+        times = EventTimes.of(detections, self._epoch_us)
         viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
         angles = viewpoints.angles(detections.line_of_sight_ecef)
         return joined_lines(
             len(detections),
             [
-                openings(detections, self._epoch_us, *_OPENING),
+                openings(detections, times.look, *_OPENING),
                 taken(self._sensor_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
                 _points(window, self._epoch_us),
                 number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
+                time_pieces(times.report, *_REPORT),
                 _tracks(detections.track),
                 number_texts(rounded_bearing_deg(angles.azimuth_rad)),
                 b',"elevation_deg":',
@@ -189,8 +194,7 @@ def _points(window: Window, epoch_us: int) -> Piece:
 
 def _tracks(track: IntArray) -> Piece:
     numbers, of_detection = np.unique(track, return_inverse=True)
-    version = SCHEMA_VERSION.encode()
-    pieces = (_TRACK % (version, b"null" if number < 0 else b"%d" % number) for number in numbers.tolist())
+    pieces = (_TRACK % (b"null" if number < 0 else b"%d" % number) for number in numbers.tolist())
     return taken(piece_table(pieces), of_detection)
 
 

@@ -19,6 +19,7 @@ from opir_core.output.events.encoder_input import only_encodable, require_valid
 from opir_core.output.events.text import (
     METRE_DECIMALS,
     RATIO_DECIMALS,
+    EventTimes,
     joined_lines,
     number_texts,
     openings,
@@ -30,6 +31,7 @@ from opir_core.output.events.text import (
     rounded_longitude_deg,
     rounded_number,
     taken,
+    time_pieces,
 )
 
 _OPENING = b'{"event_id":"', b'","timestamp":"'
@@ -69,12 +71,13 @@ class ForgeC2Encoder:
         if not len(detections):
             return b""
         position = ecef_to_geodetic(positions_ecef_m(window))
+        times = EventTimes.of(detections, self._epoch_us)
         angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
         sensor = detections.sensor.astype(np.int64)
         return joined_lines(
             len(detections),
             [
-                openings(detections, self._epoch_us, *_OPENING),
+                openings(detections, times.look, *_OPENING),
                 taken(self._sensor_pieces, sensor),
                 number_texts(rounded_degrees(position.latitude_rad)),
                 b',"longitude":',
@@ -91,7 +94,7 @@ class ForgeC2Encoder:
                 number_texts(rounded(detections.snr, RATIO_DECIMALS)),
                 b',"confidence":',
                 number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
-                b"}\n",
+                time_pieces(times.report, b',"reported_at":"', b'"}\n'),
             ],
         )
 

@@ -1,10 +1,11 @@
 """Columns of events as JSON text: lines joined from pieces, RFC 3339 timestamps (UTC, microseconds, `Z`), numbers."""
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 import numpy as np
+from attrs import frozen
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IntArray
@@ -164,8 +165,6 @@ def vector_texts(vectors: FloatArray) -> list[bytes]:
 #: A piece of the lines: one for all events, or one per event.
 Piece = bytes | list[bytes]
 
-_ID_LENGTH, _TIMESTAMP_LENGTH = 36, 27
-
 
 def joined_lines(count: int, pieces: Sequence[Piece]) -> bytes:
     """Return `count` lines, each joined from its pieces."""
@@ -186,16 +185,41 @@ def taken(table: NDArray[Any], rows: NDArray[Any]) -> list[bytes]:
     return pieces
 
 
-def openings(detections: Detections, epoch_us: int, before_id: bytes, before_time: bytes) -> list[bytes]:
+@frozen(eq=False)
+class EventTimes:
+    """The times of looks and of their reports as ASCII codes (n, 27), UTC; one array if reports are at once."""
+
+    look: NDArray[np.uint8]
+    report: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, detections: Detections, epoch_us: int) -> Self:
+        """Return the times of detections; `epoch_us` is the epoch, in µs since 1970-01-01 without leap seconds."""
+        look = timestamp_characters(unix_microseconds(detections.time_ns, epoch_us))
+        if not detections.is_delayed:
+            return cls(look, look)
+        return cls(look, timestamp_characters(unix_microseconds(detections.reported_ns, epoch_us)))
+
+
+def openings(detections: Detections, times: NDArray[np.uint8], before_id: bytes, before_time: bytes) -> list[bytes]:
     """Return the beginnings of the lines: `before_id`, the id, `before_time`, the time, and `",`."""
-    blank = before_id + b"-" * _ID_LENGTH + before_time + b"-" * _TIMESTAMP_LENGTH + b'",'
-    text = np.empty((len(detections), len(blank)), dtype=np.uint8)
-    text[:] = np.frombuffer(blank, dtype=np.uint8)
-    text[:, len(before_id) : len(before_id) + _ID_LENGTH] = uuid_characters(detections.detection_id)
-    time_at = len(before_id) + _ID_LENGTH + len(before_time)
-    times = timestamp_characters(unix_microseconds(detections.time_ns, epoch_us))
-    text[:, time_at : time_at + _TIMESTAMP_LENGTH] = times
-    pieces: list[bytes] = text.view(f"S{len(blank)}").ravel().tolist()
+    ids = uuid_characters(detections.detection_id)
+    return _fixed_width(len(detections), before_id, ids, before_time, times, b'",')
+
+
+def time_pieces(times: NDArray[np.uint8], before: bytes, after: bytes = b"") -> list[bytes]:
+    """Return times (n, 27) between two texts."""
+    return _fixed_width(len(times), before, times, after)
+
+
+def _fixed_width(count: int, *parts: bytes | NDArray[np.uint8]) -> list[bytes]:
+    """Return texts of one width, joined from texts common to all and columns of characters (n, width)."""
+    columns = [np.frombuffer(part, dtype=np.uint8) if isinstance(part, bytes) else part for part in parts]
+    ends = np.cumsum([column.shape[-1] for column in columns]).tolist()
+    text = np.empty((count, ends[-1]), dtype=np.uint8)
+    for column, end in zip(columns, ends, strict=True):
+        text[:, end - column.shape[-1] : end] = column
+    pieces: list[bytes] = text.view(f"S{ends[-1]}").ravel().tolist()
     return pieces
 
 

@@ -23,6 +23,7 @@ from opir_core.output.events.estimates import time_texts
 from opir_core.output.events.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
 from opir_core.output.events.text import (
     RATIO_DECIMALS,
+    EventTimes,
     Piece,
     joined_lines,
     number_texts,
@@ -33,6 +34,7 @@ from opir_core.output.events.text import (
     rounded_degrees,
     rounded_longitude_deg,
     taken,
+    time_pieces,
     vector_texts,
 )
 from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
@@ -73,29 +75,31 @@ class UdlEncoder:
         require_valid(window, self._sensors)
         angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
         sensor = detections.sensor.astype(np.int64)
-        opened = openings(detections, self._epoch_us, *_OPENING)
+        times = EventTimes.of(detections, self._epoch_us)
         return joined_lines(
             len(detections),
             [
-                opened,
+                openings(detections, times.report, *_OPENING),
                 taken(self._type_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
                 number_texts(rounded_degrees(angles.elevation_rad)),
                 b',"trkConf":',
                 number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
                 *_track_pieces(window, self._epoch_us),
-                *self._vectors(window, sensor, opened),
+                *self._vectors(window, sensor, time_pieces(times.look, b"")),
                 b"}\n",
             ],
         )
 
-    def _vectors(self, window: Window, sensor: IntArray, opened: Sequence[bytes]) -> list[Piece]:
-        """Return the environment and one vector: the track's state, or the line of sight's ground intersection."""
+    def _vectors(self, window: Window, sensor: IntArray, times: Sequence[bytes]) -> list[Piece]:
+        """Return the environment and one vector: the track's state, or the line of sight's ground intersection.
+
+        `times` (n,) are those of the looks.
+        """
         where_m = positions_ecef_m(window)
         known = np.isfinite(where_m[:, 0])
         place = ecef_to_geodetic(where_m)
         is_state = np.isfinite(estimated_positions_ecef_m(window)[:, 0])
         state_pieces = _states(window, np.flatnonzero(is_state), where_m)
-        times = [piece[-29:-2] for piece in opened]
         heads = taken(self._vector_pieces, sensor)
         columns = (
             number_texts(rounded_degrees(np.where(known, place.latitude_rad, 0.0))),

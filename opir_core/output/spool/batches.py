@@ -11,7 +11,7 @@ from io import BytesIO
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from attrs import evolve, fields
+from attrs import fields
 from numpy.typing import NDArray
 
 from opir_core.errors import SinkError
@@ -19,6 +19,7 @@ from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Encoder, Sensor, Sink
 from opir_core.interfaces.records import Batch, Detections, DetectionTruth, Tracks, Window
 from opir_core.output.events.encoder_input import only_encodable, window_blocks
+from opir_core.simulation.report_order import with_own_estimates
 
 #: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's own batches for many
 #: partitions, and one is quickly read back from disk.
@@ -148,7 +149,7 @@ class MemoryBacklog:
 
 
 _CONTENT_TYPE = "application/vnd.opir.window+npz"
-_VERSION = "1"
+_VERSION = "2"
 _DETECTION_COLUMNS = tuple(attribute.name for attribute in fields(Detections))
 _TRACK_COLUMNS = tuple(attribute.name for attribute in fields(Tracks))
 _COLUMNS = {"detections": _DETECTION_COLUMNS, "tracks": _TRACK_COLUMNS, "estimates": _TRACK_COLUMNS}
@@ -162,12 +163,8 @@ class WindowBatcher:
     def batches(self, window: Window) -> Iterator[Batch]:
         """Yield a window as batches of columns."""
         for block in window_blocks(window):
-            rows, index = np.unique(block.detections.estimate, return_inverse=True)
-            is_row = rows >= 0
-            estimate = index.astype(np.int64) - np.count_nonzero(~is_row)
-            detections = evolve(block.detections, estimate=estimate)
             yield Batch(
-                body=_packed(evolve(block, detections=detections, estimates=block.estimates.take(rows[is_row]))),
+                body=_packed(with_own_estimates(block)),
                 keys=("",),
                 key_of=np.zeros(len(block.detections), dtype=np.uint16),
                 content_type=_CONTENT_TYPE,

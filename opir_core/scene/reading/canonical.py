@@ -28,6 +28,8 @@ def scene_mapping(scene: Scene) -> dict[str, Any]:
         "targets": [_target(target) for target in scene.targets],
         "sources": [{"id": source.id, **_block(source.model)} for source in scene.sources],
         **{key: _block(getattr(scene, key)) for key in CHOICES},
+        "tracking_order": scene.tracking_order,
+        "tracking_lag_s": scene.tracking_lag_s,
         "outputs": [{choice.name: _output_settings(choice)} for choice in scene.outputs],
     }
 

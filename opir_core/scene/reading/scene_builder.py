@@ -135,6 +135,8 @@ class SceneBuilder:
             duration_s=file.duration_s,
             seed=file.seed,
             light_time=file.light_time,
+            tracking_order=file.tracking_order,
+            tracking_lag_s=file.tracking_lag_s,
             **parts,
         )
 

@@ -6,8 +6,9 @@ from typing import Any
 
 from attrs import frozen
 
-from opir_core.scene.fields import flag, nested, number
+from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
+from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT
 
 #: The keys that choose one component: the hook it comes through, and the name chosen where the scene has none.
 CHOICES = {
@@ -74,6 +75,22 @@ class SceneFile:
     classification: Node | None = nested(**_chosen("classifier", "classification"))
     confidence: Node | None = nested(**_chosen("confidence model", "confidence"))
     tracker: Node | None = nested(**_chosen("tracker", "tracker"))
+    tracking_order: str = text(
+        help="order in which the tracker gets detections: of observation, as if reports had no latency, or of report,"
+        " by a fixed lag",
+        default=BY_OBSERVATION,
+        choices=(BY_OBSERVATION, BY_REPORT),
+        source="opir-simulator paper (2026): event time",
+    )
+    tracking_lag_s: float | None = number(
+        help="time after a tick at which the tracker is stepped in the order of report, with the detections reported by"
+        " then; later reports are not tracked",
+        default=None,
+        unit="s",
+        minimum=0.0,
+        maximum=86_400.0,
+        source="derived: the sum over the stages of the slowest sensor of the latency that one report in 1000 exceeds",
+    )
     atmosphere: Node | None = nested(**_chosen("atmosphere model", "atmosphere"))
     background: Node | None = nested(**_chosen("background model", "background"))
     outputs: Node | None = nested(

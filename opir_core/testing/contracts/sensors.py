@@ -107,7 +107,7 @@ class SensorContract(SceneContract):
         run = self.run()
         mine = run.detections.sensor == [sensor.id for sensor in run.plan.sensors].index(SUBJECT)
         for target in sorted(set(run.truth.target[mine].tolist())):
-            gaps = np.diff(run.detections.time_ns[mine & (run.truth.target == target)])
+            gaps = np.diff(np.sort(run.detections.time_ns[mine & (run.truth.target == target)]))
             require(
                 np.all((gaps > 0) & (gaps % period_ns == 0)),
                 f"looks at one target come {gaps.min(initial=period_ns)} ns apart, with a period of {period_ns} ns",

@@ -9,7 +9,7 @@ from opir_core.builtin.configs import BallisticConfig
 from opir_core.output.events import detection_schema
 from opir_core.scene.fields import FieldInfo, info_of
 from opir_core.scene.reading.targets import ID_RULE
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, REPORTED_TYPES
 from opir_http.settings import HttpSettings
 
 Schema = dict[str, Any]
@@ -77,10 +77,12 @@ def config() -> Schema:
         "forces": {"description": "forces in free flight"},
         "sensors": listed({"type": "object"}) | {"minItems": 1},
         **{name: block | {"description": f"{name} model: its name, or a block"} for name in choices},
+        "tracking_order": {"type": "string", "enum": [BY_OBSERVATION, BY_REPORT]},
+        "tracking_lag_s": or_null({"type": "number", "minimum": 0}),
         "outputs": listed(block),
         "http": schema_of_class(HttpSettings) | {"required": [attribute.name for attribute in fields(HttpSettings)]},
     }
-    return closed(parts, ("light_time", "forces", "seed", *choices, "outputs"))
+    return closed(parts, ("light_time", "forces", "seed", *choices, "tracking_order", "tracking_lag_s", "outputs"))
 
 
 def detection() -> Schema:
@@ -140,6 +142,7 @@ def track() -> Schema:
         {
             "track_id": COUNT,
             "timestamp": TIME,
+            "available_at": TIME,
             "latitude_deg": or_null(NUMBER),
             "longitude_deg": or_null(NUMBER),
             "altitude_m": or_null(NUMBER),

@@ -48,9 +48,11 @@ class TrackDocuments:
     def _documents(self, tracks: Tracks) -> list[Document]:
         place = ecef_to_geodetic(tracks.state[:, :3])
         unix_us, _ = writable_unix_microseconds(tracks.tick_s, self._epoch_us)
+        available_us, _ = writable_unix_microseconds(tracks.available_s, self._epoch_us)
         columns = (
             tracks.track.tolist(),
             timestamp_text(unix_us),
+            timestamp_text(available_us),
             _rounded(np.degrees(place.latitude_rad), 6),
             _rounded(np.degrees(place.longitude_rad), 6),
             _rounded(place.height_m, 1),
@@ -69,6 +71,7 @@ class TrackDocuments:
 _NAMES = (
     "track_id",
     "timestamp",
+    "available_at",
     "latitude_deg",
     "longitude_deg",
     "altitude_m",

@@ -47,23 +47,24 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
     `detection_id`, `reported_type` and `confidence`; no truth is in them.
     """
 
-    sights: Any = Property(doc="`SensorSight`s in order of time; iterated once for each iteration of the reader")
+    sights: Any = Property(doc="`SensorSight`s in order, iterated once for each iteration of the reader")
     ndim_state: int = Property(default=9, doc="size of the states that the measurement models are to read")
     light_time: bool = Property(default=True, doc="whether light takes its time")
 
     @classmethod
     def of_run(cls, run: Run, **settings: Any) -> "OpirDetectionReader":
-        """Return the reader of a finished run's detections."""
+        """Return the reader of a finished run's detections, in order of observation."""
         epoch_us = _epoch_us(run.manifest["scene"]["epoch"])
         ids = [sensor.id for sensor in run.sensors]
         settings.setdefault("light_time", run.manifest["scene"].get("light_time", True))
-        return cls(sights=list(sights_of(run.detections, ids, epoch_us)), **settings)
+        seen = run.detections.take(np.argsort(run.detections.time_ns, kind="stable"))
+        return cls(sights=list(sights_of(seen, ids, epoch_us)), **settings)
 
     @classmethod
     def of_windows(
         cls, windows: Iterable[Window], sensors: Sequence[Sensor], epoch_us: int, **settings: Any
     ) -> "OpirDetectionReader":
-        """Return the reader of windows as they come, for one iteration."""
+        """Return the reader of windows as they come, for one iteration: with reporting latency in order of report."""
         ids = [sensor.id for sensor in sensors]
         every = (sight for window in windows for sight in sights_of(window.detections, ids, epoch_us))
         return cls(sights=every, **settings)

@@ -86,6 +86,7 @@ def windows(draw: st.DrawFn) -> Window:
         estimates=known,
         sensor=sensor,
         time_ns=draw(column(st.integers(-(2**63) + 1, 2**63 - 1), count, np.int64)),
+        **({"reported_ns": draw(column(st.integers(0, 2**62), count, np.int64))} if draw(st.booleans()) else {}),
         detection_id=uuid8_words(draw(column(st.integers(0, 2**64 - 1), count, np.uint64, (2,))), np.arange(count)),
         reported_type=draw(column(st.integers(0, 3), count, np.uint8)),
         bands=draw(column(st.integers(0, 255), count, np.int64)) % band_ends[sensor],
@@ -114,6 +115,7 @@ def test_every_event_says_what_its_row_says(window: Window) -> None:
         d = window.detections
         sensor = SENSORS[d.sensor[row]]
         assert event["detection_id"] == uuid_text(d.detection_id[row : row + 1])[0]
+        assert event["reported_at"] == timestamp_text(unix_microseconds(d.reported_ns[row : row + 1], EPOCH_US))[0]
         assert event["timestamp"] == timestamp_text(unix_microseconds(d.time_ns[row : row + 1], EPOCH_US))[0]
         assert (event["sensor_id"], event["sensor_type"]) == (sensor.id, sensor.type)
         assert event["orbital_slot"] == sensor.orbital_slot_deg

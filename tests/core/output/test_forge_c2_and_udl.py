@@ -23,6 +23,7 @@ from opir_core.interfaces.records import Tracks, Window
 from opir_core.output.events import SCHEMAS, schema
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.output.events.forge_c2 import ForgeC2Encoder
+from opir_core.output.events.text import timestamp_text, unix_microseconds
 from opir_core.output.events.udl import UdlEncoder
 from opir_core.random_streams.detection_ids import uuid_text
 from opir_core.scene.scene import REPORTED_TYPES
@@ -83,6 +84,7 @@ def windows(draw: st.DrawFn) -> Window:
         count,
         estimates=known,
         sensor=sensor,
+        reported_ns=draw(arrays(np.int64, count, elements=st.integers(0, 2**62))),
         bands=draw(arrays(np.uint8, count, elements=st.integers(0, 3))) * (sensor == 0),
         reported_type=draw(arrays(np.uint8, count, elements=st.integers(0, 3))),
         confidence=draw(arrays(np.float64, count, elements=st.floats(0.0, 1.0))),
@@ -91,6 +93,11 @@ def windows(draw: st.DrawFn) -> Window:
         track=draw(arrays(np.int64, count, elements=st.integers(-1, 2**63 - 1))),
         estimate=draw(arrays(np.int64, count, elements=st.integers(-1, len(known) - 1))),
     )
+
+
+def time_text(time_ns: int) -> str:
+    """Return a scene time as the events have it."""
+    return timestamp_text(unix_microseconds(np.array([time_ns]), EPOCH_US))[0]
 
 
 @given(windows())
@@ -103,6 +110,8 @@ def test_every_flat_event_fits_its_schema_and_says_what_its_row_says(window: Win
         assert list(event) == schema("forge-c2")["required"]
         assert event["event_id"] == uuid_text(d.detection_id[row : row + 1])[0]
         assert event["sensor_id"] == SENSORS[d.sensor[row]].id
+        assert event["timestamp"] == time_text(d.time_ns[row])
+        assert event["reported_at"] == time_text(d.reported_ns[row])
         assert event["confidence"] == pytest.approx(d.confidence[row], abs=5.1e-7)
         assert event["snr"] == (pytest.approx(d.snr[row], abs=5.1e-7, rel=1e-15) if math.isfinite(d.snr[row]) else None)
 
@@ -114,6 +123,8 @@ def test_every_missile_track_fits_its_schema_and_says_what_its_row_says(window: 
     assert len(events) == len(d)
     for row, event in enumerate(events):
         assert event["id"] == uuid_text(d.detection_id[row : row + 1])[0]
+        assert event["ts"] == time_text(d.reported_ns[row])
+        assert all(vector["epoch"] == time_text(d.time_ns[row]) for vector in event["vectors"])
         assert event["trkConf"] == pytest.approx(d.confidence[row], abs=5.1e-7)
         assert event.get("acftSubType", "UNKNOWN") == REPORTED_TYPES[d.reported_type[row]]
         assert event.get("trackId") == (None if d.track[row] < 0 else str(d.track[row]))
@@ -239,7 +250,7 @@ def test_a_flat_event_as_bytes() -> None:
         b'{"event_id":"a858e668-c86e-854e-9ed3-24bc9e33e1f7","timestamp":"2026-04-01T12:00:00.000000Z","sensor'
         b'_id":"SBIRS-GEO-1","sensor_type":"OPIR","latitude":0.0,"longitude":0.0,"altitude":0.0,"azimuth":0.0,'
         b'"elevation":-90.0,"signal_type":"IR","intensity":null,"frequency":111034243703704.0,"snr":12.5,"conf'
-        b'idence":0.75}\n'
+        b'idence":0.75,"reported_at":"2026-04-01T12:00:00.000000Z"}\n'
     )
 
 

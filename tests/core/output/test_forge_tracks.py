@@ -16,6 +16,7 @@ from opir_core.interfaces.contexts import EncoderContext
 from opir_core.interfaces.records import Window
 from opir_core.output.events import detection_schema
 from opir_core.output.events.encoder_input import window_blocks
+from opir_core.output.events.estimates import time_texts
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.run import plan_windows
@@ -23,10 +24,11 @@ from opir_core.testing import stub_sensor
 from opir_core.testing.bench import encoder_of
 from opir_core.testing.doubles import stub_estimates, stub_window
 
-CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=1_775_044_800_000_000)
+EPOCH_US = 1_775_044_800_000_000
+CONTEXT = EncoderContext(sensors=(stub_sensor(),), epoch_us=EPOCH_US)
 PLAIN, WITH_TRACKS = ForgeEncoder(CONTEXT), ForgeEncoder(CONTEXT, has_tracks=True)
 VALIDATOR = jsonschema.Draft202012Validator(detection_schema())
-ADDED = ("track_state", "burnout", "track_type_probability")
+ADDED = ("track_state", "burnout", "track_type_probability", "track_available_at")
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 
 
@@ -44,6 +46,7 @@ def windows(draw: st.DrawFn) -> Window:
         "burnout": draw(arrays(np.float64, (rows, 7), elements=ANY)),
         "burnout_covariance": symmetric(draw(arrays(np.float64, (rows, 7, 7), elements=ANY))),
         "state_sigmas": draw(arrays(np.float64, (rows, 3), elements=ANY)),
+        "available_s": draw(arrays(np.float64, rows, elements=st.floats(-1e6, 1e6) | st.just(np.nan))),
         "type_probability": draw(arrays(np.float64, (rows, 4), elements=st.floats(0.0, 1.0) | st.just(np.nan))),
     }
     # Where a track is comes out as nan unless it can be written: see the tests of the event's place.
@@ -73,11 +76,12 @@ def test_an_event_says_what_its_track_knew(window: Window) -> None:
     for line, without, row in zip(lines, plain, window.detections.estimate.tolist(), strict=True):
         event = json.loads(line)
         VALIDATOR.validate(event)
-        state, burnout, types = (event.pop(name) for name in ADDED)
+        state, burnout, types, available = (event.pop(name) for name in ADDED)
         assert event == json.loads(without)
         if row < 0:
-            assert (state, burnout, types) == (None, None, None)
+            assert (state, burnout, types, available) == (None, None, None, None)
             continue
+        assert available == time_texts(estimates.available_s[row : row + 1], EPOCH_US)[0]
         told(estimates.state[row], estimates.tick_s[row], estimates.state_covariance[row], state)
         radii = estimates.state_sigmas[row]
         if state is not None:
@@ -117,7 +121,7 @@ def test_the_events_of_a_scene_have_what_the_run_s_tracks_have(tracker: str) -> 
         VALIDATOR.validate(event)
         assert set(ADDED) <= set(event)
         if row < 0:
-            assert [event[name] for name in ADDED] == [None, None, None]
+            assert [event[name] for name in ADDED] == [None, None, None, None]
             continue
         tracked += 1
         told(run.estimates.state[row], 0.0, run.estimates.state_covariance[row], event["track_state"])

@@ -1,0 +1,52 @@
+"""Records of columns: columns that are the array of the first one stay so, and others stay apart."""
+
+import numpy as np
+import pytest
+from attrs import frozen
+
+from opir_core.interfaces.columns import Columns
+from opir_core.testing.doubles import stub_window
+
+
+@frozen(eq=False)
+class Row(Columns):
+    """Three columns, of which any may be None."""
+
+    one: np.ndarray | None
+    other: np.ndarray | None
+    third: np.ndarray | None
+
+
+SHARED, APART = np.arange(5), np.arange(5) + 10
+
+
+@pytest.mark.parametrize("rows", [slice(1, 4), np.array([3, 1, 1]), np.array([True, False, True, True, False])])
+def test_take_copies_one_array_once(rows: object) -> None:
+    taken = Row(SHARED, SHARED, APART).take(rows)
+    assert taken.one is taken.other
+    assert np.array_equal(taken.one, SHARED[rows])
+    assert np.array_equal(taken.third, APART[rows])
+    equal = Row(SHARED, SHARED.copy(), None).take(rows)
+    assert equal.one is not equal.other
+    assert np.array_equal(equal.one, equal.other)
+    assert equal.third is None
+
+
+def test_concatenate_copies_one_array_once_if_it_is_one_in_every_part() -> None:
+    same = Row.concatenate([Row(SHARED, SHARED, APART), Row(APART, APART, SHARED)])
+    assert same.one is same.other
+    assert same.one.tolist() == [*range(5), *range(10, 15)]
+    assert same.third.tolist() == [*range(10, 15), *range(5)]
+    mixed = Row.concatenate([Row(SHARED, SHARED, APART), Row(SHARED, APART, APART)])
+    assert mixed.one is not mixed.other
+    assert mixed.other.tolist() == [*range(5), *range(10, 15)]
+
+
+def test_reports_are_at_the_times_of_looks_unless_given() -> None:
+    seen = stub_window(4).detections
+    assert seen.reported_ns is seen.time_ns
+    assert not seen.is_delayed
+    late = stub_window(4, reported_ns=np.arange(4) + 7).detections
+    assert late.is_delayed
+    assert late.take(slice(0, 0)).is_delayed is False
+    assert late.take([2]).reported_ns.tolist() == [9]
