@@ -45,8 +45,7 @@ def test_a_scene_s_canonical_form_writes_the_stages_out(reporting: object) -> No
 @pytest.mark.parametrize(
     ("reporting", "words"),
     [
-        ("papr-ground-chain", "did you mean paper-ground-chain?"),
-        ("fast", "the names are none, paper-ground-chain; or write a block"),
+        ("papr-ground-chain", "'papr-ground-chain' is not none or paper-ground-chain; or give a block of settings"),
         (3.0, "a block of on_board, downlink, processing is needed"),
         ({"uplink": {"mean_s": 1.0}}, "uplink: unknown key; known here: on_board, downlink, processing"),
         ({"downlink": "none"}, "downlink: 'none' is text; a block of mean_s, sigma_s is needed"),
