@@ -197,13 +197,6 @@ PARTS = (
         "refraction",
         "From geostationary distance, target on the ground: 5 µrad at 5° elevation, 1.6 µrad at 10°, 0.1 µrad at 40°",
     ),
-    Part(
-        "Reporting latency",
-        "notional",
-        "three stages, constant or gamma distributed, one draw per sensor and scan; none by default",
-        "outages; lost reports; queues and bandwidth; contact times; correlation between scans",
-        "Not estimated. Without the setting all reports are at once: warning times too early by the ground chain",
-    ),
 )
 
 MODELLED = """# What is modelled
