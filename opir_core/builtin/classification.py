@@ -14,7 +14,7 @@ from opir_core.interfaces.optional import PosteriorClassifier
 from opir_core.interfaces.protocols import Classifier, Confidence, RandomDraws, Sensor
 from opir_core.interfaces.records import ClassifierInputs
 from opir_core.plugin.components import NoConfig
-from opir_core.scene.scene import REPORTED_TYPES, SOURCE_TYPES, UNKNOWN_TYPE
+from opir_core.scene.scene import SOURCE_TYPES, UNKNOWN_TYPE
 from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import Confusion, confusion_complaint
 
@@ -82,13 +82,14 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
     """
     _refuse_strangers(config, context)
     names, class_number = context.emitter_classes()
-    thresholds = np.zeros((len(context.sensors), len(names), len(REPORTED_TYPES) - 1))
+    thresholds = np.zeros((len(context.sensors), len(names), len(context.reported_types) - 1))
+    # What is no target is UNKNOWN: its draw lies above the thresholds of the types before, and below those after.
+    thresholds[:, :, UNKNOWN_TYPE:] = 1.0
     launched = [(place, context.target_class(name)) for place, name in enumerate(names) if name not in SOURCE_TYPES]
     for number, sensor in enumerate(context.sensors):
         matrix = {**sensor.confusion, **config.matrices.get(sensor.type, {})}
         for place, kind in launched:
-            row = _row(matrix, sensor, kind)
-            probability = np.array([row.get(name, 0.0) for name in REPORTED_TYPES])
+            probability = _probabilities(_row(matrix, sensor, kind), context)
             cumulative = np.cumsum(probability)
             # The sum may be 1 to rounding only; no draw may fall past the last type that has a probability.
             cumulative[np.flatnonzero(probability)[-1] :] = 1.0
@@ -100,9 +101,22 @@ def confusion_classifier(config: ConfusionConfig, context: ModelContext) -> Clas
 def true_type(_config: NoConfig, context: ModelContext) -> Classifier:
     """Return the classifier `always`."""
     names, class_number = context.emitter_classes()
-    right = ["UNKNOWN" if name in SOURCE_TYPES else context.target_class(name).reported_type for name in names]
-    codes = np.array([REPORTED_TYPES.index(name) for name in right], dtype=np.uint8)
+    right = ["UNKNOWN" if name in SOURCE_TYPES else _reportable(name, context) for name in names]
+    codes = np.array([context.reported_types.index(name) for name in right], dtype=np.uint8)
     return TrueType(codes[class_number])
+
+
+def _reportable(name: str, context: ModelContext) -> str:
+    """Return a type that is reported, or the one that is right for a class that is not."""
+    return name if name in context.reported_types else context.target_class(name).reported_type
+
+
+def _probabilities(row: Mapping[str, float], context: ModelContext) -> FloatArray:
+    """Return the probabilities (n,) of the reported types; a class that is not reported adds to its reported type."""
+    probability = np.zeros(len(context.reported_types))
+    for name, chance in row.items():
+        probability[context.reported_types.index(_reportable(name, context))] += chance
+    return probability
 
 
 def no_answer(_config: NoConfig, _context: ModelContext) -> Classifier:

@@ -47,6 +47,7 @@ class ConfusionConfig:
         check=_matrices_complaint,
         names_of=TargetClass.hook,
         names_depth=1,
+        inner_names=("UNKNOWN",),
         source="by default each sensor's own confusion matrix",
         help="probabilities of each reported type, by sensor type and true target class; a row given here replaces the"
         " sensor's own row",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import IndexArray
 from opir_core.interfaces.protocols import Classifier, DetectionProbability, Encoder, Sensor
-from opir_core.scene.scene import EMITTER_TYPES
+from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class
 
 if TYPE_CHECKING:
@@ -49,7 +49,8 @@ class ModelContext:
 
     `make_environment` builds the `opir_core.planning.environment.RadiometricEnvironment`. `class_names` are the target
     classes of launches and the types of other hot sources, by default those of `target_type_code`; `target_class`
-    returns the target class of a name, by default the core's.
+    returns the target class of a name, by default the core's. `reported_types` are the names of the types that may be
+    reported, of which `REPORTED_TYPES` are the first.
     """
 
     sensors: tuple[Sensor, ...]
@@ -58,6 +59,7 @@ class ModelContext:
     detection: DetectionProbability | None = field(default=None, eq=False)
     classifier: Classifier | None = field(default=None, eq=False)
     class_names: tuple[str, ...] = field(default=(), eq=False)
+    reported_types: tuple[str, ...] = REPORTED_TYPES
     target_class: Callable[[str], TargetClass] = field(default=core_target_class, eq=False)
 
     def emitter_classes(self) -> tuple[tuple[str, ...], IndexArray]:
@@ -83,10 +85,11 @@ class TrackerContext:
 
 @frozen(kw_only=True)
 class EncoderContext:
-    """The context of an encoder."""
+    """The context of an encoder; `reported_types` are the names of the detections' codes."""
 
     sensors: tuple[Sensor, ...]
     epoch_us: int
+    reported_types: tuple[str, ...] = REPORTED_TYPES
 
 
 @frozen(kw_only=True)

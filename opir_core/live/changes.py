@@ -146,6 +146,7 @@ _FIXED = {
     "duration_s": _RESTART,
     "seed": _RESTART,
     "light_time": _RESTART,
+    "reported_types": _RESTART,
     "forces": _RESTART,
     "tracker": f"{_RESTART}: tracks would be lost",
     "tracking_order": f"{_RESTART}: tracks would be lost",

@@ -55,7 +55,7 @@ def deliver(
     `on_window` is called with each window after the sinks. A failing sink does not stop the others. Raises `SinkError`
     if truth or tracks cannot be written; for the sinks, `RunOutcome.raise_for_failures` does.
     """
-    tally = Tally(plan.sensors, plan.targets, plan.pairs)
+    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
     windows = tally.over(plan_windows(plan))
     if truth_path is not None or tracks_path is not None:
         windows = _recorded(plan, windows, truth_path, tracks_path)
@@ -107,6 +107,6 @@ def opened_sink(plan: Plan, choice: Choice) -> Sink:
 def _encoder(plan: Plan, choice: Choice) -> Encoder:
     """Return the encoder of an output, `encoder: NAME`."""
     component = plan.host.component(EventEncoder, getattr(choice.config, "encoder", "forge"), f"{choice.path}.encoder")
-    context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us)
+    context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
     encoder: Encoder = component.build(component.config(), context)
     return encoder

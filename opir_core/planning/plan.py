@@ -7,12 +7,15 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from attrs import evolve, frozen
+from numpy.typing import NDArray
 
 from opir_core.errors import ModelError, OpirError, kind_of
 from opir_core.interfaces.contexts import ModelContext, SensorContext, TargetContext, TrackerContext
 from opir_core.interfaces.protocols import Classifier, Confidence, DetectionProbability, Sensor, Tracker, Trajectories
 from opir_core.planning.looks import LookGeometry
+from opir_core.planning.reported_types import paper_codes, reported_types, with_paper_types
 from opir_core.planning.sensor_states import PointingBias, SensorStates
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.solar_exclusion import SolarExclusion, solar_exclusions
@@ -21,7 +24,7 @@ from opir_core.planning.visibility import compile_pairs
 from opir_core.plugin.error_messages import described_error
 from opir_core.plugin.host import Host
 from opir_core.random_streams.philox import Stream, stream_key, uniforms_of
-from opir_core.scene.scene import Choice, Scene
+from opir_core.scene.scene import REPORTED_TYPES, Choice, Scene
 from opir_core.scene.target_classes import TargetClass
 
 if TYPE_CHECKING:
@@ -59,8 +62,19 @@ class Plan:
     scan_generations: tuple[int, ...] = ()
     #: What is built of the scene's `sources`; their emitters follow the launches in `targets`.
     sources: "tuple[Sources, ...]" = ()
+    #: The names of the types that events report, by code.
+    reported_types: tuple[str, ...] = REPORTED_TYPES
     #: The sensors' solar exclusions; empty if none of them has any.
     exclusions: tuple[SolarExclusion | None, ...] = ()
+
+    def paper_codes(self) -> NDArray[np.uint8] | None:
+        """Return the codes (n,) into `REPORTED_TYPES` of the reported types, or None where they are these types."""
+        is_paper = self.reported_types == REPORTED_TYPES
+        return None if is_paper else paper_codes(self.reported_types, self.host)
+
+    def tracker_sensors(self) -> tuple[Sensor, ...]:
+        """Return the sensors as trackers know them: with confusion matrices over `REPORTED_TYPES`."""
+        return with_paper_types(self.sensors, self.host)
 
     def look_geometry(self) -> LookGeometry:
         """Return the geometry of the plan's looks."""
@@ -125,6 +139,7 @@ def compile_plan(scene: Scene, host: Host | None = None) -> Plan:
         bias=drawn_bias(scene.seed, sensors),
         end_ns=end_ns,
         sources=sources,
+        reported_types=reported_types(scene, host),
         exclusions=exclusions,
     )
 
@@ -144,6 +159,7 @@ def _models(
         target_type_code=targets.type_code,
         class_names=targets.class_names,
         target_class=partial(host.component, TargetClass),
+        reported_types=reported_types(scene, host),
         make_environment=partial(_environment, scene, host, sensors, targets, sources),
     )
     detection = built(host, scene.detection, context)
@@ -164,7 +180,7 @@ def _environment(
 def _tracker(scene: Scene, host: Host, sensors: tuple[Sensor, ...]) -> Tracker:
     """Return a new tracker of a scene; raises `ModelError` if what its component builds is no tracker."""
     context = TrackerContext(
-        sensors=sensors,
+        sensors=with_paper_types(sensors, host),
         epoch_us=scene.epoch_us,
         duration_s=scene.duration_s,
         forces=_forces(scene),

@@ -24,7 +24,8 @@ class FieldInfo:
     precedence over presets, constellations and classes.
 
     `names_of` is a catalogue hook: the field's text, or the keys of its mapping, are names of components of that hook.
-    With `names_depth` 1 they are the keys of the mappings in the mapping. The scene reader checks them.
+    With `names_depth` 1 they are the keys of the mappings in the mapping. With `inner_names` the keys one mapping
+    deeper are such names too, or one of these. The scene reader checks them.
 
     `named_values` are the whole values of a nested field that texts stand for.
     """
@@ -40,6 +41,7 @@ class FieldInfo:
     instead_of: str = ""
     names_of: str = ""
     names_depth: int = 0
+    inner_names: tuple[str, ...] = ()
     named_values: Mapping[str, Any] = Factory(dict)
 
     @property
@@ -118,13 +120,14 @@ def nested(
     check: Callable[[Any], str | None] | None = None,
     names_of: str = "",
     names_depth: int = 0,
+    inner_names: tuple[str, ...] = (),
     named_values: Mapping[str, Any] | None = None,
 ) -> Any:
     """Return an attrs field for another configuration class, a tuple or a mapping.
 
     `minimum` and `maximum` bound every number in a tuple or a mapping; `check` returns the error of the whole value, or
-    None; `names_of` and `names_depth` as in `FieldInfo`. `named_values` are texts that a scene, or Python, may give
-    instead of a whole value.
+    None; `names_of`, `names_depth` and `inner_names` as in `FieldInfo`. `named_values` are texts that a scene, or
+    Python, may give instead of a whole value.
     """
     info = FieldInfo(
         help,
@@ -134,6 +137,7 @@ def nested(
         maximum,
         names_of=names_of,
         names_depth=names_depth,
+        inner_names=inner_names,
         named_values=named_values or {},
     )
     by_name = Converter(_named_value, takes_field=True) if named_values else None

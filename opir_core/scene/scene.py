@@ -18,6 +18,9 @@ EMITTER_TYPES = (*TARGET_TYPES, *SOURCE_TYPES)
 #: The target types that an event can report, in the order of their codes.
 REPORTED_TYPES = (*TARGET_TYPES, "UNKNOWN")
 
+#: What a scene's events may report: the types of the paper, `REPORTED_TYPES`, or the names of target classes as well.
+PAPER_TYPES, CLASS_TYPES = "paper", "classes"
+
 #: The code of UNKNOWN in `REPORTED_TYPES`.
 UNKNOWN_TYPE = REPORTED_TYPES.index("UNKNOWN")
 
@@ -126,8 +129,9 @@ class Scene:
     """A whole scene.
 
     `epoch_us` is the start of scene time, in microseconds of UTC since 1970-01-01 (no leap seconds). `light_time` is
-    whether light travels at finite speed. In the `tracking_order` of report the tracker is stepped `tracking_lag_s`
-    after its ticks, None for the time within which nearly all reports come.
+    whether light travels at finite speed. `reported_types` says whether events report `REPORTED_TYPES` only, or target
+    classes too. In the `tracking_order` of report the tracker is stepped `tracking_lag_s` after its ticks, None for the
+    time within which nearly all reports come.
     """
 
     name: str
@@ -148,6 +152,7 @@ class Scene:
     forces: SceneForces = SceneForces()
     tracking_order: str = BY_OBSERVATION
     tracking_lag_s: float | None = None
+    reported_types: str = PAPER_TYPES
 
     @property
     def choices(self) -> tuple[Choice, ...]:

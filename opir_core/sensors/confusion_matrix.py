@@ -3,8 +3,6 @@
 import math
 from collections.abc import Mapping
 
-from opir_core.scene.scene import REPORTED_TYPES
-
 Confusion = Mapping[str, Mapping[str, float]]
 
 #: How far the sum of a row may be from 1.
@@ -26,9 +24,6 @@ def confusion_complaint(matrix: Confusion) -> str | None:
 def _row_complaint(true_type: str, row: Mapping[str, float]) -> str | None:
     if not isinstance(row, Mapping):
         return f"{true_type}: {row!r} is not a mapping of reported types to probabilities"
-    strangers = [name for name in row if name not in REPORTED_TYPES]
-    if strangers:
-        return f"{true_type}: {strangers[0]!r} is not a type to report; these are {', '.join(REPORTED_TYPES)}"
     for name, probability in row.items():
         if not is_probability(probability):
             return f"{true_type}: {name}: {probability!r} is not a probability in [0, 1]"

@@ -162,6 +162,7 @@ class ScanningSensorConfig(RadiometerConfig):
         default=Factory(dict),
         check=confusion_complaint,
         names_of=TargetClass.hook,
+        inner_names=("UNKNOWN",),
         help="by true target class the probabilities of each reported type, UNKNOWN among them, for"
         " classification: paper; a class without a row has that of the type it resembles",
     )

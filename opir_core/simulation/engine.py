@@ -67,7 +67,7 @@ class Engine:
         """Continue the run of another engine with the same sensors: its time, tracker, counts and last detections."""
         self.time_ns, self._scheduled = former.time_ns, former._tracker
         if self.plan.sensors is not former.plan.sensors:
-            self._tracker.set_sensors(self.plan.sensors)
+            self._tracker.set_sensors(self.plan.tracker_sensors())
         counts = dict(zip(former._names, former._counts.tolist(), strict=True))
         self._counts = np.array([counts.get(name, 0) for name in self._names], dtype=np.int32)
         if self._confirmation is not None and former._confirmation is not None:
@@ -81,7 +81,9 @@ class Engine:
         """The tracker of this run; none of its own in the order of report, in which `ReportOrder` steps it."""
         if self._scheduled is None:
             is_here = self.plan.scene.tracking_order != BY_REPORT
-            self._scheduled = ScheduledTracker(checked_tracker(self.plan) if is_here else None, self.plan.end_ns)
+            self._scheduled = ScheduledTracker(
+                checked_tracker(self.plan) if is_here else None, self.plan.end_ns, self.plan.paper_codes()
+            )
         return self._scheduled
 
     def advance(self, end_ns: int) -> Window:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 from attrs import evolve
+from numpy.typing import NDArray
 
 from opir_core.arrays import IntArray
 from opir_core.interfaces.protocols import Tracker
@@ -11,7 +12,7 @@ from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Win
 from opir_core.planning.plan import Plan
 from opir_core.scene.scene import BY_REPORT
 from opir_core.simulation.measurement import with_tracks
-from opir_core.simulation.tracker_clock import ScheduledTracker, Tracked, checked_tracker, rows_of, without_truth
+from opir_core.simulation.tracker_clock import ScheduledTracker, Tracked, checked_tracker, rows_of
 
 _NS = 1_000_000_000
 
@@ -43,7 +44,7 @@ class ReportOrder:
     def use(self, plan: Plan) -> None:
         """Continue with another plan of the run: its classifier, and the settings of its sensors."""
         if self._tracker is not None and plan.sensors is not self._plan.sensors:
-            self._tracker.set_sensors(plan.sensors)
+            self._tracker.set_sensors(plan.tracker_sensors())
         self._plan = plan
 
     def take(self, window: Window, end_ns: int) -> Window:
@@ -154,8 +155,10 @@ class ReportedTracker(ScheduledTracker):
     reported, by the tracks of the last step.
     """
 
-    def __init__(self, tracker: Tracker, end_ns: int, lag_ns: int) -> None:
-        super().__init__(tracker, end_ns)
+    def __init__(
+        self, tracker: Tracker, end_ns: int, lag_ns: int, paper_codes: NDArray[np.uint8] | None = None
+    ) -> None:
+        super().__init__(tracker, end_ns, paper_codes)
         self._lag_ns = lag_ns
         self._stepped_ns = 0
 
@@ -188,7 +191,7 @@ class ReportedTracker(ScheduledTracker):
     def _associated(self, detections: Detections, offset: int) -> Detections:
         in_time = np.flatnonzero(detections.time_ns >= self._stepped_ns)
         rows = in_time.take(_observation_order(detections.take(in_time)))
-        visible = without_truth(detections.take(rows))
+        visible = self._visible(detections.take(rows))
         track: IntArray = np.full(len(detections), -1, dtype=np.int64)
         if len(rows):
             track[rows] = self._tracker_in_use.associate(visible)
@@ -217,7 +220,7 @@ def _reported_tracker(plan: Plan) -> ReportedTracker | None:
     """Return the tracker of a scene that tracks in the order of report."""
     if plan.scene.tracking_order != BY_REPORT:
         return None
-    return ReportedTracker(checked_tracker(plan), plan.end_ns, tracking_lag_ns(plan))
+    return ReportedTracker(checked_tracker(plan), plan.end_ns, tracking_lag_ns(plan), plan.paper_codes())
 
 
 def tracking_lag_ns(plan: Plan) -> int:

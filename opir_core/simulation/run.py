@@ -15,7 +15,7 @@ from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Win
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.planning.sightlines import Pairs
 from opir_core.plugin.host import Host
-from opir_core.scene.scene import Scene
+from opir_core.scene.scene import REPORTED_TYPES, Scene
 from opir_core.simulation.engine import Engine
 from opir_core.simulation.manifest import run_manifest
 from opir_core.simulation.report_order import ReportOrder, joined_detections
@@ -34,6 +34,8 @@ class Run:
     target_ids: Sequence[str]
     summary: Mapping[str, Any]
     manifest: Mapping[str, Any]
+    #: The names of the detections' reported types, by code.
+    reported_types: Sequence[str] = REPORTED_TYPES
 
 
 #: Target number of looks per window; a column of them takes 2 MiB.
@@ -81,7 +83,7 @@ def simulate(scene: Scene, host: Host | None = None, *, window_s: float | None =
 
 def run_of_plan(plan: Plan, window_s: float | None = None) -> Run:
     """Return the run of a plan; each call returns the same run."""
-    tally = Tally(plan.sensors, plan.targets, plan.pairs)
+    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
     return _collected(plan, tally, list(tally.over(plan_windows(plan, window_s))))
 
 
@@ -110,4 +112,5 @@ def _collected(plan: Plan, tally: Tally, parts: Sequence[Window]) -> Run:
         target_ids=plan.targets.ids,
         summary=tally.summary(),
         manifest=run_manifest(plan, tally.counts()),
+        reported_types=plan.reported_types,
     )

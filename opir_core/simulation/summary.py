@@ -18,8 +18,14 @@ from opir_core.scene.scene import REPORTED_TYPES
 class Tally:
     """Counts looks, detections and first detections of windows."""
 
-    def __init__(self, sensors: Sequence[Sensor], targets: Targets, pairs: Pairs) -> None:
-        self._sensors, self._targets = sensors, targets
+    def __init__(
+        self,
+        sensors: Sequence[Sensor],
+        targets: Targets,
+        pairs: Pairs,
+        reported_types: Sequence[str] = REPORTED_TYPES,
+    ) -> None:
+        self._sensors, self._targets, self._types = sensors, targets, reported_types
         self._looks_of_sensor = np.bincount(pairs.sensor, pairs.looks, minlength=len(sensors))
         shape = len(sensors), len(targets.ids)
         self._looks = 0
@@ -31,7 +37,7 @@ class Tally:
         self._first_report_s = np.full(shape[1], np.inf)
         self._is_delayed = any(sensor.reporting for sensor in sensors)
         self._last_s = np.full(shape, -np.inf)
-        self._reported = np.zeros((shape[1], len(REPORTED_TYPES)), dtype=np.int64)
+        self._reported = np.zeros((shape[1], len(reported_types)), dtype=np.int64)
         self._confidence = np.zeros(shape[1])
 
     def over(self, windows: Iterable[Window]) -> Iterator[Window]:
@@ -117,7 +123,7 @@ class Tally:
         first = int(self._first_s[:, row].argmin())
         first_s = float(self._first_s[first, row])
         first_report_s = float(self._first_report_s[row]) if self._is_delayed else first_s
-        reported = REPORTED_TYPES[int(self._reported[row].argmax())]
+        reported = self._types[int(self._reported[row].argmax())]
         return {
             "target_id": targets.ids[row],
             "target_type": targets.class_names[row],

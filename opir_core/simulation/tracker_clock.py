@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from attrs import evolve, fields, frozen
+from numpy.typing import NDArray
 
 from opir_core.arrays import IntArray
 from opir_core.errors import ModelError, OpirError, kind_of
@@ -32,12 +33,14 @@ class ScheduledTracker:
     """Steps a tracker at whole multiples of its cadence and at the scene's end; associates the detections between.
 
     Detections come in the order of observation, whenever they are reported: estimates are available as soon as all
-    reports of earlier looks are there. Without a tracker nothing is associated.
+    reports of earlier looks are there. Without a tracker nothing is associated. `paper_codes` gives the codes into
+    `REPORTED_TYPES` of reported types that are others.
     """
 
-    def __init__(self, tracker: Tracker | None, end_ns: int) -> None:
+    def __init__(self, tracker: Tracker | None, end_ns: int, paper_codes: NDArray[np.uint8] | None = None) -> None:
         self._tracker = tracker
         self._end_ns = end_ns
+        self._paper_codes = paper_codes
         cadence_s = None if tracker is None else tracker.cadence_s
         self._cadence_ns = None if cadence_s is None else max(1, round(cadence_s * _NS))
         self._pending: list[Detections] = []
@@ -71,10 +74,17 @@ class ScheduledTracker:
         return Tracked(Detections.concatenate(associated), Tracks.concatenate(estimates), Tracks.concatenate(in_force))
 
     def _associated(self, detections: Detections, offset: int) -> Detections:
-        visible = without_truth(detections)
+        visible = self._visible(detections)
         track = self._tracker_in_use.associate(visible) if len(detections) else np.empty(0, dtype=np.int64)
         self._pending.append(evolve(visible, track=track))
         return evolve(detections, track=track, estimate=rows_of(self._in_force.track, track, offset))
+
+    def _visible(self, detections: Detections) -> Detections:
+        """Return detections as the tracker sees them: without truth, with the types of the paper."""
+        visible = without_truth(detections)
+        if self._paper_codes is None:
+            return visible
+        return evolve(visible, reported_type=self._paper_codes.take(visible.reported_type))
 
     def _stepped(self, edge_ns: int) -> list[Tracks]:
         assert self._cadence_ns is not None

@@ -43,10 +43,10 @@ def only_encodable(window: Window, encoder: Encoder) -> Window:
     )
 
 
-def require_valid(window: Window, sensors: Sequence[Sensor]) -> None:
+def require_valid(window: Window, sensors: Sequence[Sensor], types: int = len(REPORTED_TYPES)) -> None:
     """Raise `ModelError` if detections have values that no event may have: a nan confidence, an unknown sensor, …"""
     detections = window.detections
-    for rule, valid in _rules(window, sensors):
+    for rule, valid in _rules(window, sensors, types):
         if not valid.all():
             row = int(np.argmin(valid))
             invalid = len(valid) - int(np.count_nonzero(valid))
@@ -56,13 +56,13 @@ def require_valid(window: Window, sensors: Sequence[Sensor]) -> None:
             )
 
 
-def _rules(window: Window, sensors: Sequence[Sensor]) -> Iterator[tuple[str, BoolArray]]:
+def _rules(window: Window, sensors: Sequence[Sensor], types: int) -> Iterator[tuple[str, BoolArray]]:
     """Yield each rule and the rows (n,) that satisfy it; later rules assume the earlier ones."""
     d = window.detections
     yield f"the sensor must be in 0 to {len(sensors) - 1}", (d.sensor >= 0) & (d.sensor < len(sensors))
     band_ends = np.array([1 << len(sensor.bands) for sensor in sensors])
     yield "the bands must be the sensor's", d.bands < band_ends[d.sensor]
-    yield "the reported type must be a code into REPORTED_TYPES", d.reported_type < len(REPORTED_TYPES)
+    yield f"the reported type must be a code below {types}, the number of types", d.reported_type < types
     yield "the confidence must be in [0, 1]", (d.confidence >= 0.0) & (d.confidence <= 1.0)
     yield "the line of sight must be a unit vector", _is_unit(d.line_of_sight_ecef)
     yield "the standard deviation of the line of sight must be finite and not negative", _is_sigma(d)

@@ -104,10 +104,12 @@ class ForgeEncoder:
     schema_version = SCHEMA_VERSION
 
     def __init__(self, context: EncoderContext, *, has_irradiances: bool = False, has_tracks: bool = False) -> None:
-        self._sensors = context.sensors
+        self._sensors, self._types = context.sensors, len(context.reported_types)
         self._irradiances = IrradianceTexts(context.sensors) if has_irradiances else None
         self._epoch_us, self._has_tracks = context.epoch_us, has_tracks
-        self._sensor_pieces = piece_table(piece for sensor in context.sensors for piece in _sensor_pieces(sensor))
+        self._sensor_pieces = piece_table(
+            piece for sensor in context.sensors for piece in _sensor_pieces(sensor, context.reported_types)
+        )
         self._band_pieces = piece_table(piece for sensor in context.sensors for piece in _band_pieces(sensor))
         self._look_pieces = piece_table(piece for sensor in context.sensors for piece in _look_pieces(sensor))
         self._sigma_rad = np.array([sensor.line_of_sight_sigma_rad for sensor in context.sensors], dtype=np.float64)
@@ -119,7 +121,7 @@ class ForgeEncoder:
         detections = window.detections
         if not len(detections):
             return b""
-        require_valid(window, self._sensors)
+        require_valid(window, self._sensors, self._types)
         sensor = detections.sensor.astype(np.int64)
         times = EventTimes.of(detections, self._epoch_us)
         viewpoints = Viewpoints.of(detections.sensor, detections.sensor_ecef_m)
@@ -128,7 +130,7 @@ class ForgeEncoder:
             len(detections),
             [
                 openings(detections, times.look, *_OPENING),
-                taken(self._sensor_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
+                taken(self._sensor_pieces, sensor * self._types + detections.reported_type),
                 _points(window, self._epoch_us),
                 number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
                 time_pieces(times.report, *_REPORT),
@@ -156,11 +158,11 @@ class ForgeEncoder:
         return [_SIGMA, number_texts(sigma_urad), taken(self._band_pieces, row)]
 
 
-def _sensor_pieces(sensor: Sensor) -> list[bytes]:
+def _sensor_pieces(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
     """Return one piece per reported type."""
     slot = None if sensor.orbital_slot_deg is None else rounded_number(sensor.orbital_slot_deg, DEGREE_DECIMALS)
     constant = _json(sensor.id), _json(sensor.type), _json(slot)
-    return [_SENSOR % (*constant, _json(name)) for name in REPORTED_TYPES]
+    return [_SENSOR % (*constant, _json(name)) for name in reported_types]
 
 
 def _look_pieces(sensor: Sensor) -> list[bytes]:

@@ -51,7 +51,7 @@ class ForgeC2Encoder:
     schema_version = FORGE_C2_VERSION
 
     def __init__(self, context: EncoderContext) -> None:
-        self._sensors = context.sensors
+        self._sensors, self._types = context.sensors, len(context.reported_types)
         self._epoch_us = context.epoch_us
         self._sensor_pieces = piece_table(_SENSOR % _json(sensor.id) for sensor in context.sensors)
         self._frequency_pieces = piece_table(piece for sensor in context.sensors for piece in _frequencies(sensor))
@@ -60,7 +60,7 @@ class ForgeC2Encoder:
 
     def encodable(self, window: Window) -> BoolArray:
         """Return which detections (n,) have a position; invalid values raise `ModelError`."""
-        require_valid(window, self._sensors)
+        require_valid(window, self._sensors, self._types)
         has_position: BoolArray = np.isfinite(positions_ecef_m(window)[:, 0])
         return has_position
 

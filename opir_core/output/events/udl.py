@@ -37,7 +37,7 @@ from opir_core.output.events.text import (
     time_pieces,
     vector_texts,
 )
-from opir_core.scene.scene import REPORTED_TYPES, UNKNOWN_TYPE
+from opir_core.scene.scene import UNKNOWN_TYPE
 
 _OPENING = (
     b'{"classificationMarking":"U","dataMode":"SIMULATED","source":"opir","msgType":"OPIR","id":"',
@@ -60,9 +60,11 @@ class UdlEncoder:
     schema_version = UDL_VERSION
 
     def __init__(self, context: EncoderContext) -> None:
-        self._sensors = context.sensors
+        self._sensors, self._count = context.sensors, len(context.reported_types)
         self._epoch_us = context.epoch_us
-        self._type_pieces = piece_table(piece for sensor in context.sensors for piece in _types(sensor))
+        self._type_pieces = piece_table(
+            piece for sensor in context.sensors for piece in _types(sensor, context.reported_types)
+        )
         self._vector_pieces = piece_table(
             b',"origSensorId":%b,"timeSource":"SCENE","epoch":"' % _json(sensor.id) for sensor in context.sensors
         )
@@ -72,7 +74,7 @@ class UdlEncoder:
         detections = window.detections
         if not len(detections):
             return b""
-        require_valid(window, self._sensors)
+        require_valid(window, self._sensors, self._count)
         angles = Viewpoints.of(detections.sensor, detections.sensor_ecef_m).angles(detections.line_of_sight_ecef)
         sensor = detections.sensor.astype(np.int64)
         times = EventTimes.of(detections, self._epoch_us)
@@ -80,7 +82,7 @@ class UdlEncoder:
             len(detections),
             [
                 openings(detections, times.report, *_OPENING),
-                taken(self._type_pieces, sensor * len(REPORTED_TYPES) + detections.reported_type),
+                taken(self._type_pieces, sensor * self._count + detections.reported_type),
                 number_texts(rounded_degrees(angles.elevation_rad)),
                 b',"trkConf":',
                 number_texts(rounded(detections.confidence, RATIO_DECIMALS)),
@@ -135,12 +137,12 @@ _VECTOR = {
 }
 
 
-def _types(sensor: Sensor) -> list[bytes]:
+def _types(sensor: Sensor, reported_types: Sequence[str]) -> list[bytes]:
     """Return one piece per reported type; the unknown type is absent."""
     source = b',"infoSource":%b,"angElev":' % _json(sensor.type)
     kinds = [
         b"" if code == UNKNOWN_TYPE else b',"acftSubType":"%b"' % name.encode()
-        for code, name in enumerate(REPORTED_TYPES)
+        for code, name in enumerate(reported_types)
     ]
     return [b'"objType":"MISSILE"%b%b' % (kind, source) for kind in kinds]
 

@@ -132,7 +132,7 @@ class ComponentReader:
         collector = ErrorCollector()
         for key, info in field_infos(config_class).items():
             if info.names_of and key in block:
-                for steps, name, node in _names_in(block[key], (key_step(key),), info.names_depth):
+                for steps, name, node in _names_in(block[key], (key_step(key),), info.names_depth, info.inner_names):
                     with collector.at(*steps):
                         self._require_name(info.names_of, name, node, path, steps)
         collector.require_whole()
@@ -188,16 +188,23 @@ def component_name(node: Node) -> str:
     return name
 
 
-def _names_in(node: Node, steps: tuple[str, ...], depth: int) -> Iterator[tuple[tuple[str, ...], str, Node]]:
-    """Yield the names of components that a node holds: its text, or its keys, or those `depth` mappings below."""
+def _names_in(
+    node: Node, steps: tuple[str, ...], depth: int, inner: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], str, Node]]:
+    """Yield the names of components that a node holds: its text, or its keys, or those `depth` mappings below.
+
+    With `inner` also the keys one mapping deeper, unless they are one of these.
+    """
     if isinstance(node.value, str):
         yield steps, node.value, node
     for key, child in node.value.items() if isinstance(node.value, dict) else ():
         inside = (*steps, key_step(key))
         if depth:
-            yield from _names_in(child, inside, depth - 1)
+            yield from _names_in(child, inside, depth - 1, inner)
         else:
             yield inside, key, child
+            deeper = child.value.items() if inner and isinstance(child.value, dict) else ()
+            yield from (((*inside, key_step(name)), name, leaf) for name, leaf in deeper if name not in inner)
 
 
 def _made(reader: ClassReader, block: Mapping[str, Node], place: Node, other_keys: Sequence[str], home: Home) -> Any:

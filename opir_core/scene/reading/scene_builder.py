@@ -137,6 +137,7 @@ class SceneBuilder:
             light_time=file.light_time,
             tracking_order=file.tracking_order,
             tracking_lag_s=file.tracking_lag_s,
+            reported_types=file.reported_types,
             **parts,
         )
 

@@ -8,7 +8,7 @@ from attrs import frozen
 
 from opir_core.scene.fields import flag, nested, number, text
 from opir_core.scene.reading.nodes import MAXIMUM_DURATION_S, MAXIMUM_NAME_LENGTH, Node
-from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT
+from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES
 
 #: The keys that choose one component: the hook it comes through, and the name chosen where the scene has none.
 CHOICES = {
@@ -60,6 +60,12 @@ class SceneFile:
         help="whether light travels at finite speed",
         default=True,
         source="physics: 0.12 s to geostationary height",
+    )
+    reported_types: str = text(
+        help="what events report: the types ICBM, IRBM, SRBM and UNKNOWN (paper), or target classes too (classes)",
+        default=PAPER_TYPES,
+        choices=(PAPER_TYPES, CLASS_TYPES),
+        source="opir-simulator paper (2026): four types",
     )
     forces: Node | None = nested(
         help="forces in free flight: kepler (point mass only), or a list of j2, j3, j4 and drag",

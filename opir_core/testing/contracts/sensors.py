@@ -14,6 +14,7 @@ from opir_core.interfaces.contexts import SensorContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.plugin.components import Component, Constellation, SensorModel
 from opir_core.scene.scene import MAXIMUM_BANDS, TARGET_TYPES
+from opir_core.scene.target_classes import TargetClass
 from opir_core.sensors.confusion_matrix import confusion_complaint, is_probability
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, SENSORS, BenchRun, bench_scene
 from opir_core.testing.contracts.contract import (
@@ -66,6 +67,7 @@ class SensorContract(SceneContract):
     def test_fields_are_valid(self) -> None:
         """Bands, angles, errors and probabilities are valid."""
         sensor: Any = self.sensor()
+        classes = set(self.host().names(TargetClass))
         names = [band.name for band in sensor.bands]
         half, least = sensor.field_of_regard_half_angle_rad, sensor.minimum_elevation_rad
         valid = {
@@ -79,10 +81,11 @@ class SensorContract(SceneContract):
             "minimum_elevation_rad: in [-pi/2, pi/2]": abs(least) <= math.pi / 2.0,
             "solar_exclusion_rad: in [0, pi]": 0.0 <= sensor.solar_exclusion_rad <= math.pi,
             "line_of_sight_sigma_rad: in [0, 0.1]": 0.0 <= sensor.line_of_sight_sigma_rad <= 0.1,
-            "detection_probability: of target types, in [0, 1]": sensor.detection_probability.keys()
-            <= set(TARGET_TYPES)
+            "detection_probability: of target classes, in [0, 1]": sensor.detection_probability.keys() <= classes
             and all(map(is_probability, sensor.detection_probability.values())),
-            "confusion: rows that sum to 1": confusion_complaint(sensor.confusion) is None,
+            "confusion: rows of target classes that sum to 1": confusion_complaint(sensor.confusion) is None
+            and sensor.confusion.keys() <= classes
+            and all(row.keys() <= {*classes, "UNKNOWN"} for row in sensor.confusion.values()),
         }
         for condition, holds in valid.items():
             require(holds, f"not valid: {condition}", "Validate it in the configuration class, or change its default.")

@@ -15,6 +15,7 @@ from opir_core.interfaces.records import Window
 from opir_core.live.running import LiveWindow
 from opir_core.output.events.forge import ForgeEncoder
 from opir_core.output.events.text import unix_microseconds
+from opir_core.scene.scene import REPORTED_TYPES
 from opir_http.history import History
 from opir_http.tracks import TrackDocuments
 
@@ -117,12 +118,19 @@ class Client:
 class Feed:
     """Encodes a run's windows without delaying it; `status` returns the document sent to viewers each second."""
 
-    def __init__(self, sensors: tuple[Sensor, ...], epoch_us: int, history: int, status: Callable[[], Any]) -> None:
+    def __init__(
+        self,
+        sensors: tuple[Sensor, ...],
+        epoch_us: int,
+        history: int,
+        status: Callable[[], Any],
+        reported_types: tuple[str, ...] = REPORTED_TYPES,
+    ) -> None:
         self.history = History(history)
         self.tracks = TrackDocuments(epoch_us)
-        self.sensors, self.epoch_us = sensors, epoch_us
+        self.sensors, self.epoch_us, self.reported_types = sensors, epoch_us, reported_types
         self._status = status
-        self._encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=epoch_us))
+        self._encoder = ForgeEncoder(EncoderContext(sensors=sensors, epoch_us=epoch_us, reported_types=reported_types))
         self._windows: LossyQueue[LiveWindow] = LossyQueue(QUEUED_WINDOWS)
         self._clients: set[Client] = set()
         self._loop: asyncio.AbstractEventLoop | None = None

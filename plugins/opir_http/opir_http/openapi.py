@@ -146,7 +146,7 @@ def _detections() -> Schema:
         "after": {"type": "string", "pattern": "^[0-9a-z]{1,12}$"},
         "sensor_id": TEXT,
         "sensor_type": TEXT,
-        "target_type": {"type": "string", "enum": list(REPORTED_TYPES)},
+        "target_type": {"type": "string", "pattern": "^[A-Za-z0-9._+-]{1,64}$", "examples": list(REPORTED_TYPES)},
         "track_id": {"type": "integer", "minimum": 0, "maximum": 10**9 - 1},
         "since": {"type": "string", "pattern": _UTC_TIME, "examples": ["2026-04-01T12:00:00Z"]},
         "until": {"type": "string", "pattern": _UTC_TIME, "examples": ["2026-04-01T12:05:00Z"]},

@@ -12,7 +12,6 @@ from litestar import HttpMethod, Litestar, Request, Response, get, post, route
 from litestar.exceptions import HTTPException
 from litestar.response import Stream
 
-from opir_core.scene.scene import REPORTED_TYPES
 from opir_http.feed import Client
 from opir_http.history import Filter
 from opir_http.metrics import CONTENT_TYPE, metrics_text
@@ -258,12 +257,12 @@ def _filter(given: Mapping[str, str], service: Service) -> Filter:
             for row, sensor in enumerate(service.feed.sensors)
             if given.get("sensor_id", sensor.id) == sensor.id and given.get("sensor_type", sensor.type) == sensor.type
         )
-    kind = given.get("target_type")
-    if kind is not None and kind not in REPORTED_TYPES:
-        raise ProblemError(400, f"target_type must be one of {', '.join(REPORTED_TYPES)}")
+    kind, types = given.get("target_type"), service.feed.reported_types
+    if kind is not None and kind not in types:
+        raise ProblemError(400, f"target_type must be one of {', '.join(types)}")
     return Filter(
         sensors=sensors,
-        types=None if kind is None else (REPORTED_TYPES.index(kind),),
+        types=None if kind is None else (types.index(kind),),
         track=None if "track_id" not in given else whole_number(given, "track_id", 0, 10**9 - 1, least=0),
         since_us=instant_us(given, "since"),
         until_us=instant_us(given, "until"),

@@ -9,7 +9,8 @@ from opir_core.builtin.configs import BallisticConfig
 from opir_core.output.events import detection_schema
 from opir_core.scene.fields import FieldInfo, info_of
 from opir_core.scene.reading.targets import ID_RULE
-from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, REPORTED_TYPES
+from opir_core.scene.scene import BY_OBSERVATION, BY_REPORT, CLASS_TYPES, PAPER_TYPES, REPORTED_TYPES
+from opir_core.scene.target_classes import core_target_classes
 from opir_http.settings import HttpSettings
 
 Schema = dict[str, Any]
@@ -53,12 +54,13 @@ def trigger() -> Schema:
     launch["properties"]["time_s"] = or_null(launch["properties"]["time_s"]) | {
         "description": "ignition, s after the scene's epoch, not in the past; default: the earliest possible"
     }
+    schema["properties"]["type"]["examples"] = list(core_target_classes())
     schema["properties"] |= {
         "id": {"type": "string", "pattern": r"^[A-Za-z0-9._:\-]{1,64}$", "description": ID_RULE},
         "model": {
             "type": "string",
             "enum": ["ballistic"],
-            "description": "target model; any installed one is accepted",
+            "description": "target model; any installed one is accepted; default: that of the target class",
         },
     }
     return schema
@@ -74,6 +76,7 @@ def config() -> Schema:
         "duration_s": {"type": "number", "exclusiveMinimum": 0},
         "seed": COUNT,
         "light_time": {"type": "boolean"},
+        "reported_types": {"type": "string", "enum": [PAPER_TYPES, CLASS_TYPES]},
         "forces": {"description": "forces in free flight"},
         "sensors": listed({"type": "object"}) | {"minItems": 1},
         **{name: block | {"description": f"{name} model: its name, or a block"} for name in choices},
@@ -82,7 +85,17 @@ def config() -> Schema:
         "outputs": listed(block),
         "http": schema_of_class(HttpSettings) | {"required": [attribute.name for attribute in fields(HttpSettings)]},
     }
-    return closed(parts, ("light_time", "forces", "seed", *choices, "tracking_order", "tracking_lag_s", "outputs"))
+    optional = (
+        "light_time",
+        "reported_types",
+        "forces",
+        "seed",
+        *choices,
+        "tracking_order",
+        "tracking_lag_s",
+        "outputs",
+    )
+    return closed(parts, optional)
 
 
 def detection() -> Schema:

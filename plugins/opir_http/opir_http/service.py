@@ -32,7 +32,7 @@ class Service:
 
     def __init__(self, run: LiveRun, settings: HttpSettings) -> None:
         self.run, self.settings = run, settings
-        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, settings.history, self.status)
+        self.feed = Feed(run.plan.sensors, run.scene.epoch_us, settings.history, self.status, run.plan.reported_types)
         self.answers = Answers()
         self._writing = threading.Lock()
         self._waiting: dict[str, tuple[int, float, int]] = {}

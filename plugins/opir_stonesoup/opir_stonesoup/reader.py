@@ -58,15 +58,24 @@ class OpirDetectionReader(DetectionReader):  # type: ignore[misc]
         ids = [sensor.id for sensor in run.sensors]
         settings.setdefault("light_time", run.manifest["scene"].get("light_time", True))
         seen = run.detections.take(np.argsort(run.detections.time_ns, kind="stable"))
-        return cls(sights=list(sights_of(seen, ids, epoch_us)), **settings)
+        return cls(sights=list(sights_of(seen, ids, epoch_us, run.reported_types)), **settings)
 
     @classmethod
     def of_windows(
-        cls, windows: Iterable[Window], sensors: Sequence[Sensor], epoch_us: int, **settings: Any
+        cls,
+        windows: Iterable[Window],
+        sensors: Sequence[Sensor],
+        epoch_us: int,
+        *,
+        reported_types: Sequence[str] = REPORTED_TYPES,
+        **settings: Any,
     ) -> "OpirDetectionReader":
-        """Return the reader of windows as they come, for one iteration: with reporting latency in order of report."""
+        """Return the reader of windows as they come, for one iteration: with reporting latency in order of report.
+
+        `reported_types` are a plan's.
+        """
         ids = [sensor.id for sensor in sensors]
-        every = (sight for window in windows for sight in sights_of(window.detections, ids, epoch_us))
+        every = (sight for window in windows for sight in sights_of(window.detections, ids, epoch_us, reported_types))
         return cls(sights=every, **settings)
 
     @classmethod
@@ -119,7 +128,12 @@ def detection_of(sight: SensorSight, ndim_state: int, light_time: bool) -> Detec
     )
 
 
-def sights_of(detections: Detections, sensor_ids: Sequence[str], epoch_us: int) -> Iterator[SensorSight]:
+def sights_of(
+    detections: Detections,
+    sensor_ids: Sequence[str],
+    epoch_us: int,
+    reported_types: Sequence[str] = REPORTED_TYPES,
+) -> Iterator[SensorSight]:
     """Yield detections as lines of sight."""
     time_us = epoch_us + np.round(detections.time_ns * 1e-3).astype(np.int64)
     for row in range(len(detections)):
@@ -134,7 +148,7 @@ def sights_of(detections: Detections, sensor_ids: Sequence[str], epoch_us: int) 
             metadata={
                 "sensor_id": sensor_id,
                 "detection_id": _uuid(high, low),
-                "reported_type": REPORTED_TYPES[detections.reported_type[row]],
+                "reported_type": reported_types[detections.reported_type[row]],
                 "confidence": float(detections.confidence[row]),
             },
         )

@@ -67,7 +67,6 @@ def built(config):
         ({"confusion": {"ICBM": {"ICBM": 0.9}}}, "sums to 0.9, not to 1"),
         ({"confusion": {"ICBM": {"ICBM": 1.0 + 2e-9}}}, "not a probability"),
         ({"confusion": {"ICBM": {"ICBM": 0.5, "IRBM": 0.5 + 2e-9}}}, "not to 1"),
-        ({"confusion": {"ICBM": {"FIRE": 1.0}}}, "'FIRE' is not a type to report"),
         ({"confusion": {"ICBM": 1.0}}, "not a mapping of reported types"),
     ],
 )
