@@ -38,7 +38,7 @@ def benchmark_() -> Iterator[SimpleNamespace]:
 
 @pytest.fixture(scope="module")
 def people(benchmark_: SimpleNamespace) -> Any:
-    return benchmark_.population(54, 20, seed=2)
+    return benchmark_.population(80, 70, seed=2)
 
 
 @pytest.fixture(scope="module")
