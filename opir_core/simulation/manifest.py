@@ -12,6 +12,7 @@ from opir_core.planning.plan import Plan
 from opir_core.plugin.components import Constellation, EventEncoder
 from opir_core.random_streams.philox import SCHEME
 from opir_core.scene.reading import scene_hash, scene_mapping
+from opir_core.scene.target_classes import TargetClass
 
 #: Version of the manifest format.
 MANIFEST_VERSION = "2"
@@ -39,7 +40,9 @@ def components_used(plan: Plan) -> list[Mapping[str, str]]:
     outputs = [choice.config for choice in plan.scene.outputs if hasattr(choice.config, "encoder")]
     chosen |= {(EventEncoder.hook, str(config.encoder)) for config in outputs}
     fleets = {(Constellation.hook, sensor.constellation) for sensor in plan.scene.sensors if sensor.constellation}
-    return [_with_provenance(plan, hook, name) for hook, name in sorted(chosen | fleets)]
+    launched = plan.targets.class_names[: len(plan.scene.targets)]
+    classes = {(TargetClass.hook, name) for name in launched}
+    return [_with_provenance(plan, hook, name) for hook, name in sorted(chosen | fleets | classes)]
 
 
 def _with_provenance(plan: Plan, hook: str, name: str) -> Mapping[str, str]:

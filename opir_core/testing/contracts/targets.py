@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from opir_core.interfaces.optional import FreeFlight
 from opir_core.interfaces.protocols import Trajectories
 from opir_core.plugin.components import Component, TargetModel
 from opir_core.scene.scene import EMITTER_TYPES
+from opir_core.scene.target_classes import TargetClass
 from opir_core.testing.bench import NEIGHBOUR_TARGET, TARGETS, bench_scene
 from opir_core.testing.contracts.contract import (
     ConformanceError,
@@ -64,6 +65,7 @@ class TargetContract(SceneContract):
             ids=tuple(block["id"] for block in blocks),
             paths=tuple(f"targets[{number}]" for number in range(len(blocks))),
             free_flight=free_flight,
+            target_class=partial(cls.host().component, TargetClass),
         )
         configs = [read_config(cls.component(), block) for block in settings]
         trajectories: Trajectories = cls.component().build(configs, context)

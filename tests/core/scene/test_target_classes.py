@@ -15,6 +15,7 @@ from opir_core.scene.reading import scene_from_mapping, scene_mapping
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.scene.target_classes import core_target_class, core_target_classes
 from opir_core.simulation.run import simulate
+from opir_core.testing import TargetClassContract
 from opir_core.testing.bench import bench_scene
 
 PROFILE = BoostProfile("PROBE", 100.0, 8.0, 1.3, 0.6, 3158.4, math.radians(40.0), 1.3e6, 1e6, 3e6)
@@ -87,6 +88,24 @@ def test_a_class_of_a_plugin_flies_and_is_named_in_truth_and_summary():
     (row,) = run.summary["targets"]
     assert (row["target_type"], row["reported_type"]) == ("PROBE", "IRBM")
     assert row["burnout_s"] - row["ignition_s"] == PROFILE.burn_time_s
+
+
+def test_the_manifest_names_the_plugin_of_each_class():
+    host = Host.of(Probes(PROBE))
+    components = simulate(scene_of("PROBE", host), host).manifest["components"]
+    (row,) = [row for row in components if row["kind"] == "target_classes"]
+    assert (row["name"], row["plugin"]) == ("PROBE", "Probes")
+
+
+def test_the_conformance_tests_find_a_class_of_a_plugin():
+    class OfProbes(TargetClassContract):
+        name = "PROBE"
+
+        @classmethod
+        def host(cls):
+            return Host.of(Probes(PROBE))
+
+    assert OfProbes.targets().class_names == ["PROBE"] * 3
 
 
 def test_a_class_like_another_makes_the_same_detections():
