@@ -92,9 +92,10 @@ def same(scene: str, first: Path, other: Path) -> bool:
 
 def differences(key: str, value: Any, other: Any, holder: dict[str, Any]) -> Iterator[Difference]:
     """Yield all differences of two values of a key of a mapping."""
-    if isinstance(value, dict) and isinstance(other, dict) and value.keys() == other.keys():
-        for name, inner in value.items():
-            yield from differences(f"{key}.{name}" if key else name, inner, other[name], value)
+    if isinstance(value, dict) and isinstance(other, dict):
+        for name in {**value, **other}:
+            inner, other_inner = (part.get(name, "absent") for part in (value, other))
+            yield from differences(f"{key}.{name}" if key else name, inner, other_inner, value)
     elif isinstance(value, list) and isinstance(other, list) and len(value) == len(other):
         for inner, other_inner in zip(value, other, strict=True):
             yield from differences(key, inner, other_inner, holder)

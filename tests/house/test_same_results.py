@@ -79,6 +79,7 @@ def test_other_last_digits_are_the_same(comparison: ModuleType, tmp_path: Path, 
         {"impact_point": {"lat_deg": 1.0}},
         {"latitude_deg": 34.0000011},
         {"latitude_deg": None},
+        {"one_more": None},
         {"launch_point": {**EVENT["launch_point"], "time": "2026-04-01T11:59:00.001200Z"}},
         ellipse(semi_minor_m=3000.11),
         ellipse(bearing_deg=20.003),
@@ -98,6 +99,11 @@ def test_another_number_of_events_is_found(
     comparison: ModuleType, tmp_path: Path, others: tuple[dict[str, Any], ...]
 ) -> None:
     assert not compared(comparison, tmp_path, *others)
+
+
+def test_a_missing_key_is_found(comparison: ModuleType, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert not compared(comparison, tmp_path, {key: value for key, value in EVENT.items() if key != "track_id"})
+    assert "event 1: track_id is 3, and absent" in capsys.readouterr().out
 
 
 def test_the_bearing_of_a_circle_is_arbitrary(comparison: ModuleType) -> None:
