@@ -3,9 +3,9 @@
 `python tests/mutation/sample.py --draws 100 --seed 1 --jobs 2 --out mutants.json`
 
 All tokens that may change are equally likely. Each mutant is made in a copy of the checkout and meets the quick tests
-of its folder, then the other quick tests that import it, nearest first, then the slow tests of its folder. The first
-test that fails kills it. So does a hang: a test that does not end within a limit. A mutant survives if no test fails
-within the time limit of each of the three.
+of its folder, then the other quick tests that import it, nearest first, and those of the documentation, then the slow
+tests of its folder. The first test that fails kills it. So does a hang: a test that does not end within a limit. A
+mutant survives if no test fails within the time limit of each of the three.
 """
 
 import argparse
@@ -33,8 +33,9 @@ sys.path.insert(0, str(ROOT / "tests" / "support"))
 from import_distances import distances, imports_of, source_files  # noqa: E402
 from one_token_mutants import Site, mutated, sites  # noqa: E402
 
-#: Folders of tests that run the code; those of tests/house read it.
+#: Folders of tests that import the code, and tests of tests/house that run it without an import of their own.
 RUNNING = ("core", "plugins", "contracts", "against", "journeys")
+DOCUMENTED = ("tests/house/test_documentation.py", "tests/house/test_modelled_pages.py")
 PYTEST = ("-q", "-x", "-n", "0", "-p", "no:cacheprovider", "--tb=line", "-rfE")
 PROPERTIES = ("--hypothesis-profile=unshrunk", "--hypothesis-seed=0")
 #: A mutant may allocate without end.
@@ -164,7 +165,7 @@ def _mutant(file: str, source: str, site: Site, choice: str) -> tuple[Mutant, st
 def stages_of(file: str, imports: dict[str, set[str]], left_out: Sequence[str] = ()) -> list[Stage]:
     """Return the stages of a module's mutants that have files."""
     own, others = tests_of(file, imports)
-    stages = [(own, "not slow"), (others, "not slow"), (own, "slow")]
+    stages = [(own, "not slow"), ([*others, *DOCUMENTED], "not slow"), (own, "slow")]
     return [Stage(files, chosen, tuple(left_out)) for files, chosen in stages if files]
 
 

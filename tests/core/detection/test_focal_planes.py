@@ -52,7 +52,11 @@ def spot_rad(plane: Any, middle_um: float) -> float:
 @pytest.mark.parametrize("sky", SKIES)
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"spatial_filter": "surround", "temporal_filter": "none"}, {"spatial_filter": "sum", "core_pixels": 2}],
+    [
+        {"spatial_filter": "surround", "temporal_filter": "none"},
+        pytest.param({}, marks=pytest.mark.slow),
+        pytest.param({"spatial_filter": "sum", "core_pixels": 2}, marks=pytest.mark.slow),
+    ],
 )
 def test_noise_is_that_of_electrons_photons_and_leaking_structure(sky: str, changes: dict[str, Any]) -> None:
     """σ² = (electrons without light + photons of the background) / gain² + structure left by the filters."""
