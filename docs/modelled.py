@@ -175,6 +175,14 @@ PARTS = (
         " the rest is not estimated",
     ),
     Part(
+        "Staged boosts",
+        "computed",
+        "gravity turns of notional stages (`stagings.json`), integrated with drag on the rotating Earth"
+        " ([gravity-turn](gravity-turn.md)), then free flight as above",
+        "mass, attitude, guidance and wind; drag that depends on Mach number or stage",
+        "Against scipy from ignition to impact: below 1 m. Stages are made up: no accuracy is claimed",
+    ),
+    Part(
         "Sensor orbits",
         "computed",
         "two-body motion or SGP4",

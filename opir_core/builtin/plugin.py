@@ -12,6 +12,7 @@ from opir_core.builtin.configs import (
     ConfusionConfig,
     ConstantConfig,
     GlideConfig,
+    GravityTurnConfig,
     InsertionConfig,
     JsonlConfig,
     MemoryConfig,
@@ -151,12 +152,18 @@ def opir_trackers() -> Iterable[TrackerModel]:
 
 @hookimpl
 def opir_target_models() -> Iterable[TargetModel]:
-    """Yield `ballistic`, `orbit`, `glide` and `table`."""
+    """Yield `ballistic`, `gravity-turn`, `orbit`, `glide` and `table`."""
     yield TargetModel(
         name="ballistic",
         summary="boost on a generic class profile, then free flight to the aim point under the scene's forces",
         config=BallisticConfig,
         build=_built_by("targets", "ballistic_targets"),
+    )
+    yield TargetModel(
+        name="gravity-turn",
+        summary="a gravity turn of one to several burns with dark gaps, aimed by kick and cut-off, then free flight",
+        config=GravityTurnConfig,
+        build=_built_by("gravity_turn_targets", "gravity_turn_targets"),
     )
     yield TargetModel(
         name="orbit",

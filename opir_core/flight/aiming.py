@@ -16,14 +16,13 @@ from numpy.typing import ArrayLike
 from opir_core.arrays import BoolArray, FloatArray, RowArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_FLATTENING, EARTH_MU_M3_S2
 from opir_core.flight.boost import Ascent, BoostPath, LaunchSite, ascent, boost_path, launch_site
-from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.free_flight import free_flight_ephemeris
+from opir_core.flight.landing import AimedLanding, aimed_landing, corrected, polar_rad
 from opir_core.geometry import (
     Geodetic,
     ecef_to_eci,
     ecef_to_eci_state,
-    eci_to_ecef,
     geodesic_inverse,
     geodetic_to_ecef,
 )
@@ -32,28 +31,6 @@ from opir_core.scene.target_classes import BoostProfile
 
 if TYPE_CHECKING:
     from opir_core.flight.forces import ForceModel, Forces
-
-#: The tolerance of a numerical impact, m, small beside the tolerances of aiming.
-_IMPACT_TOLERANCE_M = 1e-3
-
-
-@frozen(eq=False)
-class AimedLanding:
-    """Impacts of trial flights: columns (n,) and (n, 3).
-
-    The miss is split along and across the great circle to the aim point, by polar angles about the launch point: each
-    of the two unknowns then mostly changes its own coordinate. `duration_s` is from the release to impact.
-    """
-
-    along_m: FloatArray
-    across_m: FloatArray
-    miss_m: FloatArray
-    duration_s: FloatArray
-    impact_ecef_m: FloatArray
-
-    def distance_m(self) -> FloatArray:
-        """Return the length of the miss along and across, (n,)."""
-        return np.hypot(self.along_m, self.across_m)
 
 
 @frozen(eq=False)
@@ -90,42 +67,8 @@ class LaunchSolution:
 
     def landing(self, azimuth_rad: FloatArray, speed_m_s: FloatArray) -> AimedLanding:
         """Return the impacts of flights; the inertial frame is ECEF frozen at the release."""
-        duration_s, point_m = self._impact(*ecef_to_eci_state(*self.release(azimuth_rad, speed_m_s), 0.0))
-        impact_m = eci_to_ecef(point_m, duration_s)
-        range_rad, bearing_rad = self.polar_rad(impact_m)
-        aim_range_rad, aim_bearing_rad = self.polar_rad(self.aim_ecef_m)
-        radius_m = length(*components(self.aim_ecef_m))
-        turn_rad = np.remainder(bearing_rad - aim_bearing_rad + np.pi, 2.0 * np.pi) - np.pi
-        miss_m = length(*components(impact_m - self.aim_ecef_m))
-        along_m, across_m = radius_m * (range_rad - aim_range_rad), radius_m * np.sin(aim_range_rad) * turn_rad
-        return AimedLanding(along_m, across_m, miss_m, duration_s, impact_m)
-
-    def _impact(self, position_m: FloatArray, velocity_m_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if self.forces is None:
-            return kepler_impact(position_m, velocity_m_s, self.aim_height_m)
-        from opir_core.flight.propagation import impact
-
-        return impact(position_m, velocity_m_s, self.aim_height_m, self.forces, tolerance_m=_IMPACT_TOLERANCE_M)
-
-    def polar_rad(self, point_ecef_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return angle from the launch point and bearing at it, geocentric, of points (n, 3)."""
-        x, y, z = components(point_ecef_m)
-        ex, ey, ez = components(self.site.axes[:, 0])
-        ox, oy, oz = components(self.site.launch_m)
-        radius_m = length(ox, oy, oz)
-        nx, ny, nz = (oy * ez - oz * ey) / radius_m, (oz * ex - ox * ez) / radius_m, (ox * ey - oy * ex) / radius_m
-        east, north = x * ex + y * ey + z * ez, x * nx + y * ny + z * nz
-        outward = (x * ox + y * oy + z * oz) / radius_m
-        return np.arctan2(np.hypot(east, north), outward), np.arctan2(east, north)
-
-
-_ITERATIONS = 60
-
-#: Steps of the finite differences: rad, and a share of the speed.
-_STEP = 1e-5
-
-#: The largest correction at once: rad, and a share of the speed.
-_LARGEST_STEP = 0.2
+        site, aim_m, height_m = self.site, self.aim_ecef_m, self.aim_height_m
+        return aimed_landing(site, aim_m, height_m, self.release(azimuth_rad, speed_m_s), self.forces)
 
 
 @np.errstate(invalid="ignore", divide="ignore", over="ignore")
@@ -143,16 +86,16 @@ def solved_from(
 ) -> tuple[FloatArray, FloatArray]:
     """Return what `solved` does, from guesses of azimuths and burnout speeds."""
     two_body = shot.in_two_body_motion()
-    azimuth_rad, speed_m_s = _corrected(two_body, azimuth_rad, speed_m_s, tolerance_m)
+    azimuth_rad, speed_m_s = corrected(two_body, azimuth_rad, speed_m_s, tolerance_m)
     if two_body is shot:
         return azimuth_rad, speed_m_s
-    return _corrected(shot, azimuth_rad, speed_m_s, tolerance_m)
+    return corrected(shot, azimuth_rad, speed_m_s, tolerance_m)
 
 
 def _guess(shot: LaunchSolution) -> tuple[FloatArray, FloatArray]:
     """Return first guesses of azimuths and burnout speeds."""
     # First for a sphere at rest, with burnout at the launch point.
-    psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
+    psi, azimuth_rad = polar_rad(shot.site, shot.aim_ecef_m)
     radius_m = length(*components(shot.site.launch_m))
     speed_m_s = hitting_speed_m_s(radius_m, radius_m, 0.5 * np.pi - shot.course.turn_rad, psi)
     landing = shot.landing(azimuth_rad, speed_m_s)
@@ -199,46 +142,6 @@ def hitting_speed_m_s(start_m: FloatArray, end_m: FloatArray, gamma_rad: FloatAr
     drop = (start_m - end_m) / end_m * np.cos(gamma_rad) + 2.0 * np.sin(gamma_rad + 0.5 * psi_rad) * half_sine
     speed: FloatArray = half_sine * np.sqrt(2.0 * EARTH_MU_M3_S2 / start_m / (np.cos(gamma_rad) * drop))
     return speed
-
-
-def _corrected(
-    shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, tolerance_m: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the unknowns after Newton's method for each target; a step that does not reduce the miss is halved."""
-    start = shot.landing(azimuth_rad, speed_m_s)
-    # Rows: azimuth, speed, along, across, miss, share of Newton's step to take.
-    now = np.stack([azimuth_rad, speed_m_s, start.along_m, start.across_m, start.miss_m, np.ones_like(azimuth_rad)])
-    for _ in range(_ITERATIONS):
-        rows = np.flatnonzero(now[4] > tolerance_m)
-        if not rows.size:
-            break
-        part, (azimuth, speed, along, across, _, share) = shot.take(rows), now[:, rows]
-        turn, gain = _newton_step(part.in_two_body_motion(), azimuth, speed, along, across)
-        azimuth, speed = azimuth + share * turn, speed * (1.0 + share * gain)
-        trial = part.landing(azimuth, speed)
-        nearer = trial.distance_m() < np.hypot(along, across)
-        now[5, rows] = np.where(nearer, np.minimum(2.0 * share, 1.0), 0.5 * share)
-        better = np.stack([azimuth, speed, trial.along_m, trial.across_m, trial.miss_m])
-        now[:5, rows[nearer]] = better[:, nearer]
-    return now[0], now[1]
-
-
-def _newton_step(
-    shot: LaunchSolution, azimuth_rad: FloatArray, speed_m_s: FloatArray, along_m: FloatArray, across_m: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the corrections of azimuth, rad, and of speed, as a share of it, of bounded size."""
-    count = len(azimuth_rad)
-    azimuths = np.concatenate([azimuth_rad, azimuth_rad + _STEP, azimuth_rad])
-    speeds = np.concatenate([speed_m_s, speed_m_s, speed_m_s * (1.0 + _STEP)])
-    landings = shot.take(np.tile(np.arange(count), 3)).landing(azimuths, speeds)
-    (along_by_turn, along_by_gain), (across_by_turn, across_by_gain) = (
-        column.reshape(3, count)[1:] - column[:count] for column in (landings.along_m, landings.across_m)
-    )
-    determinant = along_by_gain * across_by_turn - along_by_turn * across_by_gain
-    turn = _STEP * (across_by_gain * along_m - along_by_gain * across_m) / determinant
-    gain = _STEP * (along_by_turn * across_m - across_by_turn * along_m) / determinant
-    shrink = _LARGEST_STEP / np.maximum(np.hypot(turn, gain), _LARGEST_STEP)
-    return turn * shrink, gain * shrink
 
 
 def _direction(vectors: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -5,7 +5,7 @@ from attrs import define, field, frozen
 from numpy.typing import ArrayLike
 
 from opir_core.arrays import BoolArray, FloatArray, RowArray
-from opir_core.flight.dop853 import Acceleration, Step, StepStart, dense_output, nested
+from opir_core.flight.dop853 import ColumnAcceleration, Step, StepStart, dense_output, nested
 from opir_core.flight.forces import J2, ForceModel, forces_of
 from opir_core.flight.integration import columns_of, integrations
 from opir_core.flight.propagation import TOLERANCE_M
@@ -110,7 +110,7 @@ class StepRecorder:
         start: StepStart,
         step: Step,
         accepted: BoolArray,
-        right_side: Acceleration,
+        right_side: ColumnAcceleration,
     ) -> None:
         """Record the accepted steps."""
         dense = dense_output(right_side, start, step, h)

@@ -177,7 +177,7 @@ def _single_square(vector: Vector, h: float) -> float:
     return x * x + y * y + z * z
 
 
-class Acceleration(Protocol):
+class ColumnAcceleration(Protocol):
     """The right side of r'' = a(r, v) over columns of arcs."""
 
     #: Whether velocities matter; where they do not, `None` stands for them.
@@ -186,6 +186,10 @@ class Acceleration(Protocol):
     def __call__(self, position: FloatArray, velocity: FloatArray, /) -> FloatArray:
         """Return accelerations (3, n), m/s², at positions and velocities (3, n)."""
         ...
+
+
+class Acceleration(ColumnAcceleration, Protocol):
+    """A right side that can also be had for one arc."""
 
     def alone(self, arc: int) -> Alone:
         """Return the same for one of the arcs, to the same bits."""
@@ -214,6 +218,11 @@ def stepped(right_side: Acceleration, start: StepStart, h: FloatArray) -> Step:
     """Return one step of length h (n,), s, of either sign, from every state."""
     if h.size <= _FEW:
         return _stepped_one_by_one(right_side, start, h)
+    return stepped_in_columns(right_side, start, h)
+
+
+def stepped_in_columns(right_side: ColumnAcceleration, start: StepStart, h: FloatArray) -> Step:
+    """Return what `stepped` does, always in columns; the right side is called at `NODES[1:STAGES + 1]`, in order."""
     stages = Stages(right_side, start, h, [start.acceleration])
     for stage in range(1, STAGES):
         stages.append(stage)
@@ -245,7 +254,7 @@ class Stages:
     """The accelerations at the stages of a step, each found from those before it."""
 
     def __init__(
-        self, right_side: Acceleration, start: StepStart, h: FloatArray, accelerations: list[FloatArray]
+        self, right_side: ColumnAcceleration, start: StepStart, h: FloatArray, accelerations: list[FloatArray]
     ) -> None:
         self.accelerations = accelerations
         self._right_side, self._start = right_side, start
@@ -323,7 +332,7 @@ def nested(terms: FloatArray, fraction: FloatArray) -> FloatArray:
     return value
 
 
-def dense_output(right_side: Acceleration, start: StepStart, step: Step, h: FloatArray) -> DenseOutput:
+def dense_output(right_side: ColumnAcceleration, start: StepStart, step: Step, h: FloatArray) -> DenseOutput:
     """Return the dense output of steps, at the cost of three more accelerations each."""
     stages = Stages(right_side, start, h, list(step.stages))
     for stage in range(STAGES + 1, len(NODES)):

@@ -36,6 +36,7 @@ from opir_core.flight.aiming import (
 from opir_core.flight.boost import BoostPath, ascent, ascent_of_shape, boost_path, launch_site
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.free_flight import free_flight_ephemeris
+from opir_core.flight.landing import polar_rad
 from opir_core.geometry import Geodetic, ecef_to_eci_state, geodetic_to_ecef
 from opir_core.geometry.vectors import components, dot, length
 from opir_core.scene.target_classes import BoostProfile
@@ -280,7 +281,7 @@ def _guess(shot: GlideLaunch) -> tuple[FloatArray, FloatArray]:
 
     The way that boost and fall cover is half the burn at the burnout speed.
     """
-    psi, azimuth_rad = shot.polar_rad(shot.aim_ecef_m)
+    psi, azimuth_rad = polar_rad(shot.site, shot.aim_ecef_m)
     shape = shot._shape
     radius_m = length(*components(shot.site.launch_m))
     circular_m_s = np.sqrt(EARTH_MU_M3_S2 / radius_m)

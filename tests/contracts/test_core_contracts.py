@@ -132,6 +132,11 @@ class TestGlideTargets(TargetContract):
     )
 
 
+class TestGravityTurnTargets(TargetContract):
+    name = "gravity-turn"
+    settings: ClassVar[Mapping[str, Any]] = {"loft": 0.2, "early_shutdown_s": 1.0}
+
+
 class TestClearAtmosphere(AtmosphereContract):
     name = "clear"
 

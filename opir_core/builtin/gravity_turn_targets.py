@@ -1,0 +1,194 @@
+"""The target model `gravity-turn`: staged boosts with dark gaps, then free flight."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from attrs import define, evolve
+
+from opir_core.arrays import FloatArray
+from opir_core.builtin.class_flights import (
+    EPHEMERIS_TOLERANCE_M,
+    ClassFlights,
+    classes_of,
+    forces_of_targets,
+    geodetic_columns,
+    ignitions_s,
+    plain_place,
+    plain_places,
+    plain_states,
+)
+from opir_core.builtin.configs import GravityTurnConfig
+from opir_core.errors import Problem, SceneError
+from opir_core.flight.aiming import surface_range_m
+from opir_core.flight.ephemeris import Ephemeris
+from opir_core.flight.forces import ForceModel
+from opir_core.flight.free_flight import free_flight_ephemeris
+from opir_core.flight.staged.flights import StagedFlights, staged_flights
+from opir_core.flight.staged.staging import Stage, Staging, staging_for, stagings, stagings_of_classes
+from opir_core.interfaces.contexts import TargetContext
+from opir_core.interfaces.protocols import Trajectories
+from opir_core.scene.target_classes import Ballistic, TargetClass, core_profiles
+
+
+@define(eq=False, kw_only=True)
+class GravityTurnTargets(ClassFlights):
+    """Targets from ignition to burnout, or to impact; `profiles` are the class profiles that stand for their plumes."""
+
+    flights: StagedFlights
+    configs: tuple[GravityTurnConfig, ...]
+    stagings: tuple[Staging, ...]
+
+    def truth(self) -> Sequence[Mapping[str, Any]]:
+        """Return one mapping a target: what was asked for, stages, gaps, burnout and impact.
+
+        Velocities are relative to the rotating Earth; heights are above the WGS 84 ellipsoid; times are scene times.
+        """
+        flights = self.flights
+        burnout = plain_states(flights.burnout_position_ecef_m, flights.burnout_velocity_ecef_m_s)
+        impact = plain_places(flights.impact_ecef_m)
+        return [
+            {
+                "id": self.ids[row],
+                "type": config.type,
+                "profile": staging.profile,
+                "staging": staging.name,
+                "launch": plain_place(config.launch),
+                "aim": plain_place(config.aim),
+                "loft": config.loft,
+                "early_shutdown_s": config.early_shutdown_s,
+                "azimuth_deg": float(np.degrees(flights.azimuth_rad[row])),
+                "kick_deg": float(np.degrees(flights.kick_rad[row])),
+                **_times_told(flights, row),
+                "burnout": burnout[row],
+                "impact": {**impact[row], "time_s": float(flights.impact_s[row])},
+                "miss_m": float(flights.miss_m[row]),
+            }
+            for row, (config, staging) in enumerate(zip(self.configs, self.stagings, strict=True))
+        ]
+
+
+def _times_told(flights: StagedFlights, row: int) -> Mapping[str, Any]:
+    """Return ignition and burnout of a target, those of its stages, and its dark gaps."""
+    burns = flights.burns_s[row]
+    burns = burns[np.isfinite(burns[:, 0])].tolist()
+    gaps = [[end, start] for (_, end), (start, _) in pairwise(burns) if start > end]
+    return {
+        "ignition_s": float(flights.ignition_s[row]),
+        "burnout_s": float(flights.burnout_s[row]),
+        "stages": [{"ignition_s": start, "burnout_s": end} for start, end in burns],
+        "gaps_s": gaps,
+    }
+
+
+def gravity_turn_targets(configs: Sequence[GravityTurnConfig], context: TargetContext) -> Trajectories:
+    """Return the trajectories of all targets of the model.
+
+    Raises `SceneError` with a problem for each target whose stages are impossible or do not reach its aim point.
+    """
+    launch, aim_point = (geodetic_columns(getattr(config, place) for config in configs) for place in ("launch", "aim"))
+    classes = classes_of(configs, context, Ballistic.model)
+    range_m = surface_range_m(*launch[:2], *aim_point[:2])
+    chosen = _stagings(configs, classes, range_m, context.paths)
+    loft, early_s = (
+        np.array([getattr(config, name) for config in configs], dtype=np.float64)
+        for name in ("loft", "early_shutdown_s")
+    )
+    ignition_s, forces = ignitions_s(configs), forces_of_targets(configs, context)
+    flights = staged_flights(launch, aim_point, ignition_s, chosen, loft, early_s, forces)
+    problems = _problems(configs, chosen, flights, range_m, context.paths)
+    if problems:
+        raise SceneError(problems)
+    end_s, edges_s = flights.burnout_s, flights.edges_s
+    return GravityTurnTargets(
+        classes=classes,
+        profiles=tuple(core_profiles()[staging.profile] for staging in chosen),
+        ids=context.ids,
+        ignition_s=ignition_s,
+        burnout_s=end_s,
+        final_s=flights.impact_s,
+        turns_s=edges_s,
+        boost=Ephemeris.build(flights.state, ignition_s, end_s, edges_s, EPHEMERIS_TOLERANCE_M),
+        coast=_coast(flights, forces) if context.free_flight else None,
+        flights=flights,
+        configs=tuple(configs),
+        stagings=chosen,
+    )
+
+
+def _coast(flights: StagedFlights, forces: ForceModel) -> Ephemeris:
+    states = flights.burnout_position_eci_m, flights.burnout_velocity_eci_m_s
+    spans = flights.burnout_s, flights.impact_s
+    return free_flight_ephemeris(*spans, *states, forces=forces, tolerance_m=EPHEMERIS_TOLERANCE_M)
+
+
+def _stagings(
+    configs: Sequence[GravityTurnConfig], classes: Sequence[TargetClass], range_m: FloatArray, paths: Sequence[str]
+) -> tuple[Staging, ...]:
+    """Return the staging of each target; raises `SceneError` for unknown and impossible ones."""
+    problems, chosen = list[Problem](), list[Staging]()
+    for config, kind, distance_m, path in zip(configs, classes, range_m.tolist(), paths, strict=True):
+        presets = kind.own(stagings_of_classes()) or tuple(stagings().values())
+        if config.staging is not None and config.staging not in stagings():
+            known = ", ".join(stagings())
+            problems.append(Problem(f"{path}.staging", f"no staging {config.staging!r}; there are {known}"))
+            continue
+        preset = staging_for(presets, distance_m) if config.staging is None else stagings()[config.staging]
+        staging = _with_settings(preset, config)
+        fault = staging.fault()
+        if fault:
+            problems.append(Problem(f"{path}.stages", fault))
+        chosen.append(staging)
+    if problems:
+        raise SceneError(problems)
+    return tuple(chosen)
+
+
+def _with_settings(preset: Staging, config: GravityTurnConfig) -> Staging:
+    """Return a preset with what a target sets itself."""
+    own: dict[str, Any] = {
+        "vertical_rise_s": config.vertical_rise_s,
+        "pitch_over_s": config.pitch_over_s,
+        "tail_off_s": config.tail_off_s,
+        "ballistic_coefficient_kg_m2": config.boost_ballistic_coefficient_kg_m2,
+    }
+    if config.stages:
+        own["name"] = "own"
+        own["stages"] = tuple(
+            Stage(stage.burn_time_s, stage.ideal_speed_m_s, stage.growth, stage.gap_s) for stage in config.stages
+        )
+    return evolve(preset, **{name: value for name, value in own.items() if value is not None})
+
+
+def _problems(
+    configs: Sequence[GravityTurnConfig],
+    chosen: Sequence[Staging],
+    flights: StagedFlights,
+    range_m: FloatArray,
+    paths: Sequence[str],
+) -> list[Problem]:
+    """Return what is wrong with each target that cannot fly as asked."""
+    problems = []
+    for row, (config, staging, path) in enumerate(zip(configs, chosen, paths, strict=True)):
+        if not flights.is_solved[row]:
+            problems.append(_out_of_reach(config, staging, flights, row, float(range_m[row]), path))
+        elif flights.cut_off_s[row] < flights.earliest_s[row]:
+            most_s = config.early_shutdown_s + float(flights.cut_off_s[row] - flights.earliest_s[row])
+            words = f"the last burn cannot be cut off so early; at most {most_s:.3g} s are possible"
+            problems.append(Problem(f"{path}.early_shutdown_s", words))
+    return problems
+
+
+def _out_of_reach(
+    config: GravityTurnConfig, staging: Staging, flights: StagedFlights, row: int, range_m: float, path: str
+) -> Problem:
+    nearest_m, farthest_m = float(flights.nearest_m[row]), float(flights.farthest_m[row])
+    distance = f"the aim point is {range_m / 1e3:.0f} km from the launch point"
+    stages = "the stages given" if config.stages else f"the stages of {staging.name}"
+    limits = f"{stages} fly about {nearest_m / 1e3:.0f} to {farthest_m / 1e3:.0f} km in its direction"
+    if config.loft != 0.0 and nearest_m < range_m < farthest_m:
+        words = f"{distance}; no flight with a loft of {config.loft:g} was found, although {limits}; try one nearer 0"
+        return Problem(f"{path}.loft", words)
+    nearest = nearest_m if abs(range_m - nearest_m) < abs(range_m - farthest_m) else farthest_m
+    return Problem(f"{path}.aim", f"{distance}; {limits}; the nearest range in reach is about {nearest / 1e3:.0f} km")

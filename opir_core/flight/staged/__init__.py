@@ -1,0 +1,1 @@
+"""Staged boosts: gravity turns of one to several burns with dark gaps, aimed on the rotating Earth."""
