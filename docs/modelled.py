@@ -158,8 +158,9 @@ PARTS = (
     Part(
         "Boost and ballistic flight",
         "computed",
-        "notional class profiles (`class_profiles.json`) on the rotating ellipsoid, then a two-body arc (default), or"
-        " J2 to J4 and drag (`forces`)",
+        "notional class profiles (`class_profiles.json`) or gravity turns of notional stages (`stagings.json`,"
+        " [gravity-turn](gravity-turn.md)) on the rotating ellipsoid, then a two-body arc (default), or J2 to J4 and drag"
+        " (`forces`)",
         "thrust, mass and staging of any vehicle; with the default `forces: kepler`, oblateness and drag",
         "Impact from the same burnout state, median (largest). J2: ICBM 14 km (61 km), SRBM 0.7 km (2.8 km). Drag:"
         " SRBM 4 km (18 km), ICBM 0.7 km (3 km)",
@@ -173,14 +174,6 @@ PARTS = (
         " several burns, spent stages",
         "Rotation, eastwards on the equator at 5 km/s: the glider carries 8 % of its weight less, so it glides farther;"
         " the rest is not estimated",
-    ),
-    Part(
-        "Staged boosts",
-        "computed",
-        "gravity turns of notional stages (`stagings.json`), integrated with drag on the rotating Earth"
-        " ([gravity-turn](gravity-turn.md)), then free flight as above",
-        "mass, attitude, guidance and wind; drag that depends on Mach number or stage",
-        "Against scipy from ignition to impact: below 1 m. Stages are made up: no accuracy is claimed",
     ),
     Part(
         "Sensor orbits",
