@@ -159,8 +159,8 @@ PARTS = (
         "Boost and ballistic flight",
         "computed",
         "notional class profiles (`class_profiles.json`) or gravity turns of notional stages (`stagings.json`,"
-        " [gravity-turn](gravity-turn.md)) on the rotating ellipsoid, then a two-body arc (default), or J2 to J4 and drag"
-        " (`forces`)",
+        " [gravity-turn](gravity-turn.md)) on the rotating ellipsoid, then a two-body arc (default), or J2 to J4 and"
+        " drag (`forces`)",
         "thrust, mass and staging of any vehicle; with the default `forces: kepler`, oblateness and drag",
         "Impact from the same burnout state, median (largest). J2: ICBM 14 km (61 km), SRBM 0.7 km (2.8 km). Drag:"
         " SRBM 4 km (18 km), ICBM 0.7 km (3 km)",
