@@ -1,7 +1,7 @@
 # Everyday commands, one line each.
 PLUGINS = $(wildcard ./plugins/*/)
 
-.PHONY: install test all lint types format ci mutants benchmarks
+.PHONY: install test all explore lint types format ci mutants benchmarks
 
 install:
 	python -m pip install -e ".[test,lint]" $(addprefix -e ,$(PLUGINS))
@@ -11,6 +11,9 @@ test:
 
 all:
 	python -m pytest -m "" --hypothesis-profile=full
+
+explore:
+	python -m pytest -m hypothesis --hypothesis-profile=explore
 
 lint:
 	python -m ruff check . && python -m ruff format --check .

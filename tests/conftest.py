@@ -9,8 +9,10 @@ from hypothesis import HealthCheck, Phase, settings
 
 FULL_EXAMPLES = 100
 SHARED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True}
-settings.register_profile("quick", max_examples=15, **SHARED)
-settings.register_profile("full", max_examples=FULL_EXAMPLES, **SHARED)
+# The same examples at each run, so that a change is judged by what it changes; `explore` searches on, by hand or nightly.
+settings.register_profile("quick", max_examples=15, derandomize=True, **SHARED)
+settings.register_profile("full", max_examples=FULL_EXAMPLES, derandomize=True, **SHARED)
+settings.register_profile("explore", max_examples=10 * FULL_EXAMPLES, **SHARED)
 # For mutants: that a property fails is enough, a small example would take its time.
 settings.register_profile("unshrunk", settings.get_profile("quick"), phases=[Phase.explicit, Phase.generate])
 settings.load_profile("quick")
