@@ -11,6 +11,7 @@ from opir_core._version import __version__
 
 if TYPE_CHECKING:
     from opir_core.errors import ModelError, OpirError, PluginError, Problem, SceneError, SinkError
+    from opir_core.interfaces.impact_regions import ImpactRegion
     from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
     from opir_core.planning.plan import Plan, compile_plan
     from opir_core.plugin.host import Host
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 #: The module of each name, by which it is imported when it is first used.
 _HOMES = {
     "errors": "ModelError OpirError PluginError Problem SceneError SinkError",
+    "interfaces.impact_regions": "ImpactRegion",
     "interfaces.records": "DetectionTruth Detections Tracks Window",
     "planning.plan": "Plan compile_plan",
     "plugin.host": "Host",
@@ -36,6 +38,7 @@ __all__ = [
     "Detections",
     "Engine",
     "Host",
+    "ImpactRegion",
     "ModelError",
     "OpirError",
     "Plan",

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, Phase, settings
 
 FULL_EXAMPLES = 100
 SHARED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True}
-# The same examples at each run, so that a change is judged by what it changes; `explore` searches on, by hand or nightly.
+# The same examples at each run, so that a change is judged by what it changes; `explore` draws new ones.
 settings.register_profile("quick", max_examples=15, derandomize=True, **SHARED)
 settings.register_profile("full", max_examples=FULL_EXAMPLES, derandomize=True, **SHARED)
 settings.register_profile("explore", max_examples=10 * FULL_EXAMPLES, **SHARED)

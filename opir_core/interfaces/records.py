@@ -183,6 +183,10 @@ class DetectionTruth(Columns):
 #: Probabilities of the containment ellipsoids and ellipses of states and impacts in tracks.
 TRACK_CONTAINMENTS = (0.5, 0.9, 0.95)
 
+#: How an impact was predicted: from the posterior of the track, or by the paper's empirical law, whose sigma contains
+#: the impact with no stated probability.
+IMPACT_METHODS = ("posterior", "paper")
+
 
 @frozen(eq=False)
 class Tracks(Columns):
@@ -196,6 +200,10 @@ class Tracks(Columns):
     `type_probability` (n, 4) is over `REPORTED_TYPES`. `impact_sigmas` (n, 3) are the radii of the ellipses that
     contain the impact with the probabilities `TRACK_CONTAINMENTS`, in standard deviations of its covariance, and
     `state_sigmas` (n, 3) those of the ellipsoids that contain the state; nan for those of a normal distribution.
+
+    `impact_regions` (n,) are tuples of `ImpactRegion`, one for each probability of `TRACK_CONTAINMENTS`, empty where
+    unknown; rows may share a tuple. `probability_burning` (n,) is that of a burn at the tick, `probability_relights`
+    (n,) that of no burn now and another one later. `impact_method` (n,) are codes into `IMPACT_METHODS`.
     """
 
     row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {
@@ -226,6 +234,12 @@ class Tracks(Columns):
     impact_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
     state_sigmas: FloatArray = field(default=Factory(lambda rows: _unknown(rows, 3), takes_self=True))
     available_s: FloatArray = field(default=Factory(lambda rows: rows.tick_s, takes_self=True))
+    impact_regions: NDArray[np.object_] = field(default=Factory(lambda rows: _no_regions(rows), takes_self=True))
+    probability_burning: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
+    probability_relights: FloatArray = field(default=Factory(lambda rows: _unknown(rows), takes_self=True))
+    impact_method: NDArray[np.uint8] = field(
+        default=Factory(lambda rows: np.zeros(len(rows.track), dtype=np.uint8), takes_self=True)
+    )
 
 
 @frozen(eq=False)
@@ -266,6 +280,12 @@ class Batch:
     def messages(self) -> list[bytes]:
         """Return the messages, without their newlines."""
         return self.body.split(b"\n")[:-1]
+
+
+def _no_regions(tracks: Tracks) -> NDArray[np.object_]:
+    nothing = np.empty(len(tracks.tick_s), dtype=np.object_)
+    nothing.fill(())
+    return nothing
 
 
 def _unknown(tracks: Tracks, *shape: int) -> FloatArray:

@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         TargetContext,
         TrackerContext,
     )
+    from opir_core.interfaces.impact_regions import ImpactRegion
     from opir_core.interfaces.optional import (
         BufferingSink,
         DeadlineSink,
@@ -107,6 +108,7 @@ _HOMES = {
             "Band Classifier Confidence Delivery DetectionProbability Encoder Measured Orbit RandomDraws "
             "ReportingStage ScanPattern Sensor Sink Tracker Trajectories Transport"
         ),
+        "interfaces.impact_regions": "ImpactRegion",
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
         "interfaces.optional": (
             "BufferingSink DeadlineSink FalseAlarmModel FreeFlight FromFiles MonitoredSink PartialEncoder "
@@ -125,8 +127,8 @@ __all__ = [  # noqa: RUF022
     "Component", "Confidence", "ConfidenceModel", "Constellation", "DeadlineSink", "Delivery", "DetectionModel",
     "DetectionProbability", "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide",
     "EventEncoder", "Exposures", "FalseAlarmModel", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
-    "Host", "Measured", "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion", "PartialEncoder",
-    "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
+    "Host", "ImpactRegion", "Measured", "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion",
+    "PartialEncoder", "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
     "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
     "Sensor", "SensorContext", "SensorModel", "SignalModel",
     "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
