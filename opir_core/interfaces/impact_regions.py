@@ -20,6 +20,17 @@ class ImpactRegion:
     area_km2: float
     polygons: tuple[tuple[FloatArray, ...], ...]
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether another region has the same figures and the same rings, point by point."""
+        return isinstance(other, ImpactRegion) and self._parts() == other._parts()
+
+    def __hash__(self) -> int:
+        return hash(self._parts())
+
+    def _parts(self) -> tuple[object, ...]:
+        polygons = tuple(tuple(ring.tobytes() for ring in polygon) for polygon in self.polygons)
+        return self.containment, self.area_km2, polygons
+
     def contains(self, latitude_rad: float, longitude_rad: float) -> bool:
         """Return whether a point lies in the region.
 

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import IntArray
 from opir_core.errors import ModelError, OpirError, kind_of
+from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
-from opir_core.interfaces.records import Detections, Tracks
+from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
 from opir_core.planning.plan import Plan, check_hint, owner_text
 from opir_core.plugin.error_messages import described_error
 
@@ -194,11 +195,16 @@ def _fault(estimates: Any, tick_s: float) -> str:
     rows = times.size if isinstance(times, np.ndarray) else 0
     for name, shape in _SHAPES.items():
         column = getattr(estimates, name)
-        if not isinstance(column, np.ndarray) or column.dtype.kind not in "fiu" or column.shape != (rows, *shape):
-            shapes = f"{rows} rows of shape {shape}" if shape else f"{rows} numbers"
+        kinds = _KINDS.get(name, "fiu")
+        if not isinstance(column, np.ndarray) or column.dtype.kind not in kinds or column.shape != (rows, *shape):
+            shapes = f"{rows} rows of shape {shape}" if shape else f"{rows} {_CONTENTS.get(name, 'numbers')}"
             return f"returned {name} as {_outline(column)}, not {shapes}"
     if not rows:
         return ""
+    if not all(map(_are_regions, estimates.impact_regions.tolist())):
+        return f"returned impact_regions that are not {_CONTENTS['impact_regions']}"
+    if estimates.impact_method.min() < 0 or estimates.impact_method.max() >= len(IMPACT_METHODS):
+        return f"returned impact_method {estimates.impact_method[:6].tolist()}, not codes into {IMPACT_METHODS}"
     track = estimates.track
     if not _are_whole(track, rows) or track[0] < 0 or np.count_nonzero(track[1:] <= track[:-1]):
         return f"returned tracks numbered {track[:6].tolist()}, not one row per track, whole numbers from 0 up in order"
@@ -206,5 +212,12 @@ def _fault(estimates: Any, tick_s: float) -> str:
     return f"returned tick_s {wrong[0]:g}, not that of the step" if len(wrong) else ""
 
 
+def _are_regions(row: Any) -> bool:
+    return isinstance(row, tuple) and all(isinstance(region, ImpactRegion) for region in row)
+
+
+#: Kinds of the columns that are not of any numbers, and what a row of them is.
+_KINDS = {"impact_regions": "O", "impact_method": "iu"}
+_CONTENTS = {"impact_regions": "tuples of opir_core.ImpactRegion", "impact_method": "whole numbers"}
 #: The shape of a row of each column.
 _SHAPES = {item.name: getattr(Tracks.empty(), item.name).shape[1:] for item in fields(Tracks)}

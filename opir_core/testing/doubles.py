@@ -10,8 +10,17 @@ from numpy.typing import NDArray
 from opir_core.arrays import FloatArray, IndexArray, IntArray
 from opir_core.builtin.null_models import NoTracker
 from opir_core.geometry import geodetic_to_ecef
+from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.protocols import Band, Measured, RandomDraws, Sensor
-from opir_core.interfaces.records import ClassifierInputs, Detections, DetectionTruth, Exposures, Tracks, Window
+from opir_core.interfaces.records import (
+    TRACK_CONTAINMENTS,
+    ClassifierInputs,
+    Detections,
+    DetectionTruth,
+    Exposures,
+    Tracks,
+    Window,
+)
 from opir_core.orbits.orbit_models import GeostationaryOrbit
 from opir_core.planning.plan import Plan, drawn_bias
 from opir_core.planning.solar_exclusion import solar_exclusions
@@ -26,6 +35,7 @@ from opir_core.sensors.scan_patterns import AlignedScan
 _NS_PER_S = 1_000_000_000
 _GEOSTATIONARY_RADIUS_M = 42_164_172.0
 _SIGMA_RAD = 2e-5
+_EARTH_RADIUS_KM = 6371.0088
 
 
 def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = None, **columns: Any) -> Window:
@@ -56,16 +66,45 @@ def stub_window(count: int, *, first_scan: int = 0, estimates: Tracks | None = N
 
 
 def stub_estimates(count: int, **columns: Any) -> Tracks:
-    """Return estimates with tick (0, 1, … s), track (0) and nan; `columns` replace columns."""
+    """Return estimates with tick (0, 1, … s), track (0) and nan; `columns` replace columns.
+
+    `impact_regions` is a sequence of tuples, one per row.
+    """
     unknown = {
-        name: np.full((count, *column.shape[1:]), np.nan)
+        name: np.full((count, *column.shape[1:]), np.nan if column.dtype == np.float64 else 0, dtype=column.dtype)
         for name, column in _columns(Tracks.empty()).items()
-        if column.dtype == np.float64
     }
-    unknown |= {"tick_s": np.arange(count, dtype=np.float64), "track": np.zeros(count, dtype=np.int64)}
-    given = {name: np.array(np.broadcast_to(value, unknown[name].shape)) for name, value in columns.items()}
+    unknown["tick_s"] = np.arange(count, dtype=np.float64)
+    regions = columns.pop("impact_regions", [()] * count)
+    given = {
+        name: np.array(np.broadcast_to(value, unknown[name].shape), dtype=unknown[name].dtype)
+        for name, value in columns.items()
+    }
     given.setdefault("available_s", given.get("tick_s", unknown["tick_s"]))
+    for row, tuple_ in enumerate(regions):
+        unknown["impact_regions"][row] = tuple_
     return Tracks(**(unknown | given))
+
+
+def stub_regions(
+    latitude_deg: float, longitude_deg: float, radius_km: float = 100.0, corners: int = 64
+) -> tuple[ImpactRegion, ...]:
+    """Return round regions for `TRACK_CONTAINMENTS` about a point: geodesic circles, the 95 % one of `radius_km`."""
+    radii = radius_km * np.sqrt(np.log1p(-np.array(TRACK_CONTAINMENTS)) / np.log1p(-TRACK_CONTAINMENTS[-1]))
+    turn = np.linspace(0.0, 2.0 * np.pi, corners + 1)
+    latitude, longitude = np.radians(latitude_deg), np.radians(longitude_deg)
+    regions = []
+    for containment, radius in zip(TRACK_CONTAINMENTS, radii.tolist(), strict=True):
+        angle = radius / _EARTH_RADIUS_KM
+        sine = np.sin(latitude) * np.cos(angle) + np.cos(latitude) * np.sin(angle) * np.cos(turn)
+        east = longitude + np.arctan2(
+            np.sin(turn) * np.sin(angle) * np.cos(latitude), np.cos(angle) - np.sin(latitude) * sine
+        )
+        ring = np.stack([np.arcsin(sine), np.mod(east + np.pi, 2.0 * np.pi) - np.pi], axis=1)
+        ring[-1] = ring[0]
+        area_km2 = 2.0 * np.pi * _EARTH_RADIUS_KM**2 * float(1.0 - np.cos(angle))
+        regions.append(ImpactRegion(containment=containment, area_km2=area_km2, polygons=((ring,),)))
+    return tuple(regions)
 
 
 def _detections(scan: Any) -> Detections:

@@ -19,6 +19,7 @@ from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Encoder, Sensor, Sink
 from opir_core.interfaces.records import Batch, Detections, DetectionTruth, Tracks, Window
 from opir_core.output.events.encoder_input import only_encodable, window_blocks
+from opir_core.output.spool.regions import REGION_PARTS, packed_regions, unpacked_regions
 from opir_core.simulation.report_order import with_own_estimates
 
 #: Events in a batch: about 600 kB of the default encoder's messages. A few batches fill a broker's own batches for many
@@ -149,10 +150,11 @@ class MemoryBacklog:
 
 
 _CONTENT_TYPE = "application/vnd.opir.window+npz"
-_VERSION = "2"
+_VERSION = "3"
 _DETECTION_COLUMNS = tuple(attribute.name for attribute in fields(Detections))
 _TRACK_COLUMNS = tuple(attribute.name for attribute in fields(Tracks))
 _COLUMNS = {"detections": _DETECTION_COLUMNS, "tracks": _TRACK_COLUMNS, "estimates": _TRACK_COLUMNS}
+_REGION_COLUMNS = ("tracks.impact_regions", "estimates.impact_regions")
 
 _Record = TypeVar("_Record", bound=Columns)
 
@@ -202,6 +204,8 @@ def _packed(window: Window) -> bytes:
         for record, names in _COLUMNS.items()
         for name in names
     }
+    for name in _REGION_COLUMNS:
+        columns |= {f"{name}.{part}": array for part, array in packed_regions(columns.pop(name)).items()}
     archive = BytesIO()
     np.savez(archive, times=np.array([window.start_s, window.end_s]), looks=np.array(window.looks), **columns)
     return archive.getvalue()
@@ -226,4 +230,10 @@ def _unpacked(batch: Batch) -> Window:
 
 
 def _record(record: Callable[..., _Record], name: str, archive: Any) -> _Record:
-    return record(*(archive[f"{name}.{column}"] for column in _COLUMNS[name])).freeze()
+    return record(*(_column(f"{name}.{column}", archive) for column in _COLUMNS[name])).freeze()
+
+
+def _column(name: str, archive: Any) -> Any:
+    if name not in _REGION_COLUMNS:
+        return archive[name]
+    return unpacked_regions({part: archive[f"{name}.{part}"] for part in REGION_PARTS})

@@ -311,5 +311,5 @@ def _partition(detections: Detections) -> set[frozenset[tuple[int, int]]]:
 
 
 def _equal(one: Tracks, other: Tracks) -> bool:
-    names = (item.name for item in fields(Tracks))
-    return all(np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True) for name in names)
+    columns = ((getattr(one, item.name), getattr(other, item.name)) for item in fields(Tracks))
+    return all(np.array_equal(mine, theirs, equal_nan=mine.dtype.kind == "f") for mine, theirs in columns)

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from attrs import evolve
 
 from opir_core import ImpactRegion
 from opir_core.arrays import FloatArray
+from opir_core.testing.doubles import stub_regions
 
 
 def around(place: tuple[float, float], angle_rad: float, bearing_rad: FloatArray) -> FloatArray:
@@ -44,3 +46,14 @@ def test_regions_of_two_polygons_contain_both() -> None:
 
 def test_no_polygon_contains_nothing() -> None:
     assert not ImpactRegion(0.5, 0.0, ()).contains(0.0, 0.0)
+
+
+def test_regions_are_equal_when_every_point_is() -> None:
+    one, other = stub_regions(9.0, 167.7)[2], stub_regions(9.0, 167.7)[2]
+    assert one == other
+    assert hash(one) == hash(other)
+    moved = other.polygons[0][0].copy()
+    moved[3, 1] += 1e-9
+    assert one != evolve(other, polygons=((moved,),))
+    assert one != evolve(other, containment=0.9)
+    assert one != other.polygons

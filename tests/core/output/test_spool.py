@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from attrs import evolve
 from forked_processes import killed_at_random
 from spool_transports import (
     ENCODER,
@@ -32,7 +33,7 @@ from opir_core.output.pump import pump
 from opir_core.output.spool.batches import BATCH_EVENTS, EncodedBatcher, WindowBatcher, WindowTransport
 from opir_core.output.spool.journal import Journal
 from opir_core.output.spool.transport_sink import AHEAD_BYTES, Policy, TransportSink
-from opir_core.testing.doubles import stub_estimates, stub_window
+from opir_core.testing.doubles import stub_estimates, stub_regions, stub_window
 
 
 def test_the_stand_keeps_the_protocol() -> None:
@@ -180,6 +181,22 @@ def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
     assert kept.lines() == b"".join(map(ENCODER.encode, windows))
     assert isinstance(kept.windows[0].tracks, Tracks)
     assert not any(len(each.truth) for each in kept.windows)
+
+
+def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
+    shared, hole = stub_regions(9.0, 167.7, 200.0), stub_regions(-5.0, -179.9)
+    ring, inner = hole[2].polygons[0][0], hole[0].polygons[0][0]
+    several = (evolve(hole[1], polygons=((ring, inner), (inner + 0.2,))),)
+    known = stub_estimates(4, impact_regions=[shared, (), several, shared])
+    first = TransportSink("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK)
+    first.write(evolve(stub_window(4, estimates=known, estimate=[0, 1, 2, 3], track=1), tracks=known))
+    assert first.close() == Delivery(delivered=0, spooled=4)
+    kept = MemorySink(lambda: ENCODER)
+    second = TransportSink("stub", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK)
+    assert second.close() == Delivery(delivered=4, recovered=4)
+    for tracks in (kept.windows[0].tracks, kept.windows[0].estimates):
+        assert tracks.impact_regions.tolist() == known.impact_regions.tolist()
+        assert tracks.impact_regions[0] is tracks.impact_regions[3]
 
 
 def test_events_an_encoder_has_no_message_for_are_withheld_and_counted(tmp_path: Path) -> None:

@@ -79,6 +79,18 @@ FAULTS = {
         ),
         (lambda tick_s, _: told(tick_s, launch=None), "step at 1 s returned launch as None, not 2 rows of shape (3,)"),
         (lambda tick_s, _: told(tick_s + 5.0), "step at 1 s returned tick_s 6, not that of the step"),
+        (
+            lambda tick_s, _: told(tick_s, impact_regions=np.zeros(2)),
+            "step at 1 s returned impact_regions as float64 (2,), not 2 tuples of opir_core.ImpactRegion",
+        ),
+        (
+            lambda tick_s, _: told(tick_s, impact_regions=np.array([None, ()], dtype=object)),
+            "step at 1 s returned impact_regions that are not tuples of opir_core.ImpactRegion",
+        ),
+        (
+            lambda tick_s, _: told(tick_s, impact_method=np.array([0, 2], dtype=np.uint8)),
+            "step at 1 s returned impact_method [0, 2], not codes into ('posterior', 'paper')",
+        ),
     ],
     "cadence_s": [
         (0.0, "cadence_s is 0.0, neither"),

@@ -1,0 +1,63 @@
+"""Columns of impact regions as arrays of numbers, and back: the archives of a spool hold no objects.
+
+A tuple of regions that several rows share is stored once.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core.interfaces.impact_regions import ImpactRegion
+
+#: The arrays of a packed column: the tuple (n,) of each row, then the number of parts of each tuple, region, polygon
+#: and ring, the containments and areas of all regions, and all points, latitude_rad and longitude_rad.
+REGION_PARTS = ("of_row", "regions", "polygons", "rings", "ring_points", "containment", "area_km2", "points")
+
+
+def packed_regions(column: NDArray[np.object_]) -> Mapping[str, NDArray[Any]]:
+    """Return the arrays of a column (n,) of tuples of regions."""
+    place: dict[int, int] = {}
+    tuples: list[tuple[ImpactRegion, ...]] = []
+    for row in column.tolist():
+        if id(row) not in place:
+            place[id(row)] = len(tuples)
+            tuples.append(row)
+    regions = [region for row in tuples for region in row]
+    polygons = [polygon for region in regions for polygon in region.polygons]
+    rings = [ring for polygon in polygons for ring in polygon]
+    return {
+        "of_row": np.array([place[id(row)] for row in column.tolist()], dtype=np.int64),
+        "regions": _lengths(tuples),
+        "polygons": _lengths([region.polygons for region in regions]),
+        "rings": _lengths(polygons),
+        "ring_points": _lengths(rings),
+        "containment": np.array([region.containment for region in regions], dtype=np.float64),
+        "area_km2": np.array([region.area_km2 for region in regions], dtype=np.float64),
+        "points": np.concatenate([np.empty((0, 2)), *rings]),
+    }
+
+
+def unpacked_regions(parts: Mapping[str, NDArray[Any]]) -> NDArray[np.object_]:
+    """Return the column (n,) of packed arrays."""
+    rings = np.split(parts["points"], np.cumsum(parts["ring_points"]))[:-1]
+    polygons = _grouped(rings, parts["rings"])
+    shapes = _grouped(polygons, parts["polygons"])
+    figures = zip(parts["containment"].tolist(), parts["area_km2"].tolist(), shapes, strict=True)
+    regions = [ImpactRegion(containment=share, area_km2=area, polygons=shape) for share, area, shape in figures]
+    tuples = _grouped(regions, parts["regions"])
+    column = np.empty(len(parts["of_row"]), dtype=np.object_)
+    for row, number in enumerate(parts["of_row"].tolist()):
+        column[row] = tuples[number]
+    return column
+
+
+def _lengths(parts: Sequence[Sequence[Any] | NDArray[Any]]) -> NDArray[np.int64]:
+    return np.array([len(part) for part in parts], dtype=np.int64)
+
+
+def _grouped(parts: Sequence[Any], counts: NDArray[Any]) -> list[tuple[Any, ...]]:
+    """Return successive parts as tuples of the given lengths."""
+    ends = np.cumsum(counts).tolist()
+    return [tuple(parts[end - count : end]) for end, count in zip(ends, counts.tolist(), strict=True)]
