@@ -10,14 +10,16 @@ if TYPE_CHECKING:
     from opir_core.output.delivery import RunOutcome, deliver
     from opir_core.output.events import detection_schema, schema
     from opir_core.output.pump import SinkReport
-    from opir_core.output.run_files import TracksFile, TruthFile, read_tracks
+    from opir_core.output.run_files import TruthFile
+    from opir_core.output.tracks_file import TracksFile, read_tracks
 
 #: The module of each name, by which it is imported when it is first used.
 _HOMES = {
     "output.delivery": "RunOutcome deliver",
     "output.events": "detection_schema schema",
     "output.pump": "SinkReport",
-    "output.run_files": "TracksFile TruthFile read_tracks",
+    "output.run_files": "TruthFile",
+    "output.tracks_file": "TracksFile read_tracks",
 }
 
 __all__ = [

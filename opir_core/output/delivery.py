@@ -67,7 +67,8 @@ def _recorded(
     plan: Plan, windows: Iterable[Window], truth_path: Path | None, tracks_path: Path | None
 ) -> Iterator[Window]:
     """Yield windows after their truth and tracks are written to files."""
-    from opir_core.output.run_files import TracksFile, TruthFile
+    from opir_core.output.run_files import TruthFile
+    from opir_core.output.tracks_file import TracksFile
 
     with ExitStack() as files:
         truth = None if truth_path is None else files.enter_context(TruthFile(truth_path, plan))

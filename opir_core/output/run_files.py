@@ -1,10 +1,8 @@
-"""Files of a run beside its events: truth and tracks, and the checks that files belong to the same run.
+"""Files of a run beside its events: the truth, and the checks that files belong to the same run.
 
 The truth file has JSON lines: a `sensor` record per sensor with a line-of-sight bias, a `target` per launch or other
-hot source, a `detection` per event with its `detection_id`; `target_id` is null for noise alone.
-
-The tracks file has one JSON line per track and tick; unknown numbers are null. States are ECEF, m and m/s relative to
-the rotating Earth; points are latitude and longitude in rad and the scene time in s; covariances are row by row.
+hot source, a `detection` per event with its `detection_id`; `target_id` is null for noise alone. The tracks file is in
+`opir_core.output.tracks_file`.
 """
 
 import json
@@ -15,11 +13,9 @@ from types import TracebackType
 from typing import Any, Self
 
 import msgspec
-import numpy as np
-from attrs import NOTHING, fields
 
 from opir_core.errors import Problem, SceneError, reason_of, unwritable
-from opir_core.interfaces.records import Tracks, Window
+from opir_core.interfaces.records import Window
 from opir_core.output.events.encoder_input import window_blocks
 from opir_core.planning.plan import Plan
 from opir_core.random_streams.detection_ids import uuid_text
@@ -30,7 +26,7 @@ _RERUN = "the files are of different runs, or one of them is cut off; `opir run`
 _TOLERANCE = 1e-6
 
 
-class _LinesFile:
+class LinesFile:
     """A file of JSON lines; a context that closes it."""
 
     _kind: str
@@ -68,7 +64,7 @@ class _Detection(msgspec.Struct, tag_field="record", tag="detection", gc=False):
     probability: float
 
 
-class TruthFile(_LinesFile):
+class TruthFile(LinesFile):
     """Writes the truth of a run to a file, window by window; use it as a context."""
 
     _kind = "the truth file"
@@ -94,79 +90,6 @@ class TruthFile(_LinesFile):
                 truth.probability.tolist(),
             )
             self._write(list(map(_Detection, *columns)))
-
-
-_NAMES = tuple(attribute.name for attribute in fields(Tracks))
-#: Columns that a tracker, and a file, may leave out: unknown.
-_OPTIONAL = tuple(attribute.name for attribute in fields(Tracks) if attribute.default is not NOTHING)
-_BLANK = {name: np.full(getattr(Tracks.empty(), name).shape[1:], None).tolist() for name in _OPTIONAL}
-
-
-class TracksFile(_LinesFile):
-    """Writes tracks to a file, tick by tick; use it as a context."""
-
-    _kind = "the tracks file"
-
-    def write(self, tracks: Tracks) -> None:
-        """Write the tracks of a window."""
-        columns = [getattr(tracks, name).tolist() for name in _NAMES]
-        self._write([dict(zip(_NAMES, row, strict=True)) for row in zip(*columns, strict=True)])
-
-
-def read_tracks(path: Path) -> Tracks:
-    """Return the tracks of a file, by tick and then by track; `SceneError` with file and line if it is invalid."""
-    rows = [_row(line, number, path) for number, line in enumerate(content(path).splitlines(), start=1)]
-    if not rows:
-        return Tracks.empty()
-    empty = Tracks.empty()
-    tracks = Tracks(*(_column(rows, name, getattr(empty, name), path) for name in _NAMES))
-    order = np.lexsort((tracks.track, tracks.tick_s))
-    tracks = tracks.take(order)
-    again = np.flatnonzero((np.diff(tracks.tick_s) == 0.0) & (np.diff(tracks.track) == 0))
-    if len(again):
-        first = int(again[np.argmin(order[again + 1])])
-        words = f"track {tracks.track[first]} has two rows at {tracks.tick_s[first]:g} s"
-        raise invalid_file(path, f"line {order[first + 1] + 1}", f"{words}; give one row a track and tick")
-    return tracks
-
-
-def _row(line: bytes, number: int, path: Path) -> dict[str, Any]:
-    try:
-        row = msgspec.json.decode(line, type=dict[str, Any])
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise invalid_file(path, f"line {number}", f"not a track: {error}") from error
-    row = _BLANK | row
-    missing = [name for name in _NAMES if name not in row]
-    if missing:
-        raise invalid_file(path, f"line {number}", f"a track without {', '.join(missing)}")
-    for name, kinds, due in (("track", (int,), "a whole number of 64 bits"), ("tick_s", (int, float), "a time, s")):
-        if type(row[name]) not in kinds or abs(row[name]) >= 2**63:
-            raise invalid_file(path, f"line {number}: {name}", f"{row[name]!r} is not {due}")
-    return row
-
-
-def _column(rows: list[dict[str, Any]], name: str, like: Any, path: Path) -> Any:
-    due = like.shape[1:]
-    try:
-        values = np.array([row[name] for row in rows], dtype=object if like.dtype.kind == "f" else like.dtype)
-        column = values.astype(like.dtype)  # null becomes nan
-    except (TypeError, ValueError, OverflowError):
-        column = None
-    if column is None or column.shape[1:] != due:
-        words = f"not what opir writes: {' by '.join(map(str, due)) or '1'} numbers or nulls expected"
-        raise invalid_file(path, _first_invalid(rows, name, due), words)
-    return column
-
-
-def _first_invalid(rows: list[dict[str, Any]], name: str, due: tuple[int, ...]) -> str:
-    """Return the place of the first row with an invalid value in a column."""
-    for number, row in enumerate(rows, start=1):
-        try:
-            if np.array(row[name], dtype=object).astype(np.float64).shape != due:
-                return f"line {number}: {name}"
-        except (TypeError, ValueError, OverflowError):
-            return f"line {number}: {name}"
-    return name
 
 
 def invalid_file(path: Path, where: str, message: str) -> SceneError:

@@ -20,11 +20,11 @@ from opir_core.interfaces.records import Tracks
 from opir_core.output.run_files import (
     invalid_file,
     read_manifest,
-    read_tracks,
     require_events_of_run,
     require_launches_of_run,
     require_tracks_of_run,
 )
+from opir_core.output.tracks_file import read_tracks
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.simulation.run import Run

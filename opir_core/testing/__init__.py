@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         VerticalTargets,
         stub_estimates,
         stub_plan,
+        stub_regions,
         stub_scene,
         stub_sensor,
         stub_window,
@@ -50,7 +51,7 @@ _HOMES = {
     "contracts.trackers": "TrackerContract",
     "doubles": (
         "CertainDetection CountingTracker FullConfidence SilentTracker UnknownClassifier VerticalTargets "
-        "stub_estimates stub_plan stub_scene stub_sensor stub_window"
+        "stub_estimates stub_plan stub_regions stub_scene stub_sensor stub_window"
     ),
 }
 
@@ -81,6 +82,7 @@ __all__ = [
     "require",
     "stub_estimates",
     "stub_plan",
+    "stub_regions",
     "stub_scene",
     "stub_sensor",
     "stub_window",

@@ -79,14 +79,18 @@ def test_what_keeps_nothing_may_take_several(folder: Path) -> None:
 TRACKS, TRUTH, EVENTS, MANIFEST = "run.tracks.jsonl", "run.truth.jsonl", "run.jsonl", "run.manifest.json"
 
 BROKEN = [
-    (TRACKS, r'"tick_s":[0-9.]+', '"tick_s":"x"', "line 1: tick_s: 'x' is not a time, s"),
-    (TRACKS, r'"track":[0-9]+', '"track":null', "line 1: track: None is not a whole number of 64 bits"),
-    (TRACKS, r'"track":[0-9]+', '"track":1e300', "line 1: track: 1e+300 is not a whole number of 64 bits"),
-    (TRACKS, r'"track":[0-9]+', '"track":99999999999999999999', "line 1: track: 99999999999999999999 is not a whole"),
-    (TRACKS, r'\A(.*?)"tick_s":[0-9.]+', r'\1"tick_s":0.5', "not the tracks of the manifest's run"),
-    (TRACKS, r'"tick_s":[0-9.]+', '"tick_s":7.5', "line 2: track 0 has two rows at 7.5 s"),
-    (TRACKS, r'"state":\[[^]]*\]', '"state":[1]', "line 1: state: not what opir writes: 6 numbers or nulls expected"),
-    (TRACKS, r'\A(.*?)"state":\[[^]]*\]', r'\1"state":[1]', "line 1: state: not what opir writes"),
+    (TRACKS, r'\{"time_s":[0-9.]+', '{"time_s":"x"', "line 1: time_s: not what opir writes: expected `float`"),
+    (TRACKS, r'"track_id":[0-9]+', '"track_id":null', "line 1: track_id: not what opir writes: expected `int`"),
+    (TRACKS, r'"track_id":[0-9]+', '"track_id":1e300', "line 1: track_id: not what opir writes: expected `int`"),
+    (TRACKS, r'"track_id":[0-9]+', '"track_id":99999999999999999999', "line 1: track_id: not what opir writes: "),
+    (TRACKS, r'\A\{"time_s":[0-9.]+', r'{"time_s":0.5', "not the tracks of the manifest's run"),
+    (TRACKS, r'\{"time_s":[0-9.]+', '{"time_s":7.5', "line 2: track 0 has two rows at 7.5 s"),
+    (
+        TRACKS,
+        r'(_ecef_m":)\[[^]]*\]',
+        r"\1[1]",
+        "line 1: position_ecef_m: not what opir writes: expected `array` of length",
+    ),
     (TRUTH, r'"target_id":"T1"', '"target_id":[]', "line 1: is not a line of opir's truth"),
     (TRUTH, r'"detection_id"', '"x"', "is not in the truth: the files are of different runs"),
     (EVENTS, r'"timestamp":"[^"]*"', '"timestamp":"x"', "timestamp: is not a timestamp of opir"),

@@ -11,6 +11,7 @@ from opir_core.cli.main import main
 from opir_core.errors import SceneError
 from opir_core.scoring.evidence import evidence_of_files
 
+REGION = {"containment": 0.5, "area_km2": 1.0, "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [1, 1]]]}}
 PARTS = (".jsonl", ".truth.jsonl", ".tracks.jsonl", ".manifest.json")
 DIFFERENT = "the files are of different runs, or one of them is cut off"
 
@@ -91,7 +92,7 @@ def test_tracks_from_elsewhere_are_judged_where_they_are_asked_for(runs, copied,
 def test_a_track_told_twice_at_a_tick_is_refused(runs, copied, tmp_path):
     rows = lines_of(runs / "one.tracks.jsonl")
     (tmp_path / "mine.jsonl").write_text("".join([*rows, rows[3]]))
-    tick_s = json.loads(rows[3])["tick_s"]
+    tick_s = json.loads(rows[3])["time_s"]
     with pytest.raises(SceneError, match=rf"line {len(rows) + 1}: track 0 has two rows at {tick_s:g} s; give one row"):
         evidence_of_files(copied, tracks=tmp_path / "mine.jsonl")
 
@@ -145,12 +146,24 @@ def test_a_manifest_of_another_shape_is_told(copied, key, value, message):
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("track", 1.5, "line 3: track: 1.5 is not a whole number of 64 bits"),
-        ("track", None, "line 3: track: None is not a whole number of 64 bits"),
-        ("tick_s", None, "line 3: tick_s: None is not a time, s"),
-        ("state", [1.0, 2.0], "line 3: state: not what opir writes: 6 numbers or nulls expected"),
-        ("state", ["far"] * 6, "line 3: state: not what opir writes: 6 numbers"),
-        ("launch_covariance", None, "line 3: launch_covariance: not what opir writes: 3 by 3 numbers"),
+        ("track_id", 1.5, "line 3: track_id: not what opir writes: expected `int`, got `float`"),
+        ("track_id", None, "line 3: track_id: not what opir writes: expected `int`, got `null`"),
+        ("time_s", None, "line 3: time_s: not what opir writes: expected `float`, got `null`"),
+        ("position_ecef_m", [1.0, 2.0], "line 3: position_ecef_m: not what opir writes: expected `array` of length 3"),
+        ("position_ecef_m", ["far"] * 3, r"line 3: position_ecef_m\[0\]: not what opir writes: expected `float`"),
+        (
+            "launch",
+            {"lat_deg": 91.0, "lon_deg": 0.0},
+            "line 3: launch.lat_deg: not what opir writes: expected `float` <=",
+        ),
+        ("impact", {"lat_deg": 1.0, "lon_deg": 0.0, "method": "x"}, "line 3: impact.method: not what opir writes: inv"),
+        ("impact_regions", [{}], "line 3: impact_regions: not what opir writes: it has no 'geometry'"),
+        (
+            "impact_regions",
+            [REGION | {"geometry": {"type": "Point"}}],
+            "line 3: impact_regions: .* a Point is no region",
+        ),
+        ("impact_regions", [REGION], "line 3: impact_regions: .* a ring is a list of at least four"),
     ],
 )
 def test_a_spoilt_track_is_told_with_its_line(copied, name, value, message):
@@ -169,5 +182,5 @@ def test_lines_of_other_shapes_are_told_with_what_is_due(copied):
         evidence_of_files(copied)
     copied.write_text(events)
     copied.with_suffix(".tracks.jsonl").write_text("{}\n")
-    with pytest.raises(SceneError, match="line 1: a track without"):
+    with pytest.raises(SceneError, match="line 1: not what opir writes: object missing required field `time_s`"):
         evidence_of_files(copied, tracks=copied.with_suffix(".tracks.jsonl"))

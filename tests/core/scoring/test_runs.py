@@ -11,7 +11,7 @@ from scored_scene import SCENE
 
 from opir_core.cli.main import main
 from opir_core.errors import OpirError, Problem, SceneError
-from opir_core.output.run_files import TracksFile, read_tracks
+from opir_core.output.tracks_file import TracksFile, read_tracks
 from opir_core.planning.plan import compile_plan
 from opir_core.scene.reading import scene_from_mapping
 from opir_core.scoring import evidence_of_run, scorecard
@@ -200,13 +200,15 @@ def test_what_cannot_be_judged_is_told(tmp_path, capsys, monkeypatch, words, mes
 
 def test_radii_of_ellipses_are_kept_in_the_tracks_file_and_may_be_missing(tmp_path):
     told = stub_estimates(
-        2, impact_sigmas=[[0.8, 1.9, 2.6], [np.nan] * 3], state_sigmas=[[np.nan] * 3, [1.0, 3.0, 4.0]]
+        2, impact=0.5, impact_sigmas=[[0.8, 1.9, 2.6], [np.nan] * 3], state_sigmas=[[np.nan] * 3, [1.0, 3.0, 4.0]]
     )
     with TracksFile(tmp_path / "tracks.jsonl") as file:
         file.write(told)
     assert np.array_equal(read_tracks(tmp_path / "tracks.jsonl").impact_sigmas, told.impact_sigmas, equal_nan=True)
     rows = [json.loads(line) for line in (tmp_path / "tracks.jsonl").read_text().splitlines()]
-    old = "".join(json.dumps({k: v for k, v in row.items() if k != "impact_sigmas"}) + "\n" for row in rows)
+    for row in rows:
+        del row["impact"]["ellipse_sigmas"]
+    old = "".join(json.dumps(row) + "\n" for row in rows)
     (tmp_path / "tracks.jsonl").write_text(old)
     read = read_tracks(tmp_path / "tracks.jsonl").impact_sigmas
     assert read.shape == (2, 3)

@@ -1,0 +1,249 @@
+"""Impact regions as GeoJSON (RFC 7946), and back.
+
+Positions are longitude and latitude in degrees, outer rings counter-clockwise, holes clockwise. A region across the
+180th meridian is cut there (section 3.1.9); one around a pole is closed along the meridian and the pole.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.interfaces.impact_regions import ImpactRegion
+
+#: Decimals of positions, degrees: 0.1 m on the ground.
+DECIMALS = 6
+#: Decimals of areas, km².
+_AREA_DECIMALS = 3
+#: Longest step in longitude along an edge, degrees: edges of regions are great circles, those of GeoJSON are straight
+#: in longitude and latitude.
+_STEP_DEG = 1.0
+_POLE_DEG = 90.0
+#: Rings with fewer distinct points enclose no area.
+_FEWEST = 3
+
+_encode = msgspec.json.Encoder().encode
+Rings = list[FloatArray]
+
+
+def region_texts(column: NDArray[np.object_]) -> list[bytes]:
+    """Return a column (n,) of tuples of regions as JSON arrays of `region_document`; equal tuples are encoded once."""
+    texts: dict[int, bytes] = {}
+    rows = column.tolist()
+    for row in rows:
+        if id(row) not in texts:
+            texts[id(row)] = _encode([region_document(region) for region in row])
+    return [texts[id(row)] for row in rows]
+
+
+def region_document(region: ImpactRegion) -> dict[str, Any]:
+    """Return containment, area_km2 and geometry of a region."""
+    area_km2 = round(region.area_km2, _AREA_DECIMALS)
+    return {"containment": region.containment, "area_km2": area_km2, "geometry": geometry_of(region)}
+
+
+def region_from_document(document: Mapping[str, Any]) -> ImpactRegion:
+    """Return the region of a document; raises KeyError, TypeError or ValueError if it is none."""
+    geometry = document["geometry"]
+    if geometry["type"] not in ("Polygon", "MultiPolygon"):
+        raise ValueError(f"a {geometry['type']} is no region; give a Polygon or a MultiPolygon")
+    polygons = [geometry["coordinates"]] if geometry["type"] == "Polygon" else geometry["coordinates"]
+    return ImpactRegion(
+        containment=float(document["containment"]),
+        area_km2=float(document["area_km2"]),
+        polygons=tuple(tuple(_ring_from(ring) for ring in polygon) for polygon in polygons),
+    )
+
+
+def _ring_from(positions: Any) -> FloatArray:
+    degrees = np.array(positions, dtype=np.float64)
+    closed = (
+        degrees.ndim == 2 and degrees.shape[1] == 2 and len(degrees) > _FEWEST and (degrees[0] == degrees[-1]).all()
+    )
+    if not (closed and np.abs(degrees[:, 1]).max() <= _POLE_DEG):
+        raise ValueError("a ring is a list of at least four [longitude, latitude], the last equal to the first")
+    ring: FloatArray = np.radians(degrees[:, ::-1])
+    return ring
+
+
+def geometry_of(region: ImpactRegion) -> dict[str, Any]:
+    """Return a region as a Polygon or a MultiPolygon."""
+    polygons = [part for polygon in region.polygons for part in _parts(polygon)]
+    if len(polygons) == 1:
+        return {"type": "Polygon", "coordinates": polygons[0]}
+    return {"type": "MultiPolygon", "coordinates": polygons}
+
+
+def _parts(polygon: Sequence[FloatArray]) -> list[list[list[list[float]]]]:
+    """Return a polygon as polygons of coordinates: one, unless the 180th meridian cuts it."""
+    if len(polygon) == 1:
+        degrees: FloatArray = np.degrees(polygon[0][:, ::-1])
+        longitude = degrees[:, 0]
+        if np.abs(longitude[1:] - longitude[:-1]).max(initial=0.0) <= _STEP_DEG and np.abs(longitude).max() <= 180.0:
+            points = _distinct(degrees)
+            return [[_closed(points, is_outer=True)]] if len(points) >= _FEWEST else []
+    return _cut(_planar(polygon))
+
+
+def _planar(polygon: Sequence[FloatArray]) -> Rings:
+    """Return the rings of a polygon, open, as longitude and latitude, degrees; longitudes are continuous along them.
+
+    A ring around a pole is closed along two meridians and the pole. Holes are moved by whole turns into the outer ring.
+    """
+    outer, *holes = [_unrolled(ring) for ring in polygon]
+    rings = [outer]
+    for hole in holes:
+        shifts = [_moved(hole, turn) for turn in (0, 1, -1, 2, -2)]
+        rings.append(next((shifted for shifted in shifts if _is_inside(shifted[0], outer)), hole))
+    return rings
+
+
+def _moved(ring: FloatArray, turns: int) -> FloatArray:
+    """Return a ring moved east by whole turns."""
+    moved: FloatArray = ring + np.array([360.0 * turns, 0.0])
+    return moved
+
+
+def _unrolled(ring: FloatArray) -> FloatArray:
+    points = _refined(ring)
+    longitude = np.unwrap(points[:, 0], period=360.0)
+    turns = round((longitude[-1] - longitude[0]) / 360.0)
+    if not turns:
+        return np.stack([longitude[:-1], points[:-1, 1]], axis=1)
+    pole_deg = float(np.copysign(90.0, points[:, 1].mean()))
+    along = np.stack([longitude, points[:, 1]], axis=1)
+    return np.concatenate([along, [[longitude[-1], pole_deg], [longitude[0], pole_deg]]])
+
+
+def _refined(ring: FloatArray) -> FloatArray:
+    """Return a closed ring as longitude and latitude, degrees, with points on edges that are long in longitude."""
+    step = np.abs(np.degrees(np.diff(ring[:, 1])))
+    parts = np.ceil(np.minimum(step, 360.0 - step) / _STEP_DEG - 1e-6).clip(1).astype(np.int64)
+    degrees: FloatArray = np.degrees(ring[:, ::-1])
+    if (parts == 1).all():
+        return degrees
+    flat = np.cos(ring[:, 0])
+    unit = np.stack([flat * np.cos(ring[:, 1]), flat * np.sin(ring[:, 1]), np.sin(ring[:, 0])], axis=1)
+    pieces = [degrees[:1]]
+    for edge, count in enumerate(parts.tolist()):
+        if count > 1:
+            share = np.arange(1, count)[:, np.newaxis] / count
+            chord = (1.0 - share) * unit[edge] + share * unit[edge + 1]
+            height = np.arctan2(chord[:, 2], np.hypot(chord[:, 0], chord[:, 1]))
+            pieces.append(np.degrees(np.stack([np.arctan2(chord[:, 1], chord[:, 0]), height], axis=1)))
+        pieces.append(degrees[edge + 1 : edge + 2])
+    return np.concatenate(pieces)
+
+
+def _cut(rings: Rings) -> list[list[list[list[float]]]]:
+    """Return the parts of a polygon between odd multiples of 180 degrees, moved to [-180, 180], as coordinates."""
+    west, east = float(rings[0][:, 0].min()), float(rings[0][:, 0].max())
+    first, last = int((west + 180.0) // 360.0), int((east + 180.0) // 360.0)
+    parts, rest = list[tuple[int, Rings]](), rings
+    for turn in range(first, last):
+        edge_deg = 360.0 * turn + 180.0
+        parts.append((turn, _side(rest, edge_deg, is_west=True)))
+        rest = _side(rest, edge_deg, is_west=False)
+    parts.append((last, rest))
+    moved = [[_moved(ring, -turn) for ring in part] for turn, part in parts]
+    return [polygon for part in moved for polygon in _assembled(part)]
+
+
+def _side(rings: Rings, edge_deg: float, *, is_west: bool) -> Rings:
+    """Return the rings of what lies west or east of a meridian.
+
+    Chains of points on this side begin and end on the meridian. There the polygon covers every second interval between
+    their ends, in the order of latitude: each chain continues with the one at the other end of its interval.
+    """
+    whole, chains = [], []
+    for ring in rings:
+        here = ring[:, 0] < edge_deg if is_west else ring[:, 0] >= edge_deg
+        if here.all():
+            whole.append(ring)
+        elif here.any():
+            chains += _chains(ring, here, edge_deg)
+    return whole + _joined(chains)
+
+
+def _chains(ring: FloatArray, here: BoolArray, edge_deg: float) -> Rings:
+    """Return the parts of a ring on one side, each with its two points on the meridian."""
+    starts = np.flatnonzero(here & ~np.roll(here, 1)).tolist()
+    chains = []
+    for start in starts:
+        length = int(np.argmin(np.roll(here, -start)))
+        part = np.take(ring, range(start, start + length), axis=0, mode="wrap")
+        before, after = ring[start - 1], ring[(start + length) % len(ring)]
+        chains.append(np.stack([_crossing(before, part[0], edge_deg), *part, _crossing(part[-1], after, edge_deg)]))
+    return chains
+
+
+def _crossing(one: FloatArray, other: FloatArray, edge_deg: float) -> FloatArray:
+    share = (edge_deg - one[0]) / (other[0] - one[0])
+    return np.array([edge_deg, one[1] + share * (other[1] - one[1])])
+
+
+def _joined(chains: Rings) -> Rings:
+    ends = [(chain[place, 1], number, place) for number, chain in enumerate(chains) for place in (0, -1)]
+    ends.sort(key=lambda end: end[0])
+    across: dict[tuple[int, int], tuple[int, int]] = {}
+    for (_, *one), (_, *other) in zip(ends[::2], ends[1::2], strict=True):
+        across[one[0], one[1]], across[other[0], other[1]] = (other[0], other[1]), (one[0], one[1])
+    rings, left = [], set(range(len(chains)))
+    while left:
+        first = number = min(left)
+        place, parts = 0, Rings()
+        while not parts or (number, place) != (first, 0):
+            left.discard(number)
+            parts.append(chains[number] if place == 0 else chains[number][::-1])
+            number, place = across[number, -1 if place == 0 else 0]
+        rings.append(np.concatenate(parts))
+    return rings
+
+
+def _assembled(rings: Rings) -> list[list[list[list[float]]]]:
+    """Return rings as polygons: those inside another are its holes."""
+    rings = [points for ring in rings if len(points := _distinct(ring)) >= _FEWEST]
+    is_hole = [_is_hole(ring, rings) for ring in rings]
+    polygons = []
+    for outer in (ring for ring, hole in zip(rings, is_hole, strict=True) if not hole):
+        holes = [ring for ring, hole in zip(rings, is_hole, strict=True) if hole and _is_inside(_middle(ring), outer)]
+        polygons.append([_closed(outer, is_outer=True), *(_closed(hole, is_outer=False) for hole in holes)])
+    return polygons
+
+
+def _is_hole(ring: FloatArray, rings: Rings) -> bool:
+    return any(other is not ring and _is_inside(_middle(ring), other) for other in rings)
+
+
+def _middle(ring: FloatArray) -> FloatArray:
+    point: FloatArray = ring[len(ring) // 2]
+    return point
+
+
+def _distinct(ring: FloatArray) -> FloatArray:
+    points = np.round(ring, DECIMALS) + 0.0
+    x, y = points.T
+    differs = np.empty(len(points), dtype=np.bool_)
+    differs[1:] = (x[1:] != x[:-1]) | (y[1:] != y[:-1])
+    differs[0] = x[0] != x[-1] or y[0] != y[-1]
+    distinct: FloatArray = points[differs]
+    return distinct
+
+
+def _closed(points: FloatArray, *, is_outer: bool) -> list[list[float]]:
+    x, y = points.T
+    is_counter_clockwise = float(x[:-1] @ y[1:] - x[1:] @ y[:-1] + x[-1] * y[0] - x[0] * y[-1]) > 0.0
+    ordered = points if is_counter_clockwise == is_outer else points[::-1]
+    closed: list[list[float]] = np.concatenate([ordered, ordered[:1]]).tolist()
+    return closed
+
+
+def _is_inside(point: FloatArray, ring: FloatArray) -> bool:
+    """Return whether a point lies inside a ring in the plane: a ray from it crosses the ring an odd number of times."""
+    (x0, y0), (x1, y1) = ring.T, np.roll(ring, -1, axis=0).T
+    crosses = (y0 > point[1]) != (y1 > point[1])
+    at = x0[crosses] + (point[1] - y0[crosses]) / (y1 - y0)[crosses] * (x1 - x0)[crosses]
+    return bool(np.count_nonzero(at > point[0]) % 2)

@@ -1,0 +1,199 @@
+"""Tracks as records of plain values with units in their keys: the lines of the tracks file and of the encoder `tracks`.
+
+Unknown values are null. Positions are ECEF, m, velocities relative to the rotating Earth, m/s; points are geodetic, on
+WGS 84. Numbers are written in full.
+"""
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import UNSET, Meta, UnsetType
+
+from opir_core.arrays import BoolArray, FloatArray
+from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
+from opir_core.output.events.estimates import time_texts
+from opir_core.output.geojson import region_texts
+from opir_core.scene.scene import REPORTED_TYPES
+
+_Vector = tuple[float, float, float]
+_Pair = tuple[float, float]
+_Six = tuple[float, float, float, float, float, float]
+_Seven = tuple[float, float, float, float, float, float, float]
+_Limit = 2**63 - 1
+_Track = Annotated[int, Meta(ge=0, le=_Limit)]
+_Time = Annotated[float, Meta(ge=-float(_Limit), le=float(_Limit))]
+
+#: The code of the impact method without a stated containment.
+PAPER = IMPACT_METHODS.index("paper")
+
+
+class LaunchRecord(msgspec.Struct, kw_only=True, gc=False):
+    """A launch point and its time; covariances of east and north, m², and of time with east and north."""
+
+    lat_deg: Annotated[float, Meta(ge=-90.0, le=90.0)]
+    lon_deg: Annotated[float, Meta(ge=-360.0, le=360.0)]
+    time_s: float | None = None
+    time: str | UnsetType | None = UNSET
+    covariance_m2: tuple[_Pair, _Pair] | None = None
+    time_variance_s2: float | None = None
+    time_covariance_m_s: _Pair | None = None
+
+
+class ImpactRecord(LaunchRecord, kw_only=True, gc=False):
+    """A predicted impact: how it was predicted, and the radii of the ellipses with the probabilities `containment`.
+
+    `ellipse_sigmas` are in standard deviations; null for those of a normal distribution. The method `paper` states no
+    probability: it has `sigma_m` in place of covariance and containment.
+    """
+
+    method: Literal["posterior", "paper"] = "posterior"
+    containment: Sequence[float] | None = None
+    ellipse_sigmas: _Vector | None = None
+    sigma_m: float | None = None
+
+
+class BurnoutRecord(msgspec.Struct, kw_only=True, gc=False):
+    """The state at burnout and its time; the covariance (7, 7) is of position, velocity and time."""
+
+    time_s: float
+    time: str | UnsetType | None = UNSET
+    position_ecef_m: _Vector
+    velocity_ecef_m_s: _Vector
+    covariance: tuple[_Seven, _Seven, _Seven, _Seven, _Seven, _Seven, _Seven] | None = None
+
+
+class TrackRecord(msgspec.Struct, kw_only=True, gc=False):
+    """A track at a tick; the covariance (6, 6) is of position and velocity."""
+
+    schema_version: str | UnsetType = UNSET
+    time_s: _Time
+    timestamp: str | UnsetType = UNSET
+    track_id: _Track
+    available_s: _Time | None = None
+    available_at: str | UnsetType | None = UNSET
+    target_type: str | None = None
+    type_probability: dict[str, float] | None = None
+    position_ecef_m: _Vector | None = None
+    velocity_ecef_m_s: _Vector | None = None
+    covariance: tuple[_Six, _Six, _Six, _Six, _Six, _Six] | None = None
+    ellipsoid_sigmas: _Vector | None = None
+    launch: LaunchRecord | None = None
+    burnout: BurnoutRecord | None = None
+    impact: ImpactRecord | None = None
+    impact_regions: Any = ()
+    probability_burning: float | None = None
+    probability_relights: float | None = None
+
+
+def track_records(tracks: Tracks, epoch_us: int | None = None, schema_version: str | UnsetType = UNSET) -> list[Any]:
+    """Return the records of tracks (n,); with an epoch, µs since 1970-01-01, they have timestamps too."""
+    types = _types(tracks)
+    columns = {
+        "time_s": tracks.tick_s.tolist(),
+        "timestamp": _timestamps(tracks.tick_s, epoch_us),
+        "track_id": tracks.track.tolist(),
+        "available_s": tracks.available_s.tolist(),
+        "available_at": _timestamps(tracks.available_s, epoch_us),
+        "target_type": [None if share is None else max(share, key=share.__getitem__) for share in types],
+        "type_probability": types,
+        "position_ecef_m": _known(tracks.state[:, :3]),
+        "velocity_ecef_m_s": _known(tracks.state[:, 3:]),
+        "covariance": _known(tracks.state_covariance),
+        "ellipsoid_sigmas": _known(tracks.state_sigmas),
+        "launch": _points(LaunchRecord, tracks.launch, tracks.launch_covariance, epoch_us),
+        "burnout": _burnouts(tracks, epoch_us),
+        "impact": _impacts(tracks, epoch_us),
+        "impact_regions": map(msgspec.Raw, region_texts(tracks.impact_regions)),
+        "probability_burning": _known(tracks.probability_burning),
+        "probability_relights": _known(tracks.probability_relights),
+    }
+    names = tuple(columns)
+    return [
+        TrackRecord(schema_version=schema_version, **dict(zip(names, row, strict=True)))
+        for row in zip(*columns.values(), strict=True)
+    ]
+
+
+def _impacts(tracks: Tracks, epoch_us: int | None) -> list[ImpactRecord | None]:
+    points = _points(ImpactRecord, tracks.impact, tracks.impact_covariance, epoch_us)
+    rows = zip(points, tracks.impact_method.tolist(), _known(tracks.impact_sigmas), paper_sigma_m(tracks), strict=True)
+    for point, method, sigmas, sigma_m in rows:
+        if point is None:
+            continue
+        point.method = IMPACT_METHODS[method]
+        if method == PAPER:
+            point.sigma_m, point.covariance_m2 = sigma_m, None
+        else:
+            point.containment, point.ellipse_sigmas = TRACK_CONTAINMENTS, sigmas
+    return points
+
+
+def paper_sigma_m(tracks: Tracks) -> list[float | None]:
+    """Return the standard deviations per axis (n,), m, of impacts by the paper's law; None for others."""
+    variance = 0.5 * (tracks.impact_covariance[:, 0, 0] + tracks.impact_covariance[:, 1, 1])
+    known = (variance >= 0.0) & (variance < np.inf) & (tracks.impact_method == PAPER)
+    sigma_m = np.sqrt(np.where(known, variance, 0.0)).tolist()
+    return [each if here else None for each, here in zip(sigma_m, known.tolist(), strict=True)]
+
+
+def _points(kind: Any, place: FloatArray, covariance: FloatArray, epoch_us: int | None) -> list[Any]:
+    """Return points (n, 3) with covariances (n, 3, 3) as records, None where the position is unknown."""
+    on_earth = (np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)).tolist()
+    longitude = place[:, 1]
+    east = np.where(np.abs(longitude) <= np.pi, longitude, np.mod(longitude + np.pi, 2.0 * np.pi) - np.pi)
+    columns = {
+        "lat_deg": np.degrees(place[:, 0]).tolist(),
+        "lon_deg": np.degrees(east).tolist(),
+        "time_s": _known(place[:, 2]),
+        "time": _timestamps(place[:, 2], epoch_us),
+        "covariance_m2": _known(covariance[:, :2, :2]),
+        "time_variance_s2": _known(covariance[:, 2, 2]),
+        "time_covariance_m_s": _known(covariance[:, :2, 2]),
+    }
+    names = tuple(columns)
+    rows = zip(on_earth, zip(*columns.values(), strict=True), strict=True)
+    return [kind(**dict(zip(names, row, strict=True))) if here else None for here, row in rows]
+
+
+def _burnouts(tracks: Tracks, epoch_us: int | None) -> list[BurnoutRecord | None]:
+    known = _is_finite(tracks.burnout).tolist()
+    rows = zip(
+        tracks.burnout.tolist(),
+        _timestamps(tracks.burnout[:, 6], epoch_us),
+        _known(tracks.burnout_covariance),
+        known,
+        strict=True,
+    )
+    return [
+        BurnoutRecord(
+            time_s=state[6], time=time, position_ecef_m=state[:3], velocity_ecef_m_s=state[3:6], covariance=covariance
+        )
+        if here
+        else None
+        for state, time, covariance, here in rows
+    ]
+
+
+def _types(tracks: Tracks) -> list[dict[str, float] | None]:
+    return [
+        None if share is None else dict(zip(REPORTED_TYPES, share, strict=True))
+        for share in _known(tracks.type_probability)
+    ]
+
+
+def _timestamps(time_s: FloatArray, epoch_us: int | None) -> Sequence[Any]:
+    return [UNSET] * len(time_s) if epoch_us is None else time_texts(time_s, epoch_us)
+
+
+def _known(values: FloatArray) -> list[Any]:
+    """Return the rows of a column as plain values, None where any number is not finite."""
+    finite = _is_finite(values)
+    rows: list[Any] = values.tolist()
+    return rows if finite.all() else [row if here else None for row, here in zip(rows, finite.tolist(), strict=True)]
+
+
+def _is_finite(values: FloatArray) -> BoolArray:
+    finite: BoolArray = np.logical_and.reduce(np.isfinite(values), axis=tuple(range(1, values.ndim)))
+    return finite

@@ -1,0 +1,149 @@
+"""The tracks file of a run: one JSON line per track and tick, with the keys of `TrackRecord`."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray
+from opir_core.interfaces.impact_regions import ImpactRegion
+from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
+from opir_core.output.geojson import region_from_document
+from opir_core.output.run_files import LinesFile, content, invalid_file
+from opir_core.output.track_records import LaunchRecord, TrackRecord, track_records
+from opir_core.scene.scene import REPORTED_TYPES
+
+#: Tracks in a block, as regions take memory while they are text.
+_BLOCK_ROWS = 4_096
+
+
+class TracksFile(LinesFile):
+    """Writes tracks to a file, tick by tick; use it as a context."""
+
+    _kind = "the tracks file"
+
+    def write(self, tracks: Tracks) -> None:
+        """Write the tracks of a window."""
+        for start in range(0, len(tracks), _BLOCK_ROWS):
+            self._write(track_records(tracks.take(slice(start, start + _BLOCK_ROWS))))
+
+
+def read_tracks(path: Path) -> Tracks:
+    """Return the tracks of a file, by tick and then by track; `SceneError` with file and line if it is invalid.
+
+    Of a line only `time_s` and `track_id` are required.
+    """
+    decoder = msgspec.json.Decoder(TrackRecord)
+    rows = [_row(decoder, line, number, path) for number, line in enumerate(content(path).splitlines(), start=1)]
+    regions = np.empty(len(rows), dtype=np.object_)
+    for number, row in enumerate(rows, start=1):
+        regions[number - 1] = _regions(row, number, path)
+    tracks = _tracks(rows, regions)
+    order = np.lexsort((tracks.track, tracks.tick_s))
+    tracks = tracks.take(order)
+    again = np.flatnonzero((np.diff(tracks.tick_s) == 0.0) & (np.diff(tracks.track) == 0))
+    if len(again):
+        first = int(again[np.argmin(order[again + 1])])
+        words = f"track {tracks.track[first]} has two rows at {tracks.tick_s[first]:g} s"
+        raise invalid_file(path, f"line {order[first + 1] + 1}", f"{words}; give one row a track and tick")
+    return tracks
+
+
+def _row(decoder: "msgspec.json.Decoder[TrackRecord]", line: bytes, number: int, path: Path) -> TrackRecord:
+    try:
+        return decoder.decode(line)
+    except msgspec.ValidationError as error:
+        reason, _, place = str(error).partition(" - at `$")
+        key = place.removeprefix(".").removesuffix("`")
+        words = f"not what opir writes: {reason[:1].lower()}{reason[1:]}"
+        raise invalid_file(path, f"line {number}{f': {key}' if key else ''}", words) from error
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise invalid_file(path, f"line {number}", f"not a track: {error}") from error
+
+
+def _regions(row: TrackRecord, number: int, path: Path) -> tuple[ImpactRegion, ...]:
+    try:
+        return tuple(region_from_document(region) for region in row.impact_regions or ())
+    except (KeyError, TypeError, ValueError) as error:
+        words = f"it has no {error}" if isinstance(error, KeyError) else str(error)
+        raise invalid_file(path, f"line {number}: impact_regions", f"not what opir writes: {words}") from error
+
+
+def _tracks(rows: Sequence[TrackRecord], regions: NDArray[np.object_]) -> Tracks:
+    tick_s = np.array([row.time_s for row in rows], dtype=np.float64)
+    available = [row.time_s if row.available_s is None else row.available_s for row in rows]
+    burnouts = [row.burnout for row in rows]
+    methods = [IMPACT_METHODS[0] if row.impact is None else row.impact.method for row in rows]
+    types = [None if row.type_probability is None else _shares(row.type_probability) for row in rows]
+    return Tracks(
+        tick_s=tick_s,
+        track=np.array([row.track_id for row in rows], dtype=np.int64),
+        state=np.concatenate(
+            [
+                _column([row.position_ecef_m for row in rows], 3),
+                _column([row.velocity_ecef_m_s for row in rows], 3),
+            ],
+            axis=1,
+        ),
+        state_covariance=_column([row.covariance for row in rows], 6, 6),
+        launch=_column([_place(row.launch) for row in rows], 3),
+        launch_covariance=_spread([row.launch for row in rows]),
+        impact=_column([_place(row.impact) for row in rows], 3),
+        impact_covariance=_spread([row.impact for row in rows]),
+        type_probability=_column(types, len(REPORTED_TYPES)),
+        burnout=_column(
+            [each and (*each.position_ecef_m, *each.velocity_ecef_m_s, each.time_s) for each in burnouts], 7
+        ),
+        burnout_covariance=_column([each and each.covariance for each in burnouts], 7, 7),
+        impact_sigmas=_column([row.impact and row.impact.ellipse_sigmas for row in rows], len(TRACK_CONTAINMENTS)),
+        state_sigmas=_column([row.ellipsoid_sigmas for row in rows], len(TRACK_CONTAINMENTS)),
+        available_s=np.array(available, dtype=np.float64),
+        impact_regions=regions,
+        probability_burning=_column([row.probability_burning for row in rows]),
+        probability_relights=_column([row.probability_relights for row in rows]),
+        impact_method=np.array([IMPACT_METHODS.index(method) for method in methods], dtype=np.uint8),
+    )
+
+
+def _column(rows: Sequence[Any], *shape: int) -> FloatArray:
+    """Return rows of numbers as a column (n, *shape), nan for None."""
+    column = np.full((len(rows), *shape), np.nan)
+    known = [number for number, row in enumerate(rows) if row is not None]
+    if known:
+        column[known] = [rows[number] for number in known]
+    return column
+
+
+def _shares(chances: dict[str, float]) -> list[float]:
+    return [chances.get(name, 0.0) for name in REPORTED_TYPES]
+
+
+def _place(point: LaunchRecord | None) -> tuple[float, float, float] | None:
+    if point is None:
+        return None
+    latitude, longitude = np.radians([point.lat_deg, point.lon_deg]).tolist()
+    return latitude, longitude, np.nan if point.time_s is None else point.time_s
+
+
+def _spread(points: Sequence[LaunchRecord | None]) -> FloatArray:
+    """Return covariances (n, 3, 3) of points over east, north and time."""
+
+    def column(read: Callable[[Any], Any], *shape: int) -> FloatArray:
+        return _column([None if point is None else read(point) for point in points], *shape)
+
+    whole = np.full((len(points), 3, 3), np.nan)
+    whole[:, :2, :2] = column(_ground, 2, 2)
+    whole[:, 2, 2] = column(lambda point: point.time_variance_s2)
+    whole[:, :2, 2] = whole[:, 2, :2] = column(lambda point: point.time_covariance_m_s, 2)
+    return whole
+
+
+def _ground(point: Any) -> Any:
+    """Return the covariance of east and north of a point: its own, or that of its `sigma_m`."""
+    sigma_m = getattr(point, "sigma_m", None)
+    if point.covariance_m2 is not None or sigma_m is None:
+        return point.covariance_m2
+    return ((sigma_m**2, 0.0), (0.0, sigma_m**2))

@@ -1,0 +1,142 @@
+"""The tracks file: keys with units, unknown values null, regions as GeoJSON; what is read is what was written."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from attrs import fields
+
+from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
+from opir_core.output import TracksFile, read_tracks
+from opir_core.testing.doubles import stub_estimates, stub_regions
+
+RNG = np.random.default_rng(7)
+REGIONS = stub_regions(9.0, 167.7, 120.0)
+
+
+def covariances(count: int, size: int) -> Any:
+    root = RNG.normal(size=(count, size, size))
+    return root @ root.transpose(0, 2, 1)
+
+
+def tracks_of(count: int, **changes: Any) -> Tracks:
+    """Return tracks with every column known."""
+    columns: dict[str, Any] = {
+        "track": np.arange(count),
+        "tick_s": np.full(count, 61.0),
+        "available_s": np.full(count, 61.5),
+        "state": RNG.normal(size=(count, 6)) * 1e6,
+        "state_covariance": covariances(count, 6),
+        "state_sigmas": [2.0, 3.0, 4.0],
+        "launch": np.column_stack([RNG.uniform(-1.5, 1.5, count), RNG.uniform(-3.1, 3.1, count), np.full(count, 3.0)]),
+        "launch_covariance": covariances(count, 3),
+        "impact": np.column_stack([RNG.uniform(-1.5, 1.5, count), RNG.uniform(-3.1, 3.1, count), np.full(count, 1e3)]),
+        "impact_covariance": covariances(count, 3),
+        "impact_sigmas": [1.1, 2.2, 2.6],
+        "type_probability": [0.7, 0.2, 0.1, 0.0],
+        "burnout": RNG.normal(size=(count, 7)),
+        "burnout_covariance": covariances(count, 7),
+        "impact_regions": [REGIONS] * count,
+        "probability_burning": 0.25,
+        "probability_relights": 0.125,
+    }
+    return stub_estimates(count, **(columns | changes))
+
+
+def written(tmp_path: Path, tracks: Tracks) -> list[dict[str, Any]]:
+    with TracksFile(tmp_path / "t.jsonl") as file:
+        file.write(tracks)
+    return [json.loads(line) for line in (tmp_path / "t.jsonl").read_text().splitlines()]
+
+
+def test_a_line_has_keys_with_units(tmp_path: Path) -> None:
+    tracks = tracks_of(1, launch=np.radians([[34.5, -120.25, np.degrees(12.0)]]))
+    (line,) = written(tmp_path, tracks)
+    assert list(line) == [
+        "time_s", "track_id", "available_s", "target_type", "type_probability", "position_ecef_m",
+        "velocity_ecef_m_s", "covariance", "ellipsoid_sigmas", "launch", "burnout", "impact", "impact_regions",
+        "probability_burning", "probability_relights",
+    ]  # fmt: skip
+    assert (line["time_s"], line["track_id"], line["available_s"]) == (61.0, 0, 61.5)
+    assert line["target_type"] == "ICBM"
+    assert line["type_probability"] == {"ICBM": 0.7, "IRBM": 0.2, "SRBM": 0.1, "UNKNOWN": 0.0}
+    assert line["position_ecef_m"] + line["velocity_ecef_m_s"] == tracks.state[0].tolist()
+    assert line["covariance"] == tracks.state_covariance[0].tolist()
+    launch, spread = line["launch"], tracks.launch_covariance[0]
+    assert (launch["lat_deg"], launch["lon_deg"], launch["time_s"]) == pytest.approx((34.5, -120.25, 12.0), rel=1e-15)
+    assert launch["covariance_m2"] == spread[:2, :2].tolist()
+    assert (launch["time_variance_s2"], launch["time_covariance_m_s"]) == (spread[2, 2], spread[:2, 2].tolist())
+    assert line["burnout"]["position_ecef_m"] == tracks.burnout[0, :3].tolist()
+    assert (line["impact"]["method"], line["impact"]["sigma_m"]) == ("posterior", None)
+    assert line["impact"]["containment"] == list(TRACK_CONTAINMENTS)
+    assert line["impact"]["ellipse_sigmas"] == [1.1, 2.2, 2.6]
+    assert [region["containment"] for region in line["impact_regions"]] == list(TRACK_CONTAINMENTS)
+    assert {region["geometry"]["type"] for region in line["impact_regions"]} == {"Polygon"}
+    assert (line["probability_burning"], line["probability_relights"]) == (0.25, 0.125)
+
+
+def test_unknown_values_are_null_and_read_as_nan(tmp_path: Path) -> None:
+    tracks = stub_estimates(2)
+    line, _ = written(tmp_path, tracks)
+    known = {"time_s": 0.0, "track_id": 0, "available_s": 0.0, "impact_regions": []}
+    assert line == dict.fromkeys(line) | known
+    assert_equal(read_tracks(tmp_path / "t.jsonl"), tracks)
+
+
+def test_what_is_read_is_what_was_written(tmp_path: Path) -> None:
+    tracks = Tracks.concatenate([tracks_of(5), tracks_of(5, tick_s=np.full(5, 62.0), impact_regions=[()] * 5)])
+    written(tmp_path, tracks)
+    read = read_tracks(tmp_path / "t.jsonl")
+    assert_equal(read, tracks)
+    for one, other in zip(read.impact_regions[0], REGIONS, strict=True):
+        assert one.containment == other.containment
+        assert one.area_km2 == pytest.approx(other.area_km2, abs=1e-3)
+        corners, due = one.polygons[0][0], other.polygons[0][0][::-1]
+        apart = np.abs(corners[:, None] - due[None]).max(axis=2).min(axis=1)
+        assert apart.max() < np.radians(0.6e-6)
+
+
+def assert_equal(read: Tracks, tracks: Tracks) -> None:
+    for item in fields(Tracks):
+        mine, theirs = getattr(read, item.name), getattr(tracks, item.name)
+        if item.name in ("launch", "impact"):
+            assert np.allclose(mine, theirs, rtol=4e-16, atol=0.0, equal_nan=True), item.name
+        elif item.name != "impact_regions":
+            assert np.array_equal(mine, theirs, equal_nan=True), item.name
+
+
+def test_an_impact_of_the_paper_s_law_has_a_sigma_and_no_containment(tmp_path: Path) -> None:
+    spread = np.diag([9e8, 9e8, 4.0])
+    tracks = tracks_of(2, impact_covariance=spread, impact_method=[1, 0], impact_regions=[(), ()], impact_sigmas=np.nan)
+    paper, posterior = (line["impact"] for line in written(tmp_path, tracks))
+    assert (paper["method"], paper["sigma_m"]) == ("paper", 3e4)
+    assert (paper["covariance_m2"], paper["containment"], paper["ellipse_sigmas"]) == (None, None, None)
+    assert (posterior["method"], posterior["sigma_m"]) == ("posterior", None)
+    assert posterior["covariance_m2"] == spread[:2, :2].tolist()
+    assert_equal(read_tracks(tmp_path / "t.jsonl"), tracks)
+
+
+def test_only_time_and_number_are_needed(tmp_path: Path) -> None:
+    (tmp_path / "t.jsonl").write_text('{"time_s": 2, "track_id": 4}\n{"time_s": 1.5, "track_id": 4}\n')
+    read = read_tracks(tmp_path / "t.jsonl")
+    assert (read.tick_s.tolist(), read.track.tolist(), read.available_s.tolist()) == ([1.5, 2.0], [4, 4], [1.5, 2.0])
+    assert np.isnan(read.state).all()
+    assert read.impact_regions.tolist() == [(), ()]
+
+
+def test_a_file_without_lines_has_no_tracks(tmp_path: Path) -> None:
+    (tmp_path / "t.jsonl").write_text("")
+    read, empty = read_tracks(tmp_path / "t.jsonl"), Tracks.empty()
+    for item in fields(Tracks):
+        mine, due = getattr(read, item.name), getattr(empty, item.name)
+        assert (mine.shape, mine.dtype) == (due.shape, due.dtype), item.name
+
+
+@pytest.mark.parametrize("longitude_deg", [-180.0, 180.0, 190.0, 539.0])
+def test_longitudes_are_within_half_a_turn(tmp_path: Path, longitude_deg: float) -> None:
+    tracks = tracks_of(1, impact=np.radians([[10.0, longitude_deg, 0.0]]))
+    (line,) = written(tmp_path, tracks)
+    assert -180.0 <= line["impact"]["lon_deg"] <= 180.0
+    assert np.cos(np.radians(line["impact"]["lon_deg"] - longitude_deg)) == pytest.approx(1.0, abs=1e-15)
