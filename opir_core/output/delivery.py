@@ -68,11 +68,14 @@ def _recorded(
 ) -> Iterator[Window]:
     """Yield windows after their truth and tracks are written to files."""
     from opir_core.output.run_files import TruthFile
-    from opir_core.output.tracks_file import TracksFile
 
     with ExitStack() as files:
         truth = None if truth_path is None else files.enter_context(TruthFile(truth_path, plan))
-        tracks = None if tracks_path is None else files.enter_context(TracksFile(tracks_path))
+        tracks = None
+        if tracks_path is not None:
+            from opir_core.output.tracks_file import TracksFile  # a run without a tracker does not load it
+
+            tracks = files.enter_context(TracksFile(tracks_path))
         for window in windows:
             if truth is not None:
                 truth.write(window)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import IntArray
 from opir_core.errors import ModelError, OpirError, kind_of
-from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Sensor, Tracker
 from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
@@ -201,7 +200,7 @@ def _fault(estimates: Any, tick_s: float) -> str:
             return f"returned {name} as {_outline(column)}, not {shapes}"
     if not rows:
         return ""
-    if not all(map(_are_regions, estimates.impact_regions.tolist())):
+    if not _are_regions(estimates.impact_regions.tolist()):
         return f"returned impact_regions that are not {_CONTENTS['impact_regions']}"
     if estimates.impact_method.min() < 0 or estimates.impact_method.max() >= len(IMPACT_METHODS):
         return f"returned impact_method {estimates.impact_method[:6].tolist()}, not codes into {IMPACT_METHODS}"
@@ -212,8 +211,14 @@ def _fault(estimates: Any, tick_s: float) -> str:
     return f"returned tick_s {wrong[0]:g}, not that of the step" if len(wrong) else ""
 
 
-def _are_regions(row: Any) -> bool:
-    return isinstance(row, tuple) and all(isinstance(region, ImpactRegion) for region in row)
+def _are_regions(rows: list[Any]) -> bool:
+    if not all(isinstance(row, tuple) for row in rows):
+        return False
+    if not any(rows):
+        return True
+    from opir_core.interfaces.impact_regions import ImpactRegion  # a run without regions does not load it
+
+    return all(isinstance(region, ImpactRegion) for row in rows for region in row)
 
 
 #: Kinds of the columns that are not of any numbers, and what a row of them is.

@@ -88,6 +88,10 @@ FAULTS = {
             "step at 1 s returned impact_regions that are not tuples of opir_core.ImpactRegion",
         ),
         (
+            lambda tick_s, _: told(tick_s, impact_regions=np.array([(), (3,)], dtype=object)),
+            "step at 1 s returned impact_regions that are not tuples of opir_core.ImpactRegion",
+        ),
+        (
             lambda tick_s, _: told(tick_s, impact_method=np.array([0, 2], dtype=np.uint8)),
             "step at 1 s returned impact_method [0, 2], not codes into ('posterior', 'paper')",
         ),
