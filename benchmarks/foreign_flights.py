@@ -150,7 +150,8 @@ def _flown(burn, first, growth, gap, rise, kick, azimuth, launch) -> ForeignFlig
 
     rows = []
     for begin, end, is_burning, sol in legs:
-        times = np.append(np.arange(begin, min(end, now + 60.0), STEP_S), min(end, now + 60.0))
+        end = min(end, now + 60.0)
+        times = np.linspace(begin, end, int(np.ceil((end - begin) / STEP_S)) + 1)
         rows.append(np.column_stack([times, sol(times).T, np.full(len(times), is_burning)]))
     table = np.concatenate(rows)
     # A start exactly at rest has no direction.

@@ -12,3 +12,6 @@ RowArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 #: Words of random streams and identifiers.
 WordArray = NDArray[np.uint64]
+
+#: Objects, as `ImpactRegion`s of tracks.
+ObjectArray = NDArray[np.object_]

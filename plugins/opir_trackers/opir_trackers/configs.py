@@ -138,6 +138,13 @@ class StereoFilterConfig:
         maximum=600.0,
         help="detections up to this late are processed in order of time",
     )
+    regions_every_s: float = number(
+        default=5.0,
+        unit="s",
+        minimum=0.1,
+        maximum=600.0,
+        help="impact regions are worked out anew after this time, and where a target stops or starts to burn",
+    )
     silence_s: float = number(
         default=1800.0, unit="s", above=0.0, maximum=1e6, help="a track is deleted after this time without detection"
     )

@@ -29,6 +29,9 @@ from opir_core.flight.forces import Forces
 #: is added to squared speeds.
 SLOW_M_S = 100.0
 
+#: Largest growth in a step: a stage that burns up all its mass has no end in this model.
+MOST_GROWTH = 0.5
+
 _SPIN = EARTH_ROTATION_RAD_S
 
 
@@ -56,12 +59,13 @@ def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: Gravit
     gravity = pull(*state[:3])
     early = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
     after = motion.stepped_one([*state[:9], *early], step, pull, gravity)[:9]
-    late = jerk_of_one((*after, state[9], *pull(*after[:3])[:3]), tilt_s, sqrt)
+    growth = state[9] / (1.0 - min(state[9] * step, MOST_GROWTH))
+    late = jerk_of_one((*after, growth, *pull(*after[:3])[:3]), tilt_s, sqrt)
     x, y, z, vx, vy, vz, fx, fy, fz = after
     bx, by, bz = late[0] - early[0], late[1] - early[1], late[2] - early[2]
     far, fast, more = step**3 / 24.0, step**2 / 6.0, step / 2.0
     place, speed = (x + bx * far, y + by * far, z + bz * far), (vx + bx * fast, vy + by * fast, vz + bz * fast)
-    return [*place, *speed, fx + bx * more, fy + by * more, fz + bz * more, state[9]]
+    return [*place, *speed, fx + bx * more, fy + by * more, fz + bz * more, growth]
 
 
 def taylor_of_one(state: Sequence[float], tilt_s: float, pull: GravityFunction, mu_m3_s2: float) -> list[float]:
@@ -168,7 +172,8 @@ class Thrust:
             return np.array([stepped_one(row, step, self.tilt_s, self._pull) for row, step in rows])
         early = self.jerk(state)
         path = np.concatenate([state[:, :9], early], axis=1)
-        after = np.concatenate([self.pushed.stepped(path, step_s)[:, :9], state[:, 9:]], axis=1)
+        growth = state[:, 9] / (1.0 - np.minimum(state[:, 9] * step_s, MOST_GROWTH))
+        after = np.concatenate([self.pushed.stepped(path, step_s)[:, :9], growth[:, None]], axis=1)
         bend, step = self.jerk(after) - early, step_s[:, None]
         after[:, :3] += bend * (step**3 / 24.0)
         after[:, 3:6] += bend * (step**2 / 6.0)
@@ -202,6 +207,7 @@ class Thrust:
         rate[:, :3, 3:6] = rate[:, 3:6, 6:9] = _UNIT
         rate[:, 3:6, :3] = self.fall.gradient(state[:, :3])
         rate[:, 6:9, 3:] = self.force_slopes(state)
+        rate[:, 9, 9] = 2.0 * state[:, 9]
         return rate
 
     def _slopes_of_one(self, numbers: list[float]) -> FloatArray:
@@ -210,6 +216,7 @@ class Thrust:
         alone += motion.gradient_of_one(place, self.forces.gravity.mu_m3_s2)
         numbers_, rate = np.array(alone), _KINEMATICS.copy()
         rate[0, 6:9, 3:], rate[0, 3:6, :3] = numbers_[:21].reshape(3, 7), numbers_[21:].reshape(3, 3)
+        rate[0, 9, 9] = 2.0 * numbers[9]
         return rate
 
     def force_slopes(self, state: FloatArray) -> FloatArray:

@@ -88,13 +88,19 @@ def type_log_likelihoods(sensors: Sequence[Sensor]) -> FloatArray:
     return table
 
 
+def type_evidence(reports: IntArray, evidence: FloatArray) -> FloatArray:
+    """Return log likelihoods (n, types) of the last report of each sensor, (n, sensors), by `type_log_likelihoods`."""
+    log: FloatArray = evidence[np.arange(len(evidence)), reports].sum(axis=1)
+    return log
+
+
 def type_posterior(reports: IntArray, evidence: FloatArray) -> FloatArray:
     """Return probabilities (n, types) over `REPORTED_TYPES` from the last report of each sensor, (n, sensors).
 
     The prior is uniform. A sensor's reports of one launch are one draw, so each sensor counts once. UNKNOWN has
     probability 1 without a report, else 0.
     """
-    log = evidence[np.arange(len(evidence)), reports].sum(axis=1)
+    log = type_evidence(reports, evidence)
     share = np.exp(log - log.max(axis=1, keepdims=True))
     share /= share.sum(axis=1, keepdims=True)
     silent = np.all((reports < 0) | (reports == UNKNOWN_TYPE), axis=1)[:, None]

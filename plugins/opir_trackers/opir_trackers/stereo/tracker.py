@@ -15,6 +15,7 @@ from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.association import associate_nearest, unassigned
 from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.gating import candidates, gated
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
 from opir_trackers.stereo.measurement_weights import FRACTIONS, OutlierFractions
@@ -46,6 +47,7 @@ class StereoTracker:
         self._past: deque[tuple[TrackerState, float, Detections]] = deque()
         self._early = Detections.empty()
         self._rays = LineOfSightCache(tracking.lines_of_sight)
+        self._forecaster = Forecaster(tracking.config.regions_every_s, tracking.forces)
 
     def associate(self, detections: Detections) -> IntArray:
         """Return track numbers (n,), -1 for none, by the tracks as of the last tick; the state is unchanged."""
@@ -63,7 +65,7 @@ class StereoTracker:
             self._go_back(detections.take(np.flatnonzero(late)))
             detections = detections.take(np.flatnonzero(~late))
         self._advance(tick_s, detections)
-        return self._tracking.reported_tracks(self._now)
+        return self._forecaster.with_impacts(*self._tracking.reported_tracks(self._now))
 
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings.

@@ -37,7 +37,7 @@ from opir_trackers.stereo.histories import (
     smooth_boost_s,
 )
 from opir_trackers.stereo.history_assignment import assigned_histories
-from opir_trackers.stereo.report import free_flights, tracks_of, type_log_likelihoods, type_posterior
+from opir_trackers.stereo.report import free_flights, tracks_of, type_evidence, type_log_likelihoods, type_posterior
 from opir_trackers.stereo.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
 from opir_trackers.track_priors import filter_of, prior_estimates
 
@@ -324,8 +324,8 @@ class StereoTracking:
         longest: FloatArray = np.max(np.where(table.reports >= 0, time_s, 0.0), axis=1, initial=0.0)
         return longest
 
-    def reported_tracks(self, now: TrackerState) -> Tracks:
-        """Return the reported tracks: those with enough detections."""
+    def reported_tracks(self, now: TrackerState) -> tuple[Tracks, ModeEstimates, FloatArray]:
+        """Return the reported tracks, those with enough detections, their estimates, and type log likelihoods."""
         confirmed = now.table.hits >= 2 * self.config.needed_scans
         estimates, table = self.reported_estimates(now), now.table
         if np.count_nonzero(confirmed) < len(confirmed):
@@ -334,7 +334,8 @@ class StereoTracking:
         if self.biases.any:
             covariance = self._with_biases(estimates, now.time_s, table, covariance)
         is_free = free_flights(self.filter, estimates)
-        return tracks_of(state, covariance, is_free, table, now.time_s, self.forces, self._types(table))
+        tracks = tracks_of(state, covariance, is_free, table, now.time_s, self.forces, self._types(table))
+        return tracks, estimates, type_evidence(table.reports, self.type_log_likelihood)
 
     def _with_biases(
         self, estimates: ModeEstimates, time_s: float, table: track_management.TrackTable, covariance: FloatArray

@@ -1,0 +1,113 @@
+"""Particles flown on through the burns that remain to them, and down to the ground."""
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_MU_M3_S2
+from opir_trackers.forecast.matching import air_velocity
+from opir_trackers.forecast.prior_boosts import STAGES, BoostPrograms
+
+#: Steps of Runge and Kutta for each burn, and the time constant of a tilt that no program has, s.
+STEPS, TILT_S = 5, 30.0
+
+
+@frozen(eq=False)
+class RemainingBurns:
+    """What remains of the boosts of particles (p,): `wait_s` to the next ignition and the burns (p, STAGES).
+
+    `programs` have the angles by which the thrust leads the velocity, by the time since ignition, `since_s` (p,) now.
+    `scale` (p,) is the ratio of a particle's acceleration to that of its boost, for the burn that goes on.
+    """
+
+    start_s: FloatArray
+    burn_s: FloatArray
+    acceleration_m_s2: FloatArray
+    growth_per_s: FloatArray
+    programs: BoostPrograms
+    since_s: FloatArray
+
+
+def remaining(programs: BoostPrograms, since_s: FloatArray, scale: FloatArray) -> RemainingBurns:
+    """Return what remains of programs (p,) after times since ignition (p,)."""
+    starts = programs.starts_s - since_s[:, None]
+    done = np.clip(-starts, 0.0, programs.burn_s)
+    left = programs.burn_s - done
+    shrink = 1.0 - programs.growth_per_s * done
+    on = (done > 0.0) & (left > 0.0)
+    size = programs.acceleration_m_s2 / shrink * np.where(on, scale[:, None], 1.0)
+    return RemainingBurns(np.maximum(starts, 0.0), left, size, programs.growth_per_s / shrink, programs, since_s)
+
+
+def flown_on(state: FloatArray, burns: RemainingBurns, tilt: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return inertial states (p, 6) at the end of the last burn, and how long after now (p,), s.
+
+    `tilt` (STAGES, STEPS, p, 2), rad, are angles of the thrust from its program, downwards and sidewards, in each step.
+    """
+    now = np.zeros(len(state))
+    state = state[:, :6]
+    for stage in range(STAGES):
+        length = burns.burn_s[:, stage]
+        rows = np.flatnonzero(length > 0.0)
+        if not len(rows):
+            continue
+        part = _Thrust(burns, rows, stage)
+        here, when = state[rows], now[rows]
+        dark = burns.start_s[rows, stage] - when
+        if np.count_nonzero(dark > 1e-9):
+            here = _step(here, when, dark, part, None)
+        when = burns.start_s[rows, stage]
+        step = length[rows] / STEPS
+        for number in range(STEPS):
+            here = _step(here, when + number * step, step, part, tilt[stage, number, rows])
+        state = state.copy()
+        state[rows] = here
+        now = now.copy()
+        now[rows] = when + length[rows]
+    return state, now
+
+
+class _Thrust:
+    """The thrust of some particles in one stage."""
+
+    def __init__(self, burns: RemainingBurns, rows: FloatArray, stage: int) -> None:
+        self.size, self.growth = burns.acceleration_m_s2[rows, stage], burns.growth_per_s[rows, stage]
+        self.start, self.since, self.programs = burns.start_s[rows, stage], burns.since_s[rows], burns.programs.take(rows)
+
+    def force(self, state: FloatArray, time_s: FloatArray, tilt: FloatArray) -> FloatArray:
+        """Return the specific force (p, 3)."""
+        velocity = air_velocity(state)
+        speed = np.sqrt(np.sum(velocity * velocity, axis=1))
+        ahead = velocity / np.maximum(speed, 1e-3)[:, None]
+        up = state[:, :3] / np.sqrt(np.sum(state[:, :3] ** 2, axis=1))[:, None]
+        side = np.cross(ahead, up)
+        side /= np.maximum(np.sqrt(np.sum(side * side, axis=1)), 1e-9)[:, None]
+        down = np.cross(ahead, side)
+        lead = self.programs.leads(self.since + time_s) + tilt[:, 0]
+        direction = ahead + np.tan(lead)[:, None] * down + np.tan(tilt[:, 1])[:, None] * side
+        direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
+        size = self.size / np.maximum(1.0 - self.growth * (time_s - self.start), 0.05)
+        force: FloatArray = size[:, None] * direction
+        return force
+
+
+def _step(
+    state: FloatArray, time_s: FloatArray, step_s: FloatArray, thrust: _Thrust, tilt: FloatArray | None
+) -> FloatArray:
+    """Return states after a step of the classical method of Runge and Kutta; without a tilt, in the dark."""
+
+    def rates(there: FloatArray, when: FloatArray) -> FloatArray:
+        place = there[:, :3]
+        square = np.sum(place * place, axis=1)
+        pull = place * (-EARTH_MU_M3_S2 / (square * np.sqrt(square)))[:, None]
+        if tilt is not None:
+            pull = pull + thrust.force(there, when, tilt)
+        return np.concatenate([there[:, 3:], pull], axis=1)
+
+    step, half = step_s[:, None], 0.5 * step_s
+    first = rates(state, time_s)
+    second = rates(state + 0.5 * step * first, time_s + half)
+    third = rates(state + 0.5 * step * second, time_s + half)
+    fourth = rates(state + step * third, time_s + step_s)
+    after: FloatArray = state + step / 6.0 * (first + 2.0 * (second + third) + fourth)
+    return after

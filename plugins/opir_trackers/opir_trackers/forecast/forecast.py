@@ -1,0 +1,234 @@
+"""Impacts of tracks as regions: an ensemble of what a target may be and may still do, flown on to the ground.
+
+A part of the particles burns, in proportion to the probability of the filter's modes; the others are dark now. Each
+follows a boost of the prior that fits its track (`matching`): it flies on through the burns that remain, or none, and
+falls. So a region of a dark target includes relights as long as a gap between stages may last, and one of a burning
+target all burnouts that its motion allows.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from opir_core.arrays import FloatArray, IntArray, ObjectArray
+from opir_core.constants import EARTH_MU_M3_S2
+from opir_core.estimation.lines_of_sight import earth_rotated
+from opir_core.estimation.square_root import inverse_root
+from opir_core.flight.forces import Forces
+from opir_core.geometry import ecef_to_geodetic
+from opir_core.interfaces.records import TRACK_CONTAINMENTS
+from opir_core.scene.scene import TARGET_TYPES
+from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.forecast import matching
+from opir_trackers.forecast.burning_on import STEPS, TILT_S, flown_on, remaining
+from opir_trackers.forecast.prior_boosts import STAGES, BoostPrograms, prior_boosts
+from opir_trackers.forecast.regions import centre_of, projected, regions, unprojected
+
+#: Particles of a track.
+PARTICLES = 400
+
+#: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform over particles.
+TILT_RAD = np.radians([0.3, 4.0])
+
+#: Modes less probable than this get no particles.
+_LEAST_MODE = 0.01
+
+#: A region is known if this share of the particles comes down.
+_LEAST_DOWN = 0.5
+
+
+class Forecasts(NamedTuple):
+    """Impacts of tracks (n,): latitude_rad, longitude_rad, time_s with covariance and radii as in `Tracks`, regions.
+
+    `probability_relights` (n,), and `by_class` (n, classes): the probability of the classes by range.
+    """
+
+    impact: FloatArray
+    covariance: FloatArray
+    sigmas: FloatArray
+    regions: ObjectArray
+    probability_burning: FloatArray
+    probability_relights: FloatArray
+    by_class: FloatArray
+
+
+class _Particles(NamedTuple):
+    """States (p, 10 or 6) of one track's particles, programs, times since ignition, ratios of force, and dark ones."""
+
+    state: FloatArray
+    boost: IntArray
+    since_s: FloatArray
+    scale: FloatArray
+
+
+def forecasts(
+    estimates: ModeEstimates,
+    launch: FloatArray,
+    launch_sigma_s: FloatArray,
+    type_log_likelihood: FloatArray,
+    time_s: float,
+    forces: Forces,
+) -> Forecasts:
+    """Return the forecasts of tracks (n,) with launches (n, 3), nan where unknown, at a time.
+
+    `type_log_likelihood` (n, types) is that of the types that sensors reported.
+    """
+    count, prior = len(estimates), prior_boosts()
+    parts, relights = list[_Particles](), np.zeros(count)
+    for number in range(count):
+        since = time_s - float(launch[number, 2]), float(launch_sigma_s[number])
+        some, relights[number] = _particles(estimates, number, since, type_log_likelihood[number])
+        parts.append(some)
+    track = np.repeat(np.arange(count), [len(some.boost) for some in parts])
+    boost, since_s, scale = (
+        np.concatenate([getattr(some, name) for some in parts]) for name in ("boost", "since_s", "scale")
+    )
+    state = np.concatenate([some.state for some in parts])
+    burns = remaining(prior.programs.take(boost), since_s, scale)
+    tilts = np.concatenate([_tilts()[:, :, : len(some.boost)] for some in parts], axis=2)
+    out, later_s = flown_on(state, burns, tilts)
+    place, when_s = _impacts(out, time_s + later_s, forces)
+    return _gathered(track, place, when_s, estimates, relights, prior.class_code[boost])
+
+
+def _particles(
+    estimates: ModeEstimates, number: int, since: tuple[float, float], types: FloatArray
+) -> tuple[_Particles, float]:
+    """Return the particles of a track with the time since ignition and its error, and the probability of a relight."""
+    burning = float(estimates.weight[number, 0])
+    burning = 0.0 if burning < _LEAST_MODE else 1.0 if burning > 1.0 - _LEAST_MODE else burning
+    count = round(PARTICLES * burning)
+    parts, relights = list[_Particles](), 0.0
+    if count:
+        parts.append(_burning(estimates, number, since, types, count))
+    if count < PARTICLES:
+        dark, share = _dark(estimates, number, since, types, PARTICLES - count)
+        parts.append(dark)
+        relights = share * (1.0 - burning)
+    return _Particles(*(np.concatenate(column) for column in zip(*parts, strict=True))), relights
+
+
+def _burning(
+    estimates: ModeEstimates, number: int, since: tuple[float, float], types: FloatArray, count: int
+) -> _Particles:
+    prior, size = prior_boosts(), estimates.boost_mean.shape[1]
+    state, side = estimates.boost_mean[number], inverse_root(estimates.boost_root[number : number + 1])[0]
+    features, changes = matching.jacobian(state, side)
+    matches = matching.matched(prior, (prior.log_weight + types[prior.class_code])[prior.boost], features, changes, since, 4)
+    if not len(matches.row):
+        return _ballistic(state[:6], side[:6], count)
+    row = _picked(matches.row, matches.probability, count)
+    normal = _normal()[:count, : size + 4]
+    states = matching.drawn_states(state, side, features, changes, prior.features[row], normal, matches.width, 4)
+    scale = np.sqrt(np.sum(states[:, 6:9] ** 2, axis=1)) / prior.features[row, 3]
+    return _Particles(states[:, :6], prior.boost[row], prior.time_s[row], scale)
+
+
+def _dark(
+    estimates: ModeEstimates, number: int, since: tuple[float, float], types: FloatArray, count: int
+) -> tuple[_Particles, float]:
+    prior, ends = prior_boosts(), prior_boosts().ends
+    state, side = estimates.coast_mean[number], inverse_root(estimates.coast_root[number : number + 1])[0]
+    hits, spell, silent_s = estimates.detection_rate[number].tolist()
+    pause_s = spell / max(hits, 1.0)
+    dark_s = max(silent_s - pause_s, 0.0)
+    back = _moved_back(state, dark_s)
+    features, changes = matching.jacobian(back, side)
+    gap = prior.programs.gap_s[ends.boost, ends.stage]
+    final = (ends.stage == STAGES - 1) | (
+        prior.programs.burn_s[ends.boost, np.minimum(ends.stage + 1, STAGES - 1)] == 0.0
+    )
+    log = np.where(final | (gap >= dark_s), (prior.log_weight + types[prior.class_code])[ends.boost], -np.inf)
+    since = since[0] - dark_s, float(np.hypot(since[1], pause_s + 1.0))
+    matches = matching.matched(ends, log, features, changes, since, 3)
+    if not len(matches.row):
+        return _ballistic(state, side, count), 0.0
+    row = _picked(matches.row, matches.probability, count)
+    normal = _normal()[PARTICLES - count :, : len(state) + 3]
+    states = matching.drawn_states(state, side, features, changes, ends.features[row], normal, matches.width, 3)
+    relights = float(np.sum(matches.probability[~final[matches.row]]))
+    return _Particles(states, ends.boost[row], ends.time_s[row] + dark_s, np.ones(count)), relights
+
+
+def _ballistic(state: FloatArray, side: FloatArray, count: int) -> _Particles:
+    """Return particles that no boost of the prior fits: in free flight."""
+    states = state + _normal()[:count, : side.shape[1]] @ side.T
+    return _Particles(states, np.zeros(count, dtype=np.int64), np.full(count, 1e6), np.ones(count))
+
+
+def _moved_back(state: FloatArray, span_s: float) -> FloatArray:
+    """Return a free flight's state (6,) a few seconds before, to the third power of time."""
+    place, velocity = state[:3], state[3:6]
+    pull = -EARTH_MU_M3_S2 / np.linalg.norm(place) ** 3 * place
+    return np.concatenate([place - span_s * velocity + 0.5 * span_s * span_s * pull, velocity - span_s * pull])
+
+
+def _picked(row: IntArray, probability: FloatArray, count: int) -> IntArray:
+    """Return rows drawn in proportion to their probabilities, at equal steps, in a fixed random order."""
+    steps = (np.arange(count) + 0.5) / count
+    chosen = row[np.minimum(np.searchsorted(np.cumsum(probability), steps), len(row) - 1)]
+    return chosen[np.argsort(_normal()[:count, -1], kind="stable")]
+
+
+@cache
+def _normal() -> FloatArray:
+    """Return standard normal numbers (particles, 20): the same for all tracks and ticks, so regions change smoothly."""
+    return np.random.default_rng(1).normal(size=(PARTICLES, 20))
+
+
+@cache
+def _tilts() -> FloatArray:
+    """Return angles (STAGES, STEPS, particles, 2), rad: first-order Gauss-Markov processes from step to step."""
+    rng = np.random.default_rng(2)
+    sigma = np.exp(rng.uniform(*np.log(TILT_RAD), PARTICLES))[:, None]
+    noise = rng.normal(size=(STAGES * STEPS, PARTICLES, 2))
+    keep = np.exp(-10.0 / TILT_S)
+    tilt = np.empty_like(noise)
+    tilt[0] = noise[0]
+    for step in range(1, len(tilt)):
+        tilt[step] = keep * tilt[step - 1] + np.sqrt(1.0 - keep * keep) * noise[step]
+    return (tilt * sigma).reshape(STAGES, STEPS, PARTICLES, 2)
+
+
+def _impacts(state: FloatArray, time_s: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
+    """Return latitudes and longitudes (p, 2), rad, and times (p,) of impacts of free flights from times (p,); or nan."""
+    from opir_core.flight.propagation import impact
+
+    flight, fell = impact(state[:, :3], state[:, 3:], forces=Forces(zonal=(), gravity=forces.gravity))
+    when = time_s + flight
+    down = ecef_to_geodetic(earth_rotated(fell, -when))
+    return np.stack([down.latitude_rad, down.longitude_rad], axis=1), when
+
+
+def _gathered(
+    track: IntArray, place: FloatArray, when_s: FloatArray, estimates: ModeEstimates, relights: FloatArray, code: IntArray
+) -> Forecasts:
+    count = len(estimates)
+    impact, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
+    sigmas, found = np.full((count, 3), np.nan), np.empty(count, dtype=np.object_)
+    found.fill(())
+    by_class = np.zeros((count, len(TARGET_TYPES)))
+    down = np.isfinite(when_s)
+    for number in range(count):
+        mine = np.flatnonzero((track == number) & down)
+        by_class[number] = np.bincount(code[track == number], minlength=len(TARGET_TYPES)) / max(np.count_nonzero(track == number), 1)
+        if len(mine) < _LEAST_DOWN * PARTICLES:
+            continue
+        points, weight = place[mine], np.full(len(mine), 1.0 / len(mine))
+        found[number] = regions(points, weight)
+        impact[number], covariance[number], sigmas[number] = _moments(points, when_s[mine], weight)
+    return Forecasts(impact, covariance, sigmas, found, estimates.weight[:, 0], relights, by_class)
+
+
+def _moments(place: FloatArray, when_s: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean, covariance, and the radii of ellipses that contain the points in the shares `TRACK_CONTAINMENTS`."""
+    centre = centre_of(place, weight)
+    plane = projected(place, centre)
+    mean = weight @ plane
+    columns = np.column_stack([plane - mean, when_s - weight @ when_s])
+    covariance = (weight[:, None] * columns).T @ columns + np.diag([1.0, 1.0, 1e-6])
+    distance = np.sqrt(np.sum(columns[:, :2] * np.linalg.solve(covariance[:2, :2], columns[:, :2].T).T, axis=1))
+    radii = np.quantile(distance, TRACK_CONTAINMENTS)
+    latitude, longitude = unprojected(mean[None], centre)[0]
+    return np.array([latitude, longitude, weight @ when_s]), covariance, radii

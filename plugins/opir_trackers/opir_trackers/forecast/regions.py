@@ -1,0 +1,101 @@
+"""Highest-density regions of weighted points on the ground, as polygons.
+
+The density is a sum of normal kernels (Silverman, "Density Estimation for Statistics and Data Analysis", 1986, 4.3.2:
+width n^(-1/6) for n points in a plane, in axes in which the points have unit covariance), the level that of the
+weighted quantile of the density at the points (Hyndman, "Computing and graphing highest density regions", American
+Statistician 50(2), 1996). Points are drawn in towards their mean so that the kernels do not widen the whole.
+"""
+
+import numpy as np
+
+from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.interfaces.impact_regions import ImpactRegion
+from opir_core.interfaces.records import TRACK_CONTAINMENTS
+
+#: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
+CELLS, BEYOND = 64, 3.5
+
+
+def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
+    """Return the regions of `TRACK_CONTAINMENTS` of points (n, 2), latitude and longitude, rad, with weights (n,)."""
+    centre = centre_of(place, weight)
+    plane = projected(place, centre)
+    mean = weight @ plane
+    away = plane - mean
+    spread = (weight[:, None] * away).T @ away
+    # A least width of a metre, so that one point has a region too.
+    variance, axes = np.linalg.eigh(spread + np.eye(2))
+    scale = np.sqrt(variance)
+    unit = away @ axes / scale
+    width = np.sum(weight * weight) ** (1.0 / 6.0)
+    inner = np.sqrt(1.0 - min(width, 0.9) ** 2) * unit
+    low, high = inner.min(axis=0) - BEYOND * width, inner.max(axis=0) + BEYOND * width
+    x, y = (np.linspace(low[axis], high[axis], CELLS) for axis in (0, 1))
+    along, across = (_kernel(grid[:, None] - inner[:, axis], width) for axis, grid in enumerate((x, y)))
+    density = (along * weight) @ across.T
+    at = np.sum(_kernel(inner[:, None, 0] - inner[:, 0], width) * _kernel(inner[:, None, 1] - inner[:, 1], width) * weight, axis=1)
+    order = np.argsort(-at, kind="stable")
+    held = np.cumsum(weight[order])
+    cell_km2 = (x[1] - x[0]) * (y[1] - y[0]) * scale.prod() * 1e-6
+    found = []
+    for share in TRACK_CONTAINMENTS:
+        level = at[order[min(np.searchsorted(held, share), len(order) - 1)]]
+        polygons = tuple(
+            tuple(unprojected(mean + (ring * scale) @ axes.T, centre) for ring in rings) for rings in _contours(x, y, density, level)
+        )
+        area = sum(_area(ring * scale) * (1.0 if not number else -1.0) for rings in _contours(x, y, density, level) for number, ring in enumerate(rings)) * 1e-6
+        found.append(ImpactRegion(share, float(area), polygons))
+    return tuple(found)
+
+
+def _kernel(away: FloatArray, width: float) -> FloatArray:
+    return np.exp(-0.5 * np.square(away / width)) / width
+
+
+def _contours(x: FloatArray, y: FloatArray, density: FloatArray, level: float) -> list[list[FloatArray]]:
+    """Return polygons of outer ring and holes, (k, 2) each, in which the density is above the level."""
+    from contourpy import FillType, contour_generator
+
+    generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
+    points, offsets = generator.filled(level, np.inf)
+    return [
+        [ring[one:two] for one, two in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)]
+        for ring, cuts in zip(points, offsets, strict=True)
+    ]
+
+
+def _area(ring: FloatArray) -> float:
+    x, y = ring.T
+    return abs(0.5 * float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))
+
+
+def centre_of(place: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return the unit vector of the mean of points, and east and north there, rows (3, 3)."""
+    flat = np.cos(place[:, 0])
+    unit = np.stack([flat * np.cos(place[:, 1]), flat * np.sin(place[:, 1]), np.sin(place[:, 0])], axis=1)
+    up = weight @ unit
+    up = up / np.linalg.norm(up)
+    longitude = np.arctan2(up[1], up[0])
+    east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
+    return np.stack([east, np.cross(up, east), up])
+
+
+def projected(place: FloatArray, centre: FloatArray) -> FloatArray:
+    """Return points (n, 2), rad, as east and north, m, about a centre: azimuthal equidistant."""
+    flat = np.cos(place[:, 0])
+    unit = np.stack([flat * np.cos(place[:, 1]), flat * np.sin(place[:, 1]), np.sin(place[:, 0])], axis=1)
+    level = unit @ centre[:2].T
+    sine = np.sqrt(np.sum(level * level, axis=1))
+    angle = np.arctan2(sine, unit @ centre[2])
+    plane: FloatArray = level * (EARTH_EQUATORIAL_RADIUS_M * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0))[:, None]
+    return plane
+
+
+def unprojected(plane: FloatArray, centre: FloatArray) -> FloatArray:
+    """Return latitudes and longitudes (n, 2), rad, of points of `projected`."""
+    far = np.sqrt(np.sum(plane * plane, axis=1))
+    angle = far / EARTH_EQUATORIAL_RADIUS_M
+    share = np.where(far > 1e-6, np.sin(angle) / np.maximum(far, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M)
+    unit = (plane * share[:, None]) @ centre[:2] + np.cos(angle)[:, None] * centre[2]
+    return np.stack([np.arcsin(np.clip(unit[:, 2], -1.0, 1.0)), np.arctan2(unit[:, 1], unit[:, 0])], axis=1)
