@@ -1,10 +1,12 @@
-"""Boosts that share no code with opir: staged gravity turns, integrated by SciPy, as tables of the target model `table`.
+"""Boosts that share no code with opir: staged gravity turns, integrated by SciPy, as tables.
 
 Notional point masses: constant thrust and mass flow (so thrust over mass grows through a stage), a vertical rise, a
 pitch-over, then thrust along the velocity relative to the rotating Earth; central gravity, no drag. Numbers of stages,
 burn times, accelerations, gaps and pitch-over angles are drawn wider than any preset of opir.
 """
 
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +43,9 @@ class ForeignFlight:
         """Write the table."""
         rows = self.table[self.table[:, 0] <= self.burnout_s] if burn_only else self.table
         head = "time_s,x_ecef_m,y_ecef_m,z_ecef_m,vx_ecef_m_s,vy_ecef_m_s,vz_ecef_m_s,is_burning"
-        np.savetxt(path, rows, delimiter=",", header=head, comments="", fmt=["%.6f"] + ["%.4f"] * 3 + ["%.6f"] * 3 + ["%d"])
+        np.savetxt(
+            path, rows, delimiter=",", header=head, comments="", fmt=["%.6f"] + ["%.4f"] * 3 + ["%.6f"] * 3 + ["%d"]
+        )
 
 
 def ecef(latitude: float, longitude: float) -> np.ndarray:
@@ -77,85 +81,109 @@ def drawn_flight(stages: int, gaps: bool, rng: np.random.Generator) -> ForeignFl
         gap = np.append(rng.uniform(2.0, 12.0, stages - 1) if gaps else np.zeros(stages - 1), 0.0)
         rise, kick = rng.uniform(4.0, 10.0), np.radians(rng.uniform(4.0, 24.0))
         place = np.arcsin(rng.uniform(-0.85, 0.85)), rng.uniform(-np.pi, np.pi)
-        flight = _flown(burn, first, growth, gap, rise, kick, rng.uniform(0.0, 2.0 * np.pi), place)
+        up, ahead = _directions(place, rng.uniform(0.0, 2.0 * np.pi))
+        flight = _flown(_Boost(burn, first, growth, gap, rise, kick, up, ahead), place)
         if flight is not None and 150.0 < flight.range_km < 12000.0:
             return flight
 
 
-def _flown(burn, first, growth, gap, rise, kick, azimuth, launch) -> ForeignFlight | None:  # type: ignore[no-untyped-def]
-    up = np.array(
-        [np.cos(launch[0]) * np.cos(launch[1]), np.cos(launch[0]) * np.sin(launch[1]), np.sin(launch[0])]
-    )
+def _directions(launch: tuple[float, float], azimuth: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return up and the horizontal direction of an azimuth, rad, at a place."""
+    flat = np.cos(launch[0])
+    up = np.array([flat * np.cos(launch[1]), flat * np.sin(launch[1]), np.sin(launch[0])])
     east = np.array([-np.sin(launch[1]), np.cos(launch[1]), 0.0])
-    ahead = np.sin(azimuth) * east + np.cos(azimuth) * np.cross(up, east)
+    return up, np.sin(azimuth) * east + np.cos(azimuth) * np.cross(up, east)
 
-    def pull(state: np.ndarray) -> np.ndarray:
-        place, speed = state[:3], state[3:]
-        central = -MU / np.linalg.norm(place) ** 3 * place
-        return central - 2.0 * np.cross(AXIS, speed) - np.cross(AXIS, np.cross(AXIS, place))
 
-    def rates(time, state, start, length, accel, ratio):  # type: ignore[no-untyped-def]
-        size = accel / (1.0 - (1.0 - 1.0 / ratio) * min((time - start) / length, 1.0)) if accel else 0.0
-        if time < rise:
-            unit = up
-        else:
-            unit = state[3:] / np.linalg.norm(state[3:])
-            if time < rise + PITCH_OVER_S:
-                lead = kick * np.sin(np.pi * (time - rise) / PITCH_OVER_S) ** 2
-                unit = np.cos(lead) * unit + np.sin(lead) * ahead
-                unit /= np.linalg.norm(unit)
-        return np.concatenate([state[3:], pull(state) + size * unit])
+@frozen(eq=False)
+class _Boost:
+    """Kinematics of a boost: stages, vertical rise, pitch-over by `kick` rad towards `ahead`."""
 
-    legs, state, now, burns = [], np.concatenate([ecef(*launch), np.zeros(3)]), 0.0, []
-    for length, accel, ratio, dark in zip(burn, first, growth, gap, strict=True):
-        pieces = [(now, now + length, accel)] + ([(now + length, now + length + dark, 0.0)] if dark else [])
-        burns.append((now, now + length))
-        start = now
-        for begin, end, size in pieces:
-            edges = sorted({begin, end} | {edge for edge in (rise, rise + PITCH_OVER_S) if begin < edge < end})
-            for one, two in zip(edges[:-1], edges[1:], strict=True):
-                leg = solve_ivp(
-                    rates, (one, two), state, "DOP853", rtol=1e-10, atol=1e-6, dense_output=True,
-                    args=(start, length, size, ratio),
-                )
-                legs.append((one, two, bool(size), leg.sol))
-                state, now = leg.y[:, -1], two
-                if geodetic(state[:3])[2] < 0.0 and now > 5.0:
-                    return None
-    if np.linalg.norm(state[3:]) > 7300.0 or burns[-1][1] > 260.0:
+    burn_s: np.ndarray
+    acceleration_m_s2: np.ndarray
+    growth: np.ndarray
+    gap_s: np.ndarray
+    rise_s: float
+    kick: float
+    up: np.ndarray
+    ahead: np.ndarray
+
+    def rates(
+        self, time_s: float, state: np.ndarray, start_s: float, length_s: float, first: float, growth: float
+    ) -> np.ndarray:
+        """Return the rates of a state in the rotating frame, in a burn or (first acceleration 0) in the dark."""
+        size = first / (1.0 - (1.0 - 1.0 / growth) * min((time_s - start_s) / length_s, 1.0)) if first else 0.0
+        unit = self.up if time_s < self.rise_s else state[3:] / np.linalg.norm(state[3:])
+        if self.rise_s <= time_s < self.rise_s + PITCH_OVER_S:
+            lead = self.kick * np.sin(np.pi * (time_s - self.rise_s) / PITCH_OVER_S) ** 2
+            unit = np.cos(lead) * unit + np.sin(lead) * self.ahead
+            unit /= np.linalg.norm(unit)
+        central = -MU / np.linalg.norm(state[:3]) ** 3 * state[:3]
+        turning = -2.0 * np.cross(AXIS, state[3:]) - np.cross(AXIS, np.cross(AXIS, state[:3]))
+        return np.concatenate([state[3:], central + turning + size * unit])
+
+    def legs(self) -> Iterator[tuple[float, float, float, float, float, float]]:
+        """Yield start, end, ignition, burn time, first acceleration (0 in the dark) and growth of each leg."""
+        now = 0.0
+        for length, first, growth, dark in zip(
+            self.burn_s, self.acceleration_m_s2, self.growth, self.gap_s, strict=True
+        ):
+            for begin, end, size in ((now, now + length, first), (now + length, now + length + dark, 0.0)):
+                turns = (edge for edge in (self.rise_s, self.rise_s + PITCH_OVER_S) if begin < edge < end)
+                for one, two in pairwise(sorted({begin, end, *turns})):
+                    yield one, two, now, length, size, growth
+            now += length + dark
+
+
+def _landed(time_s: float, state: np.ndarray, start_s: float, *_: float) -> float:
+    return geodetic(state[:3])[2] if time_s > start_s + 20.0 else 1.0
+
+
+_landed.terminal, _landed.direction = True, -1.0  # type: ignore[attr-defined]
+
+
+def _flown(boost: _Boost, launch: tuple[float, float]) -> ForeignFlight | None:
+    legs, state, now = [], np.concatenate([ecef(*launch), np.zeros(3)]), 0.0
+    exact: dict[str, Any] = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-6, "dense_output": True}
+    for one, two, *stage in boost.legs():
+        leg = solve_ivp(boost.rates, (one, two), state, args=tuple(stage), **exact)
+        legs.append((one, two, bool(stage[2]), leg.sol))
+        state, now = leg.y[:, -1], two
+        if geodetic(state[:3])[2] < 0.0 and now > 5.0:
+            return None
+    if np.linalg.norm(state[3:]) > 7300.0 or now > 260.0:
         return None
-
-    def landed(time, state, *_):  # type: ignore[no-untyped-def]
-        return np.linalg.norm(state[:3]) - 6.36e6 - 0.5e3 if time < now + 20.0 else geodetic(state[:3])[2]
-
-    landed.terminal, landed.direction = True, -1.0  # type: ignore[attr-defined]
-    fall = solve_ivp(
-        rates, (now, now + 6000.0), state, "DOP853", rtol=1e-10, atol=1e-6, dense_output=True, events=landed,
-        args=(now, 1.0, 0.0, 1.0),
-    )
+    fall = solve_ivp(boost.rates, (now, now + 6000.0), state, args=(now, 1.0, 0.0, 1.0), events=_landed, **exact)
     if not len(fall.t_events[0]):
         return None
     legs.append((now, float(fall.t_events[0][0]), False, fall.sol))
     latitude, longitude, _ = geodetic(fall.y_events[0][0][:3])
     one, two = ecef(*launch), ecef(latitude, longitude)
-    angle = np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two)
+    angle = float(np.arctan2(np.linalg.norm(np.cross(one, two)), one @ two))
+    burns = np.cumsum(boost.burn_s + boost.gap_s)
+    return ForeignFlight(
+        _table(legs, now + 60.0, boost.up),
+        tuple(zip((burns - boost.burn_s - boost.gap_s).tolist(), (burns - boost.gap_s).tolist(), strict=True)),
+        launch,
+        (latitude, longitude, float(fall.t_events[0][0])),
+        angle * 6371.0,
+        lambda time_s: _state(legs, time_s),
+    )
 
-    def at(time: float) -> np.ndarray:
-        if time <= 0.0:
-            return np.concatenate([ecef(*launch), np.zeros(3)])
-        for begin, end, _, sol in legs:
-            if begin <= time <= end:
-                return np.asarray(sol(time))
-        return np.full(6, np.nan)
 
+def _state(legs: list[Any], time_s: float) -> np.ndarray:
+    for begin, end, _, solution in legs:
+        if begin <= time_s <= end:
+            return np.asarray(solution(time_s))
+    return np.full(6, np.nan)
+
+
+def _table(legs: list[Any], until_s: float, up: np.ndarray) -> np.ndarray:
     rows = []
-    for begin, end, is_burning, sol in legs:
-        end = min(end, now + 60.0)
-        times = np.linspace(begin, end, int(np.ceil((end - begin) / STEP_S)) + 1)
-        rows.append(np.column_stack([times, sol(times).T, np.full(len(times), is_burning)]))
+    for begin, end, is_burning, solution in legs:
+        times = np.linspace(begin, min(end, until_s), int(np.ceil((min(end, until_s) - begin) / STEP_S)) + 1)
+        rows.append(np.column_stack([times, solution(times).T, np.full(len(times), is_burning)]))
     table = np.concatenate(rows)
     # A start exactly at rest has no direction.
     table[0, 4:7] = 1e-3 * up
-    return ForeignFlight(
-        table, tuple(burns), launch, (latitude, longitude, float(fall.t_events[0][0])), angle * 6371.0, at
-    )
+    return table

@@ -3,7 +3,7 @@
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_MU_M3_S2
 from opir_trackers.forecast.matching import air_velocity
 from opir_trackers.forecast.prior_boosts import STAGES, BoostPrograms
@@ -70,9 +70,13 @@ def flown_on(state: FloatArray, burns: RemainingBurns, tilt: FloatArray) -> tupl
 class _Thrust:
     """The thrust of some particles in one stage."""
 
-    def __init__(self, burns: RemainingBurns, rows: FloatArray, stage: int) -> None:
+    def __init__(self, burns: RemainingBurns, rows: IntArray, stage: int) -> None:
         self.size, self.growth = burns.acceleration_m_s2[rows, stage], burns.growth_per_s[rows, stage]
-        self.start, self.since, self.programs = burns.start_s[rows, stage], burns.since_s[rows], burns.programs.take(rows)
+        self.start, self.since, self.programs = (
+            burns.start_s[rows, stage],
+            burns.since_s[rows],
+            burns.programs.take(rows),
+        )
 
     def force(self, state: FloatArray, time_s: FloatArray, tilt: FloatArray) -> FloatArray:
         """Return the specific force (p, 3)."""

@@ -22,7 +22,7 @@ from opir_core.scene.scene import TARGET_TYPES
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast import matching
 from opir_trackers.forecast.burning_on import STEPS, TILT_S, flown_on, remaining
-from opir_trackers.forecast.prior_boosts import STAGES, BoostPrograms, prior_boosts
+from opir_trackers.forecast.prior_boosts import STAGES, prior_boosts
 from opir_trackers.forecast.regions import centre_of, projected, regions, unprojected
 
 #: Particles of a track.
@@ -115,7 +115,9 @@ def _burning(
     prior, size = prior_boosts(), estimates.boost_mean.shape[1]
     state, side = estimates.boost_mean[number], inverse_root(estimates.boost_root[number : number + 1])[0]
     features, changes = matching.jacobian(state, side)
-    matches = matching.matched(prior, (prior.log_weight + types[prior.class_code])[prior.boost], features, changes, since, 4)
+    matches = matching.matched(
+        prior, (prior.log_weight + types[prior.class_code])[prior.boost], features, changes, since, 4
+    )
     if not len(matches.row):
         return _ballistic(state[:6], side[:6], count)
     row = _picked(matches.row, matches.probability, count)
@@ -181,18 +183,19 @@ def _normal() -> FloatArray:
 def _tilts() -> FloatArray:
     """Return angles (STAGES, STEPS, particles, 2), rad: first-order Gauss-Markov processes from step to step."""
     rng = np.random.default_rng(2)
-    sigma = np.exp(rng.uniform(*np.log(TILT_RAD), PARTICLES))[:, None]
+    sigma = np.exp(rng.uniform(np.log(TILT_RAD[0]), np.log(TILT_RAD[1]), PARTICLES))[:, None]
     noise = rng.normal(size=(STAGES * STEPS, PARTICLES, 2))
     keep = np.exp(-10.0 / TILT_S)
     tilt = np.empty_like(noise)
     tilt[0] = noise[0]
     for step in range(1, len(tilt)):
         tilt[step] = keep * tilt[step - 1] + np.sqrt(1.0 - keep * keep) * noise[step]
-    return (tilt * sigma).reshape(STAGES, STEPS, PARTICLES, 2)
+    angles: FloatArray = (tilt * sigma).reshape(STAGES, STEPS, PARTICLES, 2)
+    return angles
 
 
 def _impacts(state: FloatArray, time_s: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
-    """Return latitudes and longitudes (p, 2), rad, and times (p,) of impacts of free flights from times (p,); or nan."""
+    """Return latitudes and longitudes (p, 2), rad, and times (p,) of the impacts of free flights; nan without one."""
     from opir_core.flight.propagation import impact
 
     flight, fell = impact(state[:, :3], state[:, 3:], forces=Forces(zonal=(), gravity=forces.gravity))
@@ -202,7 +205,12 @@ def _impacts(state: FloatArray, time_s: FloatArray, forces: Forces) -> tuple[Flo
 
 
 def _gathered(
-    track: IntArray, place: FloatArray, when_s: FloatArray, estimates: ModeEstimates, relights: FloatArray, code: IntArray
+    track: IntArray,
+    place: FloatArray,
+    when_s: FloatArray,
+    estimates: ModeEstimates,
+    relights: FloatArray,
+    code: IntArray,
 ) -> Forecasts:
     count = len(estimates)
     impact, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
@@ -211,8 +219,9 @@ def _gathered(
     by_class = np.zeros((count, len(TARGET_TYPES)))
     down = np.isfinite(when_s)
     for number in range(count):
-        mine = np.flatnonzero((track == number) & down)
-        by_class[number] = np.bincount(code[track == number], minlength=len(TARGET_TYPES)) / max(np.count_nonzero(track == number), 1)
+        every = np.flatnonzero(track == number)
+        by_class[number] = np.bincount(code[every], minlength=len(TARGET_TYPES)) / len(every)
+        mine = every[down[every]]
         if len(mine) < _LEAST_DOWN * PARTICLES:
             continue
         points, weight = place[mine], np.full(len(mine), 1.0 / len(mine))

@@ -42,7 +42,9 @@ def features_of(state: FloatArray) -> FloatArray:
     speed = np.sqrt(np.sum(velocity * velocity, axis=-1))
     climb = np.sum(place * velocity, axis=-1) / np.maximum(radius * speed, 1.0)
     force = np.sqrt(np.sum(state[..., 6:9] ** 2, axis=-1)) if state.shape[-1] > 6 else np.zeros(radius.shape)
-    return np.stack([radius - local_radius_m(place, radius), speed, np.arcsin(np.clip(climb, -1.0, 1.0)), force], axis=-1)
+    return np.stack(
+        [radius - local_radius_m(place, radius), speed, np.arcsin(np.clip(climb, -1.0, 1.0)), force], axis=-1
+    )
 
 
 def local_radius_m(place: FloatArray, radius: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Boosts of the tracker's prior: staged gravity turns over a round Earth, drawn once, as columns to compare tracks with.
+"""Boosts of the tracker's prior: staged gravity turns over a round Earth, drawn once, in columns.
 
 The prior is data of the tracker (`boost_priors.json`), wider than the target models' presets, and shares nothing with
 them. A boost is up to four burns with dark gaps; thrust and mass flow of a stage are constant, so its acceleration is
@@ -19,6 +19,7 @@ from attrs import frozen
 from opir_core.arrays import BoolArray, FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
 from opir_core.constants import EARTH_MU_M3_S2 as MU_M3_S2
+from opir_core.interfaces.columns import Columns
 from opir_core.scene.scene import TARGET_TYPES
 
 #: Largest number of burns.
@@ -33,7 +34,7 @@ _PARTS = 20
 
 
 @frozen(eq=False)
-class BoostPrograms:
+class BoostPrograms(Columns):
     """What the thrust of boosts (n,) does.
 
     Burn times, first accelerations, growths c and dark gaps after each stage are (n, STAGES), 0 where there is no
@@ -51,10 +52,6 @@ class BoostPrograms:
     steer_rad: FloatArray
     steer_rate: FloatArray
     steer_phase: FloatArray
-
-    def take(self, rows: IntArray | BoolArray) -> "BoostPrograms":
-        """Return the programs of some boosts."""
-        return BoostPrograms(*(getattr(self, name)[rows] for name in BoostPrograms.__slots__ if name[0] != "_"))
 
     @property
     def starts_s(self) -> FloatArray:
@@ -202,9 +199,7 @@ def _drawn(rng: np.random.Generator, ranges: dict[str, Any], count: int) -> Boos
     )
 
 
-def _flown(
-    programs: BoostPrograms, ranges: dict[str, Any]
-) -> tuple[Instants, Instants, FloatArray, BoolArray]:
+def _flown(programs: BoostPrograms, ranges: dict[str, Any]) -> tuple[Instants, Instants, FloatArray, BoolArray]:
     """Return instants, ends of stages, ranges (n,) m and which boosts come down within the limits.
 
     Midpoint rule; the height changes by 1 % with half the step.
@@ -237,7 +232,7 @@ def _flown(
     boost = np.flatnonzero(good)[mine]
     instants = Instants(boost, times[at], stage[at, mine], _features(grid[at, :, boost].T, size[at, mine]))
     one, which = np.nonzero((burn > 0.0) & good[:, None])
-    when = ends_s[one, which]
+    when: FloatArray = np.asarray(ends_s[one, which], dtype=np.float64)
     there = _between(grid, when, one, np.minimum((when / STEP_S).astype(np.int64), steps - 1))
     final = programs.acceleration_m_s2[one, which] / (1.0 - programs.growth_per_s[one, which] * burn[one, which])
     return instants, Instants(one, when, which, _features(there, final)), range_m, good
@@ -257,7 +252,9 @@ def acceleration(programs: BoostPrograms, time_s: FloatArray) -> tuple[FloatArra
     for number in range(STAGES):
         since = time_s - starts[:, number]
         burns = (since >= 0.0) & (since < programs.burn_s[:, number])
-        now = programs.acceleration_m_s2[:, number] / (1.0 - programs.growth_per_s[:, number] * np.where(burns, since, 0.0))
+        now = programs.acceleration_m_s2[:, number] / (
+            1.0 - programs.growth_per_s[:, number] * np.where(burns, since, 0.0)
+        )
         size, stage = np.where(burns, now, size), np.where(since >= 0.0, number, stage)
     return size, stage
 
@@ -273,7 +270,9 @@ def _rates(programs: BoostPrograms, state: FloatArray, time_s: FloatArray) -> Fl
     ahead, up = np.where(rising, 0.0, u / np.maximum(speed, 1.0)), np.where(rising, 1.0, v / np.maximum(speed, 1.0))
     lead = programs.leads(time_s)
     cosine, sine = np.cos(lead), np.sin(lead)
-    return np.array([u, v, pull * x + size * (ahead * cosine + up * sine), pull * y + size * (up * cosine - ahead * sine)])
+    return np.array(
+        [u, v, pull * x + size * (ahead * cosine + up * sine), pull * y + size * (up * cosine - ahead * sine)]
+    )
 
 
 def _features(state: FloatArray, size: FloatArray) -> FloatArray:

@@ -6,7 +6,11 @@ weighted quantile of the density at the points (Hyndman, "Computing and graphing
 Statistician 50(2), 1996). Points are drawn in towards their mean so that the kernels do not widen the whole.
 """
 
+from itertools import pairwise
+from typing import Any
+
 import numpy as np
+from contourpy import FillType, contour_generator
 
 from opir_core.arrays import FloatArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
@@ -34,35 +38,30 @@ def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
     x, y = (np.linspace(low[axis], high[axis], CELLS) for axis in (0, 1))
     along, across = (_kernel(grid[:, None] - inner[:, axis], width) for axis, grid in enumerate((x, y)))
     density = (along * weight) @ across.T
-    at = np.sum(_kernel(inner[:, None, 0] - inner[:, 0], width) * _kernel(inner[:, None, 1] - inner[:, 1], width) * weight, axis=1)
+    apart = [_kernel(inner[:, None, axis] - inner[:, axis], width) for axis in (0, 1)]
+    at = (apart[0] * apart[1]) @ weight
     order = np.argsort(-at, kind="stable")
     held = np.cumsum(weight[order])
-    cell_km2 = (x[1] - x[0]) * (y[1] - y[0]) * scale.prod() * 1e-6
+    levels = [float(at[order[min(int(np.searchsorted(held, share)), len(order) - 1)]]) for share in TRACK_CONTAINMENTS]
+    generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
     found = []
-    for share in TRACK_CONTAINMENTS:
-        level = at[order[min(np.searchsorted(held, share), len(order) - 1)]]
-        polygons = tuple(
-            tuple(unprojected(mean + (ring * scale) @ axes.T, centre) for ring in rings) for rings in _contours(x, y, density, level)
-        )
-        area = sum(_area(ring * scale) * (1.0 if not number else -1.0) for rings in _contours(x, y, density, level) for number, ring in enumerate(rings)) * 1e-6
-        found.append(ImpactRegion(share, float(area), polygons))
+    for share, level in zip(TRACK_CONTAINMENTS, levels, strict=True):
+        polygons = [[mean + (ring * scale) @ axes.T for ring in rings] for rings in _filled(generator, level)]
+        area_m2 = sum(_area(rings[0]) - sum(map(_area, rings[1:])) for rings in polygons)
+        places = tuple(tuple(unprojected(ring, centre) for ring in rings) for rings in polygons)
+        found.append(ImpactRegion(share, 1e-6 * area_m2, places))
     return tuple(found)
 
 
 def _kernel(away: FloatArray, width: float) -> FloatArray:
-    return np.exp(-0.5 * np.square(away / width)) / width
+    kernel: FloatArray = np.exp(-0.5 * np.square(away / width)) / width
+    return kernel
 
 
-def _contours(x: FloatArray, y: FloatArray, density: FloatArray, level: float) -> list[list[FloatArray]]:
+def _filled(generator: Any, level: float) -> list[list[FloatArray]]:
     """Return polygons of outer ring and holes, (k, 2) each, in which the density is above the level."""
-    from contourpy import FillType, contour_generator
-
-    generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
     points, offsets = generator.filled(level, np.inf)
-    return [
-        [ring[one:two] for one, two in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)]
-        for ring, cuts in zip(points, offsets, strict=True)
-    ]
+    return [[ring[one:two] for one, two in pairwise(cuts.tolist())] for ring, cuts in zip(points, offsets, strict=True)]
 
 
 def _area(ring: FloatArray) -> float:
@@ -88,7 +87,9 @@ def projected(place: FloatArray, centre: FloatArray) -> FloatArray:
     level = unit @ centre[:2].T
     sine = np.sqrt(np.sum(level * level, axis=1))
     angle = np.arctan2(sine, unit @ centre[2])
-    plane: FloatArray = level * (EARTH_EQUATORIAL_RADIUS_M * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0))[:, None]
+    plane: FloatArray = (
+        level * (EARTH_EQUATORIAL_RADIUS_M * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0))[:, None]
+    )
     return plane
 
 
