@@ -219,7 +219,7 @@ def _flown(programs: BoostPrograms, ranges: dict[str, Any]) -> tuple[Instants, I
         sizes[step] = acceleration(programs, now)[0]
         half = state + 0.5 * STEP_S * _rates(programs, state, now)
         state = state + STEP_S * _rates(programs, half, now + 0.5 * STEP_S)
-    times = np.arange(steps + 1) * STEP_S
+    times: FloatArray = np.arange(steps + 1, dtype=np.float64) * STEP_S
     row = np.minimum((over_s / STEP_S).astype(np.int64), steps - 1)
     last = _between(grid, over_s, np.arange(count), row)
     range_m, apex_m = _ranges(last)
@@ -232,7 +232,7 @@ def _flown(programs: BoostPrograms, ranges: dict[str, Any]) -> tuple[Instants, I
     boost = np.flatnonzero(good)[mine]
     instants = Instants(boost, times[at], stage[at, mine], _features(grid[at, :, boost].T, size[at, mine]))
     one, which = np.nonzero((burn > 0.0) & good[:, None])
-    when: FloatArray = np.asarray(ends_s[one, which], dtype=np.float64)
+    when = ends_s[one, which]
     there = _between(grid, when, one, np.minimum((when / STEP_S).astype(np.int64), steps - 1))
     final = programs.acceleration_m_s2[one, which] / (1.0 - programs.growth_per_s[one, which] * burn[one, which])
     return instants, Instants(one, when, which, _features(there, final)), range_m, good
