@@ -53,10 +53,10 @@ PARTS = (
     Part(
         "Plume against altitude, stage and aspect",
         "notional",
-        "afterburning up to about 50 km, minimum at 70 to 90 km (Forden), recovery in vacuum; stages share the burn"
-        " equally; projected area of a slender body",
-        "chemistry; plume structure; gaps between stages; obscuration by the body",
-        "Not estimated. Detections do not pause between stages",
+        "afterburning up to about 50 km, minimum at 70 to 90 km (Forden), recovery in vacuum; stages of the"
+        " flight, or equal shares of a single burn; projected area of a slender body",
+        "chemistry; plume structure; obscuration by the body; thrust tail-off; residual flame in gaps between stages",
+        "Not estimated. Plumes are fully bright up to the end of a burn, and dark in gaps at once",
     ),
     Part(
         "Bodies after burnout",

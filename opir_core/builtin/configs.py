@@ -274,7 +274,8 @@ class TableConfig:
     type: str = text(names_of=TargetClass.hook, help=TYPE_HELP)
     file: str = text(
         help="path of a table of states: CSV with the columns time_s, x_ecef_m, y_ecef_m, z_ecef_m (and vx_ecef_m_s,"
-        " vy_ecef_m_s, vz_ecef_m_s, is_burning), or a CCSDS OEM (KVN) in UTC and ITRF, TDR, GRC, TEME or EME2000"
+        " vy_ecef_m_s, vz_ecef_m_s, is_burning: 1 where the plume radiates up to the next line's time, else 0), or a"
+        " CCSDS OEM (KVN) in UTC and ITRF, TDR, GRC, TEME or EME2000"
     )
     start_s: float | None = number(
         default=None,
@@ -285,10 +286,18 @@ class TableConfig:
     )
     object: str | None = text(default=None, help="OBJECT_NAME or OBJECT_ID, for an OEM with several objects")
     ignition_s: float | None = number(
-        default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; default: from the file"
+        default=None,
+        unit="s",
+        minimum=0.0,
+        maximum=31_557_600.0,
+        help="scene time of the first ignition; default: from the file",
     )
     burnout_s: float | None = number(
-        default=None, unit="s", minimum=0.0, maximum=31_557_600.0, help="scene time; default: from the file"
+        default=None,
+        unit="s",
+        minimum=0.0,
+        maximum=31_557_600.0,
+        help="scene time at which the last burn ends; default: from the file",
     )
 
 

@@ -1,7 +1,6 @@
 """The target model `gravity-turn`: staged boosts with dark gaps, then free flight."""
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from opir_core.builtin.class_flights import (
 from opir_core.builtin.configs import GravityTurnConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.aiming import surface_range_m
+from opir_core.flight.burns import plain_gaps_s
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.forces import ForceModel
 from opir_core.flight.free_flight import free_flight_ephemeris
@@ -39,6 +39,11 @@ class GravityTurnTargets(ClassFlights):
     flights: StagedFlights
     configs: tuple[GravityTurnConfig, ...]
     stagings: tuple[Staging, ...]
+
+    @property
+    def burns_s(self) -> FloatArray:
+        """Scene times (n, k, 2) of ignition and burnout of each stage, nan where a target has fewer."""
+        return self.flights.burns_s
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
         """Return one mapping a target: what was asked for, stages, gaps, burnout and impact.
@@ -72,13 +77,12 @@ class GravityTurnTargets(ClassFlights):
 def _times_told(flights: StagedFlights, row: int) -> Mapping[str, Any]:
     """Return ignition and burnout of a target, those of its stages, and its dark gaps."""
     burns = flights.burns_s[row]
-    burns = burns[np.isfinite(burns[:, 0])].tolist()
-    gaps = [[end, start] for (_, end), (start, _) in pairwise(burns) if start > end]
+    burns = burns[np.isfinite(burns[:, 0])]
     return {
         "ignition_s": float(flights.ignition_s[row]),
         "burnout_s": float(flights.burnout_s[row]),
-        "stages": [{"ignition_s": start, "burnout_s": end} for start, end in burns],
-        "gaps_s": gaps,
+        "stages": [{"ignition_s": start, "burnout_s": end} for start, end in burns.tolist()],
+        "gaps_s": plain_gaps_s(burns),
     }
 
 

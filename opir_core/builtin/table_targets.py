@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attrs import define
+from attrs import define, evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.builtin.configs import TableConfig
 from opir_core.errors import Problem, SceneError
+from opir_core.flight.burns import joined_burns_s, plain_gaps_s
 from opir_core.flight.ephemeris import Ephemeris
 from opir_core.flight.tables.oem_table import FIRST_KEYWORD, keywords, oem_table
 from opir_core.flight.tables.table import BadTableError, Table, csv_table, interpolant, largest_doubt_m
@@ -26,12 +27,13 @@ _LARGEST_FILE_BYTES = 64_000_000
 
 @define(eq=False)
 class TableTargets:
-    """Targets on the trajectories of their files: while they burn, or to the last state where a sensor follows them."""
+    """Targets on the trajectories of their files: to burnout, or to the last state where a sensor follows them."""
 
     type_code: NDArray[np.uint8]
     ignition_s: FloatArray
     burnout_s: FloatArray
     end_s: FloatArray
+    burns_s: FloatArray
     flight: Ephemeris
     told: tuple[Mapping[str, Any], ...]
 
@@ -50,7 +52,7 @@ class TableTargets:
         return [{"path": told["file"], "sha256": told["sha256"]} for told in self.told]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: its file with its hash, and how far the interpolation may be wrong."""
+        """Return one mapping a target: its file with its hash, burn, gaps, and the error of the interpolation."""
         return self.told
 
 
@@ -69,15 +71,17 @@ def table_targets(configs: Sequence[TableConfig], context: TargetContext) -> Tra
             problems.append(Problem(f"{path}.file", f"{config.file}: {error.args[0]}".removeprefix(": ")))
     if problems:
         raise SceneError(problems)
-    burn = np.array([table.burn_s for table in tables])
-    end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burn[:, 1]
+    ignition_s = np.array([table.burns_s[0, 0] for table in tables])
+    burnout_s = np.array([table.burns_s[-1, 1] for table in tables])
+    end_s = np.array([table.time_s[-1] for table in tables]) if context.free_flight else burnout_s
     return TableTargets(
         type_code=np.array([context.target_class(config.type).type_code for config in configs], dtype=np.uint8),
-        ignition_s=burn[:, 0],
-        burnout_s=burn[:, 1],
+        ignition_s=ignition_s,
+        burnout_s=burnout_s,
         end_s=end_s,
+        burns_s=joined_burns_s([table.burns_s[None] for table in tables]),
         flight=Ephemeris.build(
-            interpolant(tables).state, burn[:, 0], end_s, _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M
+            interpolant(tables).state, ignition_s, end_s, _breakpoints_s(tables), EPHEMERIS_TOLERANCE_M
         ),
         told=tuple(_told(*row) for row in zip(context.ids, configs, tables, hashes, strict=True)),
     )
@@ -112,10 +116,13 @@ def _table(content: bytes, config: TableConfig, epoch_us: int) -> Table:
 
 
 def _with_burn(table: Table, config: TableConfig) -> Table:
-    """Return a table with the burn that its block asks for; raises `BadTableError` where the states do not cover it."""
+    """Return a table with the first ignition and the last burnout that its block asks for.
+
+    Raises `BadTableError` where the states do not cover them.
+    """
+    ends = float(table.burns_s[0, 0]), float(table.burns_s[-1, 1])
     ignition, burnout = (
-        told if asked is None else asked
-        for told, asked in zip(table.burn_s, (config.ignition_s, config.burnout_s), strict=True)
+        own if asked is None else asked for own, asked in zip(ends, (config.ignition_s, config.burnout_s), strict=True)
     )
     first, last = float(table.time_s[0]), float(table.time_s[-1])
     if not max(first, 0.0) <= ignition < burnout <= last:
@@ -123,7 +130,11 @@ def _with_burn(table: Table, config: TableConfig) -> Table:
             f"a burn from {ignition:.12g} to {burnout:.12g} s does not fit: states go from {first:.12g} to"
             f" {last:.12g} s of the scene, whose times start at 0; set ignition_s and burnout_s"
         )
-    return Table(table.time_s, table.position_m, table.velocity_m_s, table.run, (ignition, burnout))
+    burns_s = table.burns_s[(table.burns_s[:, 0] < burnout) & (table.burns_s[:, 1] > ignition)]
+    if not len(burns_s):
+        raise BadTableError(f"a burn from {ignition:.12g} to {burnout:.12g} s is within a dark gap of the file")
+    burns_s[0, 0], burns_s[-1, 1] = ignition, burnout
+    return evolve(table, burns_s=burns_s)
 
 
 def _breakpoints_s(tables: Sequence[Table]) -> FloatArray:
@@ -139,8 +150,9 @@ def _told(own_id: str, config: TableConfig, table: Table, digest: str) -> Mappin
         "file": config.file,
         "sha256": digest,
         "states": len(table.time_s),
-        "ignition_s": table.burn_s[0],
-        "burnout_s": table.burn_s[1],
+        "ignition_s": float(table.burns_s[0, 0]),
+        "burnout_s": float(table.burns_s[-1, 1]),
+        "gaps_s": plain_gaps_s(table.burns_s),
         "interpolation_error_m": largest_doubt_m(table),
         "tolerance_m": EPHEMERIS_TOLERANCE_M,
     }

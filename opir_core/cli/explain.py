@@ -53,6 +53,9 @@ def _as_text(plan: Mapping[str, Any]) -> str:
         table(("kind", "name", "from"), components),
         table(("sensor", "target", "looks", "from s", "to s", "visible", "P_d"), pairs, numbers=(2, 3, 4, 6)),
     ]
+    if plan["dark"]:
+        dark = [(row["target_id"], f"{row['start_s']:.3f}", f"{row['stop_s']:.3f}") for row in plan["dark"]]
+        parts.append(table(("target", "dark from s", "to s"), dark, numbers=(1, 2)))
     if skipped:
         parts.append(table(("sensor", "target", "skipped because"), skipped))
     if plan["outages"]:

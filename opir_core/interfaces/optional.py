@@ -36,6 +36,19 @@ class WithClasses(Protocol):
 
 
 @runtime_checkable
+class WithBurns(Protocol):
+    """`Trajectories` of targets with several burns; without it a plume radiates from ignition to burnout."""
+
+    @property
+    def burns_s(self) -> FloatArray:
+        """Scene times (n, k, 2) of ignition and burnout of each burn, in order; nan where a target has fewer.
+
+        The first begins at `ignition_s`, the last ends at `burnout_s`. Where one does not follow at once, the plume is
+        dark: only sensors that follow bodies observe the target, as after burnout.
+        """
+
+
+@runtime_checkable
 class FromFiles(Protocol):
     """`Trajectories` that are read from files; the run manifest lists them."""
 

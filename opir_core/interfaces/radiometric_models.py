@@ -13,6 +13,7 @@ import numpy as np
 from attrs import Factory, field, frozen
 
 from opir_core.arrays import FloatArray, IndexArray
+from opir_core.flight.burns import one_burn_s
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Band, Trajectories
 from opir_core.scene.target_classes import Plume
@@ -73,6 +74,7 @@ class Signatures(Protocol):
 
         `altitude_m` is height above the WGS 84 ellipsoid; `aspect_rad` is the angle, in [0, pi], that `aspect_rad()`
         gives, or that between the direction of flight and the direction to the sensor: 0 is nose-on, pi/2 broadside.
+        In a dark gap between burns the engine asks for a time just after burnout.
         """
 
     def aspect_rad(self, target: IndexArray, time_s: FloatArray, to_sensor_ecef: FloatArray) -> FloatArray | None:
@@ -237,7 +239,8 @@ class SignatureContext:
 
     `paths` are the scene paths of the targets; `types` their target classes; `profiles` the class profile of each, as
     the target model's `truth` tells it, or "" where it tells none; `burn_time_s` (n,) from ignition to burnout;
-    `plumes` the default plumes of classes and profiles, or () for those of the core's classes.
+    `plumes` the default plumes of classes and profiles, or () for those of the core's classes. `burns_s` (n, k, 2) are
+    ignition and burnout of each burn since the first ignition, nan where a target has fewer.
     """
 
     bands: tuple[Band, ...]
@@ -247,6 +250,12 @@ class SignatureContext:
     profiles: tuple[str, ...]
     burn_time_s: FloatArray = field(eq=False)
     plumes: tuple[Plume, ...] = ()
+    burns_s: FloatArray = field(
+        eq=False,
+        default=Factory(
+            lambda context: one_burn_s(np.zeros(len(context.burn_time_s)), context.burn_time_s), takes_self=True
+        ),
+    )
 
 
 @frozen(kw_only=True)

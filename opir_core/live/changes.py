@@ -17,6 +17,7 @@ from attrs import evolve, frozen
 
 from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import OpirError, Problem, SceneError
+from opir_core.flight.burns import joined_burns_s
 from opir_core.planning.plan import Plan, compile_plan, with_targets
 from opir_core.planning.sightlines import Pairs, Sightlines
 from opir_core.planning.targets import Targets
@@ -51,6 +52,7 @@ def with_added_targets(plan: Plan, added: Plan) -> Plan:
         group=np.concatenate([one.group, other.group + np.int32(len(one.trajectories))]),
         place=np.concatenate([one.place, other.place]),
         class_names=(*one.class_names, *other.class_names),
+        burns_s=joined_burns_s([one.burns_s, other.burns_s]),
     )
     return with_targets(evolve(plan, scene=scene), targets, pairs.take(order), lines)
 
@@ -92,6 +94,7 @@ def _kept_targets(targets: Targets, kept: IntArray) -> Targets:
         group=group.astype(np.int32),
         place=targets.place[kept],
         class_names=tuple(targets.class_names[row] for row in kept.tolist()),
+        burns_s=targets.burns_s[kept],
     )
 
 

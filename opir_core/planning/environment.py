@@ -158,7 +158,7 @@ class RadiometricEnvironment:
         self, bands: Sequence[int], exposures: Exposures, height_m: FloatArray, aspect: FloatArray
     ) -> FloatArray:
         """Return the in-band radiant intensities (bands, n) of the targets of looks, at the source."""
-        since_s = exposures.emission_time_s - self.targets.ignition_s[exposures.target]
+        since_s = self._since_ignition_s(exposures)
         intensity = self._own_intensities_w_sr(bands, exposures.target, since_s, height_m, aspect)
         if self.sunlight is not None:
             area = self.reflecting_area_m2(exposures.target, since_s)
@@ -166,6 +166,16 @@ class RadiometricEnvironment:
             looks = exposures.take(late)
             intensity[:, late] += self.sunlight.intensities_w_sr(bands, looks, height_m[late], area[late])
         return intensity
+
+    def _since_ignition_s(self, exposures: Exposures) -> FloatArray:
+        """Return times since ignition (n,) for signatures: in dark gaps that just after burnout, of a cold body."""
+        targets, target = self.targets, exposures.target
+        since_s = exposures.emission_time_s - targets.ignition_s[target]
+        dark = np.flatnonzero(targets.is_dark(target, exposures.emission_time_s))
+        if len(dark):
+            burn_s = targets.burnout_s[target[dark]] - targets.ignition_s[target[dark]]
+            since_s[dark] = np.nextafter(burn_s, np.inf)
+        return since_s
 
     def _own_intensities_w_sr(
         self, bands: Sequence[int], target: IndexArray, since_s: FloatArray, height_m: FloatArray, aspect: FloatArray
@@ -193,7 +203,7 @@ class RadiometricEnvironment:
     def breakpoints_s(self) -> FloatArray:
         """Return the scene times (targets, k) at which signals may jump or bend; nan for none.
 
-        They come from signatures, the atmosphere, the trajectories (direction of flight) and the Earth's shadow.
+        They come from signatures, the atmosphere, the trajectories (burns, direction of flight) and the Earth's shadow.
         """
         everyone = [np.flatnonzero(self.group == number) for number in range(len(self.signatures))]
         heights = ascents(self.targets)
@@ -203,6 +213,8 @@ class RadiometricEnvironment:
             else np.empty(0)
         )
         times_s = [heights.times_s(np.broadcast_to(air, (len(self.group), len(air))))]
+        if self.targets.burns_s.shape[1] > 1:
+            times_s.append(self.targets.burns_s.reshape(len(self.group), -1))
         for signatures, rows in zip(self.signatures, everyone, strict=True):
             if isinstance(signatures, SignaturesWithBreakpoints):
                 place = self.place[rows]
@@ -319,6 +331,7 @@ def _signatures(
             profiles=tuple(profiles[row] for row in rows),
             burn_time_s=(targets.burnout_s - targets.ignition_s)[rows],
             plumes=tuple(classes[targets.class_names[row]].plume(profiles[row]) for row in rows),
+            burns_s=targets.burns_s[rows] - targets.ignition_s[rows][:, None, None],
         )
         group[rows], place[rows] = len(made), np.arange(len(rows))
         component = host.component(SignatureModel, name, chosen[0].path)

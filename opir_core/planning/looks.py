@@ -86,6 +86,8 @@ class LookGeometry:
             exclusion = self.exclusions[number] if self.exclusions else None
             if exclusion is not None:
                 seen &= exclusion.is_clear(sensor_m, target_m, exposed.time_s[rows])
+            if not self.states.sensors[number].follows_bodies:
+                seen &= ~self.targets.is_dark(exposed.target[rows], exposed.emission_time_s[rows])
             result[uncertain[rows]] = seen
         return result
 

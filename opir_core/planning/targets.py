@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from attrs import frozen
+from attrs import Factory, field, frozen
 from numpy.typing import NDArray
 
-from opir_core.arrays import FloatArray, IndexArray
-from opir_core.interfaces.optional import FreeFlight, WithClasses
+from opir_core.arrays import BoolArray, FloatArray, IndexArray
+from opir_core.flight.burns import dark_gaps_s, in_gap, joined_burns_s, one_burn_s
+from opir_core.interfaces.optional import FreeFlight, WithBurns, WithClasses
 from opir_core.interfaces.protocols import Sensor, Trajectories
 from opir_core.scene.scene import EMITTER_TYPES
 
@@ -18,7 +19,8 @@ class Targets:
     """The scene's targets: ids, type codes, times of ignition, burnout and end of flight, and trajectories by model.
 
     Target k is row `place[k]` of `trajectories[group[k]]`. `class_names` are target classes, and the types of other
-    hot sources.
+    hot sources. `burns_s` (n, k, 2) are the scene times of ignition and burnout of each burn, nan where a target has
+    fewer; between burns plumes are dark.
     """
 
     ids: tuple[str, ...]
@@ -30,6 +32,16 @@ class Targets:
     group: IndexArray
     place: IndexArray
     class_names: tuple[str, ...] = ()
+    burns_s: FloatArray = field(
+        default=Factory(lambda rows: one_burn_s(rows.ignition_s, rows.burnout_s), takes_self=True)
+    )
+    dark_gaps_s: FloatArray = field(
+        init=False, default=Factory(lambda rows: dark_gaps_s(rows.burns_s), takes_self=True)
+    )
+
+    def is_dark(self, target: IndexArray, time_s: FloatArray) -> BoolArray:
+        """Return whether targets (n,) are in a dark gap between two burns at scene times (n,)."""
+        return in_gap(self.dark_gaps_s, target, time_s)
 
     def observed_until_s(self, sensor: Sensor) -> FloatArray:
         """Return the scene times (n,) up to which a sensor observes the targets."""
@@ -58,17 +70,37 @@ def join_targets(ids: Sequence[str], trajectories: Sequence[Trajectories], rows:
     group, place = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
     type_code, end_s = np.zeros(count, dtype=np.uint8), np.zeros(count)
     ignition_s, burnout_s = np.zeros(count), np.zeros(count)
-    class_names = [""] * count
+    class_names, burns_s = [""] * count, list[FloatArray]()
     for number, (part, where) in enumerate(zip(trajectories, rows, strict=True)):
         index = np.asarray(where, dtype=np.int64)
         group[index], place[index] = number, np.arange(len(index))
         type_code[index], ignition_s[index], burnout_s[index] = part.type_code, part.ignition_s, part.burnout_s
         end_s[index] = part.end_s if isinstance(part, FreeFlight) else part.burnout_s
+        burns_s.append(part.burns_s if isinstance(part, WithBurns) else one_burn_s(part.ignition_s, part.burnout_s))
         for row, name in zip(where, _class_names(part), strict=True):
             class_names[row] = name
     return Targets(
-        tuple(ids), type_code, ignition_s, burnout_s, end_s, tuple(trajectories), group, place, tuple(class_names)
+        ids=tuple(ids),
+        type_code=type_code,
+        ignition_s=ignition_s,
+        burnout_s=burnout_s,
+        end_s=end_s,
+        trajectories=tuple(trajectories),
+        group=group,
+        place=place,
+        class_names=tuple(class_names),
+        burns_s=_in_order(burns_s, rows),
     )
+
+
+def _in_order(parts: Sequence[FloatArray], rows: Sequence[Sequence[int]]) -> FloatArray:
+    """Return the burns (n, k, 2) of all targets in the scene's order; `rows[g]` are the numbers of those of part g."""
+    if not parts:
+        return np.empty((0, 1, 2))
+    own = joined_burns_s(parts)
+    burns_s = np.empty_like(own)
+    burns_s[np.concatenate([np.asarray(where, dtype=np.int64) for where in rows])] = own
+    return burns_s
 
 
 def _class_names(trajectories: Trajectories) -> Sequence[str]:

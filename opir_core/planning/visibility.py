@@ -129,6 +129,31 @@ def _certain(margin: FloatArray, guard: FloatArray, cells: IntArray) -> tuple[Bo
     return always, never
 
 
+#: Allowance at the ends of dark gaps, s: more than the error of interpolated light times.
+_GAP_ALLOWANCE_S = 1e-6
+
+
+def without_dark_gaps(
+    sight: NDArray[np.uint8], grid: Grid, emission_s: FloatArray, gaps_s: FloatArray
+) -> NDArray[np.uint8]:
+    """Return the visibility of cells for sensors that see burns only: never in dark gaps, uncertain at their ends.
+
+    `emission_s` are the times at which the light seen at the grid's points leaves; `gaps_s` (n, k, 2) are by pair.
+    """
+    if not gaps_s.shape[1]:
+        return sight
+    cells = grid.cells()
+    early_s, late_s = emission_s[cells, None], emission_s[cells + 1, None]
+    out_s, relit_s = gaps_s[grid.pair[cells]].transpose(2, 0, 1)
+    meets = (late_s > out_s - _GAP_ALLOWANCE_S) & (early_s < relit_s + _GAP_ALLOWANCE_S)
+    within = (early_s > out_s + _GAP_ALLOWANCE_S) & (late_s < relit_s - _GAP_ALLOWANCE_S)
+    dark, edge = within.any(axis=1), meets.any(axis=1)
+    result = sight.copy()
+    result[cells[edge & (sight[cells] == Visibility.ALWAYS)]] = Visibility.UNCERTAIN
+    result[cells[dark]] = Visibility.NEVER
+    return result
+
+
 def needs_look_test(grid: Grid, sight: NDArray[np.uint8], first_s: FloatArray, last_s: FloatArray) -> BoolArray:
     """Return which pairs have a cell without certain visibility between their first and last visible times."""
     cells = grid.cells()
@@ -188,6 +213,8 @@ def _sensor_pairs(
     margins = Margins.of(sensor, sensor_ecef_m, target_ecef_m)
     sun = None if exclusion is None else SunMargins.of(exclusion, sensor_ecef_m, target_ecef_m, grid.time_s)
     sight, blocked = cell_visibility(grid, margins, distance_m(sensor_ecef_m, target_ecef_m), sun)
+    if not sensor.follows_bodies:
+        sight = without_dark_gaps(sight, grid, grid.time_s - travel_s, targets.dark_gaps_s)
     first_s, last_s = grid.span(np.flatnonzero(sight != Visibility.NEVER), start_s, stop_s)
     phase_ns = _phase_ns(sensor, targets, uniform)
     # The first scan after `first_s` (at that instant the launch is not seen) and the last to `last_s`.

@@ -61,6 +61,7 @@ if TYPE_CHECKING:
         Response,
         SignalModel,
         WithBreakpoints,
+        WithBurns,
         WithClasses,
     )
     from opir_core.interfaces.protocols import (
@@ -112,7 +113,7 @@ _HOMES = {
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
         "interfaces.optional": (
             "BufferingSink DeadlineSink FalseAlarmModel FreeFlight FromFiles MonitoredSink PartialEncoder "
-            "PosteriorClassifier ReconfigurableTracker Response SignalModel WithBreakpoints WithClasses"
+            "PosteriorClassifier ReconfigurableTracker Response SignalModel WithBreakpoints WithBurns WithClasses"
         ),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
         "plugin.host": "Host",
@@ -134,8 +135,8 @@ __all__ = [  # noqa: RUF022
     "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
     "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "Tracker",
     "TrackerContext", "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views", "Window",
-    "WithBreakpoints", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl", "named", "nested",
-    "number", "one_track_fleet", "scanning_model", "scanning_sensor", "text", "walker_fleet", "with_defaults"
+    "WithBreakpoints", "WithBurns", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl", "named",
+    "nested", "number", "one_track_fleet", "scanning_model", "scanning_sensor", "text", "walker_fleet", "with_defaults"
 ]
 # fmt: on
 

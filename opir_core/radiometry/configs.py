@@ -51,7 +51,7 @@ class PlumeConfig:
         default=None,
         minimum=1,
         maximum=8,
-        help="stages, of equal shares of the burn; by default the class's",
+        help="stages, of equal shares of the burn; default: the burns of the flight, of a single one the class's",
         source=_TABLE,
     )
     stage_scale: tuple[float, ...] = nested(

@@ -4,6 +4,9 @@ Source: `opir_core/data/plumes.json`, which marks its notional values. Intensity
 factors for stage, rise at ignition, altitude and aspect. The factor of aspect is that of the projected area of a long
 body: at an angle a from the direction of flight √(sin² a + e² cos² a), with e its value end-on. After burnout only the
 body radiates, grey and at one temperature, and reflects sunlight as a diffuse sphere; earthshine is not modelled.
+
+The stages of a target with several burns are these, each with a rise at its ignition; otherwise stages share the burn
+equally and only the first rises. A number of stages that the configuration gives shares the burn equally, too.
 """
 
 import json
@@ -15,7 +18,7 @@ from typing import Any
 import numpy as np
 from attrs import frozen
 
-from opir_core.arrays import FloatArray, IndexArray, IntArray
+from opir_core.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from opir_core.errors import ModelError
 from opir_core.interfaces.protocols import Band
 from opir_core.interfaces.radiometric_models import SignatureContext, Signatures
@@ -31,11 +34,16 @@ _TABLE = Path(__file__).parents[1] / "data" / "plumes.json"
 GAS_BANDS_UM: Mapping[str, tuple[float, float]] = {"SWIR": (2.5, 3.1), "MWIR": (4.17, 4.6)}
 
 
+#: The most stages of a plume.
+_MOST_STAGES = 8
+
+
 @frozen(eq=False)
 class PlumeSignatures:
     """Plumes of n targets, and their bodies: `peak_w_sr` and `body_w_sr` (bands, n).
 
-    The other columns are (n,), stage scales (n, 8), shapes by number; `body_reflecting_m2` is albedo times area.
+    The other columns are (n,), shapes by number; `body_reflecting_m2` is albedo times area. Of each stage (n, 8) the
+    scale, its end and the ignition from which the intensity rises, s since the first ignition.
     """
 
     peak_w_sr: FloatArray
@@ -44,6 +52,8 @@ class PlumeSignatures:
     burn_time_s: FloatArray
     stages: IntArray
     stage_scale: FloatArray
+    stage_end_s: FloatArray
+    stage_ignition_s: FloatArray
     rise_time_s: FloatArray
     nose_on: FloatArray
     tail_on: FloatArray
@@ -88,9 +98,7 @@ class PlumeSignatures:
     @property
     def time_breakpoints_s(self) -> FloatArray:
         """The ends of stages, the last of which is burnout, (n, 8) s since ignition."""
-        number = np.arange(1, self.stage_scale.shape[1] + 1)
-        ends: FloatArray = self.burn_time_s[:, None] * np.minimum(number / self.stages[:, None], 1.0)
-        return ends
+        return self.stage_end_s
 
     @property
     def altitude_breakpoints_m(self) -> FloatArray:
@@ -104,10 +112,13 @@ class PlumeSignatures:
         return None
 
     def _thrust(self, target: IndexArray, time_s: FloatArray) -> FloatArray:
-        burn_time_s, stages = self.burn_time_s[target], self.stages[target]
-        stage = np.clip(np.minimum(time_s / burn_time_s, 1.0) * stages, 0.0, stages - 1.0).astype(np.int64)
-        rise = -np.expm1(-np.maximum(time_s, 0.0) / np.maximum(self.rise_time_s[target], 1e-12))
-        burns = (time_s >= 0.0) & (time_s <= burn_time_s)
+        stage = np.zeros(len(target), dtype=np.int64)
+        for number in range(int(self.stages.max(initial=1)) - 1):
+            stage += time_s >= self.stage_end_s[target, number]
+        stage = np.minimum(stage, self.stages[target] - 1)
+        since_s = np.maximum(time_s - self.stage_ignition_s[target, stage], 0.0)
+        rise = -np.expm1(-since_s / np.maximum(self.rise_time_s[target], 1e-12))
+        burns = (time_s >= 0.0) & (time_s <= self.burn_time_s[target])
         return np.where(burns, rise * self.stage_scale[target, stage], 0.0)
 
     def _altitude(self, target: IndexArray, altitude_m: FloatArray) -> FloatArray:
@@ -129,6 +140,16 @@ class PlumeSignatures:
 def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) -> Signatures:
     """Return the plumes of all targets of the model; `ModelError` for a target with an unknown class of plume."""
     plumes = [_default_plume(config, context, row) for row, config in enumerate(configs)]
+    burn_time_s = np.asarray(context.burn_time_s, dtype=np.float64)
+    burns = np.minimum(np.count_nonzero(np.isfinite(context.burns_s[..., 0]), axis=1), _MOST_STAGES).tolist()
+    of_flight = [config.stages is None and count > 1 for config, count in zip(configs, burns, strict=True)]
+    stages = np.array(
+        [
+            count if own else config.stages or plume.stages
+            for own, count, config, plume in zip(of_flight, burns, configs, plumes, strict=True)
+        ]
+    )
+    ends_s, ignitions_s = _stage_times(np.array(of_flight, dtype=np.bool_), stages, burn_time_s, context.burns_s)
     shapes = list(dict.fromkeys((config.altitude_km, config.altitude_scale) for config in configs))
     peaks = [
         _peaks(config, plume, context, row) for row, (config, plume) in enumerate(zip(configs, plumes, strict=True))
@@ -137,8 +158,10 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
         peak_w_sr=np.array(peaks, dtype=np.float64).reshape(-1, len(context.bands)).T.copy(),
         body_w_sr=_bodies(configs, plumes, context),
         body_reflecting_m2=_column(configs, "body_albedo") * _column(configs, "body_area_m2"),
-        burn_time_s=np.asarray(context.burn_time_s, dtype=np.float64),
-        stages=np.array([config.stages or plume.stages for config, plume in zip(configs, plumes, strict=True)]),
+        burn_time_s=burn_time_s,
+        stages=stages,
+        stage_end_s=ends_s,
+        stage_ignition_s=ignitions_s,
         stage_scale=np.array([_padded(config.stage_scale) for config in configs]),
         rise_time_s=_column(configs, "rise_time_s"),
         nose_on=_column(configs, "nose_on"),
@@ -146,6 +169,20 @@ def plume_signatures(configs: Sequence[PlumeConfig], context: SignatureContext) 
         shape=np.array([shapes.index((config.altitude_km, config.altitude_scale)) for config in configs]),
         shapes=tuple((np.array(km) * 1e3, np.array(scale)) for km, scale in shapes),
     )
+
+
+def _stage_times(
+    of_flight: BoolArray, stages: IntArray, burn_time_s: FloatArray, burns_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the ends of stages and the ignitions from which they rise, (n, 8) s: of the flight, or equal shares."""
+    number = np.arange(1, _MOST_STAGES + 1)
+    ends_s = burn_time_s[:, None] * np.minimum(number / stages[:, None], 1.0)
+    ignitions_s = np.zeros(ends_s.shape)
+    own = burns_s[of_flight, :_MOST_STAGES]
+    missing = ((0, 0), (0, _MOST_STAGES - own.shape[1]))
+    ends_s[of_flight] = np.pad(np.fmin(own[..., 1], burn_time_s[of_flight, None]), missing, mode="edge")
+    ignitions_s[of_flight] = np.pad(np.nan_to_num(own[..., 0]), missing)
+    return ends_s, ignitions_s
 
 
 @cache
@@ -226,8 +263,7 @@ def _overlap(gas: tuple[float, float], band: Band) -> tuple[float, float]:
 
 
 def _padded(scales: Sequence[float]) -> list[float]:
-    most = 8
-    return [*scales[:most], *[scales[-1]] * (most - len(scales))]
+    return [*scales[:_MOST_STAGES], *[scales[-1]] * (_MOST_STAGES - len(scales))]
 
 
 def _column(configs: Sequence[PlumeConfig], name: str) -> FloatArray:

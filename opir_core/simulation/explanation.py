@@ -50,6 +50,7 @@ def explained(plan: Plan) -> Mapping[str, Any]:
         "looks": int(plan.pairs.looks.sum()),
         "windows": len(window_edges_ns(plan)),
         "pairs": [_pair(plan, row) for row in looking.tolist()],
+        "dark": _dark(plan),
         "skipped": [_skipped(plan, row) for row in np.flatnonzero(plan.pairs.looks == 0).tolist()],
         "outages": [row for sensor in plan.sensors for row in _outages(plan, sensor)],
         "eclipses": [row for sensor in plan.sensors for row in _eclipses(plan, sensor)],
@@ -79,6 +80,16 @@ def _pair(plan: Plan, row: int) -> Mapping[str, Any]:
 def _skipped(plan: Plan, row: int) -> Mapping[str, Any]:
     part = "flight" if plan.sensors[plan.pairs.sensor[row]].follows_bodies else "burn"
     return {**_names(plan, row), "reason": _REASONS[Blocked(int(plan.pairs.blocked[row]))].format(part=part)}
+
+
+def _dark(plan: Plan) -> list[Mapping[str, Any]]:
+    """Return the dark gaps of targets between their burns."""
+    gaps_s = plan.targets.dark_gaps_s
+    return [
+        {"target_id": plan.targets.ids[row], "start_s": start_s, "stop_s": stop_s}
+        for row in range(len(gaps_s))
+        for start_s, stop_s in gaps_s[row][np.isfinite(gaps_s[row, :, 0])].tolist()
+    ]
 
 
 def _outages(plan: Plan, sensor: Sensor) -> list[Mapping[str, Any]]:

@@ -802,6 +802,21 @@ def flies_by_number(_made: Any, place: Any, target: Any, _time_s: FloatArray) ->
     return place + 10.0 * target[:, None]
 
 
+@frozen(eq=False)
+class BurnsTwice(OwnTargets):
+    """Targets with a second burn that ends after burnout."""
+
+    @property
+    def burns_s(self) -> FloatArray:
+        one = np.stack([self.ignition_s, self.burnout_s], axis=-1)
+        return np.stack([one, one + 1e3], axis=1)
+
+
+@mutant(TargetModel, "burns-twice", "test_burns_are_in_order_from_ignition_to_burnout", BallisticConfig)
+def burns_twice(configs: Any, context: Any) -> Any:
+    return BurnsTwice(ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place)
+
+
 # Encoders and sinks.
 
 

@@ -78,7 +78,7 @@ def oem_table(text: str, epoch_us: int, wanted: str | None) -> Table:
             )
     time, position, velocity = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     run = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
-    return Table(time, position, velocity, run, _useable_s(segments, epoch_us, time))
+    return Table(time, position, velocity, run, np.array([_useable_s(segments, epoch_us, time)]))
 
 
 def _segments(text: str) -> list[Segment]:

@@ -21,6 +21,10 @@ from opir_core.arrays import FloatArray, RowArray
 LEAST_RADIUS_M, MOST_RADIUS_M = 6.2e6, 1e9
 
 
+#: The most burns of a flight, as many as plumes have stages.
+MOST_BURNS = 8
+
+
 class BadTableError(ValueError):
     """An invalid table; the only argument is the reason, with its line and the remedy."""
 
@@ -30,14 +34,14 @@ class Table:
     """States in order of time: scene times (n,), s, ECEF positions (n, 3), m, and velocities over the Earth, m/s.
 
     `velocity_m_s` is None where the file has none. `run` (n,) numbers the runs of smooth motion, which polynomials do
-    not cross. `burn_s` is the interval of the burn.
+    not cross. `burns_s` (k, 2) are the scene times of ignition and burnout of each burn, in order.
     """
 
     time_s: FloatArray
     position_m: FloatArray
     velocity_m_s: FloatArray | None
     run: NDArray[np.intp]
-    burn_s: tuple[float, float]
+    burns_s: FloatArray
 
 
 def require_order(time_s: FloatArray, lines: list[int], *, may_repeat: bool) -> None:
@@ -128,7 +132,7 @@ def largest_doubt_m(table: Table) -> float | None:
 
 def _thinned(table: Table, rows: RowArray) -> Table:
     velocity = None if table.velocity_m_s is None else table.velocity_m_s[rows]
-    return Table(table.time_s[rows], table.position_m[rows], velocity, np.zeros(len(rows), np.intp), table.burn_s)
+    return Table(table.time_s[rows], table.position_m[rows], velocity, np.zeros(len(rows), np.intp), table.burns_s)
 
 
 def _intervals(table: Table) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -186,8 +190,9 @@ def csv_table(text: str, start_s: float) -> Table:
     """Return the table of a CSV file whose time 0 is the scene time `start_s`.
 
     Columns, in any order: time_s, x_ecef_m, y_ecef_m, z_ecef_m; perhaps vx_ecef_m_s, vy_ecef_m_s, vz_ecef_m_s
-    (relative to the rotating Earth), and is_burning (0 or 1). Lines that begin with # are comments. A time that occurs
-    twice in a row marks a point where the motion is not smooth. Raises `BadTableError`.
+    (relative to the rotating Earth), and is_burning: 1 where the plume radiates from this line's time to the next, else
+    0. Lines that begin with # are comments. A time that occurs twice in a row marks a point where the motion is not
+    smooth, as a change of stages. Raises `BadTableError`.
     """
     lines, rows = list[int](), list[Row]()
     for line, row in _rows(text):
@@ -202,10 +207,20 @@ def csv_table(text: str, start_s: float) -> Table:
     require_places(position, lines)
     velocity = np.stack([columns[name] for name in _VELOCITY], axis=1) if _VELOCITY[0] in columns else None
     run = np.cumsum(np.diff(time_s, prepend=time_s[0] - 1.0) == 0.0)
-    burning = np.flatnonzero(columns.get(_BURNING, np.ones(len(rows))))
-    if not burning.size:
-        raise BadTableError(f"{_BURNING} is 0 throughout; it says where the plume radiates")
-    return Table(time_s, position, velocity, run, (float(time_s[burning[0]]), float(time_s[burning[-1]])))
+    return Table(time_s, position, velocity, run, _burns_s(time_s, columns.get(_BURNING, np.ones(len(rows)))))
+
+
+def _burns_s(time_s: FloatArray, is_burning: FloatArray) -> FloatArray:
+    """Return the burns (k, 2) of states at times (n,): each from a line with 1 to the next line with 0, or the last."""
+    edge = np.diff(np.concatenate([[0.0], is_burning[:-1], [0.0]]))
+    burns_s = np.stack([time_s[edge > 0.0], time_s[edge < 0.0]], axis=-1)
+    # A time that occurs twice may end one burn and begin the next, or hold a burn of no length.
+    burns_s = burns_s[burns_s[:, 0] < burns_s[:, 1]]
+    if not len(burns_s):
+        raise BadTableError(f"{_BURNING} is 0 throughout; 1 says that the plume radiates up to the next line's time")
+    if len(burns_s) > MOST_BURNS:
+        raise BadTableError(f"{_BURNING} begins {len(burns_s)} burns; at most {MOST_BURNS} are possible")
+    return burns_s
 
 
 def _rows(text: str) -> Iterator[tuple[int, Row]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from opir_core.arrays import FloatArray, IndexArray
 from opir_core.interfaces.contexts import TargetContext
-from opir_core.interfaces.optional import FreeFlight
+from opir_core.interfaces.optional import FreeFlight, WithBurns
 from opir_core.interfaces.protocols import Trajectories
 from opir_core.plugin.components import Component, TargetModel
 from opir_core.scene.scene import EMITTER_TYPES
@@ -90,6 +90,31 @@ class TargetContract(SceneContract):
             "a type is unknown, or a burn ends before it begins",
             "type_code is an index into TARGET_TYPES; burnout_s comes after ignition_s.",
         )
+
+    def test_burns_are_in_order_from_ignition_to_burnout(self) -> None:
+        """The burns of a model with `burns_s` are in order, from ignition to burnout, filled up with nan."""
+        made = self.targets()
+        if not isinstance(made, WithBurns):
+            return
+        change = "Return (n, k, 2): ignition and burnout of each burn from ignition_s to burnout_s, then nan."
+        rows = len(self.blocks())
+        require(
+            np.ndim(made.burns_s) == 3 and made.burns_s.shape[::2] == (rows, 2),
+            f"burns_s has the shape {np.shape(made.burns_s)}",
+            change,
+        )
+        for row in range(rows):
+            burns = made.burns_s[row][np.isfinite(made.burns_s[row]).all(axis=1)]
+            first = made.burns_s[row, : len(burns)]
+            ends = (made.ignition_s[row], made.burnout_s[row])
+            require(
+                len(burns) > 0
+                and np.array_equal(first, burns)
+                and (burns[0, 0], burns[-1, 1]) == ends
+                and bool(np.all(np.diff(burns.ravel()) >= 0.0) and np.all(burns[:, 1] > burns[:, 0])),
+                f"the burns of target {row} are {burns.tolist()}, with ignition and burnout at {ends}",
+                change,
+            )
 
     def test_positions_are_finite_during_the_burn_only(self) -> None:
         """Positions are finite from ignition to burnout inclusive, and nan before and after."""

@@ -127,8 +127,12 @@ def test_a_kink_between_stretches_is_kept(tmp_path):
     ("burning", "settings", "burn"),
     [
         (None, {}, (0.0, 100.0)),
-        ([0, 1, 1, 1, 0], {}, (25.0, 75.0)),
-        ([0, 1, 1, 1, 0], {"burnout_s": 60.5}, (25.0, 60.5)),
+        ([0, 1, 1, 0, 0], {}, (25.0, 75.0)),
+        ([0, 1, 1, 0, 0], {"burnout_s": 60.5}, (25.0, 60.5)),
+        ([0, 1, 1, 0, 0], {"burnout_s": 80.0}, (25.0, 80.0)),
+        ([0, 0, 0, 1, 0], {}, (75.0, 100.0)),
+        ([1, 0, 1, 0, 0], {}, (0.0, 75.0)),
+        ([1, 0, 1, 0, 0], {"burnout_s": 40.0}, (0.0, 40.0)),
         (None, {"ignition_s": 3.25, "burnout_s": 60.5}, (3.25, 60.5)),
         (None, {"start_s": 7.0}, (7.0, 107.0)),
     ],
@@ -159,6 +163,7 @@ def test_who_follows_bodies_follows_them_to_the_last_state(tmp_path, free_flight
 HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n"
 GOOD_CSV = HEAD + "0,7e6,0,0\n1,7e6,0,0\n"
 GOOD_OEM = oem_text(np.array([0.0, 10.0]))
+BURNING = HEAD.replace("m\n", "m,is_burning\n")
 
 
 @pytest.mark.parametrize(
@@ -173,6 +178,21 @@ GOOD_OEM = oem_text(np.array([0.0, 10.0]))
         (HEAD + "0,7e6,0\n", {}, "line 2: has 3 values; the first line names 4 columns"),
         (HEAD + "1,7e6,0,0\n0,7e6,0,0\n", {}, "line 3: its time does not follow that of line 2; sort the states"),
         (HEAD + "0,7e3,0,0\n1,7e3,0,0\n", {}, "line 2: the position is 7000 m from the Earth's centre"),
+        (
+            BURNING + "0,7e6,0,0,0\n1,7e6,0,0,1\n",
+            {},
+            "is_burning is 0 throughout; 1 says that the plume radiates up to",
+        ),
+        (
+            BURNING + "".join(f"{t},7e6,0,0,{1 - t % 2}\n" for t in range(19)),
+            {},
+            "is_burning begins 9 burns; at most 8",
+        ),
+        (
+            BURNING + "".join(f"{t},7e6,0,0,{1 - t % 2}\n" for t in range(7)),
+            {"ignition_s": 1.2, "burnout_s": 1.8},
+            "a burn from 1.2 to 1.8 s is within a dark gap of the file",
+        ),
         (GOOD_CSV, {"object": "ONE"}, "omit object"),
         (GOOD_CSV, {"burnout_s": 2.0}, "a burn from 0 to 2 s does not fit: states go from 0 to 1 s"),
         (GOOD_OEM, {"start_s": 1.0}, "an OEM has its own times; omit start_s"),
