@@ -149,7 +149,9 @@ LEGEND = """\
 /known, /unknown: error divided by the Cramér-Rao bound for known and for unknown thrust, where lines of sight
 determine the position to 100 km.
 NEES/6, NIS/2: 1 is consistent, above 1 is overconfident; p: of a Kolmogorov-Smirnov test against chi-squared.
-Launch and impact points: the last estimates of each target; containment: share of true points in the ellipses."""
+Launch and impact points: the last estimates of each target; containment: share of true points in the ellipses.
+Impact regions: share of the n targets with a prediction, of true impacts in the regions of 50, 90 and 95 %, and their
+median areas; without impact: predictions for targets in orbit."""
 
 
 def _heading(figures: Mapping[str, Any]) -> str:
@@ -196,16 +198,16 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
         for name, card in cards.items()
         for part in card.figures[geometry]["by_time"]
     ]
+    figures = [(name, card.figures[geometry]) for name, card in cards.items()]
+    title = geometry.replace("_biased", " with biased sensors")
     if not binned:
-        return []
+        return _phases(title, figures)
     binned.sort(key=lambda row: row[0][0])
     over = ("/known", "/unknown")
     place = ("time s", "tracker", "n", "position m", *over, "impact km")
     speed = ("time s", "tracker", "n", "velocity m/s", *over)
     consistency = ("time s", "tracker", "n", "NEES/6", "99 % band", "p", "n", "NIS/2", "99 % band", "p")
     label = [(f"{since[0]:g}-{since[1]:g}", name, part) for since, name, part in binned]
-    figures = [(name, card.figures[geometry]) for name, card in cards.items()]
-    title = geometry.replace("_biased", " with biased sensors")
     points = ("tracker", "targets", "launch points", "impact points", "launch m", "launch s", "impact km", "impact s")
     nominal = [f"{100.0 * part['nominal']:g} %" for part in figures[0][1]["launch_containment"]]
     return [
@@ -216,7 +218,39 @@ def _geometry(cards: Cards, geometry: str) -> list[str]:
         f"{title}, launch and impact points",
         table(points, [(name, *_point_cells(part)) for name, part in figures]),
         table(("containment, %", "tracker", *nominal), _curves(figures)),
+        *_phases(title, figures),
     ]
+
+
+def _phases(title: str, figures: Sequence[tuple[str, Mapping[str, Any]]]) -> list[str]:
+    """Return the table of impact regions by phase; nothing without targets that reach one."""
+    phases = zip(*(row["impact_by_phase"] for _, row in figures), strict=True)
+    named = [(name, part) for parts in phases for (name, _), part in zip(figures, parts, strict=True)]
+    cells = [(part["phase"], name, *_phase_cells(part)) for name, part in named if _is_reached(part)]
+    probabilities = [f"{100 * region['nominal']:g} %" for region in named[0][1]["regions"]]
+    inside, areas = (f"in {each}" for each in probabilities), (f"{each} km2" for each in probabilities)
+    head = ("phase", "tracker", "n", "predicted, %", "impact km", *inside, *areas, "without impact")
+    return [f"{title}, predicted impact regions", table(head, cells)] if cells else []
+
+
+def _is_reached(part: Mapping[str, Any]) -> bool:
+    return bool(part["targets"] or part["targets_without_impact"])
+
+
+def _phase_cells(part: Mapping[str, Any]) -> tuple[str, ...]:
+    none = f"{part['predicted_without_impact']} of {part['targets_without_impact']}"
+    return (
+        str(part["targets"]),
+        _interval(part["predicted"], 0, 100.0),
+        _interval(part["impact_m"], 1, 1e-3),
+        *(_interval(region, 0, 100.0) for region in part["regions"]),
+        *(_significant(region["median_area_km2"]) for region in part["regions"]),
+        none if part["targets_without_impact"] else "-",
+    )
+
+
+def _significant(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "-"
 
 
 def _place_cells(part: Mapping[str, Any]) -> tuple[str, ...]:

@@ -4,13 +4,16 @@ Only scores compare tracks with truth; no tracker imports this package.
 """
 
 from opir_core.scoring.consistency import Consistency, consistency, containment, nees
-from opir_core.scoring.evidence import RunEvidence, evidence_of_files, evidence_of_run
+from opir_core.scoring.evidence import Ownership, RunEvidence, evidence_of_files, evidence_of_run, ownership
 from opir_core.scoring.gospa import Gospa, gospa
+from opir_core.scoring.impacts import ImpactScores, impact_scores
 from opir_core.scoring.scorecard import Scorecard, ScoreSettings, scorecard
 
 __all__ = [
     "Consistency",
     "Gospa",
+    "ImpactScores",
+    "Ownership",
     "RunEvidence",
     "ScoreSettings",
     "Scorecard",
@@ -19,6 +22,8 @@ __all__ = [
     "evidence_of_files",
     "evidence_of_run",
     "gospa",
+    "impact_scores",
     "nees",
+    "ownership",
     "scorecard",
 ]

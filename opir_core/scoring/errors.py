@@ -107,7 +107,7 @@ def _errors_of(evidence: RunEvidence, target: int, tracks: Tracks, owners: Owner
 
 def _impact_error(tracks: Tracks, truth: Mapping[str, Any]) -> FloatArray:
     """Return the ground distances (n,), m, of predicted impacts from the true one; nan without a prediction."""
-    place = np.broadcast_to(np.array(_place(truth.get("impact"))), (len(tracks), 3))
+    place = np.broadcast_to(np.array(place_of(truth.get("impact"))), (len(tracks), 3))
     error: FloatArray = np.linalg.norm(ground_error(tracks.impact, place), axis=1)
     return error
 
@@ -132,7 +132,9 @@ def point_errors(evidence: RunEvidence, owners: Ownership) -> PointErrors:
     owner = np.searchsorted(owners.track, tracks.track)
     target = owners.target[owner]
     truth = evidence.plan.targets.truth()
-    launch, impact = ([_place(truth[number].get(name)) for number in target.tolist()] for name in ("launch", "impact"))
+    launch, impact = (
+        [place_of(truth[number].get(name)) for number in target.tolist()] for name in ("launch", "impact")
+    )
     ignition_s = evidence.plan.targets.ignition_s[target]
     impact_s = np.array([_time(truth[number].get("impact")) for number in target.tolist()])
     launch_error, impact_error = (
@@ -159,7 +161,7 @@ def last_rows(evidence: RunEvidence, owners: Ownership) -> IntArray:
     return rows[np.append(np.diff(target) != 0, True)] if len(rows) else rows
 
 
-def _place(point: object) -> tuple[float, float, float]:
+def place_of(point: object) -> tuple[float, float, float]:
     """Return latitude, longitude, rad, and height, m, of a point of the truth; nan if missing."""
     if not isinstance(point, dict):
         return np.nan, np.nan, np.nan

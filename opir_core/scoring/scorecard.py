@@ -26,6 +26,7 @@ from opir_core.scoring.consistency import (
 from opir_core.scoring.coverage import Coverage, GospaSettings, coverage, gospa_parts, mean_gospa
 from opir_core.scoring.errors import PointErrors, StateErrors, last_rows, point_errors, state_errors
 from opir_core.scoring.evidence import Ownership, RunEvidence, ownership
+from opir_core.scoring.impacts import ImpactScores, phase_figures, phase_scores
 
 _STATE_FREEDOM = 6
 _DIRECTION_FREEDOM = 2
@@ -73,6 +74,8 @@ class ScoredRun:
     is_biased: bool
     states: StateErrors
     points: PointErrors
+    impact_phase: IntArray
+    impacts: ImpactScores
     innovations: Innovations
     owners: Ownership
     launches: int
@@ -110,11 +113,14 @@ def scorecard_of(runs: Sequence[ScoredRun], settings: ScoreSettings) -> Scorecar
 def scored_run(evidence: RunEvidence, settings: ScoreSettings) -> ScoredRun:
     """Return the scored data of a run."""
     owners = ownership(evidence)
+    impact_phase, impacts = phase_scores(evidence, owners)
     return ScoredRun(
         seed=evidence.plan.scene.seed,
         is_biased=evidence.plan.bias is not None,
         states=state_errors(evidence, owners),
         points=point_errors(evidence, owners),
+        impact_phase=impact_phase,
+        impacts=impacts,
         innovations=innovations(evidence, owners),
         owners=owners,
         launches=len(evidence.plan.scene.targets),
@@ -176,9 +182,11 @@ def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, setti
     states = StateErrors.concatenate(each.states for each in runs)
     points = PointErrors.concatenate(each.points for each in runs)
     innovations = Innovations.concatenate(each.innovations for each in runs)
+    impacts = ImpactScores.concatenate(each.impacts for each in runs)
+    impact_phase = np.concatenate([each.impact_phase for each in runs])
     run = np.repeat(np.arange(len(runs)), [len(each.states) for each in runs])
-    state_rows, innovation_rows, point_rows = (
-        (each.is_stereo == is_stereo) & (each.is_biased == is_biased) for each in (states, innovations, points)
+    state_rows, innovation_rows, point_rows, impact_rows = (
+        (each.is_stereo == is_stereo) & (each.is_biased == is_biased) for each in (states, innovations, points, impacts)
     )
     states, run, points = states.take(state_rows), run[state_rows], points.take(point_rows)
     nis, nis_bin = innovations.nis[innovation_rows], _bins(innovations.since_s[innovation_rows], settings)
@@ -201,6 +209,7 @@ def _geometry(runs: Sequence[ScoredRun], is_stereo: bool, is_biased: bool, setti
         "impact_time_s": rms(points.impact_time_s),
         "launch_containment": contained(points.launch_nees),
         "impact_containment": contained(points.impact_nees),
+        "impact_by_phase": phase_figures(impact_phase[impact_rows], impacts.take(impact_rows)),
     }
 
 

@@ -1,0 +1,173 @@
+"""Predicted impacts against the true ones: containment and area of impact regions, by phase of the flight.
+
+A track without regions is scored by its ellipses. A target in orbit has no impact: a prediction for it is an error.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from attrs import frozen
+
+from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.estimation.containment_ellipse import containment_ellipse
+from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.impact_regions import ImpactRegion
+from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks
+from opir_core.scoring.consistency import proportion, rms, share
+from opir_core.scoring.errors import ground_error, place_of
+from opir_core.scoring.evidence import Ownership, RunEvidence, rows_in_force
+
+#: Instants of a flight: a share of the burn, and s after that.
+INSTANTS: tuple[tuple[float, float], ...] = ((0.25, 0.0), (0.5, 0.0), (0.75, 0.0), (0.95, 0.0), (1.0, 5.0), (1.0, 20.0))
+
+#: Names of the phases: the instants, and the last estimate of a target.
+PHASES = (
+    *(f"{after_s:g} s after burnout" if after_s else f"{100 * part:g} % of burn" for part, after_s in INSTANTS),
+    "last estimate",
+)
+
+#: The oldest estimate that counts at an instant, s; the time between two ticks where that is longer.
+OLDEST_S = 5.0
+
+#: A region is that of a probability which it differs from by no more than this.
+_SAME = 1e-6
+
+
+@frozen(eq=False)
+class ImpactScores(Columns):
+    """Scores of predicted impacts, one row per tick of a target's track in force.
+
+    `has_impact` is false for targets in orbit; those of unknown impact have no rows. `is_predicted` marks rows with an
+    impact point or region. `contained` (n, 3) is 1 where the region of each probability of `TRACK_CONTAINMENTS`
+    contains the true impact, 0 where not, nan without region or impact; `area_km2` (n, 3) are the regions' areas.
+    `impact_m` is the error of the impact point along the ground.
+    """
+
+    row_shapes: ClassVar[Mapping[str, tuple[int, ...]]] = {"contained": (3,), "area_km2": (3,)}
+
+    target: IntArray
+    tick_s: FloatArray
+    is_stereo: BoolArray
+    is_biased: BoolArray
+    has_impact: BoolArray
+    is_predicted: BoolArray
+    impact_m: FloatArray
+    contained: FloatArray
+    area_km2: FloatArray
+
+
+def impact_scores(evidence: RunEvidence, owners: Ownership) -> ImpactScores:
+    """Return the scores of the impacts that targets' tracks in force predict, by target and tick."""
+    return _scores(evidence, owners, _rows(evidence, owners))
+
+
+def phase_scores(evidence: RunEvidence, owners: Ownership) -> tuple[IntArray, ImpactScores]:
+    """Return phases (n,), numbers into `PHASES`, that targets' tracks reach, and the scores of their estimates then."""
+    rows = _rows(evidence, owners)
+    target, tick_s = _targets_of(evidence, owners, rows), evidence.tracks.tick_s[rows]
+    ignition_s, burnout_s = evidence.plan.targets.ignition_s, evidence.plan.targets.burnout_s
+    oldest_s = max(OLDEST_S, evidence.plan.make_tracker().cadence_s or 0.0)
+    phases, chosen = list[int](), list[int]()
+    for each in np.unique(target).tolist():
+        own = np.flatnonzero(target == each)
+        for number, (part, after_s) in enumerate(INSTANTS):
+            instant_s = ignition_s[each] + part * (burnout_s[each] - ignition_s[each]) + after_s
+            last = int(np.searchsorted(tick_s[own], instant_s, side="right")) - 1
+            if last >= 0 and tick_s[own[last]] >= instant_s - oldest_s:
+                phases.append(number)
+                chosen.append(int(own[last]))
+        phases.append(len(INSTANTS))
+        chosen.append(int(own[-1]))
+    used, place = np.unique(np.array(chosen, dtype=np.int64), return_inverse=True)
+    return np.array(phases, dtype=np.int64), _scores(evidence, owners, rows[used]).take(place)
+
+
+def phase_figures(phase: IntArray, scores: ImpactScores) -> list[dict[str, Any]]:
+    """Return the figures of each phase: targets, those with a predicted impact, containment and median areas."""
+    return [{"phase": name, **_figures(scores.take(phase == number))} for number, name in enumerate(PHASES)]
+
+
+def _figures(scores: ImpactScores) -> dict[str, Any]:
+    landing, orbiting = scores.take(scores.has_impact), scores.take(~scores.has_impact)
+    return {
+        "targets": len(landing),
+        "predicted": share(*proportion(int(np.count_nonzero(landing.is_predicted)), len(landing))),
+        "impact_m": rms(landing.impact_m),
+        "regions": [_region_figures(landing, place) for place in range(len(TRACK_CONTAINMENTS))],
+        "targets_without_impact": len(orbiting),
+        "predicted_without_impact": int(np.count_nonzero(orbiting.is_predicted)),
+    }
+
+
+def _region_figures(scores: ImpactScores, place: int) -> dict[str, Any]:
+    contained, area_km2 = scores.contained[:, place], scores.area_km2[:, place]
+    known, area_km2 = contained[np.isfinite(contained)], area_km2[np.isfinite(area_km2)]
+    return {
+        "nominal": TRACK_CONTAINMENTS[place],
+        **share(*proportion(int(np.count_nonzero(known)), len(known))),
+        "median_area_km2": float(np.median(area_km2)) if len(area_km2) else np.nan,
+    }
+
+
+def _targets_of(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> IntArray:
+    return owners.target[np.searchsorted(owners.track, evidence.tracks.track[rows])]
+
+
+def _rows(evidence: RunEvidence, owners: Ownership) -> IntArray:
+    """Return the rows of the run's tracks in force whose target is known to come down, or not to."""
+    rows = rows_in_force(evidence, owners)
+    known = np.array([bool(truth.get("impact") or truth.get("orbit")) for truth in evidence.plan.targets.truth()])
+    return rows[known[_targets_of(evidence, owners, rows)]] if len(rows) else rows
+
+
+def _scores(evidence: RunEvidence, owners: Ownership, rows: IntArray) -> ImpactScores:
+    """Return the scores of rows (n,) of the run's tracks."""
+    tracks, truth = evidence.tracks.take(rows), evidence.plan.targets.truth()
+    owner = np.searchsorted(owners.track, tracks.track)
+    target = owners.target[owner]
+    places = [place_of(truth[number].get("impact")) for number in target.tolist()]
+    impact = np.array(places, dtype=np.float64).reshape(-1, 3)
+    error = ground_error(tracks.impact, impact)
+    contained, area_km2 = _ellipses(tracks, error)
+    for row in np.flatnonzero(tracks.impact_regions.astype(bool)).tolist():
+        contained[row], area_km2[row] = _regions(tracks.impact_regions[row], impact[row])
+    contained[np.isnan(impact[:, 0])] = np.nan
+    return ImpactScores(
+        target=target,
+        tick_s=tracks.tick_s,
+        is_stereo=owners.is_stereo[owner],
+        is_biased=owners.is_biased[owner],
+        has_impact=np.isfinite(impact[:, 0]),
+        is_predicted=np.isfinite(tracks.impact[:, 0]) | (np.count_nonzero(np.isfinite(area_km2), axis=1) > 0),
+        impact_m=np.linalg.norm(error, axis=1),
+        contained=contained,
+        area_km2=area_km2,
+    )
+
+
+def _ellipses(tracks: Tracks, error_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return whether the ellipses of tracks contain impacts at errors (n, 2), and their areas, km²: both (n, 3)."""
+    contained, area_km2 = np.full((2, len(tracks), len(TRACK_CONTAINMENTS)), np.nan)
+    for place, containment in enumerate(TRACK_CONTAINMENTS):
+        major, minor, bearing = containment_ellipse(
+            tracks.impact_covariance[:, :2, :2], containment, tracks.impact_sigmas
+        )
+        east, north = error_m.T
+        along = east * np.sin(bearing) + north * np.cos(bearing)
+        across = east * np.cos(bearing) - north * np.sin(bearing)
+        known = np.isfinite(major) & np.isfinite(east)
+        inside = np.square(along * minor) + np.square(across * major) <= np.square(major * minor)
+        contained[:, place] = np.where(known, inside, np.nan)
+        area_km2[:, place] = 1e-6 * np.pi * major * minor
+    return contained, area_km2
+
+
+def _regions(regions: Sequence[ImpactRegion], impact: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return whether regions contain an impact (latitude, longitude, ...), and their areas, km²: both (3,)."""
+    contained, area_km2 = np.full((2, len(TRACK_CONTAINMENTS)), np.nan)
+    for place, containment in enumerate(TRACK_CONTAINMENTS):
+        for region in regions:
+            if abs(region.containment - containment) <= _SAME:
+                contained[place], area_km2[place] = region.contains(*impact[:2].tolist()), region.area_km2
+    return contained, area_km2
