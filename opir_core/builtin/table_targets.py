@@ -10,6 +10,7 @@ from attrs import define, evolve
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray
+from opir_core.builtin.class_flights import plain_places
 from opir_core.builtin.configs import TableConfig
 from opir_core.errors import Problem, SceneError
 from opir_core.flight.burns import joined_burns_s, plain_gaps_s
@@ -21,6 +22,9 @@ from opir_core.interfaces.protocols import Trajectories
 
 #: How far the polynomials may be from those through the states, m.
 EPHEMERIS_TOLERANCE_M = 0.01
+
+#: States below this height, m, at the ends of a table are its launch point and its impact.
+_NEAR_GROUND_M = 1000.0
 
 _LARGEST_FILE_BYTES = 64_000_000
 
@@ -52,7 +56,11 @@ class TableTargets:
         return [{"path": told["file"], "sha256": told["sha256"]} for told in self.told]
 
     def truth(self) -> Sequence[Mapping[str, Any]]:
-        """Return one mapping a target: its file with its hash, burn, gaps, and the error of the interpolation."""
+        """Return one mapping a target: its file with its hash, burn, gaps, and the error of the interpolation.
+
+        Launch and impact are there where the first state is the ignition, and the last one after burnout, near the
+        ground.
+        """
         return self.told
 
 
@@ -143,6 +151,15 @@ def _breakpoints_s(tables: Sequence[Table]) -> FloatArray:
     return np.stack([np.pad(table.time_s, (0, longest - len(table.time_s)), mode="edge") for table in tables])
 
 
+def _points(table: Table) -> Mapping[str, Any]:
+    """Return launch and impact of a table: its first and last states, where these are near the ground."""
+    first, last = plain_places(table.position_m[[0, -1]])
+    is_launch = first["height_m"] < _NEAR_GROUND_M and table.burns_s[0, 0] == table.time_s[0]
+    is_impact = last["height_m"] < _NEAR_GROUND_M and table.burns_s[-1, 1] < table.time_s[-1]
+    launch = {"launch": first} if is_launch else {}
+    return {**launch, "impact": {**last, "time_s": float(table.time_s[-1])}} if is_impact else launch
+
+
 def _told(own_id: str, config: TableConfig, table: Table, digest: str) -> Mapping[str, Any]:
     return {
         "id": own_id,
@@ -153,6 +170,7 @@ def _told(own_id: str, config: TableConfig, table: Table, digest: str) -> Mappin
         "ignition_s": float(table.burns_s[0, 0]),
         "burnout_s": float(table.burns_s[-1, 1]),
         "gaps_s": plain_gaps_s(table.burns_s),
+        **_points(table),
         "interpolation_error_m": largest_doubt_m(table),
         "tolerance_m": EPHEMERIS_TOLERANCE_M,
     }

@@ -160,6 +160,32 @@ def test_who_follows_bodies_follows_them_to_the_last_state(tmp_path, free_flight
     assert np.linalg.norm(found - arc(asked)[0], axis=1)[known].max() <= 0.02
 
 
+@pytest.mark.parametrize(
+    ("heights_m", "burning", "points"),
+    [
+        ((0.0, 9e3, 8e3, 200.0), (1, 1, 0, 0), {"launch", "impact"}),
+        ((0.0, 9e3, 8e3, 200.0), (0, 1, 0, 0), {"impact"}),
+        ((0.0, 9e3, 8e3, 200.0), (1, 1, 1, 1), {"launch"}),
+        ((2e3, 9e3, 8e3, 2e3), (1, 1, 0, 0), set()),
+    ],
+)
+def test_ends_near_the_ground_are_launch_and_impact(tmp_path, heights_m, burning, points):
+    # On the equator, where the height is that above the equatorial radius: one degree of longitude a state.
+    angle, radius = np.radians(np.arange(4.0)), 6378137.0 + np.array(heights_m)
+    rows = np.column_stack(
+        [10.0 * np.arange(4.0), radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle, burning]
+    )
+    _, truth = flown(tmp_path, BURNING + "\n".join(",".join(map(repr, row)) for row in rows.tolist()))
+    assert points == {"launch", "impact"} & set(truth)
+    for name, place in (("launch", (0.0, 0.0, 0.0)), ("impact", (0.0, 3.0, 200.0))):
+        if name in points:
+            assert tuple(truth[name][key] for key in ("lat_deg", "lon_deg", "height_m")) == pytest.approx(
+                place, abs=1e-6
+            )
+    if "impact" in points:
+        assert truth["impact"]["time_s"] == 30.0
+
+
 HEAD = "time_s,x_ecef_m,y_ecef_m,z_ecef_m\n"
 GOOD_CSV = HEAD + "0,7e6,0,0\n1,7e6,0,0\n"
 GOOD_OEM = oem_text(np.array([0.0, 10.0]))
