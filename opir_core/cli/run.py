@@ -163,6 +163,9 @@ def _listed(head: Sequence[str], rows: Sequence[Sequence[object]], *, numbers: S
     return table(head, rows[:_LISTED], numbers=numbers) + omitted if rows else ""
 
 
+#: From this area on, km², no decimals are printed.
+_WHOLE_KM2 = 10.0
+
 _SENSOR_HEAD = ("sensor", "type", "looks", "detections", "targets")
 _TRACK_HEAD = ("track", "type", "from s", "to s", "launch point (95 % semi-major axis)", "predicted impact point")
 _TARGET_HEAD = ("target", "type", "ignition s", "latency s", "first detected by", "detections", "sensors", "reported")
@@ -207,12 +210,24 @@ def _track_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _point_text(point: Mapping[str, Any] | None) -> str:
-    """Return `34.73 N 120.57 W at 10.0 s (0.1 km)`, or `-` for a point that is not estimated."""
+    """Return `34.73 N 120.57 W at 10.0 s (0.1 km)`, or `-` for a point that is not estimated.
+
+    The figure is the 95 % semi-major axis, the area of the 95 % region, or the σ of the paper's law.
+    """
     if point is None:
         return "-"
-    lat_deg, lon_deg, axis_km = point["lat_deg"], point["lon_deg"], point["semi_major_95_km"]
+    lat_deg, lon_deg = point["lat_deg"], point["lon_deg"]
     place = f"{abs(lat_deg):.2f} {'N' if lat_deg >= 0.0 else 'S'} {abs(lon_deg):.2f} {'E' if lon_deg >= 0.0 else 'W'}"
-    return f"{place} at {point['time_s']:.1f} s" + ("" if axis_km is None else f" ({axis_km:.1f} km)")
+    return f"{place} at {point['time_s']:.1f} s{_spread_text(point)}"
+
+
+def _spread_text(point: Mapping[str, Any]) -> str:
+    if point.get("sigma_km") is not None:
+        return f" (sigma {point['sigma_km']:.1f} km)"
+    if point.get("region_95_km2") is not None:
+        area_km2 = point["region_95_km2"]
+        return f" (95 % in {grouped(round(area_km2)) if area_km2 >= _WHOLE_KM2 else f'{area_km2:.2g}'} km2)"
+    return "" if point["semi_major_95_km"] is None else f" ({point['semi_major_95_km']:.1f} km)"
 
 
 def _delivered(scene: Scene, outcome: RunOutcome) -> list[str]:

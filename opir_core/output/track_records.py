@@ -13,7 +13,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks
-from opir_core.output.events.estimates import time_texts
+from opir_core.output.events.estimates import PAPER, are_on_earth, paper_sigma_m, time_texts
 from opir_core.output.geojson import region_texts
 from opir_core.scene.scene import REPORTED_TYPES
 
@@ -24,9 +24,6 @@ _Seven = tuple[float, float, float, float, float, float, float]
 _Limit = 2**63 - 1
 _Track = Annotated[int, Meta(ge=0, le=_Limit)]
 _Time = Annotated[float, Meta(ge=-float(_Limit), le=float(_Limit))]
-
-#: The code of the impact method without a stated containment.
-PAPER = IMPACT_METHODS.index("paper")
 
 
 class LaunchRecord(msgspec.Struct, kw_only=True, gc=False):
@@ -130,17 +127,8 @@ def _impacts(tracks: Tracks, epoch_us: int | None) -> list[ImpactRecord | None]:
     return points
 
 
-def paper_sigma_m(tracks: Tracks) -> list[float | None]:
-    """Return the standard deviations per axis (n,), m, of impacts by the paper's law; None for others."""
-    variance = 0.5 * (tracks.impact_covariance[:, 0, 0] + tracks.impact_covariance[:, 1, 1])
-    known = (variance >= 0.0) & (variance < np.inf) & (tracks.impact_method == PAPER)
-    sigma_m = np.sqrt(np.where(known, variance, 0.0)).tolist()
-    return [each if here else None for each, here in zip(sigma_m, known.tolist(), strict=True)]
-
-
 def _points(kind: Any, place: FloatArray, covariance: FloatArray, epoch_us: int | None) -> list[Any]:
     """Return points (n, 3) with covariances (n, 3, 3) as records, None where the position is unknown."""
-    on_earth = (np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)).tolist()
     longitude = place[:, 1]
     east = np.where(np.abs(longitude) <= np.pi, longitude, np.mod(longitude + np.pi, 2.0 * np.pi) - np.pi)
     columns = {
@@ -153,7 +141,7 @@ def _points(kind: Any, place: FloatArray, covariance: FloatArray, epoch_us: int 
         "time_covariance_m_s": _known(covariance[:, :2, 2]),
     }
     names = tuple(columns)
-    rows = zip(on_earth, zip(*columns.values(), strict=True), strict=True)
+    rows = zip(are_on_earth(place).tolist(), zip(*columns.values(), strict=True), strict=True)
     return [kind(**dict(zip(names, row, strict=True))) if here else None for here, row in rows]
 
 

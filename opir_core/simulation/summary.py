@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from opir_core.arrays import FloatArray, IndexArray, IntArray
-from opir_core.estimation.containment_ellipse import containment_ellipse
+from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
 from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Tracks, Window
+from opir_core.interfaces.records import IMPACT_METHODS, Tracks, Window
 from opir_core.planning.sightlines import Pairs
 from opir_core.planning.targets import Targets
 from opir_core.scene.scene import REPORTED_TYPES
@@ -174,7 +174,7 @@ class LatestTracks:
             "reported_type": REPORTED_TYPES[int(np.nanargmax(chance))] if is_typed else None,
             "type_probability": float(np.nanmax(chance)) if is_typed else None,
             "launch": _point(latest.launch[place], launch_km),
-            "impact": _point(latest.impact[place], impact_km),
+            "impact": _impact(latest, place, impact_km),
         }
 
 
@@ -184,6 +184,26 @@ def _semi_major_km(tracks: Tracks, point: str) -> list[float]:
     sigmas = tracks.impact_sigmas if point == "impact" else None
     axes_km: list[float] = (containment_ellipse(covariance, reported_sigmas=sigmas).semi_major_m * 1e-3).tolist()
     return axes_km
+
+
+def _impact(latest: Tracks, place: int, semi_major_km: float) -> Mapping[str, Any] | None:
+    """Return a predicted impact point, how it was predicted, and the area of its 95 % region if there is one.
+
+    The paper's law states no containment: its σ is `sigma_km`, and there is no semi-major axis.
+    """
+    method = IMPACT_METHODS[latest.impact_method[place]]
+    is_paper = method == "paper"
+    point = _point(latest.impact[place], np.nan if is_paper else semi_major_km)
+    if point is None:
+        return None
+    variance_m2 = 0.5 * float(np.trace(latest.impact_covariance[place, :2, :2]))
+    areas_km2 = [region.area_km2 for region in latest.impact_regions[place] if region.containment == CONTAINMENT]
+    return {
+        **point,
+        "region_95_km2": areas_km2[0] if areas_km2 else None,
+        "method": method,
+        "sigma_km": 1e-3 * variance_m2**0.5 if is_paper and 0.0 <= variance_m2 < np.inf else None,
+    }
 
 
 def _point(place: Any, semi_major_km: float) -> Mapping[str, Any] | None:

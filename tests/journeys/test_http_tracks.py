@@ -16,7 +16,7 @@ from http_service import serving
 from opir_http.openapi import document
 from opir_http.tracks import TrackDocuments
 
-from opir_core.testing.doubles import stub_estimates
+from opir_core.testing.doubles import stub_estimates, stub_regions
 
 LAUNCH, AIM = (34.73, -120.57), (32.0, -124.0)
 
@@ -28,7 +28,7 @@ def test_launch_points_and_impact_ellipses_are_in_tracks_and_in_the_stream(tmp_p
     with serving(tmp_path, "--speed", "max", scene=scene) as running:
         streamed = streamed_track(running.port)
         told = running.ask("GET", "/tracks").json
-    jsonschema.validate(told, {"$ref": "#/components/schemas/Tracks", "components": document()["components"]})
+    validate(told)
     for track in (told["tracks"][0], streamed):
         launch, impact = track["launch_point"], track["impact_point"]
         assert away_km(launch, LAUNCH) < 20.0
@@ -55,6 +55,8 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
         impact=np.array([0.4, 0.2, 900.0]),
         impact_covariance=np.diag([4e6, 1e6, 1.0]),
         impact_sigmas=np.array([0.75, 1.5, 2.75]),
+        impact_regions=[stub_regions(22.9, 11.5)],
+        probability_burning=0.25,
         state_sigmas=np.array([1.5, 3.0, 4.25]),
     )
     (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(told)))["tracks"]
@@ -62,6 +64,31 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
     assert axes == [1500.0, 3000.0, 5500.0]
     assert track["launch_point"]["ellipse_50"]["semi_major_m"] == 2354.82
     assert track["state"]["ellipsoid_sigmas"] == [1.5, 3.0, 4.25]
+    assert (track["probability_burning"], track["probability_relights"]) == (0.25, None)
+    assert [region["containment"] for region in track["impact_regions"]] == [0.5, 0.9, 0.95]
+    assert {region["geometry"]["type"] for region in track["impact_regions"]} == {"Polygon"}
+    validate({"tracks": [track]})
+
+
+def test_an_impact_of_the_paper_s_law_has_a_sigma_and_regions_across_the_180th_meridian_have_parts() -> None:
+    told = stub_estimates(
+        1,
+        impact=np.radians([9.0, 179.9, 0.0]),
+        impact_covariance=np.diag([4e6, 4e6, 1.0]),
+        impact_regions=[stub_regions(9.0, 179.9)],
+        impact_method=1,
+    )
+    (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(told)))["tracks"]
+    impact = track["impact_point"]
+    assert (impact["method"], impact["containment"], impact["sigma_m"]) == ("paper", None, 2000.0)
+    assert [impact[name] for name in ("ellipse", "ellipse_50", "ellipse_90")] == [None] * 3
+    assert {region["geometry"]["type"] for region in track["impact_regions"]} == {"MultiPolygon"}
+    validate({"tracks": [track]})
+
+
+def validate(tracks: Any) -> None:
+    """Require documents to follow the service's OpenAPI document."""
+    jsonschema.validate(tracks, {"$ref": "#/components/schemas/Tracks", "components": document()["components"]})
 
 
 def positive(terms: list[float]) -> bool:

@@ -34,6 +34,7 @@ from opir_core.plugin import (
     hookimpl,
     scanning_sensor,
 )
+from opir_core.testing.doubles import stub_regions
 
 #: The contract test that is to find each mutant: (kind, name) to the test's name.
 CAUGHT_BY: dict[tuple[str, str], str] = {}
@@ -686,6 +687,70 @@ class HoldsLessFartherOut(OneTrack):
         tracks = super().tracks(tick_s, number)
         tracks.state_sigmas[:] = [2.3, 3.6, 3.3]
         return tracks
+
+
+@tracker_mutant("burns-for-sure", "test_shapes_and_positions_are_valid")
+class BurnsForSure(OneTrack):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.probability_burning[:] = 1.5
+        return tracks
+
+
+class WithRegions(OneTrack):
+    """One track with valid regions, which `changed` spoils."""
+
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.impact[:] = [0.1, 0.2, 900.0]
+        for row in range(len(tracks)):
+            tracks.impact_regions[row] = self.changed(list(stub_regions(5.7, 11.5)))
+        return tracks
+
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return tuple(regions)
+
+
+tracker_mutant("sound-regions", "")(WithRegions)
+SOUND.add(("opir_trackers", "sound-regions"))
+
+
+@tracker_mutant("regions-shrink", "test_impact_regions_are_nested_and_closed")
+class RegionsShrink(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return evolve(regions[0], area_km2=1e6), *regions[1:]
+
+
+@tracker_mutant("regions-twice", "test_impact_regions_are_nested_and_closed")
+class RegionsTwice(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return regions[0], *regions
+
+
+@tracker_mutant("regions-open", "test_impact_regions_are_nested_and_closed")
+class RegionsOpen(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return (evolve(regions[0], polygons=((regions[0].polygons[0][0][:-1],),)),)
+
+
+@tracker_mutant("regions-in-degrees", "test_impact_regions_are_nested_and_closed")
+class RegionsInDegrees(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return (evolve(regions[0], polygons=((np.degrees(regions[0].polygons[0][0]),),)),)
+
+
+@tracker_mutant("regions-without-impact", "test_impact_regions_are_nested_and_closed")
+class RegionsWithoutImpact(WithRegions):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.impact[:] = np.nan
+        return tracks
+
+
+@tracker_mutant("regions-without-rings", "test_impact_regions_are_nested_and_closed")
+class RegionsWithoutRings(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return (evolve(regions[0], polygons=()),)
 
 
 @tracker_mutant("remembers-all", "test_work_grows_linearly_with_detections")

@@ -3,12 +3,15 @@
 Unknown values are null.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import msgspec
 import numpy as np
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.estimation.containment_ellipse import CONTAINMENT, containment_ellipse
-from opir_core.interfaces.records import TRACK_CONTAINMENTS, Tracks, Window
+from opir_core.interfaces.records import IMPACT_METHODS, TRACK_CONTAINMENTS, Tracks, Window
 from opir_core.output.events.text import (
     METRE_DECIMALS,
     RATIO_DECIMALS,
@@ -18,6 +21,7 @@ from opir_core.output.events.text import (
     rounded_bearing_deg,
     rounded_degrees,
     rounded_longitude_deg,
+    rounded_number,
     taken,
     timestamp_text,
     writable_unix_microseconds,
@@ -26,6 +30,8 @@ from opir_core.scene.scene import REPORTED_TYPES
 
 #: Containment probabilities of the other two ellipses of an event; that of the first is `CONTAINMENT`.
 OTHER_CONTAINMENTS = (0.5, 0.9)
+#: The code of the impact method without a stated containment.
+PAPER = IMPACT_METHODS.index("paper")
 
 
 class UncertaintyEllipse(msgspec.Struct):
@@ -49,6 +55,18 @@ class EstimatedPoint(msgspec.Struct):
     time_sigma_s: float | None
 
 
+class ImpactPoint(EstimatedPoint):
+    """An impact point, and how it was predicted.
+
+    `containment` is the probability of `ellipse`. The method `paper` states none: it has `sigma_m`, the σ per axis of
+    the paper's law, in place of ellipses.
+    """
+
+    method: str
+    containment: float | None
+    sigma_m: float | None
+
+
 class TrackState(msgspec.Struct):
     """ECEF position, m, and velocity relative to the Earth, m/s, at a time, with covariance; unknown values are None.
 
@@ -68,25 +86,71 @@ _TRACK_FIELDS = b'"track_state":%b,"burnout":%b,"track_type_probability":%b,"tra
 _encode = msgspec.json.Encoder().encode
 
 
-def point_texts(
-    place: FloatArray, covariance: FloatArray, epoch_us: int, reported_sigmas: FloatArray | None = None
-) -> list[bytes]:
-    """Return points as JSON, `null` if the position is unknown or not on the Earth.
+def launch_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
+    """Return the launch points of estimates as JSON, `null` if the position is unknown or not on the Earth."""
+    return _point_texts(
+        EstimatedPoint, _point_columns(tracks.launch, tracks.launch_covariance, epoch_us), tracks.launch
+    )
 
-    `place` (n, 3) is latitude_rad, longitude_rad and scene time_s; `covariance` (n, 3, 3) is of east and north, m, and
-    time, s; `reported_sigmas` (n, 3) as in `containment_ellipse`.
+
+def impact_texts(tracks: Tracks, epoch_us: int) -> list[bytes]:
+    """Return the predicted impact points of estimates as JSON, `null` if the position is unknown or not on the Earth.
+
+    Impacts by the paper's law have no ellipses.
     """
-    on_earth = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
-    filled = np.where(on_earth[:, np.newaxis], place, 0.0)
+    is_paper = tracks.impact_method == PAPER
+    covariance = np.where(is_paper[:, np.newaxis, np.newaxis], np.nan, tracks.impact_covariance)
+    covariance[:, 2, 2] = tracks.impact_covariance[:, 2, 2]
+    point = _point_columns(tracks.impact, covariance, epoch_us, tracks.impact_sigmas)
+    ellipses = point[_ELLIPSE]
     columns = (
+        *point,
+        [IMPACT_METHODS[code] for code in tracks.impact_method.tolist()],
+        [None if ellipse is None else CONTAINMENT for ellipse in ellipses],
+        [sigma_m and rounded_number(sigma_m, METRE_DECIMALS) for sigma_m in paper_sigma_m(tracks)],
+    )
+    return _point_texts(ImpactPoint, columns, tracks.impact)
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def paper_sigma_m(tracks: Tracks) -> list[float | None]:
+    """Return the standard deviations per axis (n,), m, of impacts by the paper's law; None for others."""
+    variance = 0.5 * (tracks.impact_covariance[:, 0, 0] + tracks.impact_covariance[:, 1, 1])
+    known = (variance >= 0.0) & (variance < np.inf) & (tracks.impact_method == PAPER)
+    sigma_m = np.sqrt(np.where(known, variance, 0.0)).tolist()
+    return [each if here else None for each, here in zip(sigma_m, known.tolist(), strict=True)]
+
+
+#: The place of `ellipse` among the values of `EstimatedPoint`.
+_ELLIPSE = EstimatedPoint.__struct_fields__.index("ellipse")
+
+
+def _point_columns(
+    place: FloatArray, covariance: FloatArray, epoch_us: int, reported_sigmas: FloatArray | None = None
+) -> Sequence[Sequence[Any]]:
+    """Return the values of `EstimatedPoint` for points (n, 3), latitude_rad, longitude_rad and scene time_s.
+
+    `covariance` (n, 3, 3) is of east and north, m, and time, s; `reported_sigmas` (n, 3) as in `containment_ellipse`.
+    """
+    filled = np.where(are_on_earth(place)[:, np.newaxis], place, 0.0)
+    return (
         rounded_degrees(filled[:, 0]).tolist(),
         rounded_longitude_deg(np.mod(filled[:, 1], 2.0 * np.pi)).tolist(),
         time_texts(filled[:, 2], epoch_us),
         *(_ellipses(covariance[:, :2, :2], share, reported_sigmas) for share in (CONTAINMENT, *OTHER_CONTAINMENTS)),
         _sigmas(covariance[:, 2, 2]),
     )
-    points = (EstimatedPoint(*values) for values in zip(*columns, strict=True))
-    return [_encode(point if here else None) for here, point in zip(on_earth.tolist(), points, strict=True)]
+
+
+def _point_texts(kind: type[EstimatedPoint], columns: Sequence[Sequence[Any]], place: FloatArray) -> list[bytes]:
+    points = (kind(*values) for values in zip(*columns, strict=True))
+    return [_encode(point if here else None) for here, point in zip(are_on_earth(place).tolist(), points, strict=True)]
+
+
+def are_on_earth(place: FloatArray) -> BoolArray:
+    """Return which points (n, 3), latitude_rad, longitude_rad and time, have a known position on the Earth."""
+    on_earth: BoolArray = np.isfinite(place[:, 1]) & (np.abs(place[:, 0]) <= 0.5 * np.pi)
+    return on_earth
 
 
 def time_texts(time_s: FloatArray, epoch_us: int) -> list[str | None]:

@@ -18,7 +18,7 @@ from opir_core.interfaces.records import Detections, Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import SCHEMA_VERSION
 from opir_core.output.events.encoder_input import require_valid
-from opir_core.output.events.estimates import point_texts, track_fields
+from opir_core.output.events.estimates import impact_texts, launch_texts, track_fields
 from opir_core.output.events.text import (
     DEGREE_DECIMALS,
     IRRADIANCE_DIGITS,
@@ -180,15 +180,13 @@ def _band_pieces(sensor: Sensor) -> list[bytes]:
 
 def _points(window: Window, epoch_us: int) -> Piece:
     """Return the launch and impact points of the detections' estimates."""
-    estimate, estimates = window.detections.estimate, window.estimates
+    estimate = window.detections.estimate
     if not (estimate >= 0).any():
         return _POINTS % (b"null", b"null")
     rows, of_detection = np.unique(estimate, return_inverse=True)
     used = rows[rows >= 0]
-    launches = point_texts(estimates.launch[used], estimates.launch_covariance[used], epoch_us)
-    impacts = point_texts(
-        estimates.impact[used], estimates.impact_covariance[used], epoch_us, estimates.impact_sigmas[used]
-    )
+    estimates = window.estimates.take(used)
+    launches, impacts = launch_texts(estimates, epoch_us), impact_texts(estimates, epoch_us)
     unknown = [_POINTS % (b"null", b"null")] * (len(rows) - len(used))
     points = [_POINTS % both for both in zip(launches, impacts, strict=True)]
     return taken(piece_table([*unknown, *points]), of_detection)

@@ -19,7 +19,7 @@ from opir_core.interfaces.records import Window
 from opir_core.interfaces.viewpoints import Viewpoints
 from opir_core.output.events import UDL_VERSION
 from opir_core.output.events.encoder_input import require_valid
-from opir_core.output.events.estimates import time_texts
+from opir_core.output.events.estimates import PAPER, time_texts
 from opir_core.output.events.forge_c2 import estimated_positions_ecef_m, positions_ecef_m
 from opir_core.output.events.text import (
     RATIO_DECIMALS,
@@ -170,7 +170,10 @@ def _track_pieces(window: Window, epoch_us: int) -> list[Piece]:
     if len(used):
         estimates = window.estimates.take(used)
         launch = _points(b"launch", estimates.launch, estimates.launch_covariance, epoch_us, None)
-        impact = _points(b"impact", estimates.impact, estimates.impact_covariance, epoch_us, estimates.impact_sigmas)
+        # The sigma of the paper's law is no area of uncertainty.
+        is_paper = (estimates.impact_method == PAPER)[:, np.newaxis, np.newaxis]
+        spread = np.where(is_paper, np.nan, estimates.impact_covariance)
+        impact = _points(b"impact", estimates.impact, spread, epoch_us, estimates.impact_sigmas)
         joined = [b"".join(both) for both in zip(launch, impact, strict=True)]
         points = [both + (_CONTAINMENT if b"AouType" in both else b"") for both in joined]
         pieces.append(taken(piece_table([*[b""] * (len(rows) - len(used)), *points]), of_row))

@@ -11,7 +11,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.optional import ReconfigurableTracker
 from opir_core.interfaces.protocols import Tracker
-from opir_core.interfaces.records import Detections, Tracks
+from opir_core.interfaces.records import TRACK_CONTAINMENTS, Detections, Tracks
 from opir_core.plugin.components import Component, TrackerModel
 from opir_core.scene.scene import REPORTED_TYPES
 from opir_core.simulation.tracker_clock import without_truth
@@ -23,6 +23,9 @@ from opir_core.testing.execution_monitor import python_steps
 #: Tolerances of rounding: relative asymmetry, and the least eigenvalue of a correlation matrix.
 _SYMMETRY = 1e-9
 _LEAST_EIGENVALUE = -1e-9
+
+#: Points of the shortest closed ring: a triangle.
+_FEWEST_POINTS = 4
 
 
 def validity(tracks: Tracks) -> Mapping[str, bool]:
@@ -44,12 +47,43 @@ def validity(tracks: Tracks) -> Mapping[str, bool]:
             f"{name}: positive and rising": not np.any(np.diff(getattr(tracks, name), axis=1, prepend=0.0) <= 0.0)
             for name in ("impact_sigmas", "state_sigmas")
         },
+        **{
+            f"{name}: in [0, 1]": not np.any((getattr(tracks, name) < 0.0) | (getattr(tracks, name) > 1.0))
+            for name in ("probability_burning", "probability_relights")
+        },
     }
 
 
 def _are_positions(places: FloatArray) -> bool:
     latitude, longitude = np.nan_to_num(places[:, 0]), np.nan_to_num(places[:, 1])
     return bool(np.all(np.abs(latitude) <= np.pi / 2) and np.all(np.abs(longitude) <= np.pi + 1e-12))
+
+
+def region_faults(tracks: Tracks) -> Iterator[str]:
+    """Yield what is wrong with the impact regions of tracks."""
+    rows = {id(row): row for row in tracks.impact_regions.tolist()}
+    for regions in rows.values():
+        shares = [region.containment for region in regions]
+        if shares != sorted(set(shares)) or not set(shares) <= set(TRACK_CONTAINMENTS):
+            yield f"of probabilities {shares}, not some of {TRACK_CONTAINMENTS}, each once, in rising order"
+        areas = [region.area_km2 for region in regions]
+        if not np.all(np.diff(areas, prepend=0.0) >= 0.0) or not np.isfinite(areas).all():
+            yield f"of areas {areas} km², not finite and rising with the probability"
+        for region in regions:
+            rings = [ring for polygon in region.polygons for ring in polygon]
+            if not rings or not all(region.polygons):
+                yield "without polygons, or with one without rings"
+            yield from filter(None, map(_ring_fault, rings))
+    with_regions = np.array([bool(row) for row in tracks.impact_regions.tolist()], dtype=bool)
+    if np.isnan(tracks.impact[with_regions, :2]).any():
+        yield "of a track without an impact point"
+
+
+def _ring_fault(ring: FloatArray) -> str:
+    if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < _FEWEST_POINTS or not np.array_equal(ring[0], ring[-1]):
+        return f"with a ring of shape {ring.shape} that is not closed, or has fewer than {_FEWEST_POINTS} points"
+    is_position = (np.abs(ring[:, 0]) <= np.pi / 2) & (np.abs(ring[:, 1]) <= np.pi + 1e-12)  # false for nan
+    return "" if is_position.all() else "with latitudes beyond pi/2, longitudes beyond pi, or nan"
 
 
 def require_covariance(what: str, covariance: FloatArray) -> None:
@@ -244,6 +278,16 @@ class TrackerContract(SceneContract):
                     f"at {tick.time_s} s not valid: {condition}",
                     "Return nan for unknown values, angles in radians, longitudes in [-pi, pi], times in scene time.",
                 )
+
+    def test_impact_regions_are_nested_and_closed(self) -> None:
+        """Impact regions have rising probabilities and areas, and closed rings of latitude and longitude."""
+        for tick in self.ticks(self.tracker()):
+            fault = next(region_faults(tick.tracks), None)
+            require(
+                fault is None,
+                f"at {tick.time_s} s there are impact regions {fault}",
+                "Return tuples of ImpactRegion with rings in radians, or empty tuples.",
+            )
 
     def test_covariances_are_symmetric_and_positive_definite(self) -> None:
         """Each covariance is symmetric and positive definite, or all nan."""

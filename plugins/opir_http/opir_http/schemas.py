@@ -6,6 +6,7 @@ from typing import Any
 from attrs import fields
 
 from opir_core.builtin.configs import BallisticConfig
+from opir_core.interfaces.records import IMPACT_METHODS
 from opir_core.output.events import detection_schema
 from opir_core.scene.fields import FieldInfo, info_of
 from opir_core.scene.reading.targets import ID_RULE
@@ -147,7 +148,10 @@ def track() -> Schema:
     ellipse = closed(dict.fromkeys(("semi_major_m", "semi_minor_m", "bearing_deg", "containment"), NUMBER))
     ellipses = dict.fromkeys(("ellipse", "ellipse_50", "ellipse_90"), or_null(ellipse))
     place = {"lat_deg": NUMBER, "lon_deg": NUMBER, "time": or_null(TIME)}
-    point = or_null(closed(place | ellipses | {"time_sigma_s": or_null(NUMBER)}))
+    point = place | ellipses | {"time_sigma_s": or_null(NUMBER)}
+    method: Schema = {"type": "string", "enum": list(IMPACT_METHODS)}
+    impact = point | {"method": method, "containment": or_null(NUMBER), "sigma_m": or_null(NUMBER)}
+    share = or_null({"type": "number", "minimum": 0, "maximum": 1})
     vectors = dict.fromkeys(("position_ecef_m", "velocity_ecef_m_s"), listed(NUMBER))
     spread = dict.fromkeys(("covariance_ecef", "ellipsoid_sigmas"), or_null(listed(NUMBER)))
     state = or_null(closed({"timestamp": or_null(TIME), **vectors, **spread}))
@@ -159,13 +163,24 @@ def track() -> Schema:
             "latitude_deg": or_null(NUMBER),
             "longitude_deg": or_null(NUMBER),
             "altitude_m": or_null(NUMBER),
-            "launch_point": point,
-            "impact_point": point,
+            "launch_point": or_null(closed(point)),
+            "impact_point": or_null(closed(impact)),
+            "impact_regions": listed(_region()),
+            "probability_burning": share,
+            "probability_relights": share,
             "type_probability": closed(dict.fromkeys(REPORTED_TYPES, or_null(NUMBER))),
             "state": state,
             "burnout": state,
         }
     )
+
+
+def _region() -> Schema:
+    """Return the schema of an impact region; its geometry is GeoJSON (RFC 7946)."""
+    rings = listed(listed(listed(NUMBER) | {"minItems": 2, "maxItems": 2}) | {"minItems": 4})
+    kinds = {"Polygon": rings, "MultiPolygon": listed(rings)}
+    geometry = {"anyOf": [closed({"type": {"const": kind}, "coordinates": each}) for kind, each in kinds.items()]}
+    return closed({"containment": NUMBER, "area_km2": NUMBER, "geometry": geometry})
 
 
 def _sensor() -> Schema:

@@ -10,8 +10,9 @@ import numpy as np
 from opir_core.arrays import FloatArray
 from opir_core.geometry import ecef_to_geodetic
 from opir_core.interfaces.records import Tracks
-from opir_core.output.events.estimates import burnout_texts, point_texts, state_texts
+from opir_core.output.events.estimates import burnout_texts, impact_texts, launch_texts, state_texts
 from opir_core.output.events.text import timestamp_text, writable_unix_microseconds
+from opir_core.output.geojson import region_texts
 from opir_core.scene.scene import REPORTED_TYPES
 
 #: Maximum number of tracks; those not updated for longest are removed.
@@ -56,11 +57,11 @@ class TrackDocuments:
             _rounded(np.degrees(place.latitude_rad), 6),
             _rounded(np.degrees(place.longitude_rad), 6),
             _rounded(place.height_m, 1),
-            map(msgspec.Raw, point_texts(tracks.launch, tracks.launch_covariance, self._epoch_us)),
-            map(
-                msgspec.Raw,
-                point_texts(tracks.impact, tracks.impact_covariance, self._epoch_us, tracks.impact_sigmas),
-            ),
+            map(msgspec.Raw, launch_texts(tracks, self._epoch_us)),
+            map(msgspec.Raw, impact_texts(tracks, self._epoch_us)),
+            map(msgspec.Raw, region_texts(tracks.impact_regions)),
+            _rounded(tracks.probability_burning, 4),
+            _rounded(tracks.probability_relights, 4),
             [dict(zip(REPORTED_TYPES, _rounded(row, 4), strict=True)) for row in tracks.type_probability],
             map(msgspec.Raw, state_texts(tracks, self._epoch_us)),
             map(msgspec.Raw, burnout_texts(tracks, self._epoch_us)),
@@ -77,6 +78,9 @@ _NAMES = (
     "altitude_m",
     "launch_point",
     "impact_point",
+    "impact_regions",
+    "probability_burning",
+    "probability_relights",
     "type_probability",
     "state",
     "burnout",

@@ -224,6 +224,11 @@ def test_a_missile_track_says_where_it_comes_down_and_how_surely() -> None:
     (record,) = events_of(UDL, stub_window(1, estimates=known, estimate=0, track=3))
     assert record["impactAouData"] == [90.0, 9.0, 3.0]
     assert "impactTime" not in record
+    (record,) = events_of(
+        UDL, stub_window(1, estimates=evolve(known, impact_method=np.array([1])), estimate=0, track=7)
+    )
+    assert (record["impactLat"], record["impactLon"]) == (9.0, 167.7)
+    assert not record.keys() & {"impactAouType", "impactAouData"}
 
 
 def test_intensity_is_the_measured_irradiance_and_frequency_the_band_s() -> None:

@@ -38,8 +38,25 @@ def test_an_estimated_point_says_where_when_and_how_surely() -> None:
         "time_sigma_s": 1.5,
     }
     unknown = dict.fromkeys(("time", "ellipse", "ellipse_50", "ellipse_90", "time_sigma_s"))
-    assert event["impact_point"] == {"lat_deg": 9.0, "lon_deg": 167.7} | unknown
+    method = {"method": "posterior", "containment": None, "sigma_m": None}
+    assert event["impact_point"] == {"lat_deg": 9.0, "lon_deg": 167.7} | unknown | method
     assert event["track_id"] == 3
+
+
+@pytest.mark.parametrize("radii", [np.nan, [1.0, 2.0, 3.0]])
+def test_an_impact_of_the_paper_s_law_has_a_sigma_in_place_of_ellipses(radii: Any) -> None:
+    known = stub_estimates(
+        2,
+        impact=[np.radians(9.0), np.radians(167.7), 1200.0],
+        impact_covariance=np.diag([9e8, 9e8, 25.0]),
+        impact_sigmas=radii,
+        impact_method=[1, 0],
+    )
+    paper, posterior = (event["impact_point"] for event in events_of(stub_window(2, estimates=known, estimate=[0, 1])))
+    figures = ("method", "containment", "sigma_m", "ellipse", "ellipse_50", "ellipse_90", "time_sigma_s")
+    assert [paper[name] for name in figures] == ["paper", None, 30_000.0, None, None, None, 5.0]
+    assert [posterior[name] for name in figures[:3]] == ["posterior", 0.95, None]
+    assert posterior["ellipse"]["semi_major_m"] > 0.0
 
 
 def test_the_track_s_place_is_carried_to_the_time_of_the_detection() -> None:

@@ -10,7 +10,7 @@ from opir_core.arrays import FloatArray, IntArray
 from opir_core.estimation.lines_of_sight import LinesOfSight, no_lines_of_sight
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
-from opir_core.interfaces.records import Detections, Tracks
+from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
@@ -145,6 +145,7 @@ class ArcTracker:
             type_probability=silent,
             burnout=unknown[:, 0].copy(),
             burnout_covariance=unknown,
+            impact_method=np.full(count, IMPACT_METHODS.index("paper"), dtype=np.uint8),
         )
         begun = np.flatnonzero(arcs.is_fitted)
         if len(begun):
