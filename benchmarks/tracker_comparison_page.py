@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from result_files import BLUE, GREEN, ORANGE, RED, Row, column, markdown_table, number, read_csv, svg_plot
+from result_files import BLUE, ORANGE, RED, Row, column, markdown_table, number, read_csv, svg_plot
 
 SCENE = "examples/pacific_test_range.yaml"
 SENSORS = "sensors=[{constellation: SBIRS-GEO}]"
@@ -14,16 +14,13 @@ TRACKERS = {
     "kepler-arc": ("kepler-arc", RED, "-"),
     "{model: kepler-arc, memory_s: 5}": ("kepler-arc, memory 5 s", ORANGE, "--"),
     "stereo-filter": ("stereo-filter", BLUE, "-."),
-    "boost-profile": ("boost-profile", GREEN, "-"),
 }
 
 PAGE = """# Comparison of trackers on one scene
 
 Which tracker is how accurate, how consistent and how fast?
 
-* `boost-profile` is the most accurate and the slowest. It uses the class priors, and these targets match them.
-* `stereo-filter` uses no class priors. It is consistent to slightly conservative, and {faster:.0f} times faster than
-  `boost-profile`.
+* `stereo-filter` is the more accurate, and consistent to slightly conservative.
 * `kepler-arc`, the paper's tracker, has errors that grow during the burn, and covariances that do not show them.
 
 ![Position and velocity RMSE, error over the bound, and NEES, by time since ignition](comparing-trackers.svg)
@@ -57,10 +54,8 @@ opir compare {scene} --set "{sensors}" \\
   an accelerating target by about the acceleration times the memory. Its covariance does not include that lag.
 * **stereo-filter** has the specific force in its state and does not lag. It assumes a boost about along the velocity
   that grows slowly, for every class. So it may be below the bound *with the thrust unknown*, which allows any force;
-  with `boost_model: jerk` it reaches that bound. It reports an impact once the target coasts: before burnout the impact
-  depends on when the burn ends, which lines of sight do not measure.
-* **boost-profile** is below that bound because it knows the class priors. It too reports an impact after burnout,
-  unless `impacts_in_burn` is set. [Robustness](../benchmarks/robustness.md) tests it on targets outside its priors.
+  with `boost_model: jerk` it reaches that bound. Its impact regions include what the target may still burn, which lines
+  of sight do not measure: so they are large in the burn, and shrink at burnout.
 
 [Score tracks](../how-to/score-tracks.md) defines the figures. To run the comparison again, or to redraw this page:
 
@@ -103,11 +98,9 @@ def write_page(source: Path) -> None:
         (label, *(shown(found(rows, name, quantity, start), has_interval) for name in names))
         for label, quantity, start, has_interval in LINES
     ]
-    each_us = {name: number(found(rows, name, "time_per_detection_us")["value"]) for name in names}
     first = {key: found(rows, names[0], key)["value"] for key in ("runs", *ASSOCIATION.values())}
     page = PAGE.format(
         table=markdown_table(head, table),
-        faster=each_us["boost-profile"] / each_us["stereo-filter"],
         scene=SCENE,
         sensors=SENSORS,
         words=" ".join(f'--tracker "{name}"' if " " in name else f"--tracker {name}" for name in TRACKERS),

@@ -59,8 +59,6 @@ SCENE = {
 TRACKERS = {
     "kepler-arc, 1 s": {"model": "kepler-arc"},
     "kepler-arc, memory 5 s, 1 s": {"model": "kepler-arc", "memory_s": 5.0},
-    "boost-profile, 1 s": {"model": "boost-profile"},
-    "boost-profile, 5 s": {"model": "boost-profile", "cadence_s": 5.0},
     "stereo-filter, 0.2 s": {"model": "stereo-filter", "cadence_s": 0.2},
     "stereo-filter, 1 s": {"model": "stereo-filter"},
     "stereo-filter, 5 s": {"model": "stereo-filter", "cadence_s": 5.0, "slice_s": 5.0},

@@ -7,7 +7,6 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from result_files import (
     BLUE,
-    GREEN,
     ORANGE,
     PURPLE,
     RED,
@@ -25,8 +24,8 @@ PAGE = """# Tracking: every tracker on one scene
 
 How accurate and how fast are opir's trackers and their peers on the same detections of one boosting ICBM?
 
-boost-profile is the most accurate; stereo-filter at 1 s is {faster} times faster than Stone Soup's EKF at about the
-same error; kepler-arc is far from the bound.
+stereo-filter at 1 s is {faster} times faster than Stone Soup's EKF at about the same error; kepler-arc is far from the
+bound.
 
 ![Time per detection against RMSE over the bound with the thrust unknown](tracking_scene.svg)
 
@@ -38,10 +37,10 @@ Position and velocity are RMSE over the Cramér–Rao bound, from {start} s afte
 runs: *known* with the thrust known, *unknown* with specific force and jerk in the state
 ([bounds](../how-to/score-tracks.md)). A tracker below 1 of the second uses more than lines of sight.
 
-* kepler-arc, boost-profile and stereo-filter share one data association; Stone Soup's trackers have their own.
+* kepler-arc and stereo-filter share one data association; Stone Soup's trackers have their own.
   FilterPy's filter gets the true association.
-* kepler-arc assumes a Keplerian arc, which a thrusting target does not fly. boost-profile knows the generic classes,
-  one of which the target is. stereo-filter assumes a boost about along the velocity; with `jerk`, any force.
+* kepler-arc assumes a Keplerian arc, which a thrusting target does not fly. stereo-filter assumes a boost
+  about along the velocity; with `jerk`, any force.
 
 [tracking_scene.csv](tracking_scene.csv) has all figures.
 
@@ -97,7 +96,6 @@ def cells(row: Row) -> tuple[str, ...]:
 #: What a line's name begins with, its colour and its markers.
 MARKS = {
     "kepler-arc": (RED, "ov"),
-    "boost-profile": (GREEN, "os"),
     "stereo-filter": (BLUE, "os^D"),
     "Stone Soup EKF": (ORANGE, "os"),
     "Stone Soup UKF": (PURPLE, "D"),

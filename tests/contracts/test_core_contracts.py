@@ -238,17 +238,6 @@ class TestKeplerArc(TrackerContract):
         return super().scene(**{"duration_s": 30.0, **changes})
 
 
-@pytest.mark.slow
-class TestBoostProfile(TrackerContract):
-    name = "boost-profile"
-    settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}
-
-    @classmethod
-    def scene(cls, **changes: Any) -> dict[str, Any]:
-        """Return half of the bench's scene, in which tracks begin on every kind of target."""
-        return super().scene(**{"duration_s": 45.0, **changes})
-
-
 FLIGHTS = DATA / "flights"
 
 

@@ -56,7 +56,6 @@ def targets(draw: st.DrawFn) -> list[dict[str, Any]]:
 
 TRACKERS: list[Any] = [
     "kepler-arc",
-    "boost-profile",
     "stereo-filter",
     {"model": "stereo-filter", "association": "joint"},
     {"model": "stereo-filter", "boost_model": "jerk", "cadence_s": 3.0},

@@ -92,7 +92,7 @@ def test_one_sensor_alone_is_honest_about_the_depth() -> None:
     assert np.sqrt(np.linalg.eigvalsh(covariance)[:, 2]).min() > 1000.0
 
 
-TRACKERS = ("stereo-filter", "boost-profile", "kepler-arc")
+TRACKERS = ("stereo-filter", "kepler-arc")
 
 
 @pytest.mark.parametrize("model", TRACKERS)
@@ -142,9 +142,7 @@ def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_mo
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize(
-    "tracker", ["stereo-filter", "kepler-arc", pytest.param("boost-profile", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc"])
 @pytest.mark.parametrize("sigma_urad", [0.0, 0.001])
 def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: float) -> None:
     slots = {"A": -135.0, "B": -90.0}

@@ -1,13 +1,11 @@
-"""The whole tracker `boost-profile` on many flights at once: association, initiation, fit, and the filter within it."""
+"""The whole tracker `stereo-filter` on many drawn flights at once: association, initiation, filter and impacts."""
 
 from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
-from class_flights import SLOTS_RAD
-from off_model_flights import Seeing, seen
-from opir_trackers.configs import BoostProfileConfig, StereoFilterConfig
-from opir_trackers.profile.tracker import ProfileTracker, boost_profile_tracker
+from drawn_flights import SLOTS_RAD, Seeing, seen
+from opir_trackers.configs import StereoFilterConfig
 from opir_trackers.stereo.tracker import stereo_filter
 
 from opir_core.interfaces.contexts import TrackerContext
@@ -20,49 +18,13 @@ from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 PERIOD_S, SIGMA_RAD = 0.1, 20e-6
 CHANCES = dict(zip(TARGET_TYPES, (0.80, 0.72, 0.60), strict=True))
 
-#: What a scene that sets nothing has.
-USUAL_CONFIG = BoostProfileConfig()
-
 
 class Tick(NamedTuple):
-    """A tick: what is told, what the filter within tells, and how many detections tracks and flights share."""
+    """A tick: the tracks, and how many detections tracks and flights share."""
 
     time_s: float
     told: Tracks
-    filtered: Tracks
     shared: np.ndarray
-
-
-class Heard:
-    """The filter within boost-profile, and what it told last."""
-
-    def __init__(self, inner):
-        self._inner, self.told = inner, Tracks.empty()
-        self.associate, self.cadence_s, self.outlier_fractions = (
-            inner.associate,
-            inner.cadence_s,
-            inner.outlier_fractions,
-        )
-        self.owners = inner.owners
-
-    def step(self, tick_s, detections):
-        """Return what the filter tells, and keep it."""
-        self.told = self._inner.step(tick_s, detections)
-        return self.told
-
-
-class Asked(ProfileTracker):
-    """The tracker, whose fit tells of the tracks `numbers` alone, what it tells of all: a fit's report costs most."""
-
-    numbers = np.empty(0, dtype=np.int64)
-
-    def _told(self, followed, tick_s):
-        whole = self._bank
-        mine = np.isin(whole.hypotheses.track, self.numbers)
-        self._bank = evolve(whole, hypotheses=whole.hypotheses.take(mine))
-        told = super()._told(followed, tick_s)
-        self._bank = whole
-        return told
 
 
 def sensors_of(chances=CHANCES, bias_rad=0.0):
@@ -102,26 +64,14 @@ def detections_of(rays):
     )
 
 
-def followed(
-    truth, seeing, seed, until_s, sensors=None, forces="kepler", *, fitted=True, asked=None, config=USUAL_CONFIG
-):
-    """Yield the ticks, one a second, of a tracker that sees flights; unless `fitted`, of stereo-filter alone.
-
-    `asked` says which flights a tick is asked of; of others the fit need not tell. `config` is that of boost-profile.
-    Of one sensor only the first one's looks are taken.
-    """
+def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler"):
+    """Yield the ticks, one a second, of the tracker that sees flights; of one sensor only the first one's looks."""
     sensors = sensors or sensors_of()
     owner, rays = seen(truth, seeing, seed)
     mine = np.flatnonzero(rays.sensor < len(sensors))
     owner, rays = owner[mine], rays.take(mine)
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, forces=forces)
-    if fitted:
-        tracker = boost_profile_tracker(config, context)
-        heard = tracker._inner = Heard(tracker._inner)
-        if asked:
-            tracker.__class__ = Asked
-    else:
-        tracker = heard = Heard(stereo_filter(StereoFilterConfig(), context))
+    tracker = stereo_filter(StereoFilterConfig(), context)
     every, shared, cut = detections_of(rays), np.zeros((0, len(truth) + 1)), 0
     for tick in range(1, int(until_s) + 1):
         end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))
@@ -130,11 +80,9 @@ def followed(
         more = max(int(label.max(initial=-1)) + 1 - len(shared), 0)
         shared = np.concatenate([shared, np.zeros((more, len(truth) + 1))])
         np.add.at(shared, (label[label >= 0], owner[cut:end][label >= 0]), 1.0)
-        if asked:
-            tracker.numbers = np.flatnonzero(shared[:, asked(float(tick))].any(axis=1))
         told = tracker.step(float(tick), evolve(part, track=label))
         cut = end
-        yield Tick(float(tick), told, heard.told, shared)
+        yield Tick(float(tick), told, shared)
 
 
 def rows_of(tracks, shared):
@@ -146,9 +94,9 @@ def rows_of(tracks, shared):
     return np.where(hits.max(axis=0) > 0.0, known[np.argmax(hits, axis=0)], -1)
 
 
-def last_told(truth, seeing, seed, after_s, *, fitted=True, forces="kepler"):
+def last_told(truth, seeing, seed, after_s, forces="kepler"):
     """Return what is told of flights, one row each, so long after the last burn; of all of them there is a track."""
-    *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces, fitted=fitted)
+    *_, last = followed(truth, seeing, seed, truth.burnout_s.max() + after_s, forces=forces)
     rows = rows_of(last.told, last.shared)
     assert (rows >= 0).all()
     return last.told.take(rows)

@@ -1,1 +1,1 @@
-"""Trackers for opir: `kepler-arc`, `stereo-filter` and `boost-profile`."""
+"""Trackers for opir: `kepler-arc` and `stereo-filter`."""

@@ -1,8 +1,8 @@
 """Settings of the trackers. Nothing heavy is imported here."""
 
-from attrs import fields, frozen
+from attrs import frozen
 
-from opir_core.scene.fields import flag, nested, number, text
+from opir_core.scene.fields import nested, number, text
 
 ASSOCIATIONS = ("nearest", "joint")
 MOTIONS = ("boost-coast", "boost", "coast")
@@ -165,31 +165,8 @@ class StereoFilterConfig:
         _check_scans(self.needed_scans, self.recent_scans)
 
 
-class _Follows:
-    """Settings of trackers that use the tracks of the stereo filter."""
-
-    __slots__ = ()
-
-    cadence_s: float
-    association: str
-    needed_scans: int
-    recent_scans: int
-
-    def __attrs_post_init__(self) -> None:
-        _check_scans(self.needed_scans, self.recent_scans)
-
-    def stereo_filter(self) -> StereoFilterConfig:
-        """Return the settings of the stereo filter."""
-        return StereoFilterConfig(
-            cadence_s=self.cadence_s,
-            association=self.association,
-            needed_scans=self.needed_scans,
-            recent_scans=self.recent_scans,
-        )
-
-
 @frozen(kw_only=True)
-class KeplerArcConfig(_Follows):
+class KeplerArcConfig:
     """Settings of the tracker `kepler-arc`."""
 
     cadence_s: float = number(
@@ -235,74 +212,14 @@ class KeplerArcConfig(_Follows):
         help="k in σ = σ₀ exp(-k n/N), after n of N expected detections of the boost",
     )
 
+    def __attrs_post_init__(self) -> None:
+        _check_scans(self.needed_scans, self.recent_scans)
 
-@frozen(kw_only=True)
-class BoostPriorConfig:
-    """Prior of a class: medians and sigmas of logarithms; the turn in degrees."""
-
-    burn_s: float = number(unit="s", above=0.0, maximum=2000.0, help="burn time")
-    burn_sigma: float = number(above=0.0, maximum=1.0, help="prior sigma of the burn time")
-    speed_m_s: float = number(unit="m/s", above=0.0, maximum=12000.0, help="burnout speed relative to the Earth")
-    speed_sigma: float = number(above=0.0, maximum=1.0, help="prior sigma of the burnout speed")
-    speed_shape: float = number(above=0.0, maximum=10.0, help="k of a speed proportional to expm1(k t/T)")
-    shape_sigma: float = number(above=0.0, maximum=1.0, help="prior sigma of the speed shape")
-    pitch_exponent: float = number(above=0.0, maximum=5.0, help="n of a flight path angle proportional to u^n")
-    pitch_sigma: float = number(above=0.0, maximum=1.0, help="prior sigma of the pitch exponent")
-    pitch_start_share: float = number(above=0.0, maximum=0.3, help="pitch start as a share of the burn time")
-    start_sigma: float = number(above=0.0, maximum=1.0, help="prior sigma of the pitch start")
-    turn_deg: float = number(unit="deg", above=0.0, maximum=90.0, help="burnout angle from the vertical")
-    turn_sigma_deg: float = number(unit="deg", above=0.0, maximum=45.0, help="prior sigma of the burnout angle")
-
-
-def _prior(*values: float) -> BoostPriorConfig:
-    return BoostPriorConfig(**dict(zip((field.name for field in fields(BoostPriorConfig)), values, strict=True)))
-
-
-@frozen(kw_only=True)
-class BoostPriorsConfig:
-    """Priors of the classes, and of the first detection of a boost of any class."""
-
-    ICBM: BoostPriorConfig = nested(
-        default=_prior(206.0, 0.2, 6800.0, 0.06, 1.8, 0.25, 0.525, 0.15, 0.048, 0.3, 64.0, 5.0), help="intercontinental"
-    )
-    IRBM: BoostPriorConfig = nested(
-        default=_prior(118.0, 0.2, 4000.0, 0.25, 1.45, 0.2, 0.55, 0.15, 0.068, 0.3, 52.0, 6.0), help="intermediate"
-    )
-    SRBM: BoostPriorConfig = nested(
-        default=_prior(65.0, 0.2, 1600.0, 0.3, 0.95, 0.2, 0.85, 0.15, 0.09, 0.3, 48.0, 6.0), help="short range"
-    )
-    hidden_s: float = number(
-        default=15.0,
-        unit="s",
-        minimum=1.0,
-        maximum=100.0,
-        source="at 15 m/s², 68 % emerge below 1.7 km and 95 % below 7 km; notional",
-        help="scale of the half-normal time for which clouds hide a boost at first",
-    )
-
-
-@frozen(kw_only=True)
-class BoostProfileConfig(_Follows):
-    """Settings of the tracker `boost-profile`."""
-
-    cadence_s: float = number(
-        default=1.0, unit="s", minimum=0.1, maximum=10.0, help="time between two estimates of a track"
-    )
-    association: str = text(
-        default="nearest",
-        choices=ASSOCIATIONS,
-        help="data association of the stereo filter; the fit uses the likeliest assignment",
-    )
-    needed_scans: int = _needed_scans()
-    recent_scans: int = _recent_scans()
-    largest_impact_km: float = number(
-        default=1000.0,
-        unit="km",
-        above=0.0,
-        maximum=20000.0,
-        help="an impact whose 95 % ellipse has a longer semi-axis is not reported",
-    )
-    impacts_in_burn: bool = flag(
-        default=False, help="report predicted impact points before burnout, assuming the class profile"
-    )
-    priors: BoostPriorsConfig = nested(default=BoostPriorsConfig(), help="priors of the classes")
+    def stereo_filter(self) -> StereoFilterConfig:
+        """Return the settings of the stereo filter, whose tracks the arcs are fitted to."""
+        return StereoFilterConfig(
+            cadence_s=self.cadence_s,
+            association=self.association,
+            needed_scans=self.needed_scans,
+            recent_scans=self.recent_scans,
+        )

@@ -1,11 +1,11 @@
-"""The trackers `kepler-arc`, `stereo-filter` and `boost-profile`; each is imported when it is built."""
+"""The trackers `kepler-arc` and `stereo-filter`; each is imported when it is built."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from opir_core.plugin.components import TrackerModel
 from opir_core.plugin.hookspecs import hookimpl
-from opir_trackers.configs import BoostProfileConfig, KeplerArcConfig, StereoFilterConfig
+from opir_trackers.configs import KeplerArcConfig, StereoFilterConfig
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import TrackerContext
@@ -18,12 +18,6 @@ def _stereo_filter(config: StereoFilterConfig, context: "TrackerContext") -> "Tr
     return stereo_filter(config, context)
 
 
-def _boost_profile(config: BoostProfileConfig, context: "TrackerContext") -> "Tracker":
-    from opir_trackers.profile.tracker import boost_profile_tracker
-
-    return boost_profile_tracker(config, context)
-
-
 def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker":
     from opir_trackers.arc.tracker import kepler_arc_tracker
 
@@ -32,7 +26,7 @@ def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker"
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
-    """Yield `kepler-arc`, `stereo-filter` and `boost-profile`."""
+    """Yield `kepler-arc` and `stereo-filter`."""
     yield TrackerModel(
         name="kepler-arc",
         summary="a Keplerian arc fitted to three or more detections, with the paper's empirical impact sigma",
@@ -44,10 +38,4 @@ def opir_trackers() -> Iterable[TrackerModel]:
         summary="a multi-sensor IMM filter of two modes: boost with thrust about along the velocity, and coast",
         config=StereoFilterConfig,
         build=_stereo_filter,
-    )
-    yield TrackerModel(
-        name="boost-profile",
-        summary="boost profiles of all classes fitted to each track: launch, burnout, impact, type, with covariances",
-        config=BoostProfileConfig,
-        build=_boost_profile,
     )

@@ -106,7 +106,7 @@ def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int
     "tracker",
     [
         "stereo-filter",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("boost-profile", "kepler-arc")),
+        pytest.param("kepler-arc", marks=pytest.mark.slow),
         "none",
     ],
 )

@@ -6,7 +6,7 @@ import opir_trackers.plugin
 import pytest
 from attrs import evolve, field, frozen
 from fake_components import fake_host, good_mapping
-from opir_trackers.configs import BoostProfileConfig
+from opir_trackers.configs import StereoFilterConfig
 
 from opir_core.errors import SceneError
 from opir_core.plugin import AtmosphereModel, NoConfig, SensorModel, hookimpl, nested, number
@@ -115,23 +115,23 @@ def test_a_key_in_other_letters_is_told() -> None:
 
 
 def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
-    """Each type has priors of its own: to set one of them a scene need not write all."""
+    """To set one key of a block a scene need not write all."""
     blocks = {
-        "scene": "priors",
+        "scene": "thrust",
         "epoch": "2026-04-01T12:00:00Z",
         "duration_s": 60,
         "sensors": [{"model": "generic-scanner", "id": "S-1", "orbital_slot_deg": -100.0}],
     }
-    tracker = {"model": "boost-profile", "priors": {"IRBM": {"burn_s": 100.0}}}
+    tracker = {"model": "stereo-filter", "thrust": {"tilt_deg": 4.0}}
     read, usual = (
         scene_from_mapping({**blocks, "tracker": each}, host=Host.of(opir_trackers.plugin)).tracker.config
-        for each in (tracker, "boost-profile")
+        for each in (tracker, "stereo-filter")
     )
-    assert isinstance(usual, BoostProfileConfig)
-    assert read == evolve(usual, priors=evolve(usual.priors, IRBM=evolve(usual.priors.IRBM, burn_s=100.0)))
+    assert isinstance(usual, StereoFilterConfig)
+    assert read == evolve(usual, thrust=evolve(usual.thrust, tilt_deg=4.0))
     rows = {row.key: row for row in field_rows(type(usual))}
-    assert rows["priors.IRBM.burn_s"].default_text == "118"
-    assert rows["priors.SRBM.burn_s"].default_text == "65"
+    assert rows["thrust.tilt_deg"].default_text == "8"
+    assert rows["thrust.tilt_s"].default_text == "30"
 
 
 def test_an_exact_key_of_another_model_is_told_beside_the_slip() -> None:

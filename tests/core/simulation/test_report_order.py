@@ -177,7 +177,7 @@ def test_what_a_tracker_gets_does_not_depend_on_the_windows() -> None:
             assert differing(ours, theirs) == set()
 
 
-@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc", "boost-profile"])
+@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc"])
 def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(tracker: str) -> None:
     """The lag is then the latency: the tracker does the same, that much later."""
     prompt, observed, reported = (

@@ -193,7 +193,7 @@ def test_opirs_own_errors_go_through():
     assert complaint_of(lambda *_: broken("step", refuse)) == "in words of its own"
 
 
-@pytest.mark.parametrize("tracker", ["stereo-filter", "boost-profile", "kepler-arc"])
+@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc"])
 def test_a_plan_run_twice_gives_the_same_run_twice(tracker):
     plan = opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": tracker}))
     first, second, third = (run_of_plan(plan, window_s) for window_s in (None, 0.7, 4.0))

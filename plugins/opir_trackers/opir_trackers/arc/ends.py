@@ -10,10 +10,13 @@ from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
 from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state, local_axes
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
+from opir_core.scene.scene import TARGET_TYPES
 from opir_trackers.arc.fit import STEPS, ArcFits, solved
 from opir_trackers.ground_points import GroundPoints
-from opir_trackers.range_types import burn_s
 from opir_trackers.sensors import SensorSchedule
+
+#: Mean burn time of a boost of each of `TARGET_TYPES`, s. Notional.
+_BURN_S = np.array([{"ICBM": 210.0, "IRBM": 120.0, "SRBM": 65.0}[kind] for kind in TARGET_TYPES])
 
 
 class TrajectoryParameters(NamedTuple):
@@ -37,7 +40,7 @@ def latency_s(schedule: SensorSchedule) -> tuple[FloatArray, FloatArray]:
 def expected_looks(schedule: SensorSchedule, seen: BoolArray, kind: IntArray) -> FloatArray:
     """Return the expected number of detections (n,) of a whole boost of types (n,) by sensors that see it (n, s)."""
     rate = (schedule.detection_probability / schedule.period_s[:, None])[:, kind].T
-    expected: FloatArray = burn_s()[kind] * np.where(seen, rate, 0.0).sum(axis=1)
+    expected: FloatArray = _BURN_S[kind] * np.where(seen, rate, 0.0).sum(axis=1)
     return expected
 
 

@@ -14,10 +14,11 @@ from opir_core.interfaces.records import IMPACT_METHODS, Detections, Tracks
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import expected_looks, impacts, latency_s, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
+from opir_trackers.arc.range_types import ranges_m, type_probabilities
 from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
+from opir_trackers.forecast.prior_boosts import class_codes
 from opir_trackers.gating import candidates, gated
-from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilities
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
 from opir_trackers.stereo.tracking import StereoTracking
 
@@ -161,7 +162,7 @@ class ArcTracker:
         tracks.burnout_covariance[rows] = self._with_end(covariance, arcs)
         impact = impacts(arcs)
         range_m = ranges_m(arcs.launch, impact)
-        sigma_m = self._sigma_m(arcs, likeliest_types(range_m))
+        sigma_m = self._sigma_m(arcs, class_codes(range_m))
         shot = trajectory_parameters(state)
         pace = np.maximum(shot.speed_m_s * np.cos(shot.flight_path_angle_rad), 1.0)
         variance = np.square(np.stack([sigma_m, sigma_m, sigma_m / pace], axis=1))

@@ -5,7 +5,8 @@ import pytest
 from opir_trackers.arc import fit as arc_fit
 from opir_trackers.arc.ends import impacts, launches, states_at, trajectory_parameters
 from opir_trackers.arc.fit import ArcFits
-from opir_trackers.range_types import likeliest_types, ranges_m, type_probabilities
+from opir_trackers.arc.range_types import ranges_m, type_probabilities
+from opir_trackers.forecast.prior_boosts import class_codes
 from opir_trackers.sensors import SensorSchedule
 from scipy.optimize import least_squares
 
@@ -236,7 +237,7 @@ def test_parameters_of_a_shot_are_those_it_was_made_of():
 
 def test_types_follow_from_the_range():
     range_m = np.array([200e3, 3000e3, 9000e3])
-    assert likeliest_types(range_m).tolist() == [2, 1, 0]
+    assert class_codes(range_m).tolist() == [2, 1, 0]
     sure = type_probabilities(range_m, np.full(3, 1.0))
     assert sure == pytest.approx(np.eye(4)[[2, 1, 0]])
     # On the edge between two classes each is as likely; an error of the range of 1000 km reaches the next class.

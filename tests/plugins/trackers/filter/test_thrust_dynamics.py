@@ -31,7 +31,10 @@ def states(count: int, seed: int = 0) -> np.ndarray:
 
 
 def rate(_time_s: float, state: np.ndarray) -> np.ndarray:
-    """Return the rate of a state, in vectors: the force turns with the velocity and is pulled towards it."""
+    """Return the rate of a state, in vectors: the force turns with the velocity and is pulled towards it.
+
+    The relative growth of the force obeys the rocket equation of constant mass flow: its rate is its square.
+    """
     place, velocity, force, growth = state[:3], state[3:6], state[6:9], state[9]
     fall = Motion(COAST, 0.0, Forces()).gravity(place[None])[0] + force
     air = velocity - np.cross(SPIN, place)
@@ -42,7 +45,7 @@ def rate(_time_s: float, state: np.ndarray) -> np.ndarray:
     turn = (push - unit * (unit @ push)) * speed / (air @ air + 100.0**2)
     across = force - unit * (unit @ force)
     change = growth * force + (force @ unit) * turn - counts / TILT_S * across
-    return np.concatenate([velocity, fall, change, [0.0]])
+    return np.concatenate([velocity, fall, change, [growth**2]])
 
 
 @pytest.mark.parametrize(("step_s", "off"), [(1.0, 1e-3), (-1.0, 1e-3), (5.0, 0.3)])

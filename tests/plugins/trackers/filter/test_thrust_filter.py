@@ -1,12 +1,12 @@
-"""The stereo filter's boost along the velocity on drawn flights of the classes: smaller errors, and honest ones."""
+"""The stereo filter's boost along the velocity on drawn flights: smaller errors, and honest ones."""
 
 import numpy as np
-from class_flights import GEO_M, PRIORS, SLOTS_RAD, flights
+from drawn_flights import GEO_M, SLOTS_RAD, flown
+from opir_trackers.configs import ThrustConfig
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.filter.thrust import Thrust
-from opir_trackers.profile import fit
 
 from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
@@ -22,13 +22,13 @@ class Watched:
     """Drawn SRBMs, ignited at 5 s, and looks at them: where they are, and what two sensors see at 10 Hz, P_d 0.8."""
 
     def __init__(self, seed: int) -> None:
-        self.family = fit.family_of(flights("SRBM", FLIGHTS, seed), PRIORS)
+        self.flown = flown("SRBM", FLIGHTS, seed, "smooth")
         rng, parts = np.random.default_rng(seed), []
         time_s = np.tile(np.arange(5.1, TICKS_S[-1], 0.1), FLIGHTS)
         row = np.repeat(np.arange(FLIGHTS), len(time_s) // FLIGHTS)
         for slot in SLOTS_RAD:
-            seen = (rng.random(len(row)) < 0.8) & (time_s > self.family.start_s[row])
-            seen &= time_s < self.family.burnout_s[row]
+            seen = (rng.random(len(row)) < 0.8) & (time_s > self.flown.start_s[row])
+            seen &= time_s < self.flown.burnout_s[row]
             track, when = row[seen], time_s[seen]
             origin = ecef_to_eci(GEO_M * np.tile([np.cos(slot), np.sin(slot), 0.0], (len(when), 1)), when)
             line = self.places(track, when) - origin
@@ -41,7 +41,7 @@ class Watched:
 
     def places(self, row: np.ndarray, time_s: np.ndarray) -> np.ndarray:
         """Return inertial positions (n, 3)."""
-        return ecef_to_eci(self.family.places(row, time_s).position_m, time_s)
+        return ecef_to_eci(self.flown.at(row, time_s)[0], time_s)
 
     def states(self, row: np.ndarray, time_s: float) -> np.ndarray:
         """Return inertial states (n, 6)."""
@@ -53,7 +53,7 @@ class Watched:
 def errors(watched: Watched, boost: Dynamics, rate: np.ndarray, sigma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return each flight's mean NEES / 6 (n,), and all errors of speed (m,), from 20 s after ignition to burnout."""
     filter_ = ImmFilter(boost, Motion(COAST, 0.01, FREE), np.inf, np.inf)
-    every, burnout = np.arange(FLIGHTS), watched.family.burnout_s
+    every, burnout = np.arange(FLIGHTS), watched.flown.burnout_s
     place = watched.places(every, np.full(FLIGHTS, TICKS_S[0] - 1.0))
     up = place / np.linalg.norm(place, axis=1)[:, None]
     speed = np.cross([0.0, 0.0, EARTH_ROTATION_RAD_S], place)
@@ -77,11 +77,11 @@ def errors(watched: Watched, boost: Dynamics, rate: np.ndarray, sigma: np.ndarra
 
 
 def test_thrust_along_the_velocity_errs_less_than_any_jerk_and_says_so() -> None:
-    watched = Watched(3)
-    thrust = Thrust(np.radians(4.0), 15.0, 1.0, 0.002, FREE)
+    watched, usual = Watched(3), ThrustConfig()
+    thrust = Thrust(np.radians(usual.tilt_deg), usual.tilt_s, usual.noise_m_s2, usual.growth_noise_per_s, FREE)
     square, off = errors(watched, thrust, np.array([0.01]), np.array([10.0, 10.0, 10.0, 0.01]))
     _, other = errors(watched, Motion(BOOST, 0.3, FREE), np.zeros(3), np.repeat([20.0, 0.5], 3))
-    assert np.sqrt(np.mean(off**2)) < 0.8 * np.sqrt(np.mean(other**2))
+    assert np.sqrt(np.mean(off**2)) < 0.92 * np.sqrt(np.mean(other**2))
     wide = 3.3 * square.std(ddof=1) / np.sqrt(len(square))
     assert square.mean() + wide > 0.75, "no wider than need be, 99.9 %"
     assert square.mean() - wide < 1.1, "nor surer than it is"

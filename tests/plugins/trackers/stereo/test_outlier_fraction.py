@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from attrs import evolve
+from drawn_flights import flown
 from hypothesis import given
 from hypothesis import strategies as st
-from off_model_flights import flown
 from opir_trackers.gating import GatedPairs
 from opir_trackers.stereo.measurement_weights import (
     FRACTIONS,
@@ -95,13 +95,13 @@ def test_before_any_ray_one_in_a_hundred_strays_and_rays_without_any_make_it_few
 
 def values_of(outliers, count=24, seed=31):
     """Return the NEES (count,) of the filter's states at six tenths of burns, and whether the state is told."""
-    truth, values = flown("SRBM", count, seed, "family"), np.full(count, np.nan)
+    truth, values = flown("SRBM", count, seed, "smooth"), np.full(count, np.nan)
     seeing = usual("SRBM")._replace(outliers=outliers, astray_rad=9e-5)
     at = truth.start_s + 0.6 * truth.burn_s
-    for tick in followed(truth, seeing, seed, at.max() + 1.0, fitted=False):
+    for tick in followed(truth, seeing, seed, at.max() + 1.0):
         due = np.flatnonzero((at > tick.time_s - 1.0) & (at <= tick.time_s))
-        row = rows_of(tick.filtered, tick.shared)[due]
-        told, here = tick.filtered.take(row[row >= 0]), due[row >= 0]
+        row = rows_of(tick.told, tick.shared)[due]
+        told, here = tick.told.take(row[row >= 0]), due[row >= 0]
         error = told.state - truth.take(here).states(tick.time_s)
         values[here] = nees(error, told.state_covariance)
     return values

@@ -1,14 +1,13 @@
-"""Target types by range: the generic classes and their ranges."""
+"""Probabilities of target types by range; the least ranges of the types are those of `boost_priors.json`."""
 
-from functools import cache
 from math import erf
 
 import numpy as np
 
-from opir_core.arrays import FloatArray, IntArray
-from opir_core.flight.boost import PROFILES_BY_TYPE, boost_profile
+from opir_core.arrays import FloatArray
 from opir_core.geometry import geodetic_to_ecef
 from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
+from opir_trackers.forecast.prior_boosts import priors
 
 _RADIUS_M = 6.371e6
 
@@ -21,19 +20,14 @@ def ranges_m(launch: FloatArray, impact: FloatArray) -> FloatArray:
     return distance
 
 
-def likeliest_types(range_m: FloatArray) -> IntArray:
-    """Return codes (n,) into `TARGET_TYPES` of the types with these ranges."""
-    order = np.argsort(_least_range_m())
-    kind: IntArray = order[np.searchsorted(_least_range_m()[order][1:], range_m, side="right")]
-    return kind
-
-
 def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
     """Return probabilities (n, 4) over `REPORTED_TYPES` for ranges with errors; UNKNOWN where the range is nan."""
-    order = np.argsort(_least_range_m())
+    least_km = priors()["least_ranges_km"]
+    order = [TARGET_TYPES.index(name) for name in least_km]
+    edges_m = [1e3 * each for each in list(least_km.values())[1:]]
     below = np.array(
         [
-            [0.5 + 0.5 * erf((edge - far) / (np.sqrt(2.0) * sigma)) for edge in _least_range_m()[order][1:]]
+            [0.5 + 0.5 * erf((edge - far) / (np.sqrt(2.0) * sigma)) for edge in edges_m]
             for far, sigma in zip(range_m.tolist(), sigma_m.tolist(), strict=True)
         ]
     ).reshape(len(range_m), len(order) - 1)
@@ -44,19 +38,3 @@ def type_probabilities(range_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
     chance[unknown] = 0.0
     chance[unknown, UNKNOWN_TYPE] = 1.0
     return chance
-
-
-@cache
-def _least_range_m() -> FloatArray:
-    """Return the least range of each type, (types,) m: 0 for the type with the shortest ranges."""
-    least = np.array([min(boost_profile(name).minimum_range_m for name in PROFILES_BY_TYPE[t]) for t in TARGET_TYPES])
-    least[least.argmin()] = 0.0
-    return least
-
-
-@cache
-def burn_s() -> FloatArray:
-    """Return the mean burn time of each type's class profiles, (types,) s."""
-    return np.array(
-        [np.mean([boost_profile(name).burn_time_s for name in PROFILES_BY_TYPE[kind]]) for kind in TARGET_TYPES]
-    )

@@ -1,27 +1,46 @@
-"""Flights that are no members of the family that `boost-profile` fits, as tables, and what sensors see of them.
+"""Drawn flights as tables, and what geostationary sensors see of them.
 
 Kinematic and notional: speed, angle from the vertical and heading by share of the burn, integrated over a sphere. Burn
-time, burnout speed and turn are drawn from the priors of the type, so that only the course between is strange.
+times, burnout speeds and turns are drawn about medians of the type; the course between is smooth, staged or tabulated.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve, frozen
-from class_flights import GEO_M, PRIORS, SLOTS_RAD, flights
-from opir_trackers.profile import fit
-from opir_trackers.profile.flight import on_ground
-from opir_trackers.profile.rows import axes_about
 
 from opir_core.constants import SPEED_OF_LIGHT_M_S
-from opir_core.estimation.lines_of_sight import LinesOfSight
+from opir_core.estimation.lines_of_sight import LinesOfSight, tangent_axes
 from opir_core.flight.conic_impact import kepler_impact
 from opir_core.flight.kepler import propagate_kepler
-from opir_core.geometry import ecef_to_eci_state, ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state
+from opir_core.geometry import (
+    ecef_to_eci_state,
+    ecef_to_geodetic,
+    eci_to_ecef,
+    eci_to_ecef_state,
+    geodetic_to_ecef,
+    local_axes,
+)
 from opir_core.interfaces.columns import Columns
+
+GEO_M = 4.2164e7
+SLOTS_RAD = (-0.4, 0.6)
 
 #: Rows of a table, evenly over the burn.
 ROWS = 2001
+
+#: Radius of the sphere over which courses are integrated, m.
+RADIUS_M = 6.371e6
+
+#: Medians and sigmas of the logarithms of burn time, s, and burnout speed, m/s; mean and sigma of the turn, degrees.
+BURNS = {
+    "SRBM": ((65.0, 0.2), (1600.0, 0.3), (48.0, 6.0)),
+    "IRBM": ((118.0, 0.2), (4000.0, 0.25), (52.0, 6.0)),
+    "ICBM": ((206.0, 0.2), (6800.0, 0.06), (64.0, 5.0)),
+}
+
+#: Of smooth courses: k of a speed like expm1(k share), exponent of the turn; of all: share of the vertical rise.
+SMOOTH = {"SRBM": (0.95, 0.85, 0.09), "IRBM": (1.45, 0.55, 0.068), "ICBM": (1.8, 0.525, 0.048)}
 
 #: Shares of the burns of stages, of the speed they add, and how much the acceleration grows within one.
 STAGES = {"SRBM": (2, (0.45, 0.55)), "IRBM": (2, (0.4, 0.6)), "ICBM": (3, (0.27, 0.35, 0.38))}
@@ -114,49 +133,75 @@ class Course(NamedTuple):
     dark: np.ndarray
 
 
+class Drawn(NamedTuple):
+    """What flights (n,) have whatever their course: starts and burns, s, burnout speed and turn, and axes at launch."""
+
+    start_s: np.ndarray
+    burn_s: np.ndarray
+    speed_m_s: np.ndarray
+    turn_rad: np.ndarray
+    lift: np.ndarray
+    launch_m: np.ndarray
+    up: np.ndarray
+    heading: np.ndarray
+    right: np.ndarray
+
+
 def flown(kind, count, seed, course):
-    """Return flights of a type far from each other; `course` is "family", "staged" or "tabulated"."""
-    truth = _spread(flights(kind, count, seed), seed)
-    family = fit.family_of(truth, PRIORS)
+    """Return flights of a type far from each other; `course` is "smooth", "staged" or "tabulated"."""
+    drawn = _drawn(kind, count, seed)
     share = np.linspace(0.0, 1.0, ROWS)
-    nothing = np.ones((count, 2, 2))
-    if course == "family":
-        row = np.repeat(np.arange(count), ROWS)
-        time_s = (family.start_s[:, None] + family.courses.burn_s[:, None] * share).ravel()
-        cuts = [slice(cut, cut + 20_000) for cut in range(0, len(row), 20_000)]
-        places = [family.places(row[cut], time_s[cut]) for cut in cuts]
-        position, velocity = (
-            np.concatenate([getattr(each, name) for each in places]).reshape(count, ROWS, 3)
-            for name in ("position_m", "velocity_m_s")
-        )
-        return Flown(family.start_s, family.courses.burn_s, position, velocity, nothing)
-    rng = np.random.default_rng(7000 + seed)
-    drawn = (_staged if course == "staged" else _tabulated)(kind, family, share, rng)
-    return Flown(family.start_s, family.courses.burn_s, *_integrated(family, drawn), drawn.dark)
+    way = {"smooth": _smooth, "staged": _staged, "tabulated": _tabulated}[course]
+    path = way(kind, drawn, share, np.random.default_rng(7000 + seed))
+    return Flown(drawn.start_s, drawn.burn_s, *_integrated(drawn, path), path.dark)
 
 
-def _spread(truth, seed):
-    """Return flights on a jittered grid over what both sensors see, hundreds of kilometres apart."""
-    count, rng = len(truth), np.random.default_rng(3000 + seed)
+def _drawn(kind, count, seed):
+    """Return flights from a jittered grid over what both sensors see, hundreds of kilometres apart."""
+    rng, (burn, speed, turn) = np.random.default_rng(3000 + seed), BURNS[kind]
     columns = int(np.ceil(np.sqrt(0.6 * count)))
     rows = int(np.ceil(count / columns))
     cell = np.arange(count)
     jitter = rng.uniform(-0.25, 0.25, (2, count))
-    return evolve(
-        truth,
-        anchor_latitude_rad=-0.85 + 1.7 * ((cell // columns + 0.5 + jitter[0]) / rows),
-        anchor_longitude_rad=-0.35 + 0.9 * ((cell % columns + 0.5 + jitter[1]) / columns),
-        anchor_s=rng.uniform(3.0, 6.0, count),
+    latitude = -0.85 + 1.7 * ((cell // columns + 0.5 + jitter[0]) / rows)
+    longitude = -0.35 + 0.9 * ((cell % columns + 0.5 + jitter[1]) / columns)
+    launch = geodetic_to_ecef(latitude, longitude, 0.0)
+    axes, azimuth = local_axes(launch), rng.uniform(0.0, 2.0 * np.pi, count)[:, None]
+    heading = np.sin(azimuth) * axes[:, 0] + np.cos(azimuth) * axes[:, 1]
+    return Drawn(
+        start_s=rng.uniform(3.0, 6.0, count),
+        burn_s=burn[0] * np.exp(burn[1] * rng.normal(size=count)),
+        speed_m_s=speed[0] * np.exp(speed[1] * rng.normal(size=count)),
+        turn_rad=np.radians(turn[0] + turn[1] * rng.normal(size=count)),
+        lift=np.full(count, SMOOTH[kind][2]),
+        launch_m=launch,
+        up=axes[:, 2],
+        heading=heading,
+        right=np.cross(heading, axes[:, 2]),
     )
 
 
-def _staged(kind, family, share, rng):
+def _smooth(kind, drawn, share, rng):
+    """Return courses without stages, whose acceleration grows and whose turn slows."""
+    count, (growth, exponent, _) = len(drawn.start_s), SMOOTH[kind]
+    growth = growth * np.exp(0.2 * rng.normal(size=(count, 1)))
+    u = _since_lift(drawn, share)
+    lean = drawn.turn_rad[:, None] * u ** (exponent * np.exp(0.15 * rng.normal(size=(count, 1))))
+    pace = np.expm1(growth * share) / np.expm1(growth)
+    return Course(pace, lean, np.zeros_like(pace), np.ones((count, 2, 2)))
+
+
+def _since_lift(drawn, share):
+    return np.maximum((share - drawn.lift[:, None]) / (1.0 - drawn.lift[:, None]), 0.0)
+
+
+def _staged(kind, drawn, share, rng):
     """Return courses of stages with a short gap between them, whose acceleration grows within each."""
-    count, (stages, gains) = len(family.start_s), STAGES[kind]
+    count, (stages, gains) = len(drawn.start_s), STAGES[kind]
     burns = rng.dirichlet(EVENNESS * np.ones(stages) / stages, count)
     gains = rng.dirichlet(EVENNESS * np.array(gains), count)
     ends = np.concatenate([np.zeros((count, 1)), np.cumsum(burns, axis=1)], axis=1)
-    gap = rng.uniform(*GAP_S, (count, stages)) / family.courses.burn_s[:, None]
+    gap = rng.uniform(*GAP_S, (count, stages)) / drawn.burn_s[:, None]
     growth = rng.uniform(*GROWTH, (count, stages))
     pace, dark = np.zeros((count, len(share))), np.ones((count, 2, 2))
     for stage in range(stages):
@@ -169,37 +214,36 @@ def _staged(kind, family, share, rng):
         mass = rate / (1.0 + rate)
         pace += gains[:, stage, None] * np.log1p(-mass * s) / np.log1p(-mass)
     bend = rng.uniform(0.5, 2.5, (count, 1))
-    u = np.maximum((share - family.courses.lift[:, None]) / (1.0 - family.courses.lift[:, None]), 0.0)
-    lean = family.courses.turn_rad[:, None] * np.expm1(-bend * u) / np.expm1(-bend)
+    u = _since_lift(drawn, share)
+    lean = drawn.turn_rad[:, None] * np.expm1(-bend * u) / np.expm1(-bend)
     return Course(pace, lean, np.zeros_like(pace), dark)
 
 
-def _tabulated(kind, family, share, rng):
-    """Return courses that no formula of the family comes near: thrust that sags, a turn that overshoots, a swerve."""
-    count = len(family.start_s)
+def _tabulated(kind, drawn, share, rng):
+    """Return courses that no formula comes near: thrust that sags, a turn that overshoots, a swerve."""
+    count = len(drawn.start_s)
     sag = rng.uniform(0.1, 0.25, (count, 1))
     pace = share**1.3 + sag * np.sin(2.0 * np.pi * share) * share / (2.0 * np.pi)
-    u = np.maximum((share - family.courses.lift[:, None]) / (1.0 - family.courses.lift[:, None]), 0.0)
+    u = _since_lift(drawn, share)
     over = rng.uniform(0.05, 0.15, (count, 1))
-    lean = family.courses.turn_rad[:, None] * (np.sin(0.5 * np.pi * u**0.8) + over * np.sin(np.pi * u) ** 2)
+    lean = drawn.turn_rad[:, None] * (np.sin(0.5 * np.pi * u**0.8) + over * np.sin(np.pi * u) ** 2)
     swerve = np.radians(rng.normal(scale=6.0, size=(count, 1))) * 0.5 * (1.0 - np.cos(np.pi * u))
     return Course(pace / pace[:, -1:], lean, swerve, np.ones((count, 2, 2)))
 
 
-def _integrated(family, course):
+def _integrated(drawn, course):
     """Return ECEF positions and velocities (n, rows, 3) of courses."""
-    step = (family.courses.burn_s / (ROWS - 1))[:, None]
-    speed = family.courses.speed_m_s[:, None] * course.pace
+    step = (drawn.burn_s / (ROWS - 1))[:, None]
+    speed = drawn.speed_m_s[:, None] * course.pace
     level = speed * np.sin(course.lean_rad)
     height = _summed(speed * np.cos(course.lean_rad), step)
-    radius = family.radius_m[:, None]
-    swept = _summed(level * np.cos(course.swerve_rad) / (radius + height), step)
+    swept = _summed(level * np.cos(course.swerve_rad) / (RADIUS_M + height), step)
     aside = _summed(level * np.sin(course.swerve_rad), step)
-    up, heading, right = (each[:, None] for each in (family.up, family.heading, family.right))
+    up, heading, right = (each[:, None] for each in (drawn.up, drawn.heading, drawn.right))
     sine, cosine = np.sin(swept)[..., None], np.cos(swept)[..., None]
     outward, onward = cosine * up + sine * heading, cosine * heading - sine * up
-    there = family.site.launch_m[:, None] - family.radius_m[:, None, None] * up
-    position = there + (radius + height)[..., None] * outward + aside[..., None] * right
+    there = drawn.launch_m[:, None] - RADIUS_M * up
+    position = there + (RADIUS_M + height)[..., None] * outward + aside[..., None] * right
     velocity = (speed * np.cos(course.lean_rad))[..., None] * outward
     velocity = velocity + level[..., None] * (
         np.cos(course.swerve_rad)[..., None] * onward + np.sin(course.swerve_rad)[..., None] * right
@@ -263,7 +307,7 @@ def seen(truth, seeing, seed, sensors=2):
             line / np.linalg.norm(line, axis=1)[:, None],
             np.full(len(whose), seeing.sigma_rad),
         )
-        axes = axes_about(rays)
+        axes = tangent_axes(rays.direction_ecef)
         turned = rays.direction_ecef + stray[:, :1] * axes[:, 0] + stray[:, 1:] * axes[:, 1]
         parts.append(evolve(rays, direction_ecef=turned / np.linalg.norm(turned, axis=1)[:, None]))
         owners.append(np.where(wrong, -1, whose))
@@ -274,4 +318,6 @@ def seen(truth, seeing, seed, sensors=2):
 
 def away_from(told, truth):
     """Return by how much places on the ground (n, 3) differ from true ones (n, 2), m east and north."""
-    return on_ground(truth, told)[:, :2]
+    there = geodetic_to_ecef(truth[:, 0], truth[:, 1], 0.0)
+    gap = geodetic_to_ecef(told[:, 0], told[:, 1], 0.0) - there
+    return np.einsum("nij,nj->ni", local_axes(there)[:, :2], gap)

@@ -1,1 +1,0 @@
-"""The tracker `boost-profile`: profiles of classes fitted to the looks of each track."""
