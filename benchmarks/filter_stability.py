@@ -15,9 +15,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from ill_conditioned_filters import Sample, an_hour, cases, samples
 
-PAGE = """# Numerical stability of the stereo filter
+PAGE = """# Numerical stability of `imm`
 
-Does the square-root filter of `stereo-filter` lose precision in ill-conditioned cases?
+Does the square-root filter of `imm` lose precision in ill-conditioned cases?
 
 No: the largest relative error of a covariance is {worst:.1e}, and rounding adds at most {drift:.1e} to the NEES. Every
 covariance is symmetric and positive definite.

@@ -1,6 +1,6 @@
-"""Consistency of the stereo filter in whole scenes: states, launches and impacts, clear, under clouds and with biases.
+"""Consistency of `imm` in whole scenes: states, launches and impacts, clear, under clouds and with biases.
 
-python benchmarks/stereo_honesty.py [--runs 20] [--only clear] [--set key=value] [--write docs/benchmarks]
+python benchmarks/imm_consistency.py [--runs 20] [--only clear] [--set key=value] [--write docs/benchmarks]
 """
 
 import argparse
@@ -36,9 +36,9 @@ HEAD = (
     " | impact in ellipse | NEES | median error, km | launch time, s |"
 )
 
-PAGE = """# Consistency of the stereo filter
+PAGE = """# Consistency of `imm`
 
-Are the covariances of `stereo-filter` consistent in whole scenes? Conservative: every mean NEES is below 1,
+Are the covariances of `imm` consistent in whole scenes? Conservative: every mean NEES is below 1,
 and the 95 % ellipses contain at least 95 % of the truths.
 
 {table}
@@ -47,7 +47,7 @@ and the 95 % ellipses contain at least 95 % of the truths.
 interval of the mean over targets: 1 is consistent, above 1 is overconfident. *In ellipse*: share of truths inside the
 95 % ellipse, with its 95 % interval. *Position*, *velocity*: RMSE. *Launch time*: median error.
 
-**Scenes** (`benchmarks/stereo_honesty.py`). Ten distant SRBMs and IRBMs a run with random ranges and azimuths, two
+**Scenes** (`benchmarks/imm_consistency.py`). Ten distant SRBMs and IRBMs a run with random ranges and azimuths, two
 SBIRS-GEO (10 looks a second each, P_d 0.6 and 0.72), unknown association. States count every second from 20 s after
 the first detection to burnout, launches and impacts by each track's last estimate.
 
@@ -82,7 +82,7 @@ def scene_of(seed: int, case: str, tracker: Mapping[str, Any]) -> Any:
             "seed": 100 + seed,
             "sensors": sensors,
             "targets": [_target(number, rng) for number in range(LAUNCHES)],
-            "tracker": {"model": "stereo-filter", **tracker},
+            "tracker": {"model": "imm", **tracker},
             **more,
         }
     )
@@ -161,7 +161,7 @@ def main() -> None:
         print(rows[-1], flush=True)
     if chosen.write:
         page = PAGE.format(runs=chosen.runs, table="\n".join(rows))
-        (chosen.write / "stereo_honesty.md").write_text(page, encoding="utf-8")
+        (chosen.write / "imm_consistency.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

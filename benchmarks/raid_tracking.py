@@ -23,8 +23,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import yaml
 from attrs import evolve
-from opir_trackers.configs import StereoFilterConfig
-from opir_trackers.stereo.tracker import stereo_filter
+from opir_trackers.configs import ImmConfig
+from opir_trackers.imm.tracker import imm_tracker
 
 import opir_core as opir
 from opir_core.estimation.lines_of_sight import tangent_axes
@@ -39,7 +39,7 @@ EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "raid_100.yaml"
 
 PAGE = """# Tracking a raid
 
-Does `stereo-filter` track a raid, and how fast? It tracks at least {least} of 100 targets, with {false_tracks} false
+Does `imm` track a raid, and how fast? It tracks at least {least} of 100 targets, with {false_tracks} false
 tracks in {runs} runs, {slow:.0f} to {fast:.0f} times faster than real time.
 
 {table}
@@ -106,7 +106,7 @@ def outcome(seed: int, duration_s: int, mean: float, settings: dict[str, Any]) -
     run = opir.simulate(plan.scene)
     detections, target = with_false_alarms(plan, run.detections, run.truth.target, mean, seed)
     context = TrackerContext(sensors=plan.sensors, epoch_us=0, duration_s=float(duration_s))
-    tracker = stereo_filter(StereoFilterConfig(**settings), context)
+    tracker = imm_tracker(ImmConfig(**settings), context)
     label, before, taken, last = np.full(len(detections), -1), 0, 0.0, None
     for tick in range(1, duration_s + 1):
         cut = int(np.searchsorted(detections.time_ns, tick * 1_000_000_000))

@@ -57,7 +57,7 @@ seed: 5
 sensors:
   - constellation: DSP
   - constellation: SBIRS-GEO
-tracker: stereo-filter
+tracker: imm
 targets:
   - id: T1
     type: ICBM

@@ -13,14 +13,14 @@ SENSORS = "sensors=[{constellation: SBIRS-GEO}]"
 TRACKERS = {
     "kepler-arc": ("kepler-arc", RED, "-"),
     "{model: kepler-arc, memory_s: 5}": ("kepler-arc, memory 5 s", ORANGE, "--"),
-    "stereo-filter": ("stereo-filter", BLUE, "-."),
+    "imm": ("imm", BLUE, "-."),
 }
 
 PAGE = """# Comparison of trackers on one scene
 
 Which tracker is how accurate, how consistent and how fast?
 
-* `stereo-filter` is the more accurate, and consistent to slightly conservative.
+* `imm` is the more accurate, and consistent to slightly conservative.
 * `kepler-arc`, the paper's tracker, has errors that grow during the burn, and covariances that do not show them.
 
 ![Position and velocity RMSE, error over the bound, and NEES, by time since ignition](comparing-trackers.svg)
@@ -52,7 +52,7 @@ opir compare {scene} --set "{sensors}" \\
   σ₀ exp(−k n/N) contains the impact: it depends on the number of detections, not on the error.
 * **kepler-arc with `memory_s: 5`** fits the last seconds and is not the paper's tracker. It does not diverge, but lags
   an accelerating target by about the acceleration times the memory. Its covariance does not include that lag.
-* **stereo-filter** has the specific force in its state and does not lag. It assumes a boost about along the velocity
+* **imm** has the specific force in its state and does not lag. It assumes a boost about along the velocity
   that grows slowly, for every class. So it may be below the bound *with the thrust unknown*, which allows any force;
   with `boost_model: jerk` it reaches that bound. Its impact regions include what the target may still burn, which lines
   of sight do not measure: so they are large in the burn, and shrink at burnout.

@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from opir_trackers.stereo.report import earth_fixed
+from opir_trackers.imm.report import earth_fixed
 from opir_trackers.triangulation import triangulated
 
 from opir_core.arrays import FloatArray, IntArray

@@ -1,4 +1,4 @@
-"""Tracking: run time against error over the bound, for the stereo filter at several cadences, Stone Soup and FilterPy.
+"""Tracking: run time against error over the bound, for `imm` at several cadences, Stone Soup and FilterPy.
 
     python benchmarks/work_precision/tracking.py [--runs 100] [--peer-runs 4] [--raid-seconds 20] [--write FOLDER]
     python benchmarks/work_precision/tracking.py --from-csv docs/benchmarks/tracking.csv
@@ -21,10 +21,10 @@ import numpy as np
 import tracking_peers as peers
 import tracking_scene
 from attrs import evolve
-from opir_trackers.configs import StereoFilterConfig
-from opir_trackers.stereo.histories import Histories
-from opir_trackers.stereo.track_management import TrackTable
-from opir_trackers.stereo.tracking import StereoTracking, TrackerState
+from opir_trackers.configs import ImmConfig
+from opir_trackers.imm.histories import Histories
+from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.imm.tracking import ImmTracking, TrackerState
 from tracking_page import (
     Line,
     RaidLines,
@@ -45,7 +45,7 @@ CUTOFF_M = 5000.0
 
 
 def coasted(case: Problem, cadence_s: float, burning: float = 0.0) -> tuple[np.ndarray, float]:
-    """Return the stereo filter's positions at the end, association known, and the seconds taken."""
+    """Return `imm`'s positions at the end, association known, and the seconds taken."""
     filter_ = coasting_filter()
     if burning:
         filter_ = evolve(filter_, boost_s=150.0, coast_s=1000.0)
@@ -94,15 +94,15 @@ def single_lines(case: Problem, peer_runs: int) -> Iterator[Line]:
 
     for cadence in CADENCES_S:
         yield Line(
-            f"stereo-filter, coast, {cadence:g} s",
+            f"imm, coast, {cadence:g} s",
             micro(cadence),
             rmse_m(coasted(case, cadence)[0], case) / bound,
             len(case.start),
         )
     both = rmse_m(coasted(case, 1.0, 0.5)[0], case) / bound
-    yield Line("stereo-filter, boost and coast, 1 s", micro(1.0, 0.5), both, len(case.start))
+    yield Line("imm, boost and coast, 1 s", micro(1.0, 0.5), both, len(case.start))
     few = part_of(case, peer_runs)
-    yield Line("stereo-filter, coast, 1 s, same runs", micro(1.0), rmse_m(coasted(few, 1.0)[0], few) / bound, peer_runs)
+    yield Line("imm, coast, 1 s, same runs", micro(1.0), rmse_m(coasted(few, 1.0)[0], few) / bound, peer_runs)
     ways: dict[str, Callable[[Problem], tuple[np.ndarray, float]]] = {
         "FilterPy EKF, two-body": peers.filterpy_filter,
         "Stone Soup EKF, two-body": lambda one: peers.stone_soup_filter(one, False),
@@ -115,13 +115,13 @@ def single_lines(case: Problem, peer_runs: int) -> Iterator[Line]:
 
 
 def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, np.ndarray]], float]:
-    """Return the stereo filter's positions at the end of each slice, association unknown, and the seconds taken."""
+    """Return `imm`'s positions at the end of each slice, association unknown, and the seconds taken."""
     sensors = tuple(stub_sensor(name, slot, detection_probability={"ICBM": CHANCE}) for name, slot in _SLOTS)
-    config = StereoFilterConfig(motion="coast", coast_noise_m_s=0.0, false_alarms_per_sr=_density(case), **settings)
+    config = ImmConfig(motion="coast", coast_noise_m_s=0.0, false_alarms_per_sr=_density(case), **settings)
     context = TrackerContext(
         sensors=sensors, epoch_us=0, duration_s=float(case.seconds), forces="kepler", light_time=False
     )
-    tracking = StereoTracking.of(config, context)
+    tracking = ImmTracking.of(config, context)
     slice_s, now, told, before, taken = config.slice_s, begun(tracking, case), [], 0, 0.0
     for number in range(1, round(case.seconds / slice_s) + 1):
         end = number * slice_s
@@ -135,7 +135,7 @@ def tracked(case: Problem, **settings: float | str) -> tuple[list[tuple[float, n
     return told, taken
 
 
-def begun(tracking: StereoTracking, case: Problem) -> TrackerState:
+def begun(tracking: ImmTracking, case: Problem) -> TrackerState:
     """Return the situation at time 0: a track a target, begun with its noisy truth."""
     number, bank = np.arange(len(case.prior)), first_bank(case.prior)
     roster = TrackTable.fresh(number, 0.0, len(_SLOTS))
@@ -161,7 +161,7 @@ def mean_gospa_m(case: Problem, told: list[tuple[float, np.ndarray]]) -> float:
 
 
 def followed_known(case: Problem) -> list[tuple[float, np.ndarray]]:
-    """Return the stereo filter's positions at the end of each second, association known."""
+    """Return `imm`'s positions at the end of each second, association known."""
     filter_, bank, told, before = coasting_filter(), first_bank(case.prior), [], 0
     mine = np.flatnonzero(case.target >= 0)
     everything = known_sights(case.rays.take(mine), case.target[mine])
@@ -188,9 +188,7 @@ def raid_lines(case: Problem, first: bool, joint_peer: bool) -> Iterator[tuple[s
     ]
     for way in ways:
         told, taken = tracked(case, **way)
-        name = (
-            f"stereo-filter, {way['association']}, slices of {way['slice_s']} s, assigned anew {way['settling']} times"
-        )
+        name = f"imm, {way['association']}, slices of {way['slice_s']} s, assigned anew {way['settling']} times"
         yield name, 1e3 * taken / frames, mean_gospa_m(case, told)
     if not first:
         return

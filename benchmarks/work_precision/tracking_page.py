@@ -27,7 +27,7 @@ __all__ = ["Line", "RaidLines", "raid_rows", "single_rows", "write_csv", "write_
 
 PAGE = """# Tracking: run time against error
 
-What does `stereo-filter` cost, and what does it reach, compared with Stone Soup and FilterPy on the same detections?
+What does `imm` cost, and what does it reach, compared with Stone Soup and FilterPy on the same detections?
 
 On one target it reaches the Cramér–Rao bound, {single_faster} times faster than Stone Soup's EKF at 1 s. On a hundred
 targets with clutter it is {raid_faster} to {spread_faster} times faster than Stone Soup's GNN, at a comparable GOSPA.
@@ -48,7 +48,7 @@ the first {peer_runs} runs only, and so has the line "same runs". The bound for 
 
 P_d 0.9, 20 clutter points a frame, 20 frames a second, {raid_duration} s; targets spread over 2000 km or within 100 km
 (raid). GOSPA (c = 5 km, p = 2, alpha = 2) per target over the last half: median of {seeds} seeds [least, largest]; for
-Stone Soup the first seed. *Known*: the stereo filter with the true association. The tracker's constants were tuned on
+Stone Soup the first seed. *Known*: `imm` with the true association. The tracker's constants were tuned on
 seeds 0 to 15. Slices of 1 s with two reassignments (`slice_s`, `settling`):
 
 {raid}
@@ -139,9 +139,7 @@ def write_page(source: Path) -> None:
     joint = [row for row in raid if row["tracker"] == SHOWN[-1]]
     runs = int(single[0]["runs"])
     page = PAGE.format(
-        single_faster=next(row for row in single if row["tracker"] == "stereo-filter, coast, 1 s")[
-            "speed_over_stone_soup"
-        ],
+        single_faster=next(row for row in single if row["tracker"] == "imm, coast, 1 s")["speed_over_stone_soup"],
         spread_faster=joint[0]["speed_over_stone_soup"],
         raid_faster=joint[-1]["speed_over_stone_soup"],
         duration=single[0]["duration_s"],
@@ -175,7 +173,7 @@ def write_page(source: Path) -> None:
                     _spread(row),
                 )
                 for row in raid
-                if not row["tracker"].startswith("stereo-filter") or row["tracker"] in SHOWN
+                if not row["tracker"].startswith("imm") or row["tracker"] in SHOWN
             ],
         ),
     )
@@ -184,7 +182,7 @@ def write_page(source: Path) -> None:
 
 
 #: Ways of association that the short table has.
-SHOWN = tuple(f"stereo-filter, {way}, slices of 1.0 s, assigned anew 2 times" for way in ("nearest", "joint"))
+SHOWN = tuple(f"imm, {way}, slices of 1.0 s, assigned anew 2 times" for way in ("nearest", "joint"))
 
 
 def _spread(row: Row) -> str:
@@ -198,11 +196,11 @@ MARKS = (
     ("UKF", "v", ORANGE, "Stone Soup UKF"),
     ("JPDA", "P", ORANGE, "Stone Soup EKF, JPDA"),
     ("Stone Soup", "^", ORANGE, "Stone Soup EKF (GNN)"),
-    ("boost and coast", "s", SKY, "stereo-filter, boost and coast"),
-    ("same runs", "D", PURPLE, "stereo-filter, the peers' runs"),
-    ("joint", "s", GREEN, "stereo-filter, joint"),
-    ("nearest", "o", BLUE, "stereo-filter, nearest"),
-    ("", "o", BLUE, "stereo-filter, coast"),
+    ("boost and coast", "s", SKY, "imm, boost and coast"),
+    ("same runs", "D", PURPLE, "imm, the peers' runs"),
+    ("joint", "s", GREEN, "imm, joint"),
+    ("nearest", "o", BLUE, "imm, nearest"),
+    ("", "o", BLUE, "imm, coast"),
 )
 
 

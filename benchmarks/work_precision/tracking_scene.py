@@ -59,10 +59,10 @@ SCENE = {
 TRACKERS = {
     "kepler-arc, 1 s": {"model": "kepler-arc"},
     "kepler-arc, memory 5 s, 1 s": {"model": "kepler-arc", "memory_s": 5.0},
-    "stereo-filter, 0.2 s": {"model": "stereo-filter", "cadence_s": 0.2},
-    "stereo-filter, 1 s": {"model": "stereo-filter"},
-    "stereo-filter, 5 s": {"model": "stereo-filter", "cadence_s": 5.0, "slice_s": 5.0},
-    "stereo-filter, jerk, 1 s": {"model": "stereo-filter", "boost_model": "jerk"},
+    "imm, 0.2 s": {"model": "imm", "cadence_s": 0.2},
+    "imm, 1 s": {"model": "imm"},
+    "imm, 5 s": {"model": "imm", "cadence_s": 5.0, "slice_s": 5.0},
+    "imm, jerk, 1 s": {"model": "imm", "boost_model": "jerk"},
     "Stone Soup EKF, acceleration, 1 s": {"model": "stonesoup"},
     "Stone Soup EKF, jerk, 1 s": {"model": "stonesoup", "motion": "jerk", "noise": 0.3},
     "Stone Soup UKF, jerk, 1 s": {"model": "stonesoup", "filter": "ukf", "motion": "jerk", "noise": 0.3},
@@ -97,7 +97,7 @@ def tracker_of(plan: Plan, name: str) -> Tracker:
 
 def line_of(name: str, runs: int) -> Line:
     """Return what a tracker took and reached over runs."""
-    scene = scene_from_mapping({**SCENE, "tracker": TRACKERS[name] or "stereo-filter"})
+    scene = scene_from_mapping({**SCENE, "tracker": TRACKERS[name] or "imm"})
     errors, seconds, detections, updates = [], 0.0, 0, 0
     for number in range(runs):
         plan = compile_plan(evolve(scene, seed=scene.seed + number))
@@ -129,7 +129,7 @@ def ratios(error: np.ndarray, known: np.ndarray, unknown: np.ndarray, run: np.nd
 def lines(runs: int) -> Iterator[Line]:
     """Yield a line for each tracker; what is imported at its first use is not counted."""
     for name in TRACKERS:
-        warm = scene_from_mapping({**SCENE, "duration_s": 8.0, "tracker": TRACKERS[name] or "stereo-filter"})
+        warm = scene_from_mapping({**SCENE, "duration_s": 8.0, "tracker": TRACKERS[name] or "imm"})
         plan = compile_plan(warm)
         run_of_plan(evolve(plan, make_tracker=partial(tracker_of, plan, name)))
         yield line_of(name, runs)

@@ -24,7 +24,7 @@ PAGE = """# Tracking: every tracker on one scene
 
 How accurate and how fast are opir's trackers and their peers on the same detections of one boosting ICBM?
 
-stereo-filter at 1 s is {faster} times faster than Stone Soup's EKF at about the same error; kepler-arc is far from the
+imm at 1 s is {faster} times faster than Stone Soup's EKF at about the same error; kepler-arc is far from the
 bound.
 
 ![Time per detection against RMSE over the bound with the thrust unknown](tracking_scene.svg)
@@ -37,9 +37,9 @@ Position and velocity are RMSE over the Cramér–Rao bound, from {start} s afte
 runs: *known* with the thrust known, *unknown* with specific force and jerk in the state
 ([bounds](../how-to/score-tracks.md)). A tracker below 1 of the second uses more than lines of sight.
 
-* kepler-arc and stereo-filter share one data association; Stone Soup's trackers have their own.
+* kepler-arc and imm share one data association; Stone Soup's trackers have their own.
   FilterPy's filter gets the true association.
-* kepler-arc assumes a Keplerian arc, which a thrusting target does not fly. stereo-filter assumes a boost
+* kepler-arc assumes a Keplerian arc, which a thrusting target does not fly. imm assumes a boost
   about along the velocity; with `jerk`, any force.
 
 [tracking_scene.csv](tracking_scene.csv) has all figures.
@@ -68,7 +68,7 @@ def write_page(source: Path) -> None:
     first, runs = rows[0], int(rows[0]["runs"])
     page = PAGE.format(
         table=markdown_table(HEAD, [cells(row) for row in rows]),
-        faster=next(row["speed_over_stone_soup"] for row in rows if row["tracker"] == "stereo-filter, 1 s"),
+        faster=next(row["speed_over_stone_soup"] for row in rows if row["tracker"] == "imm, 1 s"),
         detections=first["detections"],
         runs=runs,
         duration=first["duration_s"],
@@ -96,7 +96,7 @@ def cells(row: Row) -> tuple[str, ...]:
 #: What a line's name begins with, its colour and its markers.
 MARKS = {
     "kepler-arc": (RED, "ov"),
-    "stereo-filter": (BLUE, "os^D"),
+    "imm": (BLUE, "os^D"),
     "Stone Soup EKF": (ORANGE, "os"),
     "Stone Soup UKF": (PURPLE, "D"),
     "FilterPy": (SKY, "X"),

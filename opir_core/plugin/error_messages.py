@@ -30,7 +30,7 @@ PACKAGES: Mapping[str, Sequence[str]] = {
     "opir-nextgen": ("constellations.NEXTGEN-GEO", "sensor_models.NEXTGEN-GEO"),
     "opir-sbirs": ("constellations.SBIRS-GEO", "sensor_models.SBIRS-GEO"),
     "opir-stonesoup": ("trackers.stonesoup",),
-    "opir-trackers": ("trackers.kepler-arc", "trackers.stereo-filter"),
+    "opir-trackers": ("trackers.imm", "trackers.kepler-arc"),
 }
 
 #: Every name that is claimed under a hook, with its owners.

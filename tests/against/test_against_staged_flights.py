@@ -1,4 +1,4 @@
-"""`stereo-filter`, which knows no family of boosts, against flights with stages and gaps between them."""
+"""`imm`, which knows no family of boosts, against flights with stages and gaps between them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""One mode of the stereo filter equals Stone Soup's extended Kalman filter (MIT licence), look by look, to rounding.
+"""One mode of `imm` equals Stone Soup's extended Kalman filter (MIT licence), look by look, to rounding.
 
 Both get the same motion (a constant jerk driven by white noise, without gravity), the same projection of a point onto
 the plane across a line of sight, and the same looks, one a slice.

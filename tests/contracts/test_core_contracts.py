@@ -218,8 +218,8 @@ class TestBolides(SourceContract):
     settings: ClassVar[Mapping[str, Any]] = {"field": {"region": REGION, "per_million_km2": 3.0}}
 
 
-class TestStereoFilter(TrackerContract):
-    name = "stereo-filter"
+class TestImm(TrackerContract):
+    name = "imm"
     settings: ClassVar[Mapping[str, Any]] = {"cadence_s": 5.0}
 
     @classmethod

@@ -154,7 +154,7 @@ def test_a_command_that_is_none_is_told_all_that_are(capsys: pytest.CaptureFixtu
     [
         (("serve", "scene.yaml"), "opir-http"),
         ((*RUN, "--sink", "kafka"), "opir-kafka"),
-        ((*RUN, "--tracker", "stereo-filter"), "opir-trackers"),
+        ((*RUN, "--tracker", "imm"), "opir-trackers"),
         (("describe", "SBIRS-GEO"), "opir-sbirs"),
     ],
 )

@@ -18,7 +18,7 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 @pytest.fixture(scope="module")
 def stand(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stand]:
-    words = ("--speed", "5", "--tracker", "stereo-filter")
+    words = ("--speed", "5", "--tracker", "imm")
     with serving(tmp_path_factory.mktemp("page"), *words) as running:
         yield running
 

@@ -1,4 +1,4 @@
-"""The tracker `stereo-filter` in whole runs: it follows what there is, whatever the slicing, and says how surely."""
+"""The tracker `imm` in whole runs: it follows what there is, whatever the slicing, and says how surely."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -34,7 +34,7 @@ SCENE: Mapping[str, Any] = {
             "aim": {"lat_deg": -25.0, "lon_deg": -155.0},
         },
     ],
-    "tracker": "stereo-filter",
+    "tracker": "imm",
 }
 
 
@@ -60,7 +60,7 @@ def test_window_sizes_change_no_bit(whole: tuple[Tracks, np.ndarray], window_s: 
 
 @pytest.mark.parametrize("tracker", [{}, {"association": "joint", "slice_s": 0.2}])
 def test_each_target_has_one_track_near_the_truth(tracker: Mapping[str, Any]) -> None:
-    run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", **tracker}}))
+    run = opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", **tracker}}))
     assert len(np.unique(run.tracks.track)) == 2
     labelled = run.detections.track >= 0
     for number in np.unique(run.tracks.track):
@@ -92,7 +92,7 @@ def test_one_sensor_alone_is_honest_about_the_depth() -> None:
     assert np.sqrt(np.linalg.eigvalsh(covariance)[:, 2]).min() > 1000.0
 
 
-TRACKERS = ("stereo-filter", "kepler-arc")
+TRACKERS = ("imm", "kepler-arc")
 
 
 @pytest.mark.parametrize("model", TRACKERS)
@@ -114,7 +114,7 @@ def test_more_scans_than_are_kept_are_told_with_their_place(model: str) -> None:
 
 def test_bad_settings_are_told_with_their_place() -> None:
     with pytest.raises(opir.SceneError, match=r"tracker\.association"):
-        opir.scene_from_mapping({**SCENE, "tracker": {"model": "stereo-filter", "association": "joined"}})
+        opir.scene_from_mapping({**SCENE, "tracker": {"model": "imm", "association": "joined"}})
 
 
 @pytest.mark.filterwarnings("error")
@@ -129,7 +129,7 @@ def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_mo
         "duration_s": 400,
         "sensors": [{**scanner, "id": name, "orbital_slot_deg": slot_deg} for name, slot_deg in slots.items()],
         "targets": [target],
-        "tracker": {"model": "stereo-filter", "boost_model": boost_model},
+        "tracker": {"model": "imm", "boost_model": boost_model},
     }
     plan = compile_plan(opir.scene_from_mapping({**SCENE, **changes}))
     tracks = run_of_plan(plan).tracks
@@ -142,7 +142,7 @@ def test_what_is_known_of_a_dark_flight_stays_known_until_it_comes_down(boost_mo
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc"])
+@pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 @pytest.mark.parametrize("sigma_urad", [0.0, 0.001])
 def test_sensors_without_error_are_followed_as_any(tracker: str, sigma_urad: float) -> None:
     slots = {"A": -135.0, "B": -90.0}

@@ -56,10 +56,10 @@ def targets(draw: st.DrawFn) -> list[dict[str, Any]]:
 
 TRACKERS: list[Any] = [
     "kepler-arc",
-    "stereo-filter",
-    {"model": "stereo-filter", "association": "joint"},
-    {"model": "stereo-filter", "boost_model": "jerk", "cadence_s": 3.0},
-    {"model": "stereo-filter", "needed_scans": 2, "late_s": 5.0},
+    "imm",
+    {"model": "imm", "association": "joint"},
+    {"model": "imm", "boost_model": "jerk", "cadence_s": 3.0},
+    {"model": "imm", "needed_scans": 2, "late_s": 5.0},
 ]
 
 

@@ -49,7 +49,7 @@ def test_a_mutant_is_told_with_its_line_before_and_after() -> None:
         ("opir_core/flight/tables/csv.py", "tests/core/flight"),
         ("opir_core/arrays.py", None),
         ("plugins/opir_trackers/opir_trackers/gating.py", "tests/plugins/trackers"),
-        ("plugins/opir_trackers/opir_trackers/stereo/histories.py", "tests/plugins/trackers/stereo"),
+        ("plugins/opir_trackers/opir_trackers/imm/histories.py", "tests/plugins/trackers/imm"),
         ("plugins/opir_dsp/opir_dsp/plugin.py", None),
     ],
 )

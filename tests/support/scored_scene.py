@@ -1,4 +1,4 @@
-"""A scene whose tracks are scored: one ICBM, seen by two SBIRS-GEO, followed by the stereo filter."""
+"""A scene whose tracks are scored: one ICBM, seen by two SBIRS-GEO, followed by `imm`."""
 
 SCENE = {
     "scene": "score",
@@ -17,5 +17,5 @@ SCENE = {
             "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
         }
     ],
-    "tracker": "stereo-filter",
+    "tracker": "imm",
 }

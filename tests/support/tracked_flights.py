@@ -1,12 +1,12 @@
-"""The whole tracker `stereo-filter` on many drawn flights at once: association, initiation, filter and impacts."""
+"""The whole tracker `imm` on many drawn flights at once: association, initiation, filter and impacts."""
 
 from typing import NamedTuple
 
 import numpy as np
 from attrs import evolve
 from drawn_flights import SLOTS_RAD, Seeing, seen
-from opir_trackers.configs import StereoFilterConfig
-from opir_trackers.stereo.tracker import stereo_filter
+from opir_trackers.configs import ImmConfig
+from opir_trackers.imm.tracker import imm_tracker
 
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
@@ -71,7 +71,7 @@ def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler"):
     mine = np.flatnonzero(rays.sensor < len(sensors))
     owner, rays = owner[mine], rays.take(mine)
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, forces=forces)
-    tracker = stereo_filter(StereoFilterConfig(), context)
+    tracker = imm_tracker(ImmConfig(), context)
     every, shared, cut = detections_of(rays), np.zeros((0, len(truth) + 1)), 0
     for tick in range(1, int(until_s) + 1):
         end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))

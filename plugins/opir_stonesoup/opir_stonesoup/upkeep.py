@@ -30,7 +30,7 @@ from opir_core.geometry.occlusion import intersection_with_ellipsoid
 class GroundInitiator(GaussianInitiator):  # type: ignore[misc]
     """A track for each unassociated detection: near the ground on its line of sight, updated by it.
 
-    The prior is that of the tracker `stereo-filter` for a cluster of one sensor (docs/explanation/association.md). A
+    The prior is that of the tracker `imm` for a cluster of one sensor (docs/explanation/association.md). A
     line that misses the Earth starts no track.
     """
 

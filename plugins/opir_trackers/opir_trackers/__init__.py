@@ -1,1 +1,1 @@
-"""Trackers for opir: `kepler-arc` and `stereo-filter`."""
+"""Trackers for opir: `kepler-arc` and `imm`."""

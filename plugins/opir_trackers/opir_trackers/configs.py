@@ -77,8 +77,8 @@ class ThrustConfig:
 
 
 @frozen(kw_only=True)
-class StereoFilterConfig:
-    """Settings of the tracker `stereo-filter`."""
+class ImmConfig:
+    """Settings of the tracker `imm`."""
 
     cadence_s: float = number(
         default=1.0, unit="s", minimum=0.01, maximum=60.0, help="time between two estimates of a track"
@@ -175,7 +175,7 @@ class KeplerArcConfig:
     association: str = text(
         default="nearest",
         choices=ASSOCIATIONS,
-        help="data association of the stereo filter; the arc uses the likeliest assignment",
+        help="data association of `imm`; the arc uses the likeliest assignment",
     )
     needed_scans: int = _needed_scans()
     recent_scans: int = _recent_scans()
@@ -215,9 +215,9 @@ class KeplerArcConfig:
     def __attrs_post_init__(self) -> None:
         _check_scans(self.needed_scans, self.recent_scans)
 
-    def stereo_filter(self) -> StereoFilterConfig:
-        """Return the settings of the stereo filter, whose tracks the arcs are fitted to."""
-        return StereoFilterConfig(
+    def imm(self) -> ImmConfig:
+        """Return the settings of `imm`, whose tracks the arcs are fitted to."""
+        return ImmConfig(
             cadence_s=self.cadence_s,
             association=self.association,
             needed_scans=self.needed_scans,

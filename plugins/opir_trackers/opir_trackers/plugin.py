@@ -1,21 +1,21 @@
-"""The trackers `kepler-arc` and `stereo-filter`; each is imported when it is built."""
+"""The trackers `kepler-arc` and `imm`; each is imported when it is built."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from opir_core.plugin.components import TrackerModel
 from opir_core.plugin.hookspecs import hookimpl
-from opir_trackers.configs import KeplerArcConfig, StereoFilterConfig
+from opir_trackers.configs import ImmConfig, KeplerArcConfig
 
 if TYPE_CHECKING:
     from opir_core.interfaces.contexts import TrackerContext
     from opir_core.interfaces.protocols import Tracker
 
 
-def _stereo_filter(config: StereoFilterConfig, context: "TrackerContext") -> "Tracker":
-    from opir_trackers.stereo.tracker import stereo_filter
+def _imm(config: ImmConfig, context: "TrackerContext") -> "Tracker":
+    from opir_trackers.imm.tracker import imm_tracker
 
-    return stereo_filter(config, context)
+    return imm_tracker(config, context)
 
 
 def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker":
@@ -26,7 +26,7 @@ def _kepler_arc(config: KeplerArcConfig, context: "TrackerContext") -> "Tracker"
 
 @hookimpl
 def opir_trackers() -> Iterable[TrackerModel]:
-    """Yield `kepler-arc` and `stereo-filter`."""
+    """Yield `kepler-arc` and `imm`."""
     yield TrackerModel(
         name="kepler-arc",
         summary="a Keplerian arc fitted to three or more detections, with the paper's empirical impact sigma",
@@ -34,8 +34,8 @@ def opir_trackers() -> Iterable[TrackerModel]:
         build=_kepler_arc,
     )
     yield TrackerModel(
-        name="stereo-filter",
-        summary="a multi-sensor IMM filter of two modes: boost with thrust about along the velocity, and coast",
-        config=StereoFilterConfig,
-        build=_stereo_filter,
+        name="imm",
+        summary="an IMM filter of boost and coast for one or more sensors, with impact regions from the first track on",
+        config=ImmConfig,
+        build=_imm,
     )

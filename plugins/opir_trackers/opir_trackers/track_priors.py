@@ -9,7 +9,7 @@ from opir_core.estimation.motion import BOOST, COAST, Motion
 from opir_core.flight.forces import Drag, Forces, forces_of
 from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.interfaces.contexts import TrackerContext
-from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.dynamics import Dynamics
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
@@ -36,7 +36,7 @@ _COAST_DETECTION = 0.01
 _PAUSE_SCANS = 4.0
 
 
-def filter_of(config: StereoFilterConfig, context: TrackerContext) -> ImmFilter:
+def filter_of(config: ImmConfig, context: TrackerContext) -> ImmFilter:
     """Return the filter for the scene's forces and the configured modes."""
     forces = forces_of(context.forces)
     free = Forces(zonal=forces.zonal, gravity=forces.gravity)
@@ -50,7 +50,7 @@ def filter_of(config: StereoFilterConfig, context: TrackerContext) -> ImmFilter:
     )
 
 
-def _coast_of(config: StereoFilterConfig, forces: Forces, drag: Drag | None) -> Dynamics:
+def _coast_of(config: ImmConfig, forces: Forces, drag: Drag | None) -> Dynamics:
     fall = Motion(COAST, config.coast_noise_m_s, forces)
     if drag is None:
         return fall
@@ -59,7 +59,7 @@ def _coast_of(config: StereoFilterConfig, forces: Forces, drag: Drag | None) -> 
     return AtmosphericDescent(fall, drag)
 
 
-def _boost_of(config: StereoFilterConfig, forces: Forces) -> Dynamics:
+def _boost_of(config: ImmConfig, forces: Forces) -> Dynamics:
     if config.boost_model == "jerk":
         return Motion(BOOST, config.jerk_noise_m_s3, forces)
     thrust = config.thrust
@@ -67,7 +67,7 @@ def _boost_of(config: StereoFilterConfig, forces: Forces) -> Dynamics:
     return Thrust(tilt_rad, thrust.tilt_s, thrust.noise_m_s2, thrust.growth_noise_per_s, forces)
 
 
-def prior_estimates(candidates: TrackCandidates, time_s: float, config: StereoFilterConfig) -> ModeEstimates:
+def prior_estimates(candidates: TrackCandidates, time_s: float, config: ImmConfig) -> ModeEstimates:
     """Return the prior estimates (n,) of new tracks at a time."""
     count = len(candidates)
     now = np.full(count, time_s)
@@ -115,7 +115,7 @@ def prior_axes(candidates: TrackCandidates) -> FloatArray:
     return axes
 
 
-def _first_rates(config: StereoFilterConfig) -> tuple[FloatArray, FloatArray]:
+def _first_rates(config: ImmConfig) -> tuple[FloatArray, FloatArray]:
     """Return the prior mean of the state after the specific force, and the standard deviations of both."""
     thrust = config.thrust
     if config.boost_model == "jerk":

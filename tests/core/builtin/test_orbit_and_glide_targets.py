@@ -129,7 +129,7 @@ def test_a_glide_is_followed_to_its_impact():
 
 def test_summaries_and_scores_do_without_an_impact():
     """A launch into orbit beside a ballistic one: its class, its right type UNKNOWN, and one impact of two."""
-    plan = plan_of(SLV, ICBM, tracker="stereo-filter")
+    plan = plan_of(SLV, ICBM, tracker="imm")
     run = run_of_plan(plan)
     rows = {row["target_id"]: row for row in run.summary["targets"]}
     assert rows["SLV-1"]["target_type"] == "SLV"
@@ -141,7 +141,7 @@ def test_summaries_and_scores_do_without_an_impact():
 
 
 def test_no_tracker_predicts_an_impact_of_a_body_in_orbit():
-    plan = plan_of({**SLV, "followed_s": 300.0}, follows=True, tracker="stereo-filter", duration_s=800.0)
+    plan = plan_of({**SLV, "followed_s": 300.0}, follows=True, tracker="imm", duration_s=800.0)
     tracks = run_of_plan(plan).tracks
     late = tracks.take(tracks.tick_s > plan.targets.burnout_s[0] + 60.0)
     assert len(late) > 100

@@ -26,9 +26,7 @@ def finished(scene: opir.Scene, **settings: Any) -> tuple[LiveRun, list[LiveWind
     return run, kept
 
 
-@pytest.mark.parametrize(
-    ("tracker", "order"), [("none", "observation"), ("stereo-filter", "observation"), ("stereo-filter", "report")]
-)
+@pytest.mark.parametrize(("tracker", "order"), [("none", "observation"), ("imm", "observation"), ("imm", "report")])
 def test_a_live_run_ends_with_the_events_of_the_batch(tracker: str, order: str) -> None:
     scene = late_scene(UNEVEN, "paper-ground-chain", "none", tracker=tracker, tracking_order=order, outputs=["memory"])
     run, kept = finished(scene)

@@ -93,7 +93,7 @@ def test_another_scan_rate_disturbs_nobody_and_repeats_no_id(scene: Scene, host:
     assert own[0] < own[1] < own[2]
 
 
-@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc"])
+@pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_a_tracker_hears_of_sensors_that_look_more_seldom(host: Host, tracker: str) -> None:
     """Half a second between looks, then ten: what is not seen meanwhile burns on, and is tracked as surely as told."""
     scanner = {"model": "generic-scanner", "scan_period_ms": 500.0}

@@ -105,7 +105,7 @@ def test_bytes_do_not_depend_on_how_detections_are_cut(window: Window, rows: int
 @pytest.mark.parametrize(
     "tracker",
     [
-        "stereo-filter",
+        "imm",
         pytest.param("kepler-arc", marks=pytest.mark.slow),
         "none",
     ],

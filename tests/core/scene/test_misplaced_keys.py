@@ -6,7 +6,7 @@ import opir_trackers.plugin
 import pytest
 from attrs import evolve, field, frozen
 from fake_components import fake_host, good_mapping
-from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.configs import ImmConfig
 
 from opir_core.errors import SceneError
 from opir_core.plugin import AtmosphereModel, NoConfig, SensorModel, hookimpl, nested, number
@@ -122,12 +122,12 @@ def test_what_a_nested_block_leaves_out_is_as_in_its_own_default() -> None:
         "duration_s": 60,
         "sensors": [{"model": "generic-scanner", "id": "S-1", "orbital_slot_deg": -100.0}],
     }
-    tracker = {"model": "stereo-filter", "thrust": {"tilt_deg": 4.0}}
+    tracker = {"model": "imm", "thrust": {"tilt_deg": 4.0}}
     read, usual = (
         scene_from_mapping({**blocks, "tracker": each}, host=Host.of(opir_trackers.plugin)).tracker.config
-        for each in (tracker, "stereo-filter")
+        for each in (tracker, "imm")
     )
-    assert isinstance(usual, StereoFilterConfig)
+    assert isinstance(usual, ImmConfig)
     assert read == evolve(usual, thrust=evolve(usual.thrust, tilt_deg=4.0))
     rows = {row.key: row for row in field_rows(type(usual))}
     assert rows["thrust.tilt_deg"].default_text == "8"

@@ -112,7 +112,7 @@ def test_events_and_summaries_have_the_names_and_obey_the_schema():
 
 
 @pytest.mark.parametrize("order", ["observation", "report"])
-@pytest.mark.parametrize("tracker", ["stereo-filter"])
+@pytest.mark.parametrize("tracker", ["imm"])
 def test_trackers_see_the_four_types(tracker, order):
     """A scene whose fine reports stand for the four types has the tracks of the scene that reports those."""
     fine = {"ICBM": {"SLBM": 1.0}, "IRBM": {"IRBM": 1.0}, "SRBM": {"SRBM": 1.0}, "MRBM": {"MRBM": 1.0}}

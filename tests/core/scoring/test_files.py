@@ -102,7 +102,7 @@ def test_tracks_from_elsewhere_are_told_by_their_file(runs, copied, tmp_path, ca
     assert main(["score", str(copied), "--tracks", str(tmp_path / "mine.jsonl")]) == 0
     text = capsys.readouterr().out
     assert "mine.jsonl" in text
-    assert "stereo-filter" not in text
+    assert "imm" not in text
 
 
 def test_files_may_lie_anywhere(runs, tmp_path, capsys):

@@ -91,13 +91,13 @@ def test_tracks_of_burnt_out_launches_are_not_false():
 def test_compare_tells_every_tracker(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 40.0}))
-    words = ["compare", str(scene), "--runs", "2", "--json", "--tracker", "stereo-filter"]
-    assert main([*words, "--tracker", "{model: stereo-filter, motion: boost}"]) == 0
+    words = ["compare", str(scene), "--runs", "2", "--json", "--tracker", "imm"]
+    assert main([*words, "--tracker", "{model: imm, motion: boost}"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert list(told) == ["stereo-filter", "{model: stereo-filter, motion: boost}"]
-    assert told["stereo-filter"]["seeds"] == [7, 8]
-    assert told["stereo-filter"]["tracking_us_a_detection"]["value"] > 0.0
-    assert told["stereo-filter"]["tracking_us_a_track_update"]["value"] > 0.0
+    assert list(told) == ["imm", "{model: imm, motion: boost}"]
+    assert told["imm"]["seeds"] == [7, 8]
+    assert told["imm"]["tracking_us_a_detection"]["value"] > 0.0
+    assert told["imm"]["tracking_us_a_track_update"]["value"] > 0.0
 
 
 def test_what_is_wrong_with_the_last_tracker_is_told_before_the_first_runs(tmp_path):
@@ -106,28 +106,28 @@ def test_what_is_wrong_with_the_last_tracker_is_told_before_the_first_runs(tmp_p
     done = []
     for wrong, error in (
         ("none", SceneError),
-        ("stereo-filtr", OpirError),
-        ("{model: stereo-filter, x: 1}", SceneError),
+        ("imn", OpirError),
+        ("{model: imm, x: 1}", SceneError),
     ):
         with pytest.raises(error):
-            compared(str(scene), trackers=["stereo-filter", wrong], runs=1, on_run=lambda *run: done.append(run))
+            compared(str(scene), trackers=["imm", wrong], runs=1, on_run=lambda *run: done.append(run))
     assert not done
-    twice = compared(str(scene), trackers=["stereo-filter"] * 2, runs=1, on_run=lambda *run: done.append(run))
-    assert list(twice) == ["stereo-filter"]
+    twice = compared(str(scene), trackers=["imm"] * 2, runs=1, on_run=lambda *run: done.append(run))
+    assert list(twice) == ["imm"]
     assert len(done) == 1
 
 
 def test_compare_tells_trackers_side_by_side(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps({**SCENE, "duration_s": 30.0}))
-    words = ["compare", str(scene), "--runs", "2", "--tracker", "kepler-arc", "--tracker", "stereo-filter"]
+    words = ["compare", str(scene), "--runs", "2", "--tracker", "kepler-arc", "--tracker", "imm"]
     assert main(words) == 0
     told = capsys.readouterr().out
     assert told.startswith(
         "2 runs of each tracker (seeds 7 to 8), sensors without pointing bias; [95 % intervals]; GOSPA: c"
     )
     bins = [line.split()[:2] for line in told.splitlines() if line.startswith("0-20")]
-    assert bins == [["0-20", "kepler-arc"], ["0-20", "stereo-filter"]] * 3
+    assert bins == [["0-20", "kepler-arc"], ["0-20", "imm"]] * 3
     for figure in (
         "/known",
         "/unknown",
@@ -146,7 +146,7 @@ def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys)
     path, told = tmp_path / "scene.yaml", []
     path.write_text(json.dumps({**SCENE, "duration_s": 20.0}))
     for workers in ("1", "2"):
-        words = ["compare", str(path), "--tracker", "stereo-filter", "--tracker", "kepler-arc", "--runs", "2", "--json"]
+        words = ["compare", str(path), "--tracker", "imm", "--tracker", "kepler-arc", "--runs", "2", "--json"]
         assert main([*words, "--workers", workers]) == 0
         cards = json.loads(capsys.readouterr().out)
         for card in cards.values():
@@ -154,7 +154,7 @@ def test_figures_do_not_depend_on_how_many_processes_made_them(tmp_path, capsys)
             assert card.pop("tracking_us_a_track_update")["value"] > 0.0
         told.append(cards)
     assert told[0] == told[1]
-    assert list(told[0]) == ["stereo-filter", "kepler-arc"]
+    assert list(told[0]) == ["imm", "kepler-arc"]
     assert told[0]["kepler-arc"]["seeds"] == [SCENE["seed"], SCENE["seed"] + 1]
 
 

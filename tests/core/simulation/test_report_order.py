@@ -55,7 +55,7 @@ def test_events_come_in_the_order_of_report_and_none_is_lost() -> None:
 
 
 def test_a_window_has_what_is_reported_in_it() -> None:
-    plan = compile_plan(late_scene(*MIXED, tracker="stereo-filter"))
+    plan = compile_plan(late_scene(*MIXED, tracker="imm"))
     windows = list(plan_windows(plan, 3.0))
     assert len(windows) == 21
     assert windows[-1].start_s == pytest.approx(60.0)
@@ -70,7 +70,7 @@ def test_a_window_has_what_is_reported_in_it() -> None:
 
 
 @pytest.mark.parametrize("order", ["observation", "report"])
-@pytest.mark.parametrize("tracker", ["none", "stereo-filter"])
+@pytest.mark.parametrize("tracker", ["none", "imm"])
 def test_bytes_do_not_depend_on_the_windows(tracker: str, order: str) -> None:
     plan = compile_plan(late_scene(*MIXED, tracker=tracker, tracking_order=order))
     whole = lines(plan)
@@ -177,7 +177,7 @@ def test_what_a_tracker_gets_does_not_depend_on_the_windows() -> None:
             assert differing(ours, theirs) == set()
 
 
-@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc"])
+@pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(tracker: str) -> None:
     """The lag is then the latency: the tracker does the same, that much later."""
     prompt, observed, reported = (
@@ -204,7 +204,7 @@ def test_with_one_constant_latency_both_orders_give_the_tracks_without_latency(t
 
 
 def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_reports_are_in() -> None:
-    run = opir.simulate(late_scene(*MIXED, tracker="stereo-filter"))
+    run = opir.simulate(late_scene(*MIXED, tracker="imm"))
     for tick_s, available_s in {*zip(run.tracks.tick_s.tolist(), run.tracks.available_s.tolist(), strict=True)}:
         earlier = run.detections.time_ns < round(tick_s * NS)
         latest_s = run.detections.reported_ns[earlier].max(initial=0) * 1e-9
@@ -212,9 +212,7 @@ def test_in_the_order_of_observation_an_estimate_is_available_when_all_earlier_r
 
 
 def test_late_reports_are_events_and_are_not_tracked() -> None:
-    run = opir.simulate(
-        late_scene("paper-ground-chain", tracker="stereo-filter", tracking_order="report", tracking_lag_s=30.0)
-    )
+    run = opir.simulate(late_scene("paper-ground-chain", tracker="imm", tracking_order="report", tracking_lag_s=30.0))
     alone = opir.simulate(late_scene("paper-ground-chain"))
     assert len(run.detections) == len(alone.detections)
     delay_s = (run.detections.reported_ns - run.detections.time_ns) * 1e-9
@@ -230,7 +228,7 @@ def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pyte
     from opir_core.scoring.evidence import evidence_of_files, evidence_of_run
 
     monkeypatch.chdir(tmp_path)
-    plan = compile_plan(late_scene(UNEVEN, CONSTANT, tracker="stereo-filter", outputs=[{"jsonl": {"path": "e.jsonl"}}]))
+    plan = compile_plan(late_scene(UNEVEN, CONSTANT, tracker="imm", outputs=[{"jsonl": {"path": "e.jsonl"}}]))
     outcome = deliver(plan, truth_path=tmp_path / "e.truth.jsonl", tracks_path=tmp_path / "e.tracks.jsonl")
     manifest = {**outcome.manifest, "tracks_sha256": digest(tmp_path / "e.tracks.jsonl")}
     (tmp_path / "e.manifest.json").write_text(opir_json(manifest), encoding="utf-8")
@@ -254,7 +252,7 @@ def opir_json(value: Any) -> str:
 def test_a_trackers_file_says_when_estimates_are_valid_and_when_they_are_available(tmp_path: Any) -> None:
     from opir_core.output.tracks_file import TracksFile, read_tracks
 
-    tracks = opir.simulate(late_scene(CONSTANT, CONSTANT, tracker="stereo-filter", tracking_order="report")).tracks
+    tracks = opir.simulate(late_scene(CONSTANT, CONSTANT, tracker="imm", tracking_order="report")).tracks
     with TracksFile(tmp_path / "t.jsonl") as file:
         file.write(tracks)
     again = read_tracks(tmp_path / "t.jsonl")

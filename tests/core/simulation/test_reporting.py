@@ -135,7 +135,7 @@ def test_without_latency_nothing_is_drawn_and_the_column_is_that_of_the_looks(mo
         raise AssertionError("a latency was drawn")
 
     monkeypatch.setattr(ReportingDelays, "reported", drawn)
-    run = opir.simulate(late_scene("none", "none", tracker="stereo-filter"), window_s=7.0)
+    run = opir.simulate(late_scene("none", "none", tracker="imm"), window_s=7.0)
     assert len(run.detections) > 100
     assert run.detections.reported_ns is run.detections.time_ns
     assert run.tracks.available_s is run.tracks.tick_s

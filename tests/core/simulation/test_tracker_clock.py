@@ -23,7 +23,7 @@ SCENE = {
         }
         for number, name in enumerate(("T1", "T2"))
     ],
-    "tracker": "stereo-filter",
+    "tracker": "imm",
 }
 
 

@@ -175,9 +175,9 @@ def test_the_line_told_is_the_trackers_and_no_librarys():
 
 
 def test_the_innermost_line_of_the_plugin_is_reported(monkeypatch):
-    monkeypatch.setattr("opir_trackers.stereo.tracking.unassigned", np.linalg.inv)
-    with pytest.raises(ModelError, match=r"of opir-trackers .*LinAlgError: .* \(stereo/tracking.py, line \d+\)"):
-        opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "stereo-filter"}))
+    monkeypatch.setattr("opir_trackers.imm.tracking.unassigned", np.linalg.inv)
+    with pytest.raises(ModelError, match=r"of opir-trackers .*LinAlgError: .* \(imm/tracking.py, line \d+\)"):
+        opir.simulate(opir.scene_from_mapping({**SCENE, "tracker": "imm"}))
 
 
 def test_a_sound_tracker_runs():
@@ -193,7 +193,7 @@ def test_opirs_own_errors_go_through():
     assert complaint_of(lambda *_: broken("step", refuse)) == "in words of its own"
 
 
-@pytest.mark.parametrize("tracker", ["stereo-filter", "kepler-arc"])
+@pytest.mark.parametrize("tracker", ["imm", "kepler-arc"])
 def test_a_plan_run_twice_gives_the_same_run_twice(tracker):
     plan = opir.compile_plan(opir.scene_from_mapping({**SCENE, "tracker": tracker}))
     first, second, third = (run_of_plan(plan, window_s) for window_s in (None, 0.7, 4.0))

@@ -234,8 +234,8 @@ def test_windows_change_nothing():
 
 def test_it_is_compared_with_other_trackers():
     overrides = ["outputs=[]", "duration_s=45", SENSORS]
-    cards = compared(SCENE, trackers=["stereo-filter", "stonesoup"], runs=2, overrides=overrides)
-    assert set(cards) == {"stereo-filter", "stonesoup"}
+    cards = compared(SCENE, trackers=["imm", "stonesoup"], runs=2, overrides=overrides)
+    assert set(cards) == {"imm", "stonesoup"}
     for card in cards.values():
         assert card.figures["launches_tracked"]["value"] == 1.0
         assert card.figures["purity"]["value"] == 1.0

@@ -40,7 +40,7 @@ def chain(sensors: list[dict[str, Any]], step_deg: tuple[float, float], every_s:
     ]
     end_s = 10.0 + 30 * every_s
     scene = {"scene": "chain", "epoch": "2026-04-01T12:00:00Z", "duration_s": end_s, "seed": 7, "sensors": sensors}
-    plan = opir.compile_plan(opir.scene_from_mapping({**scene, "targets": launches, "tracker": "stereo-filter"}))
+    plan = opir.compile_plan(opir.scene_from_mapping({**scene, "targets": launches, "tracker": "imm"}))
     tracks = run_of_plan(plan).tracks
     last = tracks.take(tracks.tick_s == end_s)
     here = plan.targets.position_ecef_m(np.arange(30, dtype=np.int32), np.full(30, end_s))

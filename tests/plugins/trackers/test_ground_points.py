@@ -1,10 +1,10 @@
-"""Launches, impacts and types of the stereo filter's tracks."""
+"""Launches, impacts and types of `imm`'s tracks."""
 
 import numpy as np
 import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
 from opir_trackers.ground_points import GroundPoints, impacts, launches, updated_points
-from opir_trackers.stereo.report import type_log_likelihoods, type_posterior
+from opir_trackers.imm.report import type_log_likelihoods, type_posterior
 
 from opir_core.estimation.lines_of_sight import earth_rotated
 from opir_core.flight.forces import J2, Forces

@@ -38,7 +38,7 @@ def test_a_launch_that_low_sensors_see_has_one_track_near_the_truth(altitude_km:
                 "aim": {"lat_deg": 9.0, "lon_deg": 167.7},
             }
         ],
-        "tracker": "stereo-filter",
+        "tracker": "imm",
     }
     plan = compile_plan(opir.scene_from_mapping(scene))
     tracks = run_of_plan(plan).tracks
@@ -49,7 +49,7 @@ def test_a_launch_that_low_sensors_see_has_one_track_near_the_truth(altitude_km:
 
 
 def test_each_launch_of_the_arctic_example_has_one_track() -> None:
-    changes = ["duration_s=80", "outputs=[]", "tracker=stereo-filter", "sensors=[{constellation: LEO-WIDE}]"]
+    changes = ["duration_s=80", "outputs=[]", "tracker=imm", "sensors=[{constellation: LEO-WIDE}]"]
     tracks: Tracks = opir.simulate(opir.load_scene("examples/arctic_watch.yaml", overrides=changes)).tracks
     assert np.unique(tracks.track).tolist() == [0, 1]
 

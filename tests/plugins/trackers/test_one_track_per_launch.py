@@ -42,13 +42,13 @@ def tracks_a_launch(*overrides: str) -> tuple[list[int], int]:
 @pytest.mark.parametrize("phase", [pytest.param("aligned", marks=pytest.mark.slow), "random"])
 def test_scans_ten_seconds_apart(phase: str) -> None:
     looks = sensors(-165.0, -105.0, period_ms=10000, model="DSP", more=f", scan_phase: {phase}")
-    assert tracks_a_launch(looks, "detection=always", "tracker=stereo-filter") == ([1, 1, 1], 0)
+    assert tracks_a_launch(looks, "detection=always", "tracker=imm") == ([1, 1, 1], 0)
 
 
 def test_ticks_between_scans() -> None:
     """Nine ticks in ten have no look."""
     looks = sensors(-165.0, -105.0, period_ms=1000)
-    assert tracks_a_launch(looks, "duration_s=90", "tracker={model: stereo-filter, cadence_s: 0.1}") == ([1, 1, 1], 0)
+    assert tracks_a_launch(looks, "duration_s=90", "tracker={model: imm, cadence_s: 0.1}") == ([1, 1, 1], 0)
 
 
 @pytest.mark.parametrize("biased", [(0, 30), (30, 0), (30, 30)])
@@ -61,33 +61,33 @@ def test_a_sensor_whose_rays_graze_the_ground_sees_the_track_of_one_that_looks_f
         f"{{model: SBIRS-GEO, id: S{number}, orbital_slot_deg: {slot}, line_of_sight_bias_sigma_urad: {bias}}}"
         for number, (slot, bias) in enumerate(zip((-150.0, 160.0), biased, strict=True))
     )
-    told = tracks_a_launch(f"sensors=[{looks}]", "duration_s=70", f"seed={seed}", "tracker=stereo-filter")
+    told = tracks_a_launch(f"sensors=[{looks}]", "duration_s=70", f"seed={seed}", "tracker=imm")
     assert told == ([1, 1, 1], 0)
 
 
 def test_a_target_whose_biased_rays_pass_above_the_ground_has_a_track() -> None:
     bias = ", line_of_sight_bias_sigma_urad: 30"
     looks = sensors(100.0, 160.0, period_ms=100, more=bias)
-    assert tracks_a_launch(looks, "duration_s=70", "seed=11", "tracker=stereo-filter") == ([1, 1, 1], 0)
+    assert tracks_a_launch(looks, "duration_s=70", "seed=11", "tracker=imm") == ([1, 1, 1], 0)
 
 
 def test_tracks_of_biased_sensors_apart_are_one_where_their_biases_say_so() -> None:
     """Two sensors with biases of five times their noise see the first launch graze the ground, a third sees it late."""
     looks = unlike((157, 0, 500), (160, 100, 500), (175, 100, 2000), (120, 0, 100))
-    told = tracks_a_launch(looks, "detection=always", "duration_s=80", "seed=453", "tracker=stereo-filter")
+    told = tracks_a_launch(looks, "detection=always", "duration_s=80", "seed=453", "tracker=imm")
     assert told == ([1, 1, 1], 0)
 
 
 def test_eight_missed_scans_end_no_young_track_of_a_sensor_that_often_misses() -> None:
     looks = sensors(-90.0, 175.0, period_ms=100)
-    tracker = "tracker={model: stereo-filter, cadence_s: 0.5}"
+    tracker = "tracker={model: imm, cadence_s: 0.5}"
     assert tracks_a_launch(looks, "duration_s=75", "seed=984", tracker) == ([1, 1, 1], 0)
 
 
 def test_rays_of_one_sensor_pass_the_gate_of_a_track_that_the_bias_of_another_has_moved() -> None:
     """The third looks most often, with a bias of five times the noise; the others see the launch graze the ground."""
     looks = unlike((157, 0, 2000), (160, 0, 500), (-70, 100, 100))
-    told = tracks_a_launch(looks, "detection=always", "duration_s=75", "seed=791", "tracker=stereo-filter")
+    told = tracks_a_launch(looks, "detection=always", "duration_s=75", "seed=791", "tracker=imm")
     assert told == ([1, 1, 1], 0)
 
 
@@ -95,7 +95,7 @@ def test_one_sensors_rays_are_associated_jointly_where_that_is_asked_for() -> No
     looks = ["sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: -150}]", "duration_s=70", "seed=8"]
     told = []
     for association in ("nearest", "joint"):
-        asked = f"tracker={{model: stereo-filter, association: {association}}}"
+        asked = f"tracker={{model: imm, association: {association}}}"
         plan = compile_plan(load_scene(SCENE, overrides=[*looks, asked]))
         told.append(run_of_plan(plan).tracks)
     assert told[0].track.tolist() == told[1].track.tolist()
@@ -134,7 +134,7 @@ def test_any_cadence_scans_sensors_biases_and_chances(
         f" detection_probability: {{ICBM: {chance}, IRBM: {chance}, SRBM: {chance}}}"
     )
     looks = sensors(*(-150.0, -165.0, 175.0)[:count], period_ms=period_ms, more=more)
-    tracker = f"tracker={{model: stereo-filter, cadence_s: {cadence_s}}}"
+    tracker = f"tracker={{model: imm, cadence_s: {cadence_s}}}"
     assert tracks_a_launch(looks, "duration_s=130", "seed=3", tracker) == ([1, 1, 1], 0)
 
 
@@ -151,7 +151,7 @@ def test_launches_side_by_side_lend_one_another_no_rays_where_a_scan_misses_one(
     ]
     looks = unlike((-150, 0, 100), (-90, 0, 100))
     plan = compile_plan(
-        load_scene(SCENE, overrides=[looks, "duration_s=15", "seed=7", f"targets={launches}", "tracker=stereo-filter"])
+        load_scene(SCENE, overrides=[looks, "duration_s=15", "seed=7", f"targets={launches}", "tracker=imm"])
     )
     tracks = run_of_plan(plan).tracks
     assert len(np.unique(tracks.track)) == 30
@@ -178,7 +178,7 @@ def test_a_track_that_rays_of_several_pulled_apart_is_dropped() -> None:
     ]
     looks = "sensors=[{model: SBIRS-GEO, id: SBIRS-GEO-150, orbital_slot_deg: -150}, {model: SBIRS-GEO, id: SBIRS-GEO-90, orbital_slot_deg: -90}]"  # noqa: E501
     plan = compile_plan(
-        load_scene(SCENE, overrides=[looks, "duration_s=30", "seed=3", f"targets={launches}", "tracker=stereo-filter"])
+        load_scene(SCENE, overrides=[looks, "duration_s=30", "seed=3", f"targets={launches}", "tracker=imm"])
     )
     state = run_of_plan(plan).tracks.state
     assert len(state) > 500

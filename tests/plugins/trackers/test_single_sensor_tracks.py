@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from opir_trackers.stereo.track_management import are_below_ground, have_come_down
+from opir_trackers.imm.track_management import are_below_ground, have_come_down
 from repository import EXAMPLES
 
 from opir_core.planning.plan import compile_plan
@@ -21,7 +21,7 @@ RARE = 33.1
 
 @pytest.mark.slow
 def test_what_one_sensor_sees_is_one_track_a_launch_that_says_how_little_it_knows() -> None:
-    plan = compile_plan(load_scene(SCENE, overrides=[ALONE, "duration_s=180", "tracker=stereo-filter", "seed=8"]))
+    plan = compile_plan(load_scene(SCENE, overrides=[ALONE, "duration_s=180", "tracker=imm", "seed=8"]))
     evidence = evidence_of_run(run_of_plan(plan), plan)
     owners = ownership(evidence)
     assert sorted(owners.target.tolist()) == [0, 1, 2]
@@ -47,9 +47,7 @@ def test_a_sensor_that_sees_a_launch_near_its_horizon_says_how_little_it_knows()
     squares = []
     for seed in range(4):
         looks = "sensors=[{model: SBIRS-GEO, id: A, orbital_slot_deg: 160}]"
-        plan = compile_plan(
-            load_scene(SCENE, overrides=[looks, "duration_s=70", "tracker=stereo-filter", f"seed={seed}"])
-        )
+        plan = compile_plan(load_scene(SCENE, overrides=[looks, "duration_s=70", "tracker=imm", f"seed={seed}"]))
         evidence = evidence_of_run(run_of_plan(plan), plan)
         owners = ownership(evidence)
         target = owners.target[np.searchsorted(owners.track, evidence.tracks.track)]

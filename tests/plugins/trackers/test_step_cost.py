@@ -80,11 +80,11 @@ def counted(tracker: dict[str, Any], kind: str, duration_s: float) -> Counting:
     ids=["thrust", "jerk", "two slices a tick"],
 )
 def test_a_lone_burning_target_takes_few_calls_a_tick(settings: dict[str, Any], most: int) -> None:
-    calls = counted({"model": "stereo-filter", **settings}, "ICBM", 30.0).calls
+    calls = counted({"model": "imm", **settings}, "ICBM", 30.0).calls
     assert np.median(calls[20:]) <= most
 
 
 def test_a_young_target_and_a_silent_one_take_few_calls_a_tick() -> None:
-    calls = counted({"model": "stereo-filter"}, "SRBM", 85.0).calls
+    calls = counted({"model": "imm"}, "SRBM", 85.0).calls
     assert max(calls[3:12]) <= 1475
     assert np.median(calls[75:]) <= 900

@@ -1,4 +1,4 @@
-"""The tracker `kepler-arc` of the paper: association by the stereo filter, estimates by a Keplerian arc.
+"""The tracker `kepler-arc` of the paper: association by `imm`, estimates by a Keplerian arc.
 
 A thrusting missile is not on a Keplerian arc (docs/explanation/paper-errata.md): this is the baseline for the others.
 """
@@ -19,8 +19,8 @@ from opir_trackers.association import associate_nearest
 from opir_trackers.configs import KeplerArcConfig
 from opir_trackers.forecast.prior_boosts import class_codes
 from opir_trackers.gating import candidates, gated
+from opir_trackers.imm.tracking import ImmTracking
 from opir_trackers.sensors import LineOfSightCache, SensorSchedule
-from opir_trackers.stereo.tracking import StereoTracking
 
 #: Least number of detections of an arc.
 LEAST_LOOKS = 3
@@ -35,7 +35,7 @@ _LEAST_CHANCE = 0.01
 class ArcTracker:
     """The tracker `kepler-arc`."""
 
-    def __init__(self, config: KeplerArcConfig, context: TrackerContext, tracking: StereoTracking) -> None:
+    def __init__(self, config: KeplerArcConfig, context: TrackerContext, tracking: ImmTracking) -> None:
         self.cadence_s: float | None = config.cadence_s
         self._config = config
         self._tracking = tracking
@@ -54,7 +54,7 @@ class ArcTracker:
     def set_sensors(self, sensors: tuple[Sensor, ...]) -> None:
         """Set the sensors from the last tick on: the same number, with other settings."""
         self._context = evolve(self._context, sensors=sensors)
-        self._tracking = StereoTracking.of(self._tracking.config, self._context)
+        self._tracking = ImmTracking.of(self._tracking.config, self._context)
         self._watch = SensorSchedule.of(sensors, least=_LEAST_CHANCE, most=1.0)
 
     def step(self, tick_s: float, detections: Detections) -> Tracks:
@@ -189,4 +189,4 @@ class ArcTracker:
 def kepler_arc_tracker(config: KeplerArcConfig, context: TrackerContext) -> ArcTracker:
     """Return the tracker `kepler-arc`."""
 
-    return ArcTracker(config, context, StereoTracking.of(config.stereo_filter(), context))
+    return ArcTracker(config, context, ImmTracking.of(config.imm(), context))

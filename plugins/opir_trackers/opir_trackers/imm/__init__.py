@@ -1,1 +1,1 @@
-"""The tracker `stereo-filter`: data association, IMM filter, track management and reports."""
+"""The tracker `imm`: data association, IMM filter, track management and reports."""

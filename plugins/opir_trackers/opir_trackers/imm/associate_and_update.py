@@ -19,14 +19,13 @@ from opir_trackers.association import (
     is_unambiguous,
     scan_numbers,
 )
-from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.mode_mixing import have_uncertain_velocity
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs, candidates, gated
-from opir_trackers.sensors import Biases
-from opir_trackers.stereo.ghosts import RANGE_M, Slice, without_ghosts
-from opir_trackers.stereo.measurement_weights import (
+from opir_trackers.imm.ghosts import RANGE_M, Slice, without_ghosts
+from opir_trackers.imm.measurement_weights import (
     FEW,
     OutlierFractions,
     SliceSpan,
@@ -34,7 +33,8 @@ from opir_trackers.stereo.measurement_weights import (
     reweighted,
     suspect_tracks,
 )
-from opir_trackers.stereo.track_management import TrackTable
+from opir_trackers.imm.track_management import TrackTable
+from opir_trackers.sensors import Biases
 
 #: Gate of the repeated association, standard deviations: wider than the first.
 _SETTLING_GATE = 6.0
@@ -67,7 +67,7 @@ class AssociationResult(NamedTuple):
 class AssociateAndUpdate:
     """Association and update of tracks with lines of sight."""
 
-    config: StereoFilterConfig
+    config: ImmConfig
     filter: ImmFilter
     model: AssociationModel
     light_time: bool

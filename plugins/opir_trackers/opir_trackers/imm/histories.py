@@ -26,8 +26,8 @@ from opir_trackers.association import AssociationModel, hard_measurements, scan_
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import GatedPairs
-from opir_trackers.stereo.associate_and_update import AssociationResult
-from opir_trackers.stereo.measurement_weights import LEAST_WEIGHT, AmbiguousMeasurements, predicted_directions
+from opir_trackers.imm.associate_and_update import AssociationResult
+from opir_trackers.imm.measurement_weights import LEAST_WEIGHT, AmbiguousMeasurements, predicted_directions
 
 _NONE = np.empty(0, dtype=np.int64)
 

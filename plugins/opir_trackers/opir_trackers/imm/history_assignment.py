@@ -20,8 +20,8 @@ from opir_core.estimation.lines_of_sight import AngleMeasurements, dot, matvec
 from opir_trackers.assignment import cheapest_assignment, distinct, marginals, ranks, unambiguous
 from opir_trackers.filter.estimates import ModeEstimates, PredictedMeasurements
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.stereo.histories import Histories, rows_of, updated_with_likelihood, with_biases
-from opir_trackers.stereo.measurement_weights import AmbiguousMeasurements, predicted_directions
+from opir_trackers.imm.histories import Histories, rows_of, updated_with_likelihood, with_biases
+from opir_trackers.imm.measurement_weights import AmbiguousMeasurements, predicted_directions
 
 #: Iterations of the reweighting.
 _TURNS = 3

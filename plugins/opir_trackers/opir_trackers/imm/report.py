@@ -1,4 +1,4 @@
-"""Reported tracks of the stereo filter."""
+"""Reported tracks of `imm`."""
 
 from collections.abc import Sequence
 from math import cos, sin
@@ -14,7 +14,7 @@ from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.ground_points import impacts
-from opir_trackers.stereo.track_management import TrackTable
+from opir_trackers.imm.track_management import TrackTable
 
 
 def tracks_of(

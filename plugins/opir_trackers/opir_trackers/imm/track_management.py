@@ -16,7 +16,7 @@ from opir_core.geometry.ellipsoid import WGS84
 from opir_core.interfaces.columns import Columns
 from opir_core.interfaces.protocols import Sensor
 from opir_trackers.association import scan_numbers
-from opir_trackers.stereo.measurement_weights import FRACTIONS
+from opir_trackers.imm.measurement_weights import FRACTIONS
 
 #: Tracks within this distance, m, or within their covariances, are compared as possible duplicates.
 _NEAR_M = 20e3

@@ -1,4 +1,4 @@
-"""The tracker `stereo-filter` with late detections, and the association of lines before a track's confirmation.
+"""The tracker `imm` with late detections, and the association of lines before a track's confirmation.
 
 A track's labels begin once it has enough detections; with long scan periods most of a burn is over by then.
 """
@@ -14,15 +14,15 @@ from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers.association import associate_nearest, unassigned
-from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
 from opir_trackers.gating import candidates, gated
+from opir_trackers.imm.measurement_weights import FRACTIONS, OutlierFractions
+from opir_trackers.imm.tracking import ImmTracking, TrackerState
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
-from opir_trackers.stereo.measurement_weights import FRACTIONS, OutlierFractions
-from opir_trackers.stereo.tracking import StereoTracking, TrackerState
 
 
-def earlier_assignment(tracking: StereoTracking, now: TrackerState, number: IntArray, lines: LinesOfSight) -> IntArray:
+def earlier_assignment(tracking: ImmTracking, now: TrackerState, number: IntArray, lines: LinesOfSight) -> IntArray:
     """Return the track number of each line (n,), among numbers (k,), -1 for none, by the paths followed back."""
     rows = np.flatnonzero(np.isin(now.table.number, number))
     if not len(rows) or not len(lines.time_s):
@@ -36,10 +36,10 @@ def earlier_assignment(tracking: StereoTracking, now: TrackerState, number: IntA
     return numbers
 
 
-class StereoTracker:
-    """The tracker `stereo-filter`."""
+class ImmTracker:
+    """The tracker `imm`."""
 
-    def __init__(self, tracking: StereoTracking, context: TrackerContext) -> None:
+    def __init__(self, tracking: ImmTracking, context: TrackerContext) -> None:
         self.cadence_s: float | None = tracking.config.cadence_s
         self._tracking = tracking
         self._context = context
@@ -74,7 +74,7 @@ class StereoTracker:
         """
         share = expected_detection_rate(sensors) / expected_detection_rate(self._context.sensors)
         self._context = evolve(self._context, sensors=sensors)
-        self._tracking = StereoTracking.of(self._tracking.config, self._context)
+        self._tracking = ImmTracking.of(self._tracking.config, self._context)
         self._rays = LineOfSightCache(self._tracking.lines_of_sight)
         pace = self._now.estimates.detection_rate * [share, 1.0, 1.0]
         self._now = evolve(self._now, estimates=evolve(self._now.estimates, detection_rate=pace))
@@ -145,6 +145,6 @@ def _once_in_order(detections: Detections) -> Detections:
     return detections.take(order[once])
 
 
-def stereo_filter(config: StereoFilterConfig, context: TrackerContext) -> StereoTracker:
-    """Return the tracker `stereo-filter`."""
-    return StereoTracker(StereoTracking.of(config, context), context)
+def imm_tracker(config: ImmConfig, context: TrackerContext) -> ImmTracker:
+    """Return the tracker `imm`."""
+    return ImmTracker(ImmTracking.of(config, context), context)

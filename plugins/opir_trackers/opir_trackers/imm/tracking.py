@@ -1,4 +1,4 @@
-"""The tracker `stereo-filter`: association, track management and the IMM filter, as steps of one frozen `TrackerState`.
+"""The tracker `imm`: association, track management and the IMM filter, as steps of one frozen `TrackerState`.
 
 Each slice makes a new state. Late detections are processed by returning to the state before them and stepping again, so
 the result is the same as if they had arrived in time.
@@ -17,16 +17,15 @@ from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.records import Detections, Tracks
 from opir_trackers import initiation
 from opir_trackers.association import AssociationModel, associate_nearest, hard_measurements, unassigned
-from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.ground_points import GroundPoints, launches, updated_points
-from opir_trackers.sensors import Biases
-from opir_trackers.stereo import track_management
-from opir_trackers.stereo.associate_and_update import AssociateAndUpdate, AssociationResult
-from opir_trackers.stereo.ghosts import RANGE_M
-from opir_trackers.stereo.histories import (
+from opir_trackers.imm import track_management
+from opir_trackers.imm.associate_and_update import AssociateAndUpdate, AssociationResult
+from opir_trackers.imm.ghosts import RANGE_M
+from opir_trackers.imm.histories import (
     LONGEST_S,
     Histories,
     are_open,
@@ -36,9 +35,10 @@ from opir_trackers.stereo.histories import (
     slice_measurements,
     smooth_boost_s,
 )
-from opir_trackers.stereo.history_assignment import assigned_histories
-from opir_trackers.stereo.report import free_flights, tracks_of, type_evidence, type_log_likelihoods, type_posterior
-from opir_trackers.stereo.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
+from opir_trackers.imm.history_assignment import assigned_histories
+from opir_trackers.imm.report import free_flights, tracks_of, type_evidence, type_log_likelihoods, type_posterior
+from opir_trackers.imm.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
+from opir_trackers.sensors import Biases
 from opir_trackers.track_priors import filter_of, prior_estimates
 
 
@@ -80,10 +80,10 @@ _NOBODY = np.array([-1])
 
 
 @frozen(eq=False)
-class StereoTracking:
+class ImmTracking:
     """The transition from one `TrackerState` to the next."""
 
-    config: StereoFilterConfig
+    config: ImmConfig
     filter: ImmFilter
     association: AssociateAndUpdate
     period_s: FloatArray
@@ -95,7 +95,7 @@ class StereoTracking:
     silence_limit_s: FloatArray
 
     @classmethod
-    def of(cls, config: StereoFilterConfig, context: TrackerContext) -> "StereoTracking":
+    def of(cls, config: ImmConfig, context: TrackerContext) -> "ImmTracking":
         """Return the tracking of a scene's sensors."""
         chance = [np.mean(list(sensor.detection_probability.values()) or [0.8]) for sensor in context.sensors]
         model = AssociationModel(np.clip(np.array(chance, dtype=np.float64), 0.05, 0.98), config.false_alarms_per_sr)

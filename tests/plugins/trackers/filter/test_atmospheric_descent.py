@@ -1,8 +1,8 @@
-"""Free flight through the air as the stereo filter moves it, against the integrator of the scene."""
+"""Free flight through the air as `imm` moves it, against the integrator of the scene."""
 
 import numpy as np
 import pytest
-from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.dynamics import AtmosphericDescent
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.track_priors import filter_of
@@ -69,9 +69,9 @@ def test_states_are_the_same_bits_alone_and_among_others():
         assert np.array_equal(fall().propagated(start[row : row + 1], step[:1])[0], every[row])
 
 
-def test_the_stereo_filter_of_a_scene_with_drag_lets_it_slow_what_coasts():
+def test_imm_of_a_scene_with_drag_lets_it_slow_what_coasts():
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=1e3, forces=FORCES)
-    filter_, start = filter_of(StereoFilterConfig(motion="coast"), context), states()[:9]
+    filter_, start = filter_of(ImmConfig(motion="coast"), context), states()[:9]
     root = np.broadcast_to(np.diag(1.0 / np.repeat([100.0, 10.0], 3)), (9, COAST, COAST))
     boost = np.concatenate([start, np.zeros((9, 4))], axis=1), np.broadcast_to(np.eye(10), (9, 10, 10))
     bank = ModeEstimates(np.tile([0.0, 1.0], (9, 1)), *boost, start, root, np.zeros((9, 3)))
@@ -130,7 +130,7 @@ def test_air_is_that_of_all_heights_a_state_may_have():
 def test_no_covariance_explodes_or_collapses_in_thick_air(coefficient_kg_m2):
     forces = Forces(("j2",), Drag(coefficient_kg_m2))
     context = TrackerContext(sensors=(), epoch_us=0, duration_s=1e3, forces=forces)
-    filter_, (start, _) = filter_of(StereoFilterConfig(motion="coast"), context), light(9e3, 600.0)
+    filter_, (start, _) = filter_of(ImmConfig(motion="coast"), context), light(9e3, 600.0)
     root = np.broadcast_to(np.diag(1.0 / np.repeat([1000.0, 100.0], 3)), (8, COAST, COAST))
     boost = np.concatenate([start, np.zeros((8, 4))], axis=1), np.broadcast_to(np.eye(10), (8, 10, 10))
     bank = ModeEstimates(np.tile([0.0, 1.0], (8, 1)), *boost, start, root, np.zeros((8, 3)))

@@ -1,4 +1,4 @@
-"""The stereo filter's boost along the velocity on drawn flights: smaller errors, and honest ones."""
+"""`imm`'s boost along the velocity on drawn flights: smaller errors, and honest ones."""
 
 import numpy as np
 from drawn_flights import GEO_M, SLOTS_RAD, flown

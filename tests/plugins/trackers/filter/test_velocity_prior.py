@@ -76,7 +76,7 @@ def test_what_a_low_sensor_sees_come_towards_it_does_not_run_off(altitude_km: fl
                 "aim": {"lat_deg": 0.0, "lon_deg": -170.0},
             }
         ],
-        "tracker": "stereo-filter",
+        "tracker": "imm",
     }
     plan = compile_plan(opir.scene_from_mapping(scene))
     tracks = run_of_plan(plan).tracks

@@ -5,9 +5,9 @@ import pytest
 from attrs import evolve
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.stereo.histories import Histories, reweighted, updated_with_likelihood
-from opir_trackers.stereo.history_assignment import swap_log_likelihoods
-from opir_trackers.stereo.measurement_weights import AmbiguousMeasurements
+from opir_trackers.imm.histories import Histories, reweighted, updated_with_likelihood
+from opir_trackers.imm.history_assignment import swap_log_likelihoods
+from opir_trackers.imm.measurement_weights import AmbiguousMeasurements
 
 from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion

@@ -5,7 +5,7 @@ from opir_trackers.association import AssociationModel
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
 from opir_trackers.gating import candidates, gated
-from opir_trackers.stereo.ghosts import Slice, without_ghosts
+from opir_trackers.imm.ghosts import Slice, without_ghosts
 
 from opir_core.estimation.lines_of_sight import LinesOfSight, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion

@@ -7,8 +7,8 @@ import pytest
 from attrs import evolve
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.stereo.histories import Histories, mean_measurements, smooth_boost_s, with_biases
-from opir_trackers.stereo.history_assignment import assigned_histories
+from opir_trackers.imm.histories import Histories, mean_measurements, smooth_boost_s, with_biases
+from opir_trackers.imm.history_assignment import assigned_histories
 
 from opir_core.estimation.lines_of_sight import AngleMeasurements, tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion
@@ -209,7 +209,7 @@ def test_tracks_that_no_history_fits_are_told_with_numbers() -> None:
         }
         for number, (lat_deg, lon_deg, time_s) in enumerate(launches)
     ]
-    scene = {"scene": "patch", "epoch": "2026-04-01T12:00:00Z", "duration_s": 17, "seed": 3, "tracker": "stereo-filter"}
+    scene = {"scene": "patch", "epoch": "2026-04-01T12:00:00Z", "duration_s": 17, "seed": 3, "tracker": "imm"}
     tracks = simulate(scene_from_mapping({**scene, "sensors": sensors, "targets": targets})).tracks
     assert len(tracks) > 20
     assert np.isfinite(tracks.state).all()

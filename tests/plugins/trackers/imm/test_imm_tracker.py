@@ -1,4 +1,4 @@
-"""The stereo filter's parts: late detections, near launches, doubles, motion."""
+"""`imm`'s parts: late detections, near launches, doubles, motion."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 from attrs import evolve
-from opir_trackers.configs import StereoFilterConfig
+from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.stereo.tracker import StereoTracker, stereo_filter
+from opir_trackers.imm.tracker import ImmTracker, imm_tracker
 
 from opir_core.estimation.lines_of_sight import tangent_axes
 from opir_core.estimation.motion import BOOST, COAST, Motion, taylor_positions, taylor_weights
@@ -73,12 +73,12 @@ def risen(start: tuple[float, float, float], time_s: float) -> np.ndarray:
     return place
 
 
-def tracker(**settings: Any) -> StereoTracker:
+def tracker(**settings: Any) -> ImmTracker:
     context = TrackerContext(sensors=SENSORS, epoch_us=0, duration_s=100.0, light_time=False)
-    return stereo_filter(StereoFilterConfig(**settings), context)
+    return imm_tracker(ImmConfig(**settings), context)
 
 
-def stepped(one: StereoTracker, parts: list[Detections]) -> Tracks:
+def stepped(one: ImmTracker, parts: list[Detections]) -> Tracks:
     told = Tracks.empty()
     for number, part in enumerate(parts, start=1):
         told = one.step(float(number), part)
@@ -182,7 +182,7 @@ def test_biased_sensors_stay_honest() -> None:
         axes = tangent_axes(detections.line_of_sight_ecef)
         turned = detections.line_of_sight_ecef + np.einsum("nk,nkc->nc", shift[detections.sensor], axes[:, :2])
         detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
-        told = stepped(stereo_filter(StereoFilterConfig(), context), by_second(detections, 30))
+        told = stepped(imm_tracker(ImmConfig(), context), by_second(detections, 30))
         assert len(told) == 1
         place, covariance = risen((5.0, 5.0, 2.0), 30.0), told.state_covariance[0, :3, :3]
         error = told.state[0, :3] - place
@@ -201,7 +201,7 @@ def test_rays_of_sensors_with_unlucky_biases_still_begin_one_track() -> None:
     north = 2.0 * bias_rad * np.where(detections.sensor == 0, 1.0, -1.0)
     turned = detections.line_of_sight_ecef + north[:, None] * np.array([0.0, 0.0, 1.0])
     detections = evolve(detections, line_of_sight_ecef=turned / np.linalg.norm(turned, axis=1)[:, None])
-    one = stereo_filter(StereoFilterConfig(), context)
+    one = imm_tracker(ImmConfig(), context)
     told = stepped(one, by_second(detections, 20))
     assert len(told) == 1
     late = detections.take(np.flatnonzero(detections.time_ns > 15_000_000_000))

@@ -7,7 +7,7 @@ from drawn_flights import flown
 from hypothesis import given
 from hypothesis import strategies as st
 from opir_trackers.gating import GatedPairs
-from opir_trackers.stereo.measurement_weights import (
+from opir_trackers.imm.measurement_weights import (
     FRACTIONS,
     OutlierFractions,
     clean_log_likelihood,
