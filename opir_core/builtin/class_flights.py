@@ -91,11 +91,16 @@ class ClassFlights:
         return np.where(late[:, None], self.coast.position_m(target, np.where(late, time_s, np.nan)), boost)
 
 
-def classes_of(configs: Sequence[LaunchSettings], context: TargetContext, model: str) -> tuple[TargetClass, ...]:
-    """Return the classes of targets; raises `SceneError` for those that another model flies after burnout."""
+def classes_of(
+    configs: Sequence[LaunchSettings], context: TargetContext, model: str, own: str = ""
+) -> tuple[TargetClass, ...]:
+    """Return the classes of targets; raises `SceneError` for those that another model flies after burnout.
+
+    `own` is the name of the target model where it is not that of its classes.
+    """
     classes = tuple(context.target_class(config.type) for config in configs)
     problems = [
-        Problem(f"{path}.type", f"{kind.name} has the model {kind.after_burnout.model}, not {model}; omit model")
+        Problem(f"{path}.type", f"{kind.name} has the model {kind.after_burnout.model}, not {own or model}; omit model")
         for kind, path in zip(classes, context.paths, strict=True)
         if kind.after_burnout.model != model
     ]

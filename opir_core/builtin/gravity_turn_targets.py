@@ -92,7 +92,7 @@ def gravity_turn_targets(configs: Sequence[GravityTurnConfig], context: TargetCo
     Raises `SceneError` with a problem for each target whose stages are impossible or do not reach its aim point.
     """
     launch, aim_point = (geodetic_columns(getattr(config, place) for config in configs) for place in ("launch", "aim"))
-    classes = classes_of(configs, context, Ballistic.model)
+    classes = classes_of(configs, context, Ballistic.model, "gravity-turn")
     range_m = surface_range_m(*launch[:2], *aim_point[:2])
     chosen = _stagings(configs, classes, range_m, context.paths)
     loft, early_s = (

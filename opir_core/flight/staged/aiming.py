@@ -42,6 +42,9 @@ _ROUGH_M = 1e3
 #: How much earlier a guess that does not come down is cut off, as a share of the last burn, and how often.
 _EARLIER, _RETREATS = 0.01, 20
 
+#: Guesses from which an aim point that is not reached is tried again, each earlier by `_EARLIER`.
+_RESTARTS = 4
+
 
 @frozen(eq=False)
 class StagedShots:
@@ -95,7 +98,7 @@ class Reach:
     """Ground angles that shots reach, by time of cut-off and kick.
 
     `kick_rad` (n, k) increases along its rows; `cut_off_s` (n, c); `range_rad` (n, k, c), nan for flights that descend
-    at cut-off, and pi for those that do not come down.
+    at cut-off, and pi for those that pass the antipode or do not come down.
     """
 
     kick_rad: FloatArray
@@ -138,7 +141,7 @@ def reach(shots: StagedShots, azimuth_rad: FloatArray, kick_rad: FloatArray) -> 
         if cut:
             state = turn.flown(state, [Leg(LegKind.PART, last, earlier_s, cut_s)])
         end = turn.flown(state, [Leg(LegKind.TAIL_OFF, last, cut_s, cut_s + boosts.tail_off_s)])
-        range_rad[:, cut], earlier_s = _range_rad(shots.take(every), end), cut_s
+        range_rad[:, cut], earlier_s = _range_rad(shots.take(every), azimuth, end), cut_s
     table = range_rad.reshape(count, kicks, _CUTS)
     # A larger kick than one into the ground is one into the ground, whatever a trial that has passed through it does.
     table[np.logical_or.accumulate(np.isnan(table), axis=1)] = np.nan
@@ -150,8 +153,8 @@ def _but_last(boosts: Boosts, cut_off_s: FloatArray) -> list[Leg]:
     return list(boosts.legs(cut_off_s))[:-1]
 
 
-def _range_rad(shots: StagedShots, end: BoostState) -> FloatArray:
-    """Return the ground angles of flights; pi where they do not come down.
+def _range_rad(shots: StagedShots, azimuth_rad: FloatArray, end: BoostState) -> FloatArray:
+    """Return the ground angles of flights with launch azimuths (n,); pi where they pass the antipode or stay aloft.
 
     nan where they descend, or are below the aim point, at burnout.
     """
@@ -160,7 +163,10 @@ def _range_rad(shots: StagedShots, end: BoostState) -> FloatArray:
         inverse_radius = 1.0 / length(*components(position))
         height, climb = height_and_climb(end.position_m, end.velocity_m_s, inverse_radius)
         landing = aimed_landing(shots.boosts.site, shots.aim_ecef_m, shots.aim_height_m, (position, velocity), None)
-        angle = polar_rad(shots.boosts.site, landing.impact_ecef_m)[0]
+        angle, bearing = polar_rad(shots.boosts.site, landing.impact_ecef_m)
+        # Beyond the antipode the shorter way to the impact leads backwards, as it does for short steep flights.
+        is_beyond = (angle > 0.5 * np.pi) & (np.cos(bearing - azimuth_rad) < 0.0)
+        angle = np.where(is_beyond, np.pi, angle)
     is_aloft = (climb > 0.0) & (height > shots.aim_height_m)
     return np.where(is_aloft, np.where(np.isnan(angle), np.pi, angle), np.nan)
 
@@ -198,8 +204,7 @@ def solved(shots: StagedShots, loft: FloatArray, forces: "Forces | None") -> Sta
     kick_rad, cut_off_s = _lofted(table, range_rad, shots, loft)
     shots = evolve(shots, kick_rad=kick_rad)
     shots = evolve(shots, fineness=fineness_needed(shots.boosts, azimuth_rad, kick_rad, cut_off_s))
-    cut_off_s = _coming_down(shots, azimuth_rad, cut_off_s)
-    azimuth_rad, cut_off_s = corrected(shots, azimuth_rad, cut_off_s, TOLERANCE_M, _ITERATIONS)
+    azimuth_rad, cut_off_s = _aimed(shots, azimuth_rad, _coming_down(shots, azimuth_rad, cut_off_s))
     if forces is not None:
         shots = evolve(shots, forces=forces)
         azimuth_rad, cut_off_s = corrected(shots, azimuth_rad, cut_off_s, TOLERANCE_M, _ITERATIONS)
@@ -221,6 +226,27 @@ def _coming_down(shots: StagedShots, azimuth_rad: FloatArray, cut_off_s: FloatAr
             break
         cut_off_s[rows] = np.maximum(cut_off_s[rows] - step_s[rows], shots.earliest_s[rows])
     return cut_off_s
+
+
+def _aimed(shots: StagedShots, azimuth_rad: FloatArray, guess_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the azimuths and times of cut-off that reach the aim points; trials that miss start again, earlier.
+
+    Near orbital speed the range grows so fast with the cut-off that Newton's method needs a guess that falls short.
+    """
+    azimuth, cut_off_s = corrected(shots, azimuth_rad, guess_s, TOLERANCE_M, _ITERATIONS)
+    miss_m = shots.landing(azimuth, cut_off_s).miss_m
+    step_s = _EARLIER * shots.boosts.stages.burn_time_s[-1]
+    for retreat in range(1, _RESTARTS + 1):
+        rows = np.flatnonzero(~(miss_m <= TOLERANCE_M))
+        if not rows.size:
+            break
+        part, earlier_s = shots.take(rows), np.maximum(guess_s - retreat * step_s, shots.earliest_s)[rows]
+        trial = corrected(part, azimuth_rad[rows], earlier_s, TOLERANCE_M, _ITERATIONS)
+        trial_m = part.landing(*trial).miss_m
+        nearer = trial_m < np.nan_to_num(miss_m[rows], nan=np.inf)
+        azimuth[rows[nearer]], cut_off_s[rows[nearer]] = (column[nearer] for column in trial)
+        miss_m[rows[nearer]] = trial_m[nearer]
+    return azimuth, cut_off_s
 
 
 def _least_energy(table: Reach, range_rad: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -119,22 +119,35 @@ def test_every_class_has_stagings_without_fault_for_all_of_its_ranges():
     assert [each.fault() for each in stagings().values()] == [""] * len(stagings())
 
 
-def test_flights_come_down_within_ten_metres_of_their_aims():
-    random = np.random.default_rng(5)
-    names = [name for name in stagings() for _ in range(8)]
-    n = len(names)
-    assert n >= 50
+def drawn_aims(names, seed, most_loft=0.0):
+    """Return the flights of stagings to aims anywhere in their ranges, at any place, bearing and loft, and the aims."""
+    random, n = np.random.default_rng(seed), len(names)
     share = random.uniform(0.0, 1.0, n)
     limits = [(stagings()[name].minimum_range_m, stagings()[name].maximum_range_m) for name in names]
     range_m = [low + part * (high - low) for (low, high), part in zip(limits, share, strict=True)]
     lat, lon = np.degrees(np.arcsin(random.uniform(-0.9, 0.9, n))), random.uniform(-180.0, 180.0, n)
-    flights, aims = flown(names, lat, lon, random.uniform(0.0, 360.0, n), range_m)
+    bearing, loft = random.uniform(0.0, 360.0, n), random.uniform(-most_loft, most_loft, n)
+    return flown(names, lat, lon, bearing, range_m, loft)
+
+
+def assert_they_come_down_at_their_aims(flights, aims):
     assert flights.is_solved.all()
     for row, aim in enumerate(aims):
         assert Geodesic.WGS84.Inverse(*aim, *place(flights.impact_ecef_m[row]))["s12"] < 10.0
     assert (flights.miss_m < 10.0).all()
     assert (flights.cut_off_s >= flights.earliest_s).all()
     assert (flights.cut_off_s <= flights.latest_s).all()
+
+
+def test_flights_come_down_within_ten_metres_of_their_aims():
+    assert_they_come_down_at_their_aims(*drawn_aims([name for name in stagings() for _ in range(6)], 5))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("most_loft", [0.0, 0.5])
+@pytest.mark.parametrize("name", stagings())
+def test_flights_of_every_preset_come_down_within_ten_metres_of_many_aims(name, most_loft):
+    assert_they_come_down_at_their_aims(*drawn_aims([name] * 60, 17, most_loft))
 
 
 @pytest.mark.parametrize(("name", "range_m"), [("SRBM_long", 600e3), ("ICBM_solid", 9500e3)])
