@@ -49,7 +49,7 @@ def _encoder(name: str, summary: str, module: str, encoder: str, **options: bool
     def build(_config: Any, context: Any) -> Any:
         return getattr(import_module(f"opir_core.output.events.{module}"), encoder)(context, **options)
 
-    return EventEncoder(name=name, summary=summary, build=build)
+    return EventEncoder(name=name, summary=summary, build=build, encodes_tracks=name == "tracks")
 
 
 ENCODERS = (
@@ -73,6 +73,12 @@ ENCODERS = (
         "forge",
         "ForgeEncoder",
         has_tracks=True,
+    ),
+    _encoder(
+        "tracks",
+        "one JSON object per track and tick, as in the tracks file, with impact regions as GeoJSON",
+        "tracks",
+        "TracksEncoder",
     ),
     _encoder("udl", "a MissileTrack of the Unified Data Library, simulated", "udl", "UdlEncoder"),
 )

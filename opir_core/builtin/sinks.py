@@ -14,21 +14,22 @@ from opir_core.errors import SinkError, reason_of, way_to_write
 from opir_core.interfaces.contexts import SinkContext
 from opir_core.interfaces.protocols import Delivery, Encoder
 from opir_core.interfaces.records import Window
-from opir_core.output.events.encoder_input import only_encodable, window_blocks
+from opir_core.output.events.encoder_input import detection_count, encoder_blocks, event_counter, only_encodable
 from opir_core.plugin.components import NoConfig
 
 
 class MemorySink:
     """Keeps windows; encodes them on request."""
 
-    def __init__(self, make_encoder: Callable[[], Encoder]) -> None:
+    def __init__(self, make_encoder: Callable[[], Encoder], count: Callable[[Window], int] = detection_count) -> None:
         self._make_encoder = make_encoder
+        self._count = count
         #: The windows in order; available after closing.
         self.windows: list[Window] = []
 
     def __len__(self) -> int:
         """Return the number of events kept."""
-        return sum(len(window.detections) for window in self.windows)
+        return sum(map(self._count, self.windows))
 
     def write(self, window: Window) -> None:
         """Keep the window."""
@@ -65,7 +66,7 @@ class NullSink:
 
 def memory_sink(_config: MemoryConfig, context: SinkContext) -> MemorySink:
     """Return the sink `memory`."""
-    return MemorySink(context.make_encoder)
+    return MemorySink(context.make_encoder, context.count)
 
 
 def null_sink(_config: NoConfig, _context: SinkContext) -> NullSink:
@@ -91,6 +92,7 @@ class LineFile:
     def __init__(self, path: str, encoder: Encoder, *, appends: bool = False) -> None:
         self._name = "standard output" if path == STANDARD_OUTPUT else path
         self._encoder = encoder
+        self._count = event_counter(encoder)
         self._taken = 0
         self._delivered = 0
         self._withheld = 0
@@ -98,8 +100,8 @@ class LineFile:
 
     def write(self, window: Window) -> None:
         """Encode the window's events and write them."""
-        self._taken += len(window.detections)
-        for block in window_blocks(window):
+        self._taken += self._count(window)
+        for block in encoder_blocks(window, self._encoder):
             kept = only_encodable(block, self._encoder)
             self._withheld += len(block.detections) - len(kept.detections)
             self._write_lines(self._encoder.encode(kept))

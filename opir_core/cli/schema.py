@@ -1,14 +1,14 @@
-"""`opir schema NAME`: the JSON Schema of an event, by encoder (`detection` is that of the default encoder)."""
+"""`opir schema NAME`: the JSON Schema of a message (`detection` is that of the default encoder)."""
 
 import argparse
 import sys
 
-from opir_core.output.events import schema_text
+from opir_core.output.events import SCHEMAS, schema_text
 
 
 def schema_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the name of the schema."""
-    parser.add_argument("name", choices=["detection", "forge-c2", "udl"], help="which schema")
+    parser.add_argument("name", choices=list(SCHEMAS), help="which schema")
 
 
 def schema(arguments: argparse.Namespace) -> int:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from opir_core.arrays import IndexArray
 from opir_core.interfaces.protocols import Classifier, DetectionProbability, Encoder, Sensor
+from opir_core.interfaces.records import Window
 from opir_core.scene.scene import EMITTER_TYPES, REPORTED_TYPES
 from opir_core.scene.target_classes import TargetClass, core_target_class
 
@@ -92,14 +93,20 @@ class EncoderContext:
     reported_types: tuple[str, ...] = REPORTED_TYPES
 
 
+def _detection_count(window: Window) -> int:
+    return len(window.detections)
+
+
 @frozen(kw_only=True)
 class SinkContext:
     """The context of a sink.
 
     `make_encoder` builds the encoder of the output's block (`encoder: NAME`) and imports what it needs. `resumes` is
-    true if a spool may hold events of an earlier run: the sink must append to its output, not overwrite it.
+    true if a spool may hold events of an earlier run: the sink must append to its output, not overwrite it. `count`
+    returns the number of a window's events in that encoder: of its detections, or of its tracks.
     """
 
     make_encoder: Callable[[], Encoder]
     scene_name: str
     resumes: bool = False
+    count: Callable[[Window], int] = field(default=_detection_count, eq=False)

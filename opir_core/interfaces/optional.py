@@ -172,6 +172,18 @@ class PartialEncoder(Protocol):
 
 
 @runtime_checkable
+class TrackEncoder(Protocol):
+    """An `Encoder` of tracks: its messages are the rows of `window.tracks`, not the detections.
+
+    Outputs pass it every window with tracks, with detections or without; their event counts are of tracks.
+    """
+
+    @property
+    def encodes_tracks(self) -> bool:
+        """True: having this attribute marks the encoder."""
+
+
+@runtime_checkable
 class MonitoredSink(Protocol):
     """A `Sink` that reports delivery counts while it is open; without it, written events count as delivered."""
 

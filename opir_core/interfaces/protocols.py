@@ -239,7 +239,7 @@ class Tracker(Protocol):
 
 
 class Encoder(Protocol):
-    """Detections to message bytes."""
+    """Detections to message bytes; tracks to message bytes if it is a `TrackEncoder` too."""
 
     @property
     def content_type(self) -> str:
@@ -250,7 +250,7 @@ class Encoder(Protocol):
         """The version of the schema that the messages follow."""
 
     def encode(self, window: Window) -> bytes:
-        """Return the window's detections as messages, each ended by a newline and none containing one."""
+        """Return the window's detections, or tracks, as messages, each ended by a newline and none containing one."""
 
 
 @frozen

@@ -263,8 +263,8 @@ class Window:
 class Batch:
     """Encoded events in the order of their times.
 
-    `body` holds the messages, each ended by a newline; `keys` the sensors' ids, and `key_of` (n,) the index of each
-    event's key. `content_type` and `schema_version` are the encoder's.
+    `body` holds the messages, each ended by a newline; `keys` the sensors' ids, or of track messages the tracks'
+    numbers, and `key_of` (n,) the index of each event's key. `content_type` and `schema_version` are the encoder's.
     """
 
     body: bytes

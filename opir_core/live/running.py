@@ -24,7 +24,7 @@ from opir_core.live.changes import (
     wait_until,
 )
 from opir_core.live.loops import LapOffset, LapPlans, Launched, Pace, RunPosition, launch_in_lap, past_error
-from opir_core.output.delivery import opened_sink
+from opir_core.output.delivery import counter_of, opened_sink
 from opir_core.output.sink_thread import SinkStatus, SinkThread
 from opir_core.planning.plan import Plan, compile_plan
 from opir_core.plugin.host import Host
@@ -178,7 +178,8 @@ class LiveRun:
         try:
             for choice in plan.scene.outputs:
                 is_spooled = choice.spool is not None
-                sinks.append(SinkThread(choice.path, choice.name, opened_sink(plan, choice), is_spooled=is_spooled))
+                made, count = opened_sink(plan, choice), counter_of(plan, choice)
+                sinks.append(SinkThread(choice.path, choice.name, made, is_spooled=is_spooled, count=count))
         except BaseException:
             for sink in sinks:
                 sink.close(time.monotonic() + 1.0)
@@ -366,7 +367,7 @@ class LiveRun:
 
     def _write(self, window: Window) -> None:
         """Write a window to the sinks, first to those with a spool: no event is visible before it is safe from loss."""
-        sinks = self._sinks if len(window.detections) else ()
+        sinks = [sink for sink in self._sinks if sink.has_events(window)]
         for sink in sinks:
             if sink.is_spooled:
                 sink.write(window, self._stopping)
@@ -398,5 +399,6 @@ class LiveRun:
                 self._lap_plans.prepare(position.lap + 1, change.base)
             for choice in change.reopened:
                 sink = next(sink for sink in self._sinks if sink.path == choice.path)
-                sink.replace(partial(opened_sink, change.engine.plan, choice), is_spooled=choice.spool is not None)
+                plan, is_spooled = change.engine.plan, choice.spool is not None
+                sink.replace(partial(opened_sink, plan, choice), is_spooled=is_spooled, count=counter_of(plan, choice))
             answer.set_result(self._counts.cycle)

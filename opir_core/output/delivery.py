@@ -12,7 +12,9 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.contexts import EncoderContext, SinkContext
 from opir_core.interfaces.protocols import Encoder, Sink, Transport
 from opir_core.interfaces.records import Window
+from opir_core.output.events.encoder_input import detection_count, track_count
 from opir_core.output.pump import PumpReport, SinkReport, pump
+from opir_core.output.sink_thread import Counter
 from opir_core.planning.plan import Plan, built
 from opir_core.plugin.components import EventEncoder
 from opir_core.scene.scene import Choice
@@ -59,7 +61,8 @@ def deliver(
     windows = tally.over(plan_windows(plan))
     if truth_path is not None or tracks_path is not None:
         windows = _recorded(plan, windows, truth_path, tracks_path)
-    report = pump(windows, _sinks(plan), on_window=on_window)
+    counts = {choice.path: counter_of(plan, choice) for choice in plan.scene.outputs}
+    report = pump(windows, _sinks(plan), on_window=on_window, counts=counts)
     return RunOutcome(tally.summary(), run_manifest(plan, tally.counts()), report)
 
 
@@ -98,7 +101,12 @@ def _sinks(plan: Plan) -> Mapping[str, Sink]:
 def opened_sink(plan: Plan, choice: Choice) -> Sink:
     """Return the sink of a scene's output, open."""
     make_encoder = partial(_encoder, plan, choice)
-    context = SinkContext(make_encoder=make_encoder, scene_name=plan.scene.name, resumes=choice.spool is not None)
+    context = SinkContext(
+        make_encoder=make_encoder,
+        scene_name=plan.scene.name,
+        resumes=choice.spool is not None,
+        count=counter_of(plan, choice),
+    )
     made: Any = built(plan.host, choice, context)
     if choice.spool is None and not isinstance(made, Transport):
         sink: Sink = made
@@ -108,9 +116,19 @@ def opened_sink(plan: Plan, choice: Choice) -> Sink:
     return transport_sink(choice, made, make_encoder, plan.sensors)
 
 
+def counter_of(plan: Plan, choice: Choice) -> Counter:
+    """Return the function that counts a window's events for an output: detections, or tracks if it encodes these."""
+    return track_count if _encoder_model(plan, choice).encodes_tracks else detection_count
+
+
+def _encoder_model(plan: Plan, choice: Choice) -> EventEncoder:
+    """Return the component of the encoder of an output, `encoder: NAME`."""
+    return plan.host.component(EventEncoder, getattr(choice.config, "encoder", "forge"), f"{choice.path}.encoder")
+
+
 def _encoder(plan: Plan, choice: Choice) -> Encoder:
-    """Return the encoder of an output, `encoder: NAME`."""
-    component = plan.host.component(EventEncoder, getattr(choice.config, "encoder", "forge"), f"{choice.path}.encoder")
+    """Return the encoder of an output."""
+    component = _encoder_model(plan, choice)
     context = EncoderContext(sensors=plan.sensors, epoch_us=plan.scene.epoch_us, reported_types=plan.reported_types)
     encoder: Encoder = component.build(component.config(), context)
     return encoder

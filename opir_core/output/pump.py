@@ -12,7 +12,8 @@ from attrs import frozen
 
 from opir_core.interfaces.protocols import Sink
 from opir_core.interfaces.records import Window
-from opir_core.output.sink_thread import COUNTS, OpenSink
+from opir_core.output.events.encoder_input import detection_count
+from opir_core.output.sink_thread import COUNTS, Counter, OpenSink
 
 
 @frozen
@@ -30,7 +31,7 @@ class SinkReport:
 
 @frozen
 class PumpReport:
-    """Number of windows and events, and the report of each sink, in the order of the sinks."""
+    """Number of windows and detections, and the report of each sink, in the order of the sinks."""
 
     windows: int
     events: int
@@ -45,11 +46,13 @@ class PumpReport:
 class SinkGroup:
     """The sinks of a batch run: a context that closes them; its report is available afterwards too.
 
+    `counts` are the functions that count a window's events, by the names of sinks whose events are not detections.
     Exceptions of a sink other than `SinkError` are defects and are passed on.
     """
 
-    def __init__(self, sinks: Mapping[str, Sink]) -> None:
-        self._sinks = tuple(OpenSink(name, sink) for name, sink in sinks.items())
+    def __init__(self, sinks: Mapping[str, Sink], counts: Mapping[str, Counter] | None = None) -> None:
+        counters = counts or {}
+        self._sinks = tuple(OpenSink(name, sink, counters.get(name, detection_count)) for name, sink in sinks.items())
         self.windows = 0
         self.events = 0
 
@@ -92,14 +95,19 @@ class SinkGroup:
 
 
 def pump(
-    windows: Iterable[Window], sinks: Mapping[str, Sink], *, on_window: Callable[[Window], None] | None = None
+    windows: Iterable[Window],
+    sinks: Mapping[str, Sink],
+    *,
+    on_window: Callable[[Window], None] | None = None,
+    counts: Mapping[str, Counter] | None = None,
 ) -> PumpReport:
     """Write windows into sinks, by name, and return the report; `on_window` is called after each window is written.
 
     Ends early when every sink has failed. A generator of windows is closed at the end. Exceptions of the windows or of
-    `on_window` are passed on, with the sinks closed; use `SinkGroup` to get the report in this case.
+    `on_window` are passed on, with the sinks closed; use `SinkGroup` to get the report in this case. `counts` is as in
+    `SinkGroup`.
     """
-    with SinkGroup(sinks) as group, ExitStack() as ending:
+    with SinkGroup(sinks, counts) as group, ExitStack() as ending:
         if isinstance(windows, Generator):
             ending.callback(windows.close)
         for window in windows:

@@ -16,6 +16,7 @@ from opir_core.errors import SinkError
 from opir_core.interfaces.optional import BufferingSink, DeadlineSink, MonitoredSink
 from opir_core.interfaces.protocols import Delivery, Sink
 from opir_core.interfaces.records import Window
+from opir_core.output.events.encoder_input import detection_count
 
 #: Maximum number of windows in the queue of a sink without a spool.
 QUEUED_WINDOWS = 200
@@ -46,14 +47,27 @@ class SinkStatus:
     error: str | None
 
 
+#: Returns the number of a window's events for a sink.
+Counter = Callable[[Window], int]
+
+
+@frozen
+class _Replacement:
+    make: Callable[[], Sink]
+    count: Counter
+
+
 class OpenSink:
     """A sink, its event counts and its first error; it is closed once.
 
-    `write_now` and `close_now` call the sink in the caller's thread and pass on exceptions other than `SinkError`.
+    `count` returns the number of a window's events for the sink. `write_now` and `close_now` call the sink in the
+    caller's thread and pass on exceptions other than `SinkError`.
     """
 
-    def __init__(self, path: str, sink: Sink) -> None:
+    def __init__(self, path: str, sink: Sink, count: Counter = detection_count) -> None:
         self.path = path
+        #: The number of events of a window: for the windows given from now on, and for those written now.
+        self._count = self._count_written = count
         self.error: str | None = None
         self._sink = sink
         self._given = self._written = 0
@@ -65,9 +79,13 @@ class OpenSink:
         """Whether the sink is closed."""
         return self._final is not None
 
+    def has_events(self, window: Window) -> bool:
+        """Return whether a window has events for the sink."""
+        return self._count(window) > 0
+
     def write_now(self, window: Window) -> None:
         """Write a window; a closed sink only counts it, and a sink that fails is closed."""
-        self._given += len(window.detections)
+        self._given += self._count(window)
         if self.is_closed:
             return
         try:
@@ -101,7 +119,7 @@ class OpenSink:
 
     def _pass(self, window: Window) -> None:
         self._sink.write(window)
-        self._written += len(window.detections)
+        self._written += self._count_written(window)
 
     def _end(self) -> None:
         """Close the sink, unless it is closed, and keep its final counts; a defect of it is raised."""
@@ -129,12 +147,14 @@ class SinkThread(OpenSink):
     `SinkStatus.waits` counts. States: open, failed, closed. Exceptions of the sink are its `error`, never raised.
     """
 
-    def __init__(self, path: str, name: str, sink: Sink, *, is_spooled: bool = False) -> None:
-        super().__init__(path, sink)
+    def __init__(
+        self, path: str, name: str, sink: Sink, *, is_spooled: bool = False, count: Counter = detection_count
+    ) -> None:
+        super().__init__(path, sink, count)
         self.name, self.is_spooled = name, is_spooled
         self._replacement_done = threading.Condition()
         self._replacements = 0
-        self._queue: queue.Queue[Window | Callable[[], Sink] | None] = queue.Queue(QUEUED_WINDOWS)
+        self._queue: queue.Queue[Window | _Replacement | None] = queue.Queue(QUEUED_WINDOWS)
         self._waits = 0
         self._deadline_s = math.inf
         self._thread = threading.Thread(target=self._work, name=f"opir-{path}", daemon=True)
@@ -148,17 +168,18 @@ class SinkThread(OpenSink):
                 self._replacement_done.wait_for(lambda: not self._replacements or self.error is not None)
             if self.error is None and not self._try(lambda: self._pass(window)):
                 self._queue.put(None)
-            self._given += len(window.detections)
+            self._given += self._count(window)
         else:
-            self._given += len(window.detections)
+            self._given += self._count(window)
             self._queue_up(window, stopping)
 
-    def replace(self, make: Callable[[], Sink], *, is_spooled: bool = False) -> None:
+    def replace(self, make: Callable[[], Sink], *, is_spooled: bool = False, count: Counter = detection_count) -> None:
         """Close the sink after its queued windows, and continue with the one that `make` returns."""
         with self._replacement_done:
             self._replacements += 1
         self.is_spooled = is_spooled
-        self._queue.put(make)
+        self._count = count
+        self._queue.put(_Replacement(make, count))
 
     def close_by(self, deadline_s: float) -> None:
         """Set the time of the monotonic clock by which the sink must be closed."""
@@ -225,18 +246,18 @@ class SinkThread(OpenSink):
             return True
         return False
 
-    def _change(self, make: Callable[[], Sink]) -> None:
+    def _change(self, replacement: "_Replacement") -> None:
         if isinstance(self._sink, BufferingSink) and self._sink.outlives_the_process:
             self._pass_deadline(min(self._deadline_s, time.monotonic() + _REPLACEMENT_S))
         closed = Delivery(delivered=0)
         try:
             closed = self._sink.close()
-            made = make()
+            made = replacement.make()
         except BaseException:
             self._final = closed
             raise
         before = _sum(self._replaced, closed)
-        self._written, self._sink = 0, made
+        self._written, self._sink, self._count_written = 0, made, replacement.count
         # Events left in a spool that both sinks share are counted once: with the new sink.
         again = min(before.spooled, self._current().recovered)
         self._replaced = evolve(before, spooled=before.spooled - again, recovered=before.recovered - again)

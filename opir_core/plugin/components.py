@@ -152,10 +152,15 @@ class BackgroundModel(Component):
 
 @frozen(kw_only=True)
 class EventEncoder(Component):
-    """`build(config, context) -> Encoder`: detections to message bytes."""
+    """`build(config, context) -> Encoder`: detections to message bytes.
+
+    With `encodes_tracks` it builds a `TrackEncoder`: an output's events are then tracks, one per track and tick.
+    """
 
     hook = "opir_event_encoders"
     kind = "event encoder"
+
+    encodes_tracks: bool = False
 
 
 @frozen(kw_only=True)

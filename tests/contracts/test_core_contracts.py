@@ -161,6 +161,10 @@ class TestForgeC2Encoder(EncoderContract):
     name = "forge-c2"
 
 
+class TestTracksEncoder(EncoderContract):
+    name = "tracks"
+
+
 class TestUdlEncoder(EncoderContract):
     name = "udl"
 

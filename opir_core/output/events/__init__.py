@@ -6,13 +6,14 @@ from typing import Any
 SCHEMA_VERSION = "1.0"
 
 #: Schema versions of the other encoders, in the headers of their messages.
-FORGE_C2_VERSION, UDL_VERSION = "forge-c2-1.0", "udl-1.0"
+FORGE_C2_VERSION, UDL_VERSION, TRACKS_VERSION = "forge-c2-1.0", "udl-1.0", "tracks-1.0"
 
 #: Schemas in the package: the encoder and schema version of each.
 SCHEMAS = {
     "detection": ("forge", SCHEMA_VERSION),
     "forge-c2": ("forge-c2", FORGE_C2_VERSION),
     "udl": ("udl", UDL_VERSION),
+    "track": ("tracks", TRACKS_VERSION),
 }
 
 

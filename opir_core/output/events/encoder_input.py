@@ -1,16 +1,19 @@
 """Windows for an encoder: in blocks, without detections that have no message, with valid values."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from attrs import evolve
 
 from opir_core.arrays import BoolArray, FloatArray
 from opir_core.errors import ModelError
-from opir_core.interfaces.optional import PartialEncoder
+from opir_core.interfaces.optional import PartialEncoder, TrackEncoder
 from opir_core.interfaces.protocols import Encoder, Sensor
 from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
 from opir_core.scene.scene import REPORTED_TYPES
+
+#: Tracks in a block: a track is a message of 10 kB, with its covariances and regions.
+TRACK_BLOCK_ROWS = 512
 
 #: Detections in a block: enough that numpy's cost per call is small, few enough for the processor's cache.
 BLOCK_ROWS = 8_192
@@ -31,6 +34,37 @@ def window_blocks(window: Window, rows: int = BLOCK_ROWS) -> Iterator[Window]:
         block = slice(start, start + rows)
         part = evolve(window, detections=window.detections.take(block), truth=window.truth.take(block))
         yield part if start == 0 else evolve(part, looks=0, tracks=Tracks.empty())
+
+
+def encoder_blocks(window: Window, encoder: Encoder) -> Iterator[Window]:
+    """Yield a window as windows of a limited number of events for an encoder; nothing for a window without events."""
+    if not isinstance(encoder, TrackEncoder):
+        yield from window_blocks(window)
+        return
+    for start in range(0, len(window.tracks), TRACK_BLOCK_ROWS):
+        yield evolve(
+            window,
+            looks=window.looks if start == 0 else 0,
+            detections=Detections.empty(),
+            truth=DetectionTruth.empty(),
+            tracks=window.tracks.take(slice(start, start + TRACK_BLOCK_ROWS)),
+            estimates=Tracks.empty(),
+        )
+
+
+def detection_count(window: Window) -> int:
+    """Return the number of a window's detections."""
+    return len(window.detections)
+
+
+def track_count(window: Window) -> int:
+    """Return the number of a window's tracks, one per track and tick."""
+    return len(window.tracks)
+
+
+def event_counter(encoder: Encoder) -> Callable[[Window], int]:
+    """Return the function that counts the events of a window for an encoder: its detections or its tracks."""
+    return track_count if isinstance(encoder, TrackEncoder) else detection_count
 
 
 def only_encodable(window: Window, encoder: Encoder) -> Window:

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 
 from opir_core.errors import SinkError
 from opir_core.interfaces.columns import Columns
+from opir_core.interfaces.optional import TrackEncoder
 from opir_core.interfaces.protocols import Encoder, Sensor, Sink
 from opir_core.interfaces.records import Batch, Detections, DetectionTruth, Tracks, Window
-from opir_core.output.events.encoder_input import only_encodable, window_blocks
+from opir_core.output.events.encoder_input import encoder_blocks, event_counter, only_encodable
 from opir_core.output.spool.regions import REGION_PARTS, packed_regions, unpacked_regions
 from opir_core.simulation.report_order import with_own_estimates
 
@@ -33,38 +34,45 @@ class Batcher(Protocol):
     def batches(self, window: Window) -> Iterator[Batch]:
         """Yield a window's events as batches, in order."""
 
+    def events(self, window: Window) -> int:
+        """Return the number of a window's events, those without a message included."""
+
 
 class EncodedBatcher:
     """Cuts windows into batches of an encoder's messages."""
 
     def __init__(self, encoder: Encoder, sensors: Sequence[Sensor]) -> None:
         self._encoder = encoder
+        self.events = event_counter(encoder)
         self._ids = np.array([sensor.id for sensor in sensors], dtype=object)
 
     def batches(self, window: Window) -> Iterator[Batch]:
         """Yield a window's events as batches, without those that have no message."""
-        for block in window_blocks(window):
+        for block in encoder_blocks(window, self._encoder):
             kept = only_encodable(block, self._encoder)
             lines = self._encoder.encode(kept)
-            if len(kept.detections):
-                yield from self._cut(lines, kept.detections.sensor)
+            if len(kept.tracks) and isinstance(self._encoder, TrackEncoder):
+                numbers, key = np.unique(kept.tracks.track, return_inverse=True)
+                yield from self._cut(lines, key, numbers.astype(str).astype(object))
+            elif len(kept.detections):
+                yield from self._cut(lines, kept.detections.sensor, self._ids)
 
-    def _cut(self, lines: bytes, sensor: NDArray[np.int32]) -> Iterator[Batch]:
-        """Yield the lines of a block as batches of at most `BATCH_EVENTS` events."""
-        whole = self._batch(lines, sensor)
+    def _cut(self, lines: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Iterator[Batch]:
+        """Yield the lines of a block as batches of at most `BATCH_EVENTS` events; `key` (n,) is a row of `names`."""
+        whole = self._batch(lines, key, names)
         if len(whole) <= BATCH_EVENTS:
             yield whole
             return
         messages = whole.messages()
-        for first in range(0, len(sensor), BATCH_EVENTS):
+        for first in range(0, len(key), BATCH_EVENTS):
             part = slice(first, first + BATCH_EVENTS)
-            yield self._batch(b"\n".join([*messages[part], b""]), sensor[part])
+            yield self._batch(b"\n".join([*messages[part], b""]), key[part], names)
 
-    def _batch(self, body: bytes, sensor: NDArray[np.int32]) -> Batch:
-        sensors, key_of = np.unique(sensor, return_inverse=True)
+    def _batch(self, body: bytes, key: NDArray[Any], names: NDArray[np.object_]) -> Batch:
+        used, key_of = np.unique(key, return_inverse=True)
         return Batch(
             body=body,
-            keys=tuple(self._ids[sensors].tolist()),
+            keys=tuple(names[used].tolist()),
             key_of=key_of.astype(np.uint16),
             content_type=self._encoder.content_type,
             schema_version=self._encoder.schema_version,
@@ -160,15 +168,22 @@ _Record = TypeVar("_Record", bound=Columns)
 
 
 class WindowBatcher:
-    """Cuts windows into batches of columns, each with the estimates that its detections refer to."""
+    """Cuts windows into batches of columns, each with the estimates that its detections refer to.
+
+    The `encoder` of the sink decides what its events are, detections or tracks.
+    """
+
+    def __init__(self, encoder: Encoder) -> None:
+        self._encoder = encoder
+        self.events = event_counter(encoder)
 
     def batches(self, window: Window) -> Iterator[Batch]:
         """Yield a window as batches of columns."""
-        for block in window_blocks(window):
+        for block in encoder_blocks(window, self._encoder):
             yield Batch(
                 body=_packed(with_own_estimates(block)),
                 keys=("",),
-                key_of=np.zeros(len(block.detections), dtype=np.uint16),
+                key_of=np.zeros(self.events(block), dtype=np.uint16),
                 content_type=_CONTENT_TYPE,
                 schema_version=_VERSION,
             )

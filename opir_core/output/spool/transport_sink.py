@@ -101,7 +101,7 @@ class TransportSink:
                 self._put(batch)
             self._wake.set()
         with self._room:
-            self._withheld += len(window.detections) - encoded
+            self._withheld += self._batcher.events(window) - encoded
             self._raise_error()
 
     @property
@@ -283,7 +283,7 @@ def transport_sink(
     if isinstance(made, Transport):
         transport, batcher = made, EncodedBatcher(make_encoder(), sensors)
     else:
-        transport, batcher = WindowTransport(made), WindowBatcher()
+        transport, batcher = WindowTransport(made), WindowBatcher(make_encoder())
     try:
         backlog, policy = _backlog(choice.spool)
     except BaseException:

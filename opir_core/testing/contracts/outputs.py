@@ -12,12 +12,12 @@ import numpy as np
 from attrs import evolve, fields_dict
 
 from opir_core.interfaces.contexts import EncoderContext
-from opir_core.interfaces.optional import BufferingSink, MonitoredSink
+from opir_core.interfaces.optional import BufferingSink, MonitoredSink, TrackEncoder
 from opir_core.interfaces.protocols import Delivery, Encoder, Sink
 from opir_core.interfaces.records import Tracks, Window
 from opir_core.output.delivery import opened_sink
-from opir_core.output.events import SCHEMA_VERSION, detection_schema
-from opir_core.output.events.encoder_input import only_encodable
+from opir_core.output.events import SCHEMA_VERSION, TRACKS_VERSION, schema
+from opir_core.output.events.encoder_input import event_counter, only_encodable
 from opir_core.planning.plan import Plan
 from opir_core.plugin.components import Component, EventEncoder, SinkModel
 from opir_core.scene.scene import Choice
@@ -31,7 +31,7 @@ from opir_core.testing.contracts.contract import (
     require_no_outside_inputs,
     require_pickling,
 )
-from opir_core.testing.doubles import stub_estimates, stub_window
+from opir_core.testing.doubles import stub_estimates, stub_regions, stub_window
 from opir_core.testing.json_schema import schema_errors
 
 
@@ -46,6 +46,13 @@ def edge_case_windows() -> Mapping[str, Window]:
         impact=[-np.pi / 2, -np.pi, 2.0],
         impact_covariance=[[1e6, 0.0, 0.0], [0.0, 1e6, 0.0], [0.0, 0.0, 4.0]],
     )
+    with_regions = evolve(
+        known,
+        impact_regions=stub_estimates(
+            2, impact_regions=[stub_regions(89.5, 0.0), stub_regions(9.0, 180.0)]
+        ).impact_regions,
+        impact_method=np.array([0, 1], dtype=np.uint8),
+    )
     return {
         "one detection": stub_window(1),
         "many detections": stub_window(300),
@@ -54,6 +61,11 @@ def edge_case_windows() -> Mapping[str, Window]:
         "with an estimate": stub_window(2, track=0, estimate=0, estimates=known),
         "with unknown estimates": stub_window(2, track=7, estimate=1, estimates=stub_estimates(2)),
         "with unknown values": stub_window(2, snr=np.nan, confidence=0.0, bands=0),
+        "with tracks": evolve(
+            stub_window(2, track=0, estimate=0, estimates=known),
+            tracks=Tracks.concatenate([with_regions, stub_estimates(2, tick_s=[1.0, 2.0])]),
+        ),
+        "with tracks alone": evolve(stub_window(0), tracks=with_regions),
         "with full confidence": stub_window(2, snr=1e6, confidence=1.0, line_of_sight_sigma_rad=zero[0]),
     }
 
@@ -94,23 +106,37 @@ class EncoderContract(OutputContract):
         require(valid, "content_type or schema_version is invalid", "Set a media type, type/subtype, and a version.")
 
     def test_each_detection_is_one_line(self) -> None:
-        """Each encodable detection is one line, ended by its only newline; no detections give no bytes."""
+        """Each encodable detection is one line, ended by its only newline; no detections give no bytes.
+
+        For a `TrackEncoder` the same holds for tracks.
+        """
         encoder = self.encoder()
+        rows = "tracks" if isinstance(encoder, TrackEncoder) else "detections"
         for name, window in {**edge_case_windows(), "empty": stub_window(0)}.items():
             text: Any = encoder.encode(window)
-            expected = len(only_encodable(window, encoder).detections)
+            expected = event_counter(encoder)(only_encodable(window, encoder))
             require(
                 isinstance(text, bytes) and text.count(b"\n") == expected and text[-1:] in (b"", b"\n"),
-                f"a window of {expected} detections ({name}) gives {text.count(bytes([10]))} lines",
-                "Return bytes: one line per detection, ended by a newline, with escapes inside.",
+                f"a window of {expected} {rows} ({name}) gives {text.count(bytes([10]))} lines",
+                f"Return bytes: one line for each of the {rows}, ended by a newline, with escapes inside.",
             )
+
+    def test_encoders_of_tracks_are_marked(self) -> None:
+        """The component states `encodes_tracks` if, and only if, its encoder is a `TrackEncoder`."""
+        states, is_one = self.component().encodes_tracks, isinstance(self.encoder(), TrackEncoder)
+        require(
+            states == is_one,
+            f"the component states encodes_tracks={states}, its encoder {'has' if is_one else 'lacks'} this attribute",
+            "Set encodes_tracks in EventEncoder(...) and in the encoder.",
+        )
 
     def test_windows_encode_alone_as_together(self) -> None:
         """Windows cut in two give the same bytes, and so does the same window twice."""
         encoder = self.encoder()
         for window in self.windows():
-            middle = len(window.detections) // 2
-            halves = (_part(window, slice(0, middle)), _part(window, slice(middle, None)))
+            part = _part_of_tracks if isinstance(encoder, TrackEncoder) else _part
+            middle = event_counter(encoder)(window) // 2
+            halves = (part(window, slice(0, middle)), part(window, slice(middle, None)))
             same = encoder.encode(window) == b"".join(map(encoder.encode, halves))
             require(same, "a window cut in two gives other bytes", "Encode each row from its own columns alone.")
 
@@ -124,15 +150,17 @@ class EncoderContract(OutputContract):
                 require(same, "the bytes depend on the truth", "Use window.detections and window.estimates only.")
 
     def test_json_follows_the_schema(self) -> None:
-        """A JSON media type means JSON without NaN; with the core's schema version, events conform to its schema."""
-        encoder, schema = self.encoder(), detection_schema()
+        """A JSON media type means JSON without NaN; with a schema version of the core, events conform to its schema."""
+        encoder = self.encoder()
         if "json" not in encoder.content_type:
             return
+        name_of = {SCHEMA_VERSION: "detection", TRACKS_VERSION: "track"}.get(encoder.schema_version)
+        due = None if name_of is None else schema(name_of)
         for name, window in edge_case_windows().items():
             for line in encoder.encode(window).splitlines():
                 event = _json_of(line, name)
-                errors = schema_errors(event, schema) if encoder.schema_version == SCHEMA_VERSION else []
-                require(not errors, f"{name}: {'; '.join(errors[:3])}", "See opir schema detection.")
+                errors = [] if due is None else schema_errors(event, due)
+                require(not errors, f"{name}: {'; '.join(errors[:3])}", f"See opir schema {name_of}.")
 
     def test_clock_network_and_global_random_state_are_not_used(self) -> None:
         """Clock, entropy, network and global random state are not used."""
@@ -221,6 +249,10 @@ def _require_accounts(delivery: Delivery, events: int) -> None:
 
 def _part(window: Window, rows: slice) -> Window:
     return evolve(window, detections=window.detections.take(rows), truth=window.truth.take(rows), tracks=Tracks.empty())
+
+
+def _part_of_tracks(window: Window, rows: slice) -> Window:
+    return evolve(window, tracks=window.tracks.take(rows))
 
 
 def _json_of(line: bytes, name: str) -> Any:

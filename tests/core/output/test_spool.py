@@ -171,12 +171,14 @@ def test_the_wall_clock_has_no_say(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_a_plain_sink_can_have_a_spool_too(tmp_path: Path) -> None:
     known = stub_estimates(3, launch=[[0.1, 0.2, 0.3], [0.4, 0.5, 0.6], [0.7, 0.8, 0.9]])
     windows = [stub_window(4, estimates=known, estimate=[2, -1, 0, 2], track=1), window(2, 4)]
-    first = TransportSink("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK)
+    first = TransportSink("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK)
     for each in windows:
         first.write(each)
     assert first.close() == Delivery(delivered=0, spooled=6)
     kept = MemorySink(lambda: ENCODER)
-    second = TransportSink("stub", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK)
+    second = TransportSink(
+        "stub", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK
+    )
     assert second.close() == Delivery(delivered=6, recovered=6)
     assert kept.lines() == b"".join(map(ENCODER.encode, windows))
     assert isinstance(kept.windows[0].tracks, Tracks)
@@ -188,11 +190,13 @@ def test_a_spool_of_columns_keeps_impact_regions(tmp_path: Path) -> None:
     ring, inner = hole[2].polygons[0][0], hole[0].polygons[0][0]
     several = (evolve(hole[1], polygons=((ring, inner), (inner + 0.2,))),)
     known = stub_estimates(4, impact_regions=[shared, (), several, shared])
-    first = TransportSink("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK)
+    first = TransportSink("stub", Holding("hold"), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK)
     first.write(evolve(stub_window(4, estimates=known, estimate=[0, 1, 2, 3], track=1), tracks=known))
     assert first.close() == Delivery(delivered=0, spooled=4)
     kept = MemorySink(lambda: ENCODER)
-    second = TransportSink("stub", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK)
+    second = TransportSink(
+        "stub", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK
+    )
     assert second.close() == Delivery(delivered=4, recovered=4)
     for tracks in (kept.windows[0].tracks, kept.windows[0].estimates):
         assert tracks.impact_regions.tolist() == known.impact_regions.tolist()

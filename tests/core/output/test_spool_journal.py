@@ -102,7 +102,7 @@ def test_a_spool_of_another_output_is_told(tmp_path: Path) -> None:
     first.close()
     kept = MemorySink(lambda: ENCODER)
     second = TransportSink(
-        "memory", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(), QUICK
+        "memory", WindowTransport(kept), Journal(str(tmp_path / "spool"), MIB), WindowBatcher(ENCODER), QUICK
     )
     told = second.close()
     assert told.spooled == 5
