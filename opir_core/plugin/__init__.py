@@ -60,6 +60,7 @@ if TYPE_CHECKING:
         ReconfigurableTracker,
         Response,
         SignalModel,
+        TrackEncoder,
         WithBreakpoints,
         WithBurns,
         WithClasses,
@@ -113,7 +114,8 @@ _HOMES = {
         "interfaces.records": "Batch ClassifierInputs Detections Exposures Tracks Window",
         "interfaces.optional": (
             "BufferingSink DeadlineSink FalseAlarmModel FreeFlight FromFiles MonitoredSink PartialEncoder "
-            "PosteriorClassifier ReconfigurableTracker Response SignalModel WithBreakpoints WithBurns WithClasses"
+            "PosteriorClassifier ReconfigurableTracker Response SignalModel TrackEncoder WithBreakpoints WithBurns "
+            "WithClasses"
         ),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
         "plugin.host": "Host",
@@ -133,10 +135,11 @@ __all__ = [  # noqa: RUF022
     "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
     "Sensor", "SensorContext", "SensorModel", "SignalModel",
     "SignatureContext", "SignatureModel", "Signatures", "Sink", "SinkContext", "SinkModel", "SourceContext",
-    "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "Tracker",
-    "TrackerContext", "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views", "Window",
-    "WithBreakpoints", "WithBurns", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl", "named",
-    "nested", "number", "one_track_fleet", "scanning_model", "scanning_sensor", "text", "walker_fleet", "with_defaults"
+    "SourceModel", "Sources", "TARGET_TYPES", "TargetClass", "TargetContext", "TargetModel", "TrackEncoder",
+    "Tracker", "TrackerContext", "TrackerModel", "Tracks", "Trajectories", "Transmittance", "Transport", "Views",
+    "Window", "WithBreakpoints", "WithBurns", "WithClasses", "cited", "flag", "geostationary_fleet", "hookimpl",
+    "named", "nested", "number", "one_track_fleet", "scanning_model", "scanning_sensor", "text", "walker_fleet",
+    "with_defaults"
 ]
 # fmt: on
 

@@ -17,10 +17,10 @@ def asyncapi_document() -> dict[str, Any]:
     return {
         "asyncapi": "3.0.0",
         "info": {
-            "title": "opir detection events",
+            "title": "opir detection events and tracks",
             "version": __version__,
-            "description": "Simulated detections of overhead infrared sensors. Each sensor's events are in order; a"
-            " message may arrive twice, with the same detection_id and bytes.",
+            "description": "Simulated detections of overhead infrared sensors, and tracks. Each sensor's events are in"
+            " order, and each track's; a message may arrive twice, with the same bytes.",
             "license": {"name": "Apache-2.0"},
         },
         "defaultContentType": "application/json",
@@ -64,7 +64,8 @@ def _message(name: str, version: str, payload: dict[str, Any]) -> dict[str, Any]
         "properties": {"content-type": {"const": "application/json"}, "schema-version": {"const": version}},
         "required": ["content-type", "schema-version"],
     }
-    key = {"type": "string", "description": "The sensor's id, UTF-8; it determines the partition."}
+    whose = "The track's number" if name == "tracks" else "The sensor's id"
+    key = {"type": "string", "description": f"{whose}, UTF-8; it determines the partition."}
     return {
         "name": name,
         "title": payload["title"],

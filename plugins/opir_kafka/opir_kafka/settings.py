@@ -94,7 +94,7 @@ class KafkaConfig:
         default="forge.sensors.raw",
         check=_topic_complaint,
         source="opir-simulator paper (2026)",
-        help="topic; the key of a message is its sensor's id, so each sensor's events keep their order",
+        help="topic; the key of a message is its sensor's id (of a track, its number), so these keep their order",
     )
     encoder: str = text(help="event encoder of the messages", default="forge")
     compression: str = text(
