@@ -106,10 +106,7 @@ class EncoderContract(OutputContract):
         require(valid, "content_type or schema_version is invalid", "Set a media type, type/subtype, and a version.")
 
     def test_each_detection_is_one_line(self) -> None:
-        """Each encodable detection is one line, ended by its only newline; no detections give no bytes.
-
-        For a `TrackEncoder` the same holds for tracks.
-        """
+        """Each encodable detection, or track, is one line, ended by its only newline; none of them give no bytes."""
         encoder = self.encoder()
         rows = "tracks" if isinstance(encoder, TrackEncoder) else "detections"
         for name, window in {**edge_case_windows(), "empty": stub_window(0)}.items():

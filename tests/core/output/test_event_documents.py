@@ -83,11 +83,12 @@ def test_the_page_s_event_is_what_the_encoder_makes() -> None:
     ("text", "part"),
     [
         (section(PAGE, "## Fields", "## Directions"), SCHEMA),
-        (section(PAGE, "## Points", "The ellipses are centred"), SCHEMA["$defs"]["point"]),
+        (section(PAGE, "## Points", "An impact point also has"), SCHEMA["$defs"]["point"]),
+        (section(PAGE, "## Points", "The ellipses are centred"), SCHEMA["$defs"]["impact"]),
         (section(PAGE, "The ellipses are centred", "## Measured light"), SCHEMA["$defs"]["ellipse"]),
         (section(EXTENSIONS, "## Track state", "## Measured irradiance"), SCHEMA["$defs"]["state"]),
     ],
-    ids=["event", "point", "ellipse", "state"],
+    ids=["event", "point", "impact", "ellipse", "state"],
 )
 def test_the_page_documents_every_field_in_order(text: str, part: dict[str, Any]) -> None:
     assert documented_fields(text) == list(part["properties"])
