@@ -31,6 +31,9 @@ PARTICLES = 400
 #: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform over particles.
 TILT_RAD = np.radians([0.3, 4.0])
 
+#: A boost goes on with at least and at most this share of the acceleration of the prior's one.
+_SCALES = 0.7, 1.4
+
 #: Modes less probable than this get no particles.
 _LEAST_MODE = 0.01
 
@@ -112,18 +115,18 @@ def _particles(
 def _burning(
     estimates: ModeEstimates, number: int, since: tuple[float, float], types: FloatArray, count: int
 ) -> _Particles:
-    prior, size = prior_boosts(), estimates.boost_mean.shape[1]
+    prior = prior_boosts()
     state, side = estimates.boost_mean[number], inverse_root(estimates.boost_root[number : number + 1])[0]
-    features, changes = matching.jacobian(state, side)
-    matches = matching.matched(
-        prior, (prior.log_weight + types[prior.class_code])[prior.boost], features, changes, since, 4
-    )
+    parts = matching.parts_of(state, side)
+    log = (prior.log_weight + types[prior.class_code])[prior.boost]
+    matches = matching.matched(prior, log, parts, since, 4)
     if not len(matches.row):
         return _ballistic(state[:6], side[:6], count)
-    row = _picked(matches.row, matches.probability, count)
-    normal = _normal()[:count, : size + 4]
-    states = matching.drawn_states(state, side, features, changes, prior.features[row], normal, matches.width, 4)
-    scale = np.sqrt(np.sum(states[:, 6:9] ** 2, axis=1)) / prior.features[row, 3]
+    picked = _picked(matches.probability, count)
+    row = matches.row[picked]
+    normal = _normal()[:count, : len(state) + 4]
+    states = matching.drawn_states(parts, matches.part[picked], prior.features[row], normal, matches.width)
+    scale = np.clip(matching.features_of(states)[:, 3] / prior.features[row, 3], *_SCALES)
     return _Particles(states[:, :6], prior.boost[row], prior.time_s[row], scale)
 
 
@@ -135,20 +138,20 @@ def _dark(
     hits, spell, silent_s = estimates.detection_rate[number].tolist()
     pause_s = spell / max(hits, 1.0)
     dark_s = max(silent_s - pause_s, 0.0)
-    back = _moved_back(state, dark_s)
-    features, changes = matching.jacobian(back, side)
+    parts = matching.parts_of(state, side, lambda states: _moved_back(states, dark_s))
     gap = prior.programs.gap_s[ends.boost, ends.stage]
     final = (ends.stage == STAGES - 1) | (
         prior.programs.burn_s[ends.boost, np.minimum(ends.stage + 1, STAGES - 1)] == 0.0
     )
     log = np.where(final | (gap >= dark_s), (prior.log_weight + types[prior.class_code])[ends.boost], -np.inf)
     since = since[0] - dark_s, float(np.hypot(since[1], pause_s + 1.0))
-    matches = matching.matched(ends, log, features, changes, since, 3)
+    matches = matching.matched(ends, log, parts, since, 3)
     if not len(matches.row):
         return _ballistic(state, side, count), 0.0
-    row = _picked(matches.row, matches.probability, count)
+    picked = _picked(matches.probability, count)
+    row = matches.row[picked]
     normal = _normal()[PARTICLES - count :, : len(state) + 3]
-    states = matching.drawn_states(state, side, features, changes, ends.features[row], normal, matches.width, 3)
+    states = matching.drawn_states(parts, matches.part[picked], ends.features[row, :3], normal, matches.width)
     relights = float(np.sum(matches.probability[~final[matches.row]]))
     return _Particles(states, ends.boost[row], ends.time_s[row] + dark_s, np.ones(count)), relights
 
@@ -160,16 +163,16 @@ def _ballistic(state: FloatArray, side: FloatArray, count: int) -> _Particles:
 
 
 def _moved_back(state: FloatArray, span_s: float) -> FloatArray:
-    """Return a free flight's state (6,) a few seconds before, to the third power of time."""
-    place, velocity = state[:3], state[3:6]
-    pull = -EARTH_MU_M3_S2 / np.linalg.norm(place) ** 3 * place
-    return np.concatenate([place - span_s * velocity + 0.5 * span_s * span_s * pull, velocity - span_s * pull])
+    """Return free flights' states (n, 6) a few seconds before, to the second power of time."""
+    place, velocity = state[:, :3], state[:, 3:6]
+    pull = -EARTH_MU_M3_S2 / np.sum(place * place, axis=1, keepdims=True) ** 1.5 * place
+    return np.concatenate([place - span_s * velocity + 0.5 * span_s * span_s * pull, velocity - span_s * pull], axis=1)
 
 
-def _picked(row: IntArray, probability: FloatArray, count: int) -> IntArray:
-    """Return rows drawn in proportion to their probabilities, at equal steps, in a fixed random order."""
+def _picked(probability: FloatArray, count: int) -> IntArray:
+    """Return indices drawn in proportion to probabilities, at equal steps, in a fixed random order."""
     steps = (np.arange(count) + 0.5) / count
-    chosen = row[np.minimum(np.searchsorted(np.cumsum(probability), steps), len(row) - 1)]
+    chosen = np.minimum(np.searchsorted(np.cumsum(probability), steps), len(probability) - 1)
     return chosen[np.argsort(_normal()[:count, -1], kind="stable")]
 
 

@@ -8,12 +8,14 @@ the weight is N(f_boost; f(x), H P Hᵀ + B), and each part is the filter's dens
 17(4), 1972). Boosts between those of the prior are as likely as these: that is what the kernel says.
 """
 
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
+from opir_core.estimation.motion import COAST
 from opir_trackers.forecast.prior_boosts import Instants, PriorBoosts
 
 #: Widths of the kernel: of height and speed, a share and a least value, m and m/s; angle, rad; share of the force.
@@ -22,29 +24,45 @@ HEIGHT, SPEED, ANGLE_RAD, FORCE = (0.06, 500.0), (0.05, 20.0), 0.05, 0.1
 #: Standard deviation of the time since ignition from the grid of instants, s, and of an unknown time of ignition.
 GRID_S, UNKNOWN_S = 1.0, 60.0
 
+#: A position known to this, m, has linear features; else its density is cut into parts of this share of its standard
+#: deviation, up to this many deviations away.
+LINEAR_M, NARROW, REACH = 5e3, 0.5, 3.0
+
 #: The kernel is widened, twice each time, until this many boosts share the probability.
 LEAST_BOOSTS, WIDEST = 25.0, 16.0
 
 
-class Matches(NamedTuple):
-    """Instants of the prior's boosts (rows of `Instants`) with probabilities, and the width of the kernel."""
+class Part(NamedTuple):
+    """A normal part of a track's density: mean (d,), covariance root (d, d), log weight, features and their changes."""
 
+    state: FloatArray
+    side: FloatArray
+    log_weight: float
+    features: FloatArray
+    changes: FloatArray
+
+
+class Matches(NamedTuple):
+    """Instants of the prior's boosts (rows of `Instants`) by part of a track, probabilities, width of the kernel."""
+
+    part: IntArray
     row: IntArray
     probability: FloatArray
     width: float
 
 
 def features_of(state: FloatArray) -> FloatArray:
-    """Return height m, speed m/s relative to the air, flight-path angle rad and specific force (..., 4) of states."""
+    """Return height m, speed m/s and angle rad of the flight through the air, and the force along it (..., 4)."""
     place = state[..., :3]
     radius = np.sqrt(np.sum(place * place, axis=-1))
     velocity = air_velocity(state)
     speed = np.sqrt(np.sum(velocity * velocity, axis=-1))
     climb = np.sum(place * velocity, axis=-1) / np.maximum(radius * speed, 1.0)
-    force = np.sqrt(np.sum(state[..., 6:9] ** 2, axis=-1)) if state.shape[-1] > 6 else np.zeros(radius.shape)
-    return np.stack(
-        [radius - local_radius_m(place, radius), speed, np.arcsin(np.clip(climb, -1.0, 1.0)), force], axis=-1
-    )
+    force = np.zeros(radius.shape)
+    if state.shape[-1] > COAST:
+        force = np.sum(state[..., 6:9] * velocity, axis=-1) / np.maximum(speed, 1.0)
+    height = radius - local_radius_m(place, radius)
+    return np.stack([height, speed, np.arcsin(np.clip(climb, -1.0, 1.0)), force], axis=-1)
 
 
 def local_radius_m(place: FloatArray, radius: FloatArray) -> FloatArray:
@@ -61,12 +79,37 @@ def air_velocity(state: FloatArray) -> FloatArray:
     return relative
 
 
-def jacobian(state: FloatArray, side: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the features (4,) of a mean state and their changes (d, 4) along the columns of its covariance root."""
+def parts_of(
+    state: FloatArray, side: FloatArray, moved: Callable[[FloatArray], FloatArray] | None = None
+) -> list[Part]:
+    """Return the parts of a normal density with mean (d,) and covariance root (d, d).
+
+    Features are linear in a state that is known to kilometres. Along a single line of sight it is not: there the density
+    is a sum of narrower ones, at equal steps along the longest axis of the position. `moved` is applied to states
+    (n, d) before their features.
+    """
+    _, size, axes = np.linalg.svd(side[:3])
+    longest = float(size[0])
+    if longest < LINEAR_M:
+        return [_part(state, side, 0.0, moved)]
+    along = axes[0]
+    narrow = side - (1.0 - NARROW) * np.outer(side @ along, along)
+    steps = np.arange(-REACH, REACH + 0.5 * NARROW, NARROW)
+    # Narrow densities at steps of their own width, of a total variance of one.
+    log = -0.5 * steps * steps / (1.0 - NARROW * NARROW)
+    return [
+        _part(state + side @ along * step, narrow, weight, moved)
+        for step, weight in zip(steps.tolist(), log.tolist(), strict=True)
+    ]
+
+
+def _part(
+    state: FloatArray, side: FloatArray, log_weight: float, moved: Callable[[FloatArray], FloatArray] | None
+) -> Part:
     points = np.concatenate([state[None] + side.T, state[None] - side.T, state[None]])
-    found = features_of(points)
+    found = features_of(points if moved is None else moved(points))
     count = side.shape[1]
-    return found[-1], 0.5 * (found[:count] - found[count:-1])
+    return Part(state, side, log_weight, found[-1], 0.5 * (found[:count] - found[count:-1]))
 
 
 def kernel_variance(features: FloatArray, used: int) -> FloatArray:
@@ -75,69 +118,70 @@ def kernel_variance(features: FloatArray, used: int) -> FloatArray:
     speed = SPEED[0] * features[1] + SPEED[1]
     # The angle of a slow velocity is open.
     angle = ANGLE_RAD * (1.0 + 300.0 / max(features[1], 30.0))
-    variance: FloatArray = np.square([height, speed, angle, FORCE * features[3] + 1.0])[:used]
+    variance: FloatArray = np.square([height, speed, angle, FORCE * abs(features[3]) + 1.0])[:used]
     return variance
 
 
 def matched(
     instants: Instants | PriorBoosts,
     log_prior: FloatArray,
-    features: FloatArray,
-    changes: FloatArray,
+    parts: Sequence[Part],
     since_s: tuple[float, float],
     used: int,
 ) -> Matches:
-    """Return the boosts that a track may fly, of instants with logarithms of their prior (m,).
+    """Return the boosts that a track of some parts may fly, of instants with logarithms of their prior (m,).
 
-    `changes` (d, 4) are those of the features along the columns of the root of the track's covariance, `since_s` mean
-    and standard deviation of the time since ignition; nan if unknown. The first `used` features count.
+    `since_s` are mean and standard deviation of the time since ignition; nan if unknown. The first `used` features
+    count.
     """
     when_s, sigma_s = since_s if np.isfinite(since_s[0]) else (100.0, UNKNOWN_S)
     sigma_s = float(np.hypot(sigma_s, GRID_S))
     first, last = np.searchsorted(instants.time_s, [when_s - 4.0 * sigma_s, when_s + 4.0 * sigma_s]).tolist()
-    rows = np.arange(first, last)
-    if not len(rows):
-        return Matches(rows, np.empty(0), 1.0)
-    away = instants.features[first:last, :used] - features[:used]
-    early = (instants.time_s[first:last] - when_s) / sigma_s
-    known = changes[:, :used].T @ changes[:, :used]
+    here = slice(first, last)
+    if first == last or not np.isfinite(log_prior[here]).any():
+        return Matches(*(np.empty(0, dtype=np.int64),) * 2, np.empty(0), 1.0)
+    early = (instants.time_s[here] - when_s) / sigma_s
+    log = log_prior[here] - 0.5 * early * early
     width = 1.0
     while True:
-        covariance = known + width * width * np.diag(kernel_variance(features, used))
-        white = np.linalg.solve(np.linalg.cholesky(covariance), away.T)
-        log = log_prior[first:last] - 0.5 * (np.sum(white * white, axis=0) + early * early)
-        share = np.exp(log - log.max())
+        logs = np.concatenate([_fit(part, instants.features[here, :used], width) + log for part in parts])
+        share = np.exp(logs - logs.max())
         share /= share.sum()
-        each = np.bincount(instants.boost[first:last], share)
+        each = np.bincount(np.tile(instants.boost[here], len(parts)), share)
         if width >= WIDEST or 1.0 / np.sum(each * each) >= LEAST_BOOSTS:
             break
         width *= 2.0
     kept = np.flatnonzero(share > 1e-5 * share.max())
-    share = share[kept]
-    return Matches(rows[kept], share / share.sum(), width)
+    part, row = np.divmod(kept, last - first)
+    return Matches(part, row + first, share[kept] / share[kept].sum(), width)
+
+
+def _fit(part: Part, features: FloatArray, width: float) -> FloatArray:
+    """Return the log likelihood (m,) of features (m, used) for a part."""
+    used = features.shape[1]
+    known = part.changes[:, :used].T @ part.changes[:, :used]
+    side = np.linalg.cholesky(known + width * width * np.diag(kernel_variance(part.features, used)))
+    white = np.linalg.solve(side, (features - part.features[:used]).T)
+    log: FloatArray = part.log_weight - np.log(np.diag(side)).sum() - 0.5 * np.sum(white * white, axis=0)
+    return log
 
 
 def drawn_states(
-    state: FloatArray,
-    side: FloatArray,
-    features: FloatArray,
-    changes: FloatArray,
-    chosen: FloatArray,
-    normal: FloatArray,
-    width: float,
-    used: int,
+    parts: Sequence[Part], part: IntArray, chosen: FloatArray, normal: FloatArray, width: float
 ) -> FloatArray:
-    """Return states (p, d) drawn from the filter's density given features (p, 4) of chosen boosts.
+    """Return states (p, d), each drawn from a part (p,) given features (p, used) of a chosen boost.
 
     `normal` (p, d + used) are standard normal numbers. The gain is that of a linear measurement of the features.
     """
-    part = changes[:, :used]
-    noise = width * np.sqrt(kernel_variance(features, used))
-    covariance = part.T @ part + np.diag(noise * noise)
-    gain = np.linalg.solve(covariance, part.T)
-    size = side.shape[1]
-    free = normal[:, :size]
-    # A draw of the prior, moved by its own innovation, is a draw of the posterior.
-    innovation = chosen[:, :used] + normal[:, size:] * noise - (features[:used] + free @ part)
-    states: FloatArray = state + (free + innovation @ gain) @ side.T
+    used = chosen.shape[1]
+    states = np.empty((len(part), len(parts[0].state)))
+    for number in np.unique(part).tolist():
+        mine, one = np.flatnonzero(part == number), parts[number]
+        changes = one.changes[:, :used]
+        noise = width * np.sqrt(kernel_variance(one.features, used))
+        gain = np.linalg.solve(changes.T @ changes + np.diag(noise * noise), changes.T)
+        free = normal[mine, : len(one.state)]
+        # A draw of the prior, moved by its own innovation, is a draw of the posterior.
+        innovation = chosen[mine] + normal[mine, -used:] * noise - (one.features[:used] + free @ changes)
+        states[mine] = one.state + (free + innovation @ gain) @ one.side.T
     return states

@@ -230,7 +230,8 @@ def _flown(programs: BoostPrograms, ranges: dict[str, Any]) -> tuple[Instants, I
     size, stage = acceleration(programs.take(good), np.repeat(times[:, None], np.count_nonzero(good), axis=1))
     at, mine = np.nonzero(size > 0.0)
     boost = np.flatnonzero(good)[mine]
-    instants = Instants(boost, times[at], stage[at, mine], _features(grid[at, :, boost].T, size[at, mine]))
+    along = size[at, mine] * np.cos(programs.take(boost).leads(times[at]))
+    instants = Instants(boost, times[at], stage[at, mine], _features(grid[at, :, boost].T, along))
     one, which = np.nonzero((burn > 0.0) & good[:, None])
     when = ends_s[one, which]
     there = _between(grid, when, one, np.minimum((when / STEP_S).astype(np.int64), steps - 1))
@@ -276,7 +277,7 @@ def _rates(programs: BoostPrograms, state: FloatArray, time_s: FloatArray) -> Fl
 
 
 def _features(state: FloatArray, size: FloatArray) -> FloatArray:
-    """Return features (m, 4) of states (4, m) with specific forces (m,)."""
+    """Return features (m, 4) of states (4, m) with forces along the velocity (m,)."""
     x, y, u, v = state
     radius = np.hypot(x, y)
     speed = np.hypot(u, v)

@@ -3,7 +3,8 @@
 The density is a sum of normal kernels (Silverman, "Density Estimation for Statistics and Data Analysis", 1986, 4.3.2:
 width n^(-1/6) for n points in a plane, in axes in which the points have unit covariance), the level that of the
 weighted quantile of the density at the points (Hyndman, "Computing and graphing highest density regions", American
-Statistician 50(2), 1996). Points are drawn in towards their mean so that the kernels do not widen the whole.
+Statistician 50(2), 1996). Kernels are wider where points are few, by the inverse root of a first density (Abramson, "On
+bandwidth variation in kernel estimates", Annals of Statistics 10(4), 1982): impacts of a long burn have long tails.
 """
 
 from itertools import pairwise
@@ -18,7 +19,10 @@ from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
 
 #: Cells of the grid along each axis, and how far it reaches beyond the points, widths of the kernel.
-CELLS, BEYOND = 64, 3.5
+CELLS, BEYOND = 64, 3.0
+
+#: Least and largest ratio of a kernel's width to that of the first density.
+_LOCAL = 0.1, 2.0
 
 
 def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
@@ -32,14 +36,14 @@ def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
     variance, axes = np.linalg.eigh(spread + np.eye(2))
     scale = np.sqrt(variance)
     unit = away @ axes / scale
-    width = np.sum(weight * weight) ** (1.0 / 6.0)
-    inner = np.sqrt(1.0 - min(width, 0.9) ** 2) * unit
-    low, high = inner.min(axis=0) - BEYOND * width, inner.max(axis=0) + BEYOND * width
-    x, y = (np.linspace(low[axis], high[axis], CELLS) for axis in (0, 1))
-    along, across = (_kernel(grid[:, None] - inner[:, axis], width) for axis, grid in enumerate((x, y)))
+    width = float(np.sum(weight * weight) ** (1.0 / 6.0))
+    pilot = _density(unit, unit, np.full(len(unit), width), weight)
+    mean_log = weight @ np.log(pilot)
+    widths = width * np.clip(np.sqrt(np.exp(mean_log) / pilot), *_LOCAL)
+    x, y = (_grid(unit[:, axis], widths) for axis in (0, 1))
+    along, across = (_kernel(grid[:, None] - unit[:, axis], widths) for axis, grid in enumerate((x, y)))
     density = (along * weight) @ across.T
-    apart = [_kernel(inner[:, None, axis] - inner[:, axis], width) for axis in (0, 1)]
-    at = (apart[0] * apart[1]) @ weight
+    at = _density(unit, unit, widths, weight)
     order = np.argsort(-at, kind="stable")
     held = np.cumsum(weight[order])
     levels = [float(at[order[min(int(np.searchsorted(held, share)), len(order) - 1)]]) for share in TRACK_CONTAINMENTS]
@@ -53,7 +57,21 @@ def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
     return tuple(found)
 
 
-def _kernel(away: FloatArray, width: float) -> FloatArray:
+def _grid(unit: FloatArray, widths: FloatArray) -> FloatArray:
+    """Return grid lines, half of them at equal steps and half at quantiles of the points, where detail is."""
+    even = np.linspace((unit - BEYOND * widths).min(), (unit + BEYOND * widths).max(), CELLS // 2)
+    lines = np.concatenate([even, np.quantile(unit, np.linspace(0.0, 1.0, CELLS // 2))])
+    return np.unique(lines)
+
+
+def _density(place: FloatArray, unit: FloatArray, widths: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return densities (m,) at places (m, 2) of kernels about points (n, 2) with widths (n,)."""
+    apart = [_kernel(place[:, None, axis] - unit[:, axis], widths) for axis in (0, 1)]
+    density: FloatArray = (apart[0] * apart[1]) @ weight
+    return density
+
+
+def _kernel(away: FloatArray, width: FloatArray) -> FloatArray:
     kernel: FloatArray = np.exp(-0.5 * np.square(away / width)) / width
     return kernel
 
