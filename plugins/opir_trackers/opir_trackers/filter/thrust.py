@@ -29,8 +29,9 @@ from opir_core.flight.forces import Forces
 #: is added to squared speeds.
 SLOW_M_S = 100.0
 
-#: Largest growth in a step: a stage that burns up all its mass has no end in this model.
-MOST_GROWTH = 0.5
+#: Up to this growth, 1/s, thrust and mass flow are constant: κ' = κ². A stage of 40 s whose acceleration triples ends
+#: with it; beyond, κ stays: carried on in the dark, a stage would burn up all its mass.
+MOST_GROWTH = 0.05
 
 _SPIN = EARTH_ROTATION_RAD_S
 
@@ -59,7 +60,9 @@ def stepped_one(state: Sequence[float], step: float, tilt_s: float, pull: Gravit
     gravity = pull(*state[:3])
     early = jerk_of_one((*state, *gravity[:3]), tilt_s, sqrt)
     after = motion.stepped_one([*state[:9], *early], step, pull, gravity)[:9]
-    growth = state[9] / (1.0 - min(state[9] * step, MOST_GROWTH))
+    growth = state[9]
+    if growth < MOST_GROWTH:
+        growth = min(growth / (1.0 - growth * step), MOST_GROWTH)
     late = jerk_of_one((*after, growth, *pull(*after[:3])[:3]), tilt_s, sqrt)
     x, y, z, vx, vy, vz, fx, fy, fz = after
     bx, by, bz = late[0] - early[0], late[1] - early[1], late[2] - early[2]
@@ -172,7 +175,9 @@ class Thrust:
             return np.array([stepped_one(row, step, self.tilt_s, self._pull) for row, step in rows])
         early = self.jerk(state)
         path = np.concatenate([state[:, :9], early], axis=1)
-        growth = state[:, 9] / (1.0 - np.minimum(state[:, 9] * step_s, MOST_GROWTH))
+        growth = state[:, 9]
+        grown = np.minimum(growth / (1.0 - growth * step_s), MOST_GROWTH)
+        growth = np.where(growth < MOST_GROWTH, grown, growth)
         after = np.concatenate([self.pushed.stepped(path, step_s)[:, :9], growth[:, None]], axis=1)
         bend, step = self.jerk(after) - early, step_s[:, None]
         after[:, :3] += bend * (step**3 / 24.0)
@@ -207,7 +212,7 @@ class Thrust:
         rate[:, :3, 3:6] = rate[:, 3:6, 6:9] = _UNIT
         rate[:, 3:6, :3] = self.fall.gradient(state[:, :3])
         rate[:, 6:9, 3:] = self.force_slopes(state)
-        rate[:, 9, 9] = 2.0 * state[:, 9]
+        rate[:, 9, 9] = np.where(state[:, 9] < MOST_GROWTH, 2.0 * state[:, 9], 0.0)
         return rate
 
     def _slopes_of_one(self, numbers: list[float]) -> FloatArray:
@@ -216,7 +221,7 @@ class Thrust:
         alone += motion.gradient_of_one(place, self.forces.gravity.mu_m3_s2)
         numbers_, rate = np.array(alone), _KINEMATICS.copy()
         rate[0, 6:9, 3:], rate[0, 3:6, :3] = numbers_[:21].reshape(3, 7), numbers_[21:].reshape(3, 3)
-        rate[0, 9, 9] = 2.0 * numbers[9]
+        rate[0, 9, 9] = 2.0 * numbers[9] if numbers[9] < MOST_GROWTH else 0.0
         return rate
 
     def force_slopes(self, state: FloatArray) -> FloatArray:

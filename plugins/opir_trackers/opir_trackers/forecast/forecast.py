@@ -22,7 +22,7 @@ from opir_core.scene.scene import TARGET_TYPES
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast import matching
 from opir_trackers.forecast.burning_on import STEPS, TILT_S, flown_on, remaining
-from opir_trackers.forecast.prior_boosts import STAGES, prior_boosts
+from opir_trackers.forecast.prior_boosts import STAGES, longest_gap_s, prior_boosts
 from opir_trackers.forecast.regions import centre_of, projected, regions, unprojected
 
 #: Particles of a track.
@@ -67,6 +67,7 @@ class _Particles(NamedTuple):
 
 def forecasts(
     estimates: ModeEstimates,
+    dark_s: FloatArray,
     launch: FloatArray,
     launch_sigma_s: FloatArray,
     type_log_likelihood: FloatArray,
@@ -75,13 +76,16 @@ def forecasts(
 ) -> Forecasts:
     """Return the forecasts of tracks (n,) with launches (n, 3), nan where unknown, at a time.
 
-    `type_log_likelihood` (n, types) is that of the types that sensors reported.
+    `dark_s` (n,) is the time since the burn ended, if it did, `type_log_likelihood` (n, types) that of the types that
+    sensors reported.
     """
     count, prior = len(estimates), prior_boosts()
     parts, relights = list[_Particles](), np.zeros(count)
     for number in range(count):
         since = time_s - float(launch[number, 2]), float(launch_sigma_s[number])
-        some, relights[number] = _particles(estimates, number, since, type_log_likelihood[number])
+        some, relights[number] = _particles(
+            estimates, number, since, float(dark_s[number]), type_log_likelihood[number]
+        )
         parts.append(some)
     track = np.repeat(np.arange(count), [len(some.boost) for some in parts])
     boost, since_s, scale = (
@@ -96,7 +100,7 @@ def forecasts(
 
 
 def _particles(
-    estimates: ModeEstimates, number: int, since: tuple[float, float], types: FloatArray
+    estimates: ModeEstimates, number: int, since: tuple[float, float], dark_s: float, types: FloatArray
 ) -> tuple[_Particles, float]:
     """Return the particles of a track with the time since ignition and its error, and the probability of a relight."""
     burning = float(estimates.weight[number, 0])
@@ -106,7 +110,7 @@ def _particles(
     if count:
         parts.append(_burning(estimates, number, since, types, count))
     if count < PARTICLES:
-        dark, share = _dark(estimates, number, since, types, PARTICLES - count)
+        dark, share = _dark(estimates, number, since, dark_s, types, PARTICLES - count)
         parts.append(dark)
         relights = share * (1.0 - burning)
     return _Particles(*(np.concatenate(column) for column in zip(*parts, strict=True))), relights
@@ -131,21 +135,22 @@ def _burning(
 
 
 def _dark(
-    estimates: ModeEstimates, number: int, since: tuple[float, float], types: FloatArray, count: int
+    estimates: ModeEstimates, number: int, since: tuple[float, float], dark_s: float, types: FloatArray, count: int
 ) -> tuple[_Particles, float]:
     prior, ends = prior_boosts(), prior_boosts().ends
     state, side = estimates.coast_mean[number], inverse_root(estimates.coast_root[number : number + 1])[0]
     hits, spell, silent_s = estimates.detection_rate[number].tolist()
-    pause_s = spell / max(hits, 1.0)
-    dark_s = max(silent_s - pause_s, 0.0)
+    if dark_s > longest_gap_s() and silent_s < dark_s:
+        # Seen in free flight for so long, it needs no prior.
+        return _ballistic(state, side, count), 0.0
     parts = matching.parts_of(state, side, lambda states: _moved_back(states, dark_s))
     gap = prior.programs.gap_s[ends.boost, ends.stage]
     final = (ends.stage == STAGES - 1) | (
         prior.programs.burn_s[ends.boost, np.minimum(ends.stage + 1, STAGES - 1)] == 0.0
     )
     log = np.where(final | (gap >= dark_s), (prior.log_weight + types[prior.class_code])[ends.boost], -np.inf)
-    since = since[0] - dark_s, float(np.hypot(since[1], pause_s + 1.0))
-    matches = matching.matched(ends, log, parts, since, 3)
+    burned = since[0] - dark_s, float(np.hypot(since[1], spell / max(hits, 1.0) + 1.0))
+    matches = matching.matched(ends, log, parts, burned, 3)
     if not len(matches.row):
         return _ballistic(state, side, count), 0.0
     picked = _picked(matches.probability, count)

@@ -10,13 +10,14 @@ from opir_core.flight.forces import Forces
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import Tracks
 from opir_trackers.filter.estimates import ModeEstimates
+from opir_trackers.forecast.prior_boosts import longest_gap_s
 
 
 class _Latest(NamedTuple):
     """The latest forecast of a track."""
 
     tick_s: float
-    is_burning: bool
+    dark_since_s: float
     impact: FloatArray
     covariance: FloatArray
     sigmas: FloatArray
@@ -39,14 +40,13 @@ class Forecaster:
         if not len(tracks):
             self._latest.clear()
             return tracks
-        numbers, burning = tracks.track.tolist(), (estimates.weight[:, 0] > 0.5).tolist()
-        due = [
-            row
-            for row, (number, burns) in enumerate(zip(numbers, burning, strict=True))
-            if self._is_due(number, float(tracks.tick_s[row]), burns)
-        ]
+        numbers = tracks.track.tolist()
+        silent_s, dark = estimates.detection_rate[:, 2].tolist(), (estimates.weight[:, 0] <= 0.5).tolist()
+        tick_s = float(tracks.tick_s[0])
+        due = [row for row, number in enumerate(numbers) if self._is_due(number, tick_s, silent_s[row], dark[row])]
         if due:
-            self._renew(tracks.take(np.array(due)), estimates.take(np.array(due)), types[due])
+            rows = np.array(due)
+            self._renew(tracks.take(rows), estimates.take(rows), types[rows])
         self._latest = {number: self._latest[number] for number in numbers}
         latest = [self._latest[number] for number in numbers]
         found = np.empty(len(latest), dtype=np.object_)
@@ -62,20 +62,33 @@ class Forecaster:
             probability_relights=np.array([one.probability_relights for one in latest]),
         )
 
-    def _is_due(self, number: int, tick_s: float, burns: bool) -> bool:
+    def _is_due(self, number: int, tick_s: float, silent_s: float, is_dark: bool) -> bool:
+        """Return whether a track needs a new forecast: not one that nothing can change any more."""
         latest = self._latest.get(number)
-        return latest is None or tick_s - latest.tick_s >= self._every_s - 1e-6 or latest.is_burning != burns
+        if latest is None or is_dark != (latest.dark_since_s < np.inf):
+            return True
+        since_s = tick_s - latest.tick_s
+        return since_s >= self._every_s - 1e-6 and silent_s - since_s < longest_gap_s()
 
     def _renew(self, tracks: Tracks, estimates: ModeEstimates, types: FloatArray) -> None:
         from opir_trackers.forecast.forecast import forecasts
 
         tick_s = float(tracks.tick_s[0])
         sigma_s = np.sqrt(tracks.launch_covariance[:, 2, 2])
-        found = forecasts(estimates, tracks.launch, sigma_s, types, tick_s, self._forces)
+        hits, spell, silent_s = estimates.detection_rate.T
+        # The burn ended when detections did, if these are of plumes; or when the filter said so.
+        dark_s = np.maximum(silent_s - spell / np.maximum(hits, 1.0), 0.0)
+        since_s = np.where(estimates.weight[:, 0] > 0.5, np.inf, tick_s - dark_s)
+        for row, number in enumerate(tracks.track.tolist()):
+            known = self._latest.get(number)
+            if known is not None:
+                since_s[row] = min(since_s[row], known.dark_since_s) if np.isfinite(since_s[row]) else np.inf
+        dark_s = np.where(np.isfinite(since_s), tick_s - since_s, dark_s)
+        found = forecasts(estimates, dark_s, tracks.launch, sigma_s, types, tick_s, self._forces)
         for row, number in enumerate(tracks.track.tolist()):
             self._latest[number] = _Latest(
                 tick_s,
-                bool(estimates.weight[row, 0] > 0.5),
+                float(since_s[row]),
                 found.impact[row],
                 found.covariance[row],
                 found.sigmas[row],

@@ -84,7 +84,7 @@ def parts_of(
 ) -> list[Part]:
     """Return the parts of a normal density with mean (d,) and covariance root (d, d).
 
-    Features are linear in a state that is known to kilometres. Along a single line of sight it is not: there the density
+    Features are linear in a state that is known to kilometres. Along a single line of sight it is not: the density there
     is a sum of narrower ones, at equal steps along the longest axis of the position. `moved` is applied to states
     (n, d) before their features.
     """

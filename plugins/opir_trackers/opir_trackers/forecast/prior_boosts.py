@@ -104,6 +104,12 @@ def priors() -> dict[str, Any]:
     return found
 
 
+def longest_gap_s() -> float:
+    """Return the longest dark gap between two burns, s."""
+    longest: float = priors()["gap_s"][1]
+    return longest
+
+
 @cache
 def prior_boosts() -> PriorBoosts:
     """Return the boosts of the prior, drawn with a fixed seed."""
@@ -183,7 +189,7 @@ def _drawn(rng: np.random.Generator, ranges: dict[str, Any], count: int) -> Boos
     cut = rng.random(count) < ranges["cut_off_probability"]
     burn = burn * np.where(last & cut[:, None], uniform("cut_off_share", 1), 1.0)
     hot = rng.random((count, STAGES)) < ranges["no_gap_probability"]
-    gap = np.where(used & ~last & ~hot, log_uniform("gap_s", STAGES), 0.0)
+    gap = np.where(used & ~last & ~hot, uniform("gap_s", STAGES), 0.0)
     steer = np.radians(rng.normal(size=count) * log_uniform("steer_sigma_deg"))
     return BoostPrograms(
         burn_s=burn,
