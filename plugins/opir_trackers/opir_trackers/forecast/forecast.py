@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from opir_core.arrays import FloatArray, IntArray, ObjectArray
-from opir_core.constants import EARTH_MU_M3_S2
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_MU_M3_S2
 from opir_core.estimation.lines_of_sight import earth_rotated
 from opir_core.estimation.square_root import inverse_root
 from opir_core.flight.forces import Forces
@@ -22,7 +22,7 @@ from opir_core.scene.scene import TARGET_TYPES
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast import matching
 from opir_trackers.forecast.burning_on import STEPS, TILT_S, flown_on, remaining
-from opir_trackers.forecast.prior_boosts import STAGES, longest_gap_s, prior_boosts
+from opir_trackers.forecast.prior_boosts import STAGES, class_codes, longest_gap_s, prior_boosts
 from opir_trackers.forecast.regions import centre_of, projected, regions, unprojected
 
 #: Particles of a track.
@@ -33,6 +33,13 @@ TILT_RAD = np.radians([0.3, 4.0])
 
 #: A boost goes on with at least and at most this share of the acceleration of the prior's one.
 _SCALES = 0.7, 1.4
+
+#: Width of the kernel of the range, of its logarithm, and a region above which forces other than a point mass's do not
+#: count, m.
+RANGE, _WIDE_M = 0.3, 200e3
+
+#: Times since ignition from this on mark particles without a boost.
+_NO_BOOST_S = 1e5
 
 #: Modes less probable than this get no particles.
 _LEAST_MODE = 0.01
@@ -96,7 +103,28 @@ def forecasts(
     tilts = np.concatenate([_tilts()[:, :, : len(some.boost)] for some in parts], axis=2)
     out, later_s = flown_on(state, burns, tilts)
     place, when_s = _impacts(out, time_s + later_s, forces)
-    return _gathered(track, place, when_s, estimates, relights, prior.class_code[boost])
+    range_m = _ranges_m(np.where(np.isfinite(launch), launch, 0.0)[track], place)
+    weight = np.where(
+        np.isfinite(launch[track, 0]) & (since_s < _NO_BOOST_S), _fits(range_m, prior.range_m[boost]), 1.0
+    )
+    weight = np.where(np.isfinite(when_s), weight, 0.0)
+    bent = out if not forces.is_kepler else None
+    return _gathered(track, place, when_s, weight, range_m, estimates, relights, bent, time_s + later_s, forces)
+
+
+def _ranges_m(launch: FloatArray, place: FloatArray) -> FloatArray:
+    """Return great-circle distances (p,), m, between latitudes and longitudes (p, 2 or more)."""
+    half = np.sin(0.5 * (place[:, 0] - launch[:, 0])) ** 2
+    half = half + np.cos(place[:, 0]) * np.cos(launch[:, 0]) * np.sin(0.5 * (place[:, 1] - launch[:, 1])) ** 2
+    range_m: FloatArray = 2.0 * EARTH_EQUATORIAL_RADIUS_M * np.arcsin(np.sqrt(np.clip(half, 0.0, 1.0)))
+    return range_m
+
+
+def _fits(range_m: FloatArray, prior_m: FloatArray) -> FloatArray:
+    """Return weights (p,) of ranges about those of their boosts: a feature with a kernel, like those at the tick."""
+    away = np.log(np.maximum(range_m, 1e3) / prior_m) / RANGE
+    weight: FloatArray = np.exp(-0.5 * away * away)
+    return weight
 
 
 def _particles(
@@ -202,11 +230,19 @@ def _tilts() -> FloatArray:
     return angles
 
 
-def _impacts(state: FloatArray, time_s: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
-    """Return latitudes and longitudes (p, 2), rad, and times (p,) of the impacts of free flights; nan without one."""
+def _impacts(
+    state: FloatArray, time_s: FloatArray, forces: Forces, tolerance_m: float | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return latitudes and longitudes (p, 2), rad, and times (p,) of the impacts of free flights; nan without one.
+
+    Without a tolerance, under the gravity of a point mass.
+    """
     from opir_core.flight.propagation import impact
 
-    flight, fell = impact(state[:, :3], state[:, 3:], forces=Forces(zonal=(), gravity=forces.gravity))
+    if tolerance_m is None:
+        flight, fell = impact(state[:, :3], state[:, 3:], forces=Forces(zonal=(), gravity=forces.gravity))
+    else:
+        flight, fell = impact(state[:, :3], state[:, 3:], forces=forces, tolerance_m=tolerance_m)
     when = time_s + flight
     down = ecef_to_geodetic(earth_rotated(fell, -when))
     return np.stack([down.latitude_rad, down.longitude_rad], axis=1), when
@@ -216,26 +252,52 @@ def _gathered(
     track: IntArray,
     place: FloatArray,
     when_s: FloatArray,
+    weight: FloatArray,
+    range_m: FloatArray,
     estimates: ModeEstimates,
     relights: FloatArray,
-    code: IntArray,
+    bent: FloatArray | None,
+    out_s: FloatArray,
+    forces: Forces,
 ) -> Forecasts:
+    """Return forecasts from particles (p,) with weights, ranges, and, under other forces, states at times `out_s`."""
     count = len(estimates)
     impact, covariance = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     sigmas, found = np.full((count, 3), np.nan), np.empty(count, dtype=np.object_)
     found.fill(())
     by_class = np.zeros((count, len(TARGET_TYPES)))
-    down = np.isfinite(when_s)
+    edges = np.searchsorted(track, np.arange(count + 1))
     for number in range(count):
-        every = np.flatnonzero(track == number)
-        by_class[number] = np.bincount(code[every], minlength=len(TARGET_TYPES)) / len(every)
-        mine = every[down[every]]
+        mine = np.arange(edges[number], edges[number + 1])
+        mine = mine[weight[mine] > 0.0]
         if len(mine) < _LEAST_DOWN * PARTICLES:
             continue
-        points, weight = place[mine], np.full(len(mine), 1.0 / len(mine))
-        found[number] = regions(points, weight)
-        impact[number], covariance[number], sigmas[number] = _moments(points, when_s[mine], weight)
+        points, share = place[mine], weight[mine] / weight[mine].sum()
+        by_class[number] = np.bincount(class_codes(range_m[mine]), share, len(TARGET_TYPES))
+        if bent is not None:
+            points = _shifted(points, share, bent[mine], out_s[mine], forces)
+        found[number] = regions(points, share)
+        impact[number], covariance[number], sigmas[number] = _moments(points, when_s[mine], share)
     return Forecasts(impact, covariance, sigmas, found, estimates.weight[:, 0], relights, by_class)
+
+
+def _shifted(
+    place: FloatArray, weight: FloatArray, state: FloatArray, time_s: FloatArray, forces: Forces
+) -> FloatArray:
+    """Return points (n, 2) moved as those of the middle particle are by the scene's forces.
+
+    Wide regions stay: the shift is some kilometres.
+    """
+    centre = centre_of(place, weight)
+    plane = projected(place, centre)
+    middle = weight @ plane
+    if weight @ np.sum((plane - middle) ** 2, axis=1) > _WIDE_M**2:
+        return place
+    row = int(np.argmin(np.sum((plane - middle) ** 2, axis=1)))
+    there, _ = _impacts(state[row : row + 1], time_s[row : row + 1], forces, 1.0)
+    if not np.isfinite(there).all():
+        return place
+    return unprojected(plane + projected(there, centre) - plane[row], centre)
 
 
 def _moments(place: FloatArray, when_s: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -246,6 +308,7 @@ def _moments(place: FloatArray, when_s: FloatArray, weight: FloatArray) -> tuple
     columns = np.column_stack([plane - mean, when_s - weight @ when_s])
     covariance = (weight[:, None] * columns).T @ columns + np.diag([1.0, 1.0, 1e-6])
     distance = np.sqrt(np.sum(columns[:, :2] * np.linalg.solve(covariance[:2, :2], columns[:, :2].T).T, axis=1))
-    radii = np.quantile(distance, TRACK_CONTAINMENTS)
+    order = np.argsort(distance)
+    radii = np.interp(TRACK_CONTAINMENTS, np.cumsum(weight[order]), distance[order])
     latitude, longitude = unprojected(mean[None], centre)[0]
     return np.array([latitude, longitude, weight @ when_s]), covariance, radii

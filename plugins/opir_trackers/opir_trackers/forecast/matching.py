@@ -84,9 +84,9 @@ def parts_of(
 ) -> list[Part]:
     """Return the parts of a normal density with mean (d,) and covariance root (d, d).
 
-    Features are linear in a state that is known to kilometres. Along a single line of sight it is not: the density there
-    is a sum of narrower ones, at equal steps along the longest axis of the position. `moved` is applied to states
-    (n, d) before their features.
+    Features are linear in a state that is known to kilometres. Along a single line of sight it is not: there the
+    density is a sum of narrower ones, at equal steps along the longest axis of the position. `moved` is applied to
+    states (n, d) before their features.
     """
     _, size, axes = np.linalg.svd(side[:3])
     longest = float(size[0])

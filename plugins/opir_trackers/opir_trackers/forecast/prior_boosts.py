@@ -74,10 +74,11 @@ class PriorBoosts:
 
     `log_weight` (n,) makes all target classes equally probable. At an instant: the boost, the time since its ignition,
     the stage, and features (m, 4): height m, speed m/s, flight-path angle rad, specific force m/s². `ends` are the
-    instants at which stages burn out. `class_code` (n,) is the class by range.
+    instants at which stages burn out. `range_m` (n,) is the range of a boost, `class_code` (n,) its class by range.
     """
 
     programs: BoostPrograms
+    range_m: FloatArray
     class_code: IntArray
     log_weight: FloatArray
     boost: IntArray
@@ -132,6 +133,7 @@ def prior_boosts() -> PriorBoosts:
     share = np.bincount(octave, minlength=len(edges))[octave]
     return PriorBoosts(
         programs.take(kept),
+        range_m[kept],
         code,
         -np.log(share),
         *_renumbered(instants, place),
