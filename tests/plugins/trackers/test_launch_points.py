@@ -1,89 +1,68 @@
-"""Launch points: what is worked out for all times at once is what each time alone says."""
+"""Launch points: paths followed back to rest on the ground."""
 
 import numpy as np
 import pytest
 from opir_trackers.filter.estimates import PredictedMeasurements
-from opir_trackers.ground_points import _add_noise, _covariances, _on_ground, _to_ecef, _whitened
+from opir_trackers.launch_points import LaunchPoints, launches, updated_points
 
-from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.estimation.motion import BOOST, taylor_weights
-from opir_core.flight.gravity_and_drag import height_and_up
-from opir_core.geometry import ecef_to_geodetic, geodetic_to_ecef, local_axes
+from opir_core.geometry import geodetic_to_ecef, local_axes
 
-TIMES_S = np.linspace(-80.0, 0.0, 9)
-
-
-def places(lowest_m: float, highest_m: float) -> np.ndarray:
-    """Return ECEF places all over the Earth, with a pole and the antimeridian."""
-    rng = np.random.default_rng(8)
-    latitude, longitude = rng.uniform(-1.57, 1.57, 200), rng.uniform(-np.pi, np.pi, 200)
-    latitude[0], longitude[1] = 0.5 * np.pi - 1e-9, np.pi
-    return np.asarray(geodetic_to_ecef(latitude, longitude, rng.uniform(lowest_m, highest_m, 200)))
+SITE = geodetic_to_ecef(np.radians(5.0), np.radians(20.0), 0.0)
+EAST, NORTH, UP = local_axes(SITE)
+SPIN = 7.292115e-5 * np.array([-SITE[1], SITE[0], 0.0])
+PULL = -(7.292115e-5**2) * np.array([SITE[0], SITE[1], 0.0])
 
 
-def test_places_near_the_ground_are_told_as_by_the_exact_formula() -> None:
-    place = places(-10e3, 10e3)
-    told, level = _on_ground(place)
-    where = ecef_to_geodetic(place)
-    assert np.allclose(told[:, 0], where.latitude_rad, rtol=0.0, atol=2e-13)
-    assert np.allclose(told[:, 1], where.longitude_rad, rtol=0.0, atol=1e-15)
-    assert np.allclose(level, local_axes(place)[:, :2], atol=1e-9)
+def risen(since: float) -> np.ndarray:
+    """Return the derivatives (5, 3) of a path that left the site from rest, with 12 m/s² upward and 2 eastward."""
+    gain = 12.0 * UP + 2.0 * EAST + PULL
+    place = SITE + SPIN * since + 0.5 * gain * since**2
+    return np.stack([place, SPIN + gain * since, gain, np.zeros(3), np.zeros(3)])
 
 
-def test_height_grows_along_the_direction_in_which_it_is_said_to() -> None:
-    place = places(-50e3, 1e6)
-    height, up = height_and_up(np.ascontiguousarray(place.T), 1.0 / np.linalg.norm(place, axis=1))
-    assert np.allclose(height, ecef_to_geodetic(place).height_m, atol=1e-6)
-    assert np.allclose(up.T, local_axes(place)[:, 2], atol=1e-7)
+def test_a_path_is_followed_back_to_where_it_left_the_ground() -> None:
+    """Its velocity is known, so it gives the time of the launch; what is not known of the place stays."""
+    side = np.zeros((1, 12, 12))
+    side[0, :3, :3] = 100.0 * np.eye(3)
+    seen, pause = np.array([2.0]), np.array([0.1])
+    found = launches(PredictedMeasurements(8.0, risen(8.0)[None], side), seen, pause, 0.0)
+    assert np.degrees(found.place[0, :2]) == pytest.approx([5.0, 20.0], abs=2e-4)
+    assert found.place[0, 2] == pytest.approx(0.0, abs=0.1)
+    assert np.sqrt(np.diag(found.covariance[0])[:2]) == pytest.approx(100.0, rel=0.01)
+    # A speed known to 1 m/s at 12 m/s² is a time known to 0.08 s; times are 0.4 s apart here.
+    assert 0.08 < np.sqrt(found.covariance[0, 2, 2]) < 0.3
+    assert np.linalg.eigvalsh(found.covariance[0]).min() > 0.0
+    high = PredictedMeasurements(8.0, (risen(8.0) + np.array([300e3 * UP, *np.zeros((4, 3))]))[None], side)
+    assert np.isnan(launches(high, seen, pause, 0.0).place).all()
 
 
-def outlook_of(count: int) -> PredictedMeasurements:
-    rng = np.random.default_rng(9)
-    scale = np.repeat([150.0, 20.0, 2.0, 0.1], 3)[:, None]
-    return PredictedMeasurements(0.0, rng.normal(size=(count, 5, 3)), scale * rng.normal(size=(count, BOOST, BOOST)))
+def test_launches_are_as_sure_as_they_say() -> None:
+    """3000 from 100 m about the ellipsoid and 1 m/s about rest, seen at once or up to 80 s late."""
+    rng, runs, now_s, pause_s = np.random.default_rng(8), 3000, 90.0, 0.4
+    first_s = np.where(rng.random(runs) < 0.5, rng.exponential(pause_s, runs), rng.uniform(0.0, 80.0, runs))
+    sigma = np.repeat([60.0, 10.0, 0.1, 0.005], 3)
+    path = np.tile(risen(now_s), (runs, 1, 1))
+    drift = rng.normal(size=(runs, 3))
+    path[:, 0] += 100.0 * rng.normal(size=(runs, 1)) * UP + drift * now_s
+    path[:, 1] += drift
+    path[:, :4] += (sigma * rng.normal(size=(runs, 12))).reshape(runs, 4, 3)
+    found = launches(
+        PredictedMeasurements(now_s, path, np.tile(np.diag(sigma), (runs, 1, 1))), first_s, np.full(runs, pause_s), 0.0
+    )
+    known = np.isfinite(found.place[:, 2])
+    assert known.mean() > 0.999
+    off = found.place[known, 2] / np.sqrt(found.covariance[known, 2, 2])
+    assert np.abs(off.mean()) < 3.3 / np.sqrt(runs)
+    assert np.mean(off**2) == pytest.approx(1.0, abs=0.15)
+    plane = (geodetic_to_ecef(*found.place[known, :2].T, 0.0) - SITE) @ np.stack([EAST, NORTH]).T
+    square = np.einsum("ni,nij,nj->n", plane, np.linalg.inv(found.covariance[known][:, :2, :2]), plane)
+    assert np.mean(square) / 2.0 == pytest.approx(1.0, abs=0.1)
+    assert np.mean(square < 5.99) == pytest.approx(0.95, abs=3.3 * np.sqrt(0.95 * 0.05 / runs))
 
 
-@pytest.mark.parametrize("count", [1, 4])
-def test_covariances_at_all_times_are_those_at_each(count: int) -> None:
-    outlook = outlook_of(count)
-    weight = taylor_weights(np.tile(TIMES_S, count)).T.reshape(5, count, -1).transpose(1, 0, 2)
-    covariance = _covariances(outlook, weight)
-    track, when = np.repeat(np.arange(count), len(TIMES_S)), np.tile(TIMES_S, count)
-    place = outlook.position_roots(track, when)
-    # A velocity is the rate of the position.
-    later = 0.5 * (outlook.position_roots(track, when + 1.0) - outlook.position_roots(track, when - 1.0))
-    later -= outlook.root.reshape(count, 4, 3, BOOST)[track, 3] / 6.0
-    side = np.concatenate([place, later], axis=1)
-    exact = side @ side.transpose(0, 2, 1)
-    unit = np.sqrt(np.einsum("nii->ni", exact))
-    assert np.abs((covariance.transpose(2, 0, 1) - exact) / (unit[:, :, None] * unit[:, None])).max() < 1e-9
-
-
-def test_noise_gathers_as_that_of_a_chain_of_three_integrators() -> None:
-    """∫ of τ³/6 and τ²/2, the ways from a jerk's noise to position and velocity, run backwards: τ is against them."""
-    covariance, span = np.zeros((6, 6, 2)), np.array([3.0, 50.0])
-    _add_noise(covariance, 0.09, span)
-    tau = (np.arange(20000) + 0.5) / 20000 * span[:, None]
-    far, fast = -(tau**3) / 6.0, tau**2 / 2.0
-    for row, column, sums in ((0, 0, far * far), (0, 3, far * fast), (3, 3, fast * fast)):
-        for axis in range(3):
-            assert np.allclose(covariance[row + axis, column + axis], 0.09 * sums.mean(axis=1) * span, rtol=1e-6)
-    assert np.array_equal(covariance, covariance.transpose(1, 0, 2))
-    assert np.count_nonzero(covariance[0, 1:3]) == 0
-
-
-def test_rows_are_whitened_as_by_a_cholesky_factor() -> None:
-    rng = np.random.default_rng(10)
-    side, right = rng.normal(size=(7, 4, 4)) * [1e3, 10.0, 1.0, 30.0], rng.normal(size=(7, 4, 4))
-    spread = side.transpose(0, 2, 1) @ side
-    rows = np.ascontiguousarray(np.concatenate([spread, right], axis=2).transpose(1, 2, 0))
-    log = _whitened(rows)
-    root = np.linalg.cholesky(spread + np.diag([1e4, 1.0, 1.0, 1.0]))
-    assert np.allclose(rows[:, 4:].transpose(2, 0, 1), np.linalg.solve(root, right), rtol=1e-8)
-    assert np.allclose(log, -np.linalg.slogdet(root)[1], rtol=1e-12)
-
-
-def test_rows_are_turned_against_the_earth() -> None:
-    angle = EARTH_ROTATION_RAD_S * np.array([100.0])
-    turned = _to_ecef(np.array([[1.0], [0.0], [5.0]]), np.sin(angle), np.cos(angle))
-    assert np.allclose(turned[:, 0], [np.cos(angle[0]), -np.sin(angle[0]), 5.0])
+def test_a_launch_told_anew_replaces_what_was_told_before_however_sure_that_was() -> None:
+    known = LaunchPoints(np.zeros((2, 3)), np.tile(np.eye(3), (2, 1, 1)))
+    fresh = LaunchPoints(np.array([[1.0, 2.0, 3.0], [np.nan] * 3]), np.tile(4.0 * np.eye(3), (2, 1, 1)))
+    told = updated_points(known, fresh)
+    assert told.place.tolist() == [[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]
+    assert told.covariance[:, 0, 0].tolist() == [4.0, 1.0]

@@ -12,7 +12,7 @@ from opir_core.geometry import ecef_to_geodetic, eci_to_ecef, eci_to_ecef_state,
 from opir_core.geometry.occlusion import intersection_with_ellipsoid
 from opir_core.scene.scene import TARGET_TYPES
 from opir_trackers.arc.fit import STEPS, ArcFits, solved
-from opir_trackers.ground_points import GroundPoints
+from opir_trackers.launch_points import LaunchPoints
 from opir_trackers.sensors import SensorSchedule
 
 #: Mean burn time of a boost of each of `TARGET_TYPES`, s. Notional.
@@ -46,7 +46,7 @@ def expected_looks(schedule: SensorSchedule, seen: BoolArray, kind: IntArray) ->
 
 def launches(
     lines: LinesOfSight, owner: IntArray, count: int, schedule: SensorSchedule, light_time: bool
-) -> GroundPoints:
+) -> LaunchPoints:
     """Return launch points of `count` tracks, where the first lines of sight of their sensors meet the ground.
 
     Lines (m,) are in order of time with tracks `owner` (m,). The time is the first emission minus the expected latency.
@@ -88,9 +88,9 @@ def _on_ground(axes: FloatArray, direction: FloatArray, spread_m: FloatArray) ->
 
 def _pooled(
     about: FloatArray, information: FloatArray, pull: FloatArray, when: FloatArray, wait_s: FloatArray
-) -> GroundPoints:
+) -> LaunchPoints:
     """Return the weighted mean points of tracks."""
-    points = GroundPoints.nowhere(len(about))
+    points = LaunchPoints.nowhere(len(about))
     known = np.flatnonzero(np.isfinite(about).all(axis=1) & np.isfinite(when))
     if not len(known):
         return points

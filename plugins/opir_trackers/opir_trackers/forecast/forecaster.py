@@ -9,6 +9,7 @@ from opir_core.arrays import FloatArray
 from opir_core.flight.forces import Forces
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import Tracks
+from opir_core.scene.scene import TARGET_TYPES, UNKNOWN_TYPE
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.forecast.prior_boosts import longest_gap_s
 
@@ -23,6 +24,7 @@ class _Latest(NamedTuple):
     sigmas: FloatArray
     regions: tuple[ImpactRegion, ...]
     probability_relights: float
+    by_class: FloatArray
 
 
 class Forecaster:
@@ -35,7 +37,8 @@ class Forecaster:
     def with_impacts(self, tracks: Tracks, estimates: ModeEstimates, types: FloatArray) -> Tracks:
         """Return tracks with impacts, regions and probabilities, given their estimates (same rows).
 
-        `types` (n, types) are the log likelihoods of reported types.
+        `types` (n, types) are the log likelihoods of reported types. Types follow from the ranges of the forecast; of a track
+        without a launch point or a forecast, those of the reports remain.
         """
         if not len(tracks):
             self._latest.clear()
@@ -52,12 +55,17 @@ class Forecaster:
         found = np.empty(len(latest), dtype=np.object_)
         for row, one in enumerate(latest):
             found[row] = one.regions
+        by_class = np.array([one.by_class for one in latest])
+        type_probability = tracks.type_probability.copy()
+        known = by_class.any(axis=1) & np.isfinite(tracks.launch[:, 0])
+        type_probability[known, : len(TARGET_TYPES)], type_probability[known, UNKNOWN_TYPE] = by_class[known], 0.0
         return evolve(
             tracks,
             impact=np.array([one.impact for one in latest]),
             impact_covariance=np.array([one.covariance for one in latest]),
             impact_sigmas=np.array([one.sigmas for one in latest]),
             impact_regions=found,
+            type_probability=type_probability,
             probability_burning=estimates.weight[:, 0],
             probability_relights=np.array([one.probability_relights for one in latest]),
         )
@@ -94,4 +102,5 @@ class Forecaster:
                 found.sigmas[row],
                 found.regions[row],
                 float(found.probability_relights[row]),
+                found.by_class[row],
             )

@@ -5,36 +5,21 @@ from math import cos, sin
 
 import numpy as np
 
-from opir_core.arrays import BoolArray, FloatArray, IntArray
+from opir_core.arrays import FloatArray, IntArray
 from opir_core.constants import EARTH_ROTATION_RAD_S
-from opir_core.flight.forces import Forces
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Tracks
 from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
-from opir_trackers.filter.estimates import ModeEstimates
-from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.ground_points import impacts
 from opir_trackers.imm.track_management import TrackTable
 
 
-def tracks_of(
-    state: FloatArray,
-    covariance: FloatArray,
-    is_free: BoolArray,
-    table: TrackTable,
-    time_s: float,
-    forces: Forces,
-    types: FloatArray,
-) -> Tracks:
-    """Return the tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time; nan where unknown.
+def tracks_of(state: FloatArray, covariance: FloatArray, table: TrackTable, time_s: float, types: FloatArray) -> Tracks:
+    """Return the tracks of means (n, 6) and covariances (n, 6, 6) of inertial states at a time, without impacts.
 
-    Impacts are reported of tracks `is_free` (n,); `types` are the type probabilities.
+    `types` (n, types) are the type probabilities.
     """
     count = len(state)
     impact, burnout = _unknown(count, 6, 3), _unknown(count, 8, 7)
-    if np.count_nonzero(is_free):
-        free = np.flatnonzero(is_free)
-        impact[free, 0], impact[free, 1:4] = impacts(state[free], covariance[free], time_s, forces)
     state, covariance = earth_fixed(state, covariance, time_s)
     return Tracks(
         tick_s=np.array([time_s] * count),
@@ -57,20 +42,6 @@ def _unknown(*shape: int) -> FloatArray:
     nothing = np.empty(shape)
     nothing.fill(np.nan)
     return nothing
-
-
-#: Longest time without detection, s, after which another stage may still ignite.
-LONGEST_STAGING_S = 4.0
-
-
-def free_flights(filter_: ImmFilter, estimates: ModeEstimates) -> BoolArray:
-    """Return which tracks (n,) are in free flight, for which an impact is reported.
-
-    They are more probably in coast than in boost, because the impact of a burning target depends on its burnout; and,
-    where silence indicates burnout, they have been undetected for longer than staging takes.
-    """
-    time_since_last_s = estimates.detection_rate[:, 2] if filter_.switches and filter_.coast_detection < 1.0 else np.inf
-    return np.asarray((estimates.weight[:, 1] > 0.5) & (time_since_last_s > LONGEST_STAGING_S))
 
 
 def type_log_likelihoods(sensors: Sequence[Sensor]) -> FloatArray:

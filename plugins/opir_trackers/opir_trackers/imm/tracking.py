@@ -21,7 +21,6 @@ from opir_trackers.configs import ImmConfig
 from opir_trackers.filter.estimates import ModeEstimates
 from opir_trackers.filter.mode_mixing import SPEED_SIGMA_M_S
 from opir_trackers.filter.switching import ImmFilter
-from opir_trackers.ground_points import GroundPoints, launches, updated_points
 from opir_trackers.imm import track_management
 from opir_trackers.imm.associate_and_update import AssociateAndUpdate, AssociationResult
 from opir_trackers.imm.ghosts import RANGE_M
@@ -36,8 +35,9 @@ from opir_trackers.imm.histories import (
     smooth_boost_s,
 )
 from opir_trackers.imm.history_assignment import assigned_histories
-from opir_trackers.imm.report import free_flights, tracks_of, type_evidence, type_log_likelihoods, type_posterior
+from opir_trackers.imm.report import tracks_of, type_evidence, type_log_likelihoods, type_posterior
 from opir_trackers.imm.track_management import SharedDetections, TrackTable, duplicates, sighting_memory_s
+from opir_trackers.launch_points import LaunchPoints, launches, updated_points
 from opir_trackers.sensors import Biases
 from opir_trackers.track_priors import filter_of, prior_estimates
 
@@ -240,7 +240,7 @@ class ImmTracking:
         )
         points = launches(predicted, table.first_s, self._longest_of_sensors(self.period_s, table), noise, biased)
         launch, covariance = now.table.launch.copy(), now.table.launch_covariance.copy()
-        launch[young], covariance[young] = updated_points(GroundPoints(table.launch, table.launch_covariance), points)
+        launch[young], covariance[young] = updated_points(LaunchPoints(table.launch, table.launch_covariance), points)
         return now.after(now.time_s, now.estimates, now.table.with_launches(launch, covariance), now.histories)
 
     def _with_initiated(self, now: TrackerState) -> TrackerState:
@@ -325,7 +325,7 @@ class ImmTracking:
         return longest
 
     def reported_tracks(self, now: TrackerState) -> tuple[Tracks, ModeEstimates, FloatArray]:
-        """Return the reported tracks, those with enough detections, their estimates, and type log likelihoods."""
+        """Return the tracks with enough detections, without impacts, their estimates, and type log likelihoods."""
         confirmed = now.table.hits >= 2 * self.config.needed_scans
         estimates, table = self.reported_estimates(now), now.table
         if np.count_nonzero(confirmed) < len(confirmed):
@@ -333,8 +333,7 @@ class ImmTracking:
         state, covariance = self.association.moments(estimates)
         if self.biases.any:
             covariance = self._with_biases(estimates, now.time_s, table, covariance)
-        is_free = free_flights(self.filter, estimates)
-        tracks = tracks_of(state, covariance, is_free, table, now.time_s, self.forces, self._types(table))
+        tracks = tracks_of(state, covariance, table, now.time_s, self._types(table))
         return tracks, estimates, type_evidence(table.reports, self.type_log_likelihood)
 
     def _with_biases(

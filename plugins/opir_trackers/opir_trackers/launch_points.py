@@ -1,150 +1,37 @@
-"""Launch and impact points of tracks, with the covariance propagated from the state."""
+"""Launch points of tracks: where boosts followed back begin at rest on the ground."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from opir_core.arrays import BoolArray, FloatArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M, EARTH_ROTATION_RAD_S
-from opir_core.estimation.lines_of_sight import earth_rotated
+from opir_core.arrays import FloatArray
+from opir_core.constants import EARTH_ROTATION_RAD_S
 from opir_core.estimation.motion import taylor_weights
-from opir_core.flight.forces import Forces
 from opir_core.flight.gravity_and_drag import height_and_up
-from opir_core.flight.kepler import propagate_kepler
-from opir_core.geometry import ecef_to_geodetic, local_axes
 from opir_core.geometry.ellipsoid import WGS84
 from opir_trackers.filter.estimates import PredictedMeasurements
 
 
-class GroundPoints(NamedTuple):
+class LaunchPoints(NamedTuple):
     """Latitude_rad, longitude_rad and scene time_s (n, 3), and covariances (n, 3, 3) as in `Tracks`; nan if unknown."""
 
     place: FloatArray
     covariance: FloatArray
 
     @classmethod
-    def nowhere(cls, count: int) -> "GroundPoints":
+    def nowhere(cls, count: int) -> "LaunchPoints":
         """Return unknown points."""
         return cls(np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan))
 
 
-#: Tolerance of impact points, m: their standard deviation is hundreds of metres at best.
-_CLOSE_M = 1.0
-
-#: States below the ground are followed back to this height above it, m.
-_CLEAR_M = 10.0
-
-#: Impacts of states one standard deviation off may deviate from a line by this many standard deviations of the ellipse:
-#: with a deviation of 0.25, 95 % ellipses contain 93 %, with 0.5 88 %, with 1 80 %, with 3 58 %.
-_MOST_BENT = 1.0
-
-#: A 95 % ellipse with a longer semi-axis, m, does not fit a plane on a round Earth.
-_WIDEST_M, _SQUARE_95 = 3e6, 5.991
-
-#: Upper bound on the acceleration of gravity from the ground to some tens of kilometres below, m/s².
-_GRAVITY_M_S2 = 10.0
-
-_NOW = np.zeros((1, 1))
-
-
-def impacts(state: FloatArray, covariance: FloatArray, time_s: float, forces: Forces) -> GroundPoints:
-    """Return the impact points of free flights from inertial states (n, 6).
-
-    The point is that of the mean under `forces`. The covariance is propagated through two-body arcs by central
-    differences of one standard deviation: their partial derivatives differ from those under `forces` by parts in a
-    thousand. States below the ground have their impact before `time_s`. A point is nan where one of these arcs has no
-    impact, where they deviate too far from lines, and where the ellipse is too wide for a plane: there is no valid
-    covariance then.
-    """
-    points = GroundPoints.nowhere(len(state))
-    if not len(state):
-        return points
-    side = np.linalg.cholesky(covariance).transpose(0, 2, 1)
-    mean = state[:, None]
-    every, since_s = _before_ground(np.concatenate([mean, mean + side, mean - side], axis=1))
-    flight, fell = _impacts_of(every, Forces(zonal=(), gravity=forces.gravity))
-    flight -= since_s
-    landed = earth_rotated(fell.reshape(-1, 3), -(time_s + flight).ravel()).reshape(fell.shape)
-    when, ground = time_s + flight[:, 0], landed[:, 0]
-    if not forces.is_kepler:
-        # A point with a two-body arc that does not come down has no covariance: its arc is not integrated in vain.
-        falls = np.flatnonzero(np.isfinite(flight).all(axis=1))
-        forced, point = np.full(len(state), np.nan), np.full((len(state), 3), np.nan)
-        forced[falls], point[falls] = _impacts_of(every[falls, 0], forces)
-        when = time_s + forced - since_s[:, 0]
-        ground = earth_rotated(point, -when)
-    axes = local_axes(ground)[:, :2].transpose(0, 2, 1)
-    one, other = landed[:, 1:7], landed[:, 7:]
-    plane = 0.5 * (one - other) @ axes
-    bend = np.add.reduce(0.5 * (one + other) - landed[:, :1], axis=1)[:, None] @ axes
-    later = 0.5 * (flight[:, 1:7] - flight[:, 7:])
-    points = _points_on_ground(ground, when, np.concatenate([plane, later[:, :, None]], axis=2).transpose(0, 2, 1))
-    vague = ~_are_elliptic(points.covariance, bend[:, 0])
-    points.place[vague], points.covariance[vague] = np.nan, np.nan
-    return points
-
-
-def _are_elliptic(covariance: FloatArray, bend: FloatArray) -> BoolArray:
-    """Return which impacts have a valid ellipse, by covariances (n, 3, 3) and deviations (n, 2) from lines, m."""
-    east, north, both = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
-    aside, along = bend[:, 0], bend[:, 1]
-    bent = north * aside**2 - 2.0 * both * aside * along + east * along**2
-    across = east * north - both**2
-    # The longer axis is shorter than that: beyond half of the trace, the characteristic polynomial is positive there.
-    far = _WIDEST_M**2 / _SQUARE_95
-    narrow = ((far - east) * (far - north) > both**2) & (east + north < 2.0 * far)
-    flat: BoolArray = (bent <= _MOST_BENT**2 * across) & narrow
-    return flat
-
-
-def _before_ground(state: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return states (n, k, 6) above the ground, and how long before, (n, 1) s, or (1, 1) for all.
-
-    A fall through the ground is followed back with an upper bound on gravity, so the time is not underestimated. All
-    states of a row are moved together.
-    """
-    place, speed = state[:, :, :3], state[:, :, 3:]
-    if np.minimum.reduce(np.add.reduce(place * place, axis=2), axis=None) > EARTH_EQUATORIAL_RADIUS_M**2:
-        return state, _NOW
-    height_m = ecef_to_geodetic(place).height_m
-    low = height_m < 0.0
-    fall_m_s = -np.sum(local_axes(place)[:, :, 2] * speed, axis=2)
-    climb_m = _CLEAR_M - height_m
-    root = fall_m_s**2 - 2.0 * _GRAVITY_M_S2 * climb_m
-    fell = low & (fall_m_s > 0.0) & (root > 0.0)
-    back_s = np.where(fell, 2.0 * climb_m / (fall_m_s + np.sqrt(np.where(fell, root, 1.0))), 0.0)
-    since_s: FloatArray = back_s.max(axis=1, keepdims=True)
-    rows = np.flatnonzero(since_s)
-    earlier = state.copy()
-    earlier[rows] = np.concatenate(propagate_kepler(place[rows], speed[rows], -since_s[rows]), axis=2)
-    return earlier, since_s
-
-
-def _impacts_of(state: FloatArray, forces: Forces) -> tuple[FloatArray, FloatArray]:
-    """Return times to impact (...) and impact points (..., 3) of states (..., 6) under forces."""
-    from opir_core.flight.propagation import impact
-
-    place_m, velocity_m_s = state[..., :3], state[..., 3:]
-    if forces.is_kepler:
-        return impact(place_m, velocity_m_s, forces=forces)
-    return impact(place_m, velocity_m_s, forces=forces, tolerance_m=_CLOSE_M)
-
-
-def _points_on_ground(ground: FloatArray, when: FloatArray, plane: FloatArray) -> GroundPoints:
-    """Return ground points from ECEF points, times and roots of their covariance."""
-    where = ecef_to_geodetic(ground)
-    place = np.stack([where.latitude_rad, where.longitude_rad, when], axis=1)
-    return GroundPoints(place, plane @ plane.transpose(0, 2, 1))
-
-
-def updated_points(known: GroundPoints, fresh: GroundPoints) -> GroundPoints:
+def updated_points(known: LaunchPoints, fresh: LaunchPoints) -> LaunchPoints:
     """Return points with the finite ones of `fresh` in place of the known.
 
     The more certain of two is not preferred: an estimate from less data may be more certain and wrong.
     """
     new = np.isfinite(fresh.place[:, 0])
     place = np.where(new[:, None], fresh.place, known.place)
-    return GroundPoints(place, np.where(new[:, None, None], fresh.covariance, known.covariance))
+    return LaunchPoints(place, np.where(new[:, None, None], fresh.covariance, known.covariance))
 
 
 #: Launch times are searched over this interval before the first detection, s, on a grid denser towards it. The class
@@ -181,7 +68,7 @@ def launches(
     pause_s: FloatArray,
     noise: float,
     biased: FloatArray | None = None,
-) -> GroundPoints:
+) -> LaunchPoints:
     """Return launch points of boosts from rest on the ground at an unknown time before `first_s` (n,); nan if none.
 
     `noise` is the process-noise density of the jerk, m/s³/√s. The prior: with probability 1/2 the launch is detected at
@@ -191,7 +78,7 @@ def launches(
     """
     count = len(predicted.root)
     if not count:
-        return GroundPoints.nowhere(0)
+        return LaunchPoints.nowhere(0)
     when = (first_s[:, None] - _MIDDLES_S).ravel()
     starts = _rest_likelihood(predicted, when, noise, biased)
     soon = -np.diff(np.exp(-_EDGES_S / pause_s[:, None]), axis=1)
@@ -206,7 +93,7 @@ def launches(
     nowhere = starts.misfit.reshape(count, _TIMES).min(axis=1) >= _LAUNCHED
     if np.count_nonzero(nowhere):
         place[nowhere], covariance[nowhere] = np.nan, np.nan
-    return GroundPoints(place, covariance)
+    return LaunchPoints(place, covariance)
 
 
 class _LaunchTimes(NamedTuple):
