@@ -16,7 +16,7 @@ from repository import ROOT
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md"), *(ROOT / "plugins").glob("*/README.md")])
 #: Pages with blocks that run for a second and more, apart from those of the README.
 LONG = {
-    *("docs/explanation/association.md", "docs/explanation/classification.md"),
+    *("docs/explanation/imm.md", "docs/explanation/classification.md"),
     *(
         "docs/explanation/detection.md",
         "docs/explanation/kepler-arc.md",

@@ -25,15 +25,10 @@ _UNSTATED = 0.5
 
 @frozen(eq=False)
 class SensorSchedule:
-    """Scan periods (sensors,), s, detection probabilities (sensors, types) and bias standard deviations (sensors,).
-
-    `follows_bodies` marks sensors that detect a target after burnout too: they do not reveal burnout.
-    """
+    """Scan periods (sensors,), s, and detection probabilities (sensors, types)."""
 
     period_s: FloatArray
     detection_probability: FloatArray
-    bias_sigma_rad: FloatArray
-    follows_bodies: BoolArray
 
     @classmethod
     def of(cls, sensors: Sequence[Sensor], *, least: float, most: float) -> "SensorSchedule":
@@ -43,8 +38,6 @@ class SensorSchedule:
         return cls(
             period_s=np.array([sensor.scan.period_ns * 1e-9 for sensor in sensors]),
             detection_probability=np.clip(stated, least, most),
-            bias_sigma_rad=np.array([sensor.line_of_sight_bias_sigma_rad for sensor in sensors]),
-            follows_bodies=np.array([sensor.follows_bodies for sensor in sensors], dtype=np.bool_),
         )
 
 

@@ -1,39 +1,18 @@
-"""The tracker `imm` with late detections, and the association of lines before a track's confirmation.
-
-A track's labels begin once it has enough detections; with long scan periods most of a burn is over by then.
-"""
+"""The tracker `imm`: ticks, late detections, and the forecast of impacts."""
 
 from collections import deque
 
 import numpy as np
 from attrs import evolve
 
-from opir_core.arrays import FloatArray, IntArray
-from opir_core.estimation.lines_of_sight import LinesOfSight
+from opir_core.arrays import IntArray
 from opir_core.interfaces.contexts import TrackerContext
 from opir_core.interfaces.protocols import Sensor
 from opir_core.interfaces.records import Detections, Tracks
-from opir_trackers.association import associate_nearest, unassigned
 from opir_trackers.configs import ImmConfig
 from opir_trackers.forecast.forecaster import Forecaster
-from opir_trackers.gating import candidates, gated
-from opir_trackers.imm.measurement_weights import FRACTIONS, OutlierFractions
 from opir_trackers.imm.tracking import ImmTracking, TrackerState
 from opir_trackers.sensors import LineOfSightCache, expected_detection_rate
-
-
-def earlier_assignment(tracking: ImmTracking, now: TrackerState, number: IntArray, lines: LinesOfSight) -> IntArray:
-    """Return the track number of each line (n,), among numbers (k,), -1 for none, by the paths followed back."""
-    rows = np.flatnonzero(np.isin(now.table.number, number))
-    if not len(rows) or not len(lines.time_s):
-        return unassigned(len(lines.time_s))
-    gate, light_time = tracking.config.gate_sigma, tracking.association.light_time
-    path = tracking.filter.predicted_measurements(now.estimates.take(rows), now.time_s)
-    lines, span = tracking.biases.with_bias_sigma(lines), now.time_s - float(lines.time_s.min())
-    pairs = gated(path, lines, *candidates(path, lines, span, gate, light_time), gate, light_time)
-    owner = associate_nearest(pairs, lines, tracking.association.model).owner
-    numbers: IntArray = np.append(now.table.number[rows], -1)[owner]
-    return numbers
 
 
 class ImmTracker:
@@ -78,18 +57,6 @@ class ImmTracker:
         self._rays = LineOfSightCache(self._tracking.lines_of_sight)
         pace = self._now.estimates.detection_rate * [share, 1.0, 1.0]
         self._now = evolve(self._now, estimates=evolve(self._now.estimates, detection_rate=pace))
-
-    def outlier_fractions(self, track: IntArray) -> FloatArray:
-        """Return the outlier fractions (n,) of tracks by number (n,), as of the last tick."""
-        table = self._now.table
-        before_late = OutlierFractions(np.concatenate([table.outliers, np.zeros((1, len(FRACTIONS)))])).share
-        row = np.searchsorted(table.number, track)
-        here = np.append(table.number, -1)[row] == track
-        return before_late[np.where(here, row, len(table))]
-
-    def owners(self, track: IntArray, lines: LinesOfSight) -> IntArray:
-        """Return the track number of each earlier line (n,), among numbers (k,), -1 for none, as of now."""
-        return earlier_assignment(self._tracking, self._now, track, lines)
 
     def _due(self, tick_s: float, detections: Detections) -> Detections:
         """Return the detections before a tick, once each and in order, of these and the waiting ones."""
