@@ -37,8 +37,8 @@ class Forecaster:
     def with_impacts(self, tracks: Tracks, estimates: ModeEstimates, types: FloatArray) -> Tracks:
         """Return tracks with impacts, regions and probabilities, given their estimates (same rows).
 
-        `types` (n, types) are the log likelihoods of reported types. Types follow from the ranges of the forecast; of a track
-        without a launch point or a forecast, those of the reports remain.
+        `types` (n, types) are the log likelihoods of reported types. Types follow from the ranges of the forecast; of a
+        track without a launch point or a forecast, those of the reports remain.
         """
         if not len(tracks):
             self._latest.clear()
