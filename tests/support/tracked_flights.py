@@ -64,14 +64,14 @@ def detections_of(rays):
     )
 
 
-def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler"):
+def followed(truth, seeing, seed, until_s, sensors=None, forces="kepler", regions_every_s=60.0):
     """Yield the ticks, one a second, of the tracker that sees flights; of one sensor only the first one's looks."""
     sensors = sensors or sensors_of()
     owner, rays = seen(truth, seeing, seed)
     mine = np.flatnonzero(rays.sensor < len(sensors))
     owner, rays = owner[mine], rays.take(mine)
     context = TrackerContext(sensors=sensors, epoch_us=0, duration_s=1e3, forces=forces)
-    tracker = imm_tracker(ImmConfig(), context)
+    tracker = imm_tracker(ImmConfig(regions_every_s=regions_every_s), context)
     every, shared, cut = detections_of(rays), np.zeros((0, len(truth) + 1)), 0
     for tick in range(1, int(until_s) + 1):
         end = int(np.searchsorted(every.time_ns, tick * 1_000_000_000))
