@@ -130,7 +130,7 @@ def test_targets_of_biased_sensors_are_scored_apart():
     }
     for name in ("mono", "mono_biased"):
         assert figures[name]["launches_reported"] == 1
-        assert figures[name]["impacts_reported"] == 0
+        assert figures[name]["impacts_reported"] == 1
         assert figures[name]["by_time"][0]["nis"]["samples"] > 5
     text = as_text({"tracker": Scorecard(figures)})
     assert "mono with biased sensors, by time since ignition" in text
