@@ -133,7 +133,7 @@ def test_times_within_which_it_may_be_used(tmp_path):
     theirs = OrbitEphemerisMessage.open(tmp_path / "message.oem").span
     epoch = Time(str(EPOCH), scale="utc")
     expected = [(end - epoch).to_value("s") for end in theirs]
-    np.testing.assert_allclose(oem_table(text, EPOCH_US, None).burn_s, expected, rtol=0.0, atol=3e-7)
+    np.testing.assert_allclose(oem_table(text, EPOCH_US, None).burns_s, [expected], rtol=0.0, atol=3e-7)
 
 
 MALFORMED = {

@@ -1,7 +1,8 @@
 """Tables of states, their checks, and local polynomials through them in Newton's form, for many tables at once.
 
 Between two states the polynomial is that through the nearest states: four with their velocities (degree 7), or six
-positions alone (degree 5); fewer where a smooth run has fewer. It never extends across the end of a run.
+positions alone (degree 5); fewer where a smooth run has fewer. With velocities, the two ends alone (degree 3) where
+states are much closer to each other than these. It never extends across the end of a run.
 
 A table as CSV has a line of column names with units, then one state per line, in ECEF.
 """
@@ -67,6 +68,9 @@ def require_places(position_m: FloatArray, lines: list[int]) -> None:
 
 _WITH_VELOCITY = 4
 _WITHOUT_VELOCITY = 6
+
+#: States nearer to each other than this share of an interval amplify the rounding of times and positions.
+_EVEN = 0.125
 
 #: Coefficients of Newton's form, for all intervals.
 _TERMS = 2 * _WITH_VELOCITY
@@ -152,7 +156,17 @@ def _of_run(table: Table, rows: RowArray) -> tuple[FloatArray, FloatArray, Float
     chosen = rows[window[:, None] + np.arange(count)]
     start = table.time_s[rows[:-1]]
     length = table.time_s[rows[1:]] - start
-    repeats = 2 if has_velocity else 1
+    nodes, coefficients = _newton(table, chosen, start, length)
+    if has_velocity and count > 2:
+        uneven = np.flatnonzero(np.diff(table.time_s[chosen], axis=1).min(axis=1) < _EVEN * length)
+        ends = rows[uneven[:, None] + np.arange(2)]
+        nodes[:, uneven], coefficients[:, uneven] = _newton(table, ends, start[uneven], length[uneven])
+    return start, length, nodes, coefficients
+
+
+def _newton(table: Table, chosen: RowArray, start: FloatArray, length: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return nodes (8, m) and coefficients (8, m, 3) of polynomials through the states `chosen` (m, k), each."""
+    repeats = 1 if table.velocity_m_s is None else 2
     nodes = np.repeat((table.time_s[chosen] - start[:, None]) / length[:, None], repeats, axis=1).T
     values = np.repeat(table.position_m[chosen], repeats, axis=1).transpose(1, 0, 2)
     slopes = None
@@ -160,8 +174,7 @@ def _of_run(table: Table, rows: RowArray) -> tuple[FloatArray, FloatArray, Float
         slopes = table.velocity_m_s[chosen].transpose(1, 0, 2) * length[None, :, None]
     coefficients = _divided_differences(nodes, values, slopes)
     lacking = _TERMS - len(nodes)
-    padded_nodes = np.concatenate([nodes, np.zeros((lacking, len(start)))])
-    return start, length, padded_nodes, np.concatenate([coefficients, np.zeros((lacking, len(start), 3))])
+    return np.pad(nodes, ((0, lacking), (0, 0))), np.pad(coefficients, ((0, lacking), (0, 0), (0, 0)))
 
 
 def _divided_differences(nodes: FloatArray, values: FloatArray, slopes: FloatArray | None) -> FloatArray:

@@ -98,6 +98,18 @@ def test_between_states_it_is_the_arc_that_they_are_of(tmp_path, velocity, step_
     assert error_m <= truth["interpolation_error_m"] + truth["tolerance_m"]
 
 
+def test_states_close_together_do_not_amplify_the_rounding_of_times(tmp_path):
+    """The last of states 5 s apart comes 0.25 s after the one before; its time is rounded to 1 ms, 3 m of flight."""
+    exact = np.append(np.arange(0.0, 101.0, 5.0), 100.2504)
+    rounded = np.round(exact, 3)
+    lines = csv_text(exact).splitlines()
+    head, rows = lines[:2], [line.partition(",")[2] for line in lines[2:]]
+    text = "\n".join([*head, *(f"{time!r},{row}" for time, row in zip(rounded.tolist(), rows, strict=True))])
+    targets, _ = flown(tmp_path, text)
+    assert largest_error_m(targets, 0.0, 95.0) <= 0.02
+    assert largest_error_m(targets, 95.0, 100.25) <= 3.5
+
+
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 6, 7])
 def test_few_states_are_enough_for_short_flights(tmp_path, count):
     targets, _ = flown(tmp_path, csv_text(np.linspace(0.0, 10.0, count)))
