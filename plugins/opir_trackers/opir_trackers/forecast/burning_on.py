@@ -11,6 +11,12 @@ from opir_trackers.forecast.prior_boosts import STAGES, BoostPrograms
 #: Steps of Runge and Kutta for each burn, and the time constant of a tilt that no program has, s.
 STEPS, TILT_S = 5, 30.0
 
+#: Ends of the steps as shares of a burn: short ones first, while a slow boost turns fast.
+_SHARES = (np.arange(STEPS + 1) / STEPS) ** 2
+
+#: Least share of its mass at which a stage still accelerates more.
+_LEAST_MASS = 0.05
+
 
 @frozen(eq=False)
 class RemainingBurns:
@@ -57,9 +63,11 @@ def flown_on(state: FloatArray, burns: RemainingBurns, tilt: FloatArray) -> tupl
         if np.count_nonzero(dark > 1e-9):
             here = _step(here, when, dark, part, None)
         when = burns.start_s[rows, stage]
-        step = length[rows] / STEPS
         for number in range(STEPS):
-            here = _step(here, when + number * step, step, part, tilt[stage, number, rows])
+            start, end = _SHARES[number : number + 2]
+            here = _step(
+                here, when + start * length[rows], (end - start) * length[rows], part, tilt[stage, number, rows]
+            )
         state = state.copy()
         state[rows] = here
         now = now.copy()
@@ -80,18 +88,22 @@ class _Thrust:
 
     def force(self, state: FloatArray, time_s: FloatArray, tilt: FloatArray) -> FloatArray:
         """Return the specific force (p, 3)."""
-        velocity = air_velocity(state)
-        speed = np.sqrt(np.sum(velocity * velocity, axis=1))
-        ahead = velocity / np.maximum(speed, 1e-3)[:, None]
-        up = state[:, :3] / np.sqrt(np.sum(state[:, :3] ** 2, axis=1))[:, None]
-        side = np.cross(ahead, up)
-        side /= np.maximum(np.sqrt(np.sum(side * side, axis=1)), 1e-9)[:, None]
-        down = np.cross(ahead, side)
-        lead = self.programs.leads(self.since + time_s) + tilt[:, 0]
-        direction = ahead + np.tan(lead)[:, None] * down + np.tan(tilt[:, 1])[:, None] * side
-        direction /= np.sqrt(np.sum(direction * direction, axis=1))[:, None]
-        size = self.size / np.maximum(1.0 - self.growth * (time_s - self.start), 0.05)
-        force: FloatArray = size[:, None] * direction
+        place, velocity = state[:, :3], air_velocity(state)
+        square = np.einsum("ij,ij->i", velocity, velocity) + 1e-6
+        side = np.cross(velocity, place)
+        across = np.sqrt(np.einsum("ij,ij->i", side, side)) + 1e-3
+        # v × (v × r) points down, away from the velocity, with the length |v| |v × r|.
+        down = velocity * np.einsum("ij,ij->i", velocity, place)[:, None] - place * square[:, None]
+        lead = np.tan(self.programs.leads(self.since + time_s) + tilt[:, 0])
+        aside = np.tan(tilt[:, 1])
+        size = self.size / np.maximum(1.0 - self.growth * (time_s - self.start), _LEAST_MASS)
+        size = size / np.sqrt(square * (1.0 + lead * lead + aside * aside))
+        speed = np.sqrt(square)
+        force: FloatArray = (
+            size[:, None] * velocity
+            + (size * lead / across)[:, None] * down
+            + (size * aside * speed / across)[:, None] * side
+        )
         return force
 
 

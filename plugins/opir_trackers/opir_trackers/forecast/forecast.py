@@ -26,7 +26,7 @@ from opir_trackers.forecast.prior_boosts import STAGES, class_codes, longest_gap
 from opir_trackers.forecast.regions import centre_of, projected, regions, unprojected
 
 #: Particles of a track.
-PARTICLES = 400
+PARTICLES = 256
 
 #: Standard deviation of the tilt of the thrust from a program, least and largest, rad: log-uniform over particles.
 TILT_RAD = np.radians([0.3, 4.0])

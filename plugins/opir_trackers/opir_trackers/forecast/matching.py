@@ -24,6 +24,9 @@ HEIGHT, SPEED, ANGLE_RAD, FORCE = (0.06, 500.0), (0.05, 20.0), 0.05, 0.1
 #: Standard deviation of the time since ignition from the grid of instants, s, and of an unknown time of ignition.
 GRID_S, UNKNOWN_S = 1.0, 60.0
 
+#: Instants further away in time than this many standard deviations do not count.
+TIME_GATE = 3.0
+
 #: A position known to this, m, has linear features; else its density is cut into parts of this share of its standard
 #: deviation, up to this many deviations away.
 LINEAR_M, NARROW, REACH = 5e3, 0.5, 3.0
@@ -136,7 +139,9 @@ def matched(
     """
     when_s, sigma_s = since_s if np.isfinite(since_s[0]) else (100.0, UNKNOWN_S)
     sigma_s = float(np.hypot(sigma_s, GRID_S))
-    first, last = np.searchsorted(instants.time_s, [when_s - 4.0 * sigma_s, when_s + 4.0 * sigma_s]).tolist()
+    first, last = np.searchsorted(
+        instants.time_s, [when_s - TIME_GATE * sigma_s, when_s + TIME_GATE * sigma_s]
+    ).tolist()
     here = slice(first, last)
     if first == last or not np.isfinite(log_prior[here]).any():
         return Matches(*(np.empty(0, dtype=np.int64),) * 2, np.empty(0), 1.0)
@@ -161,8 +166,8 @@ def _fit(part: Part, features: FloatArray, width: float) -> FloatArray:
     used = features.shape[1]
     known = part.changes[:, :used].T @ part.changes[:, :used]
     side = np.linalg.cholesky(known + width * width * np.diag(kernel_variance(part.features, used)))
-    white = np.linalg.solve(side, (features - part.features[:used]).T)
-    log: FloatArray = part.log_weight - np.log(np.diag(side)).sum() - 0.5 * np.sum(white * white, axis=0)
+    white = (features - part.features[:used]) @ np.linalg.inv(side).T
+    log: FloatArray = part.log_weight - np.log(np.diag(side)).sum() - 0.5 * np.einsum("ij,ij->i", white, white)
     return log
 
 
