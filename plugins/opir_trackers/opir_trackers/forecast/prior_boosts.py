@@ -144,9 +144,9 @@ def prior_boosts() -> PriorBoosts:
 def _evenly(programs: BoostPrograms, limits: tuple[float, float], count: int) -> BoostPrograms:
     """Return about `count` programs, as many of each part of the ideal speeds: limits of acceleration rule out many."""
     growth = np.maximum(programs.growth_per_s, 1e-9)
-    gained = programs.acceleration_m_s2 * -np.log1p(-growth * programs.burn_s) / growth
+    ideal_m_s = np.sum(programs.acceleration_m_s2 * -np.log1p(-growth * programs.burn_s) / growth, axis=1)
     edges = np.linspace(*limits, _PARTS + 1)
-    part = np.searchsorted(edges, gained.sum(axis=1))
+    part = np.searchsorted(edges, ideal_m_s)
     order = np.argsort(part, kind="stable")
     rank = np.arange(len(part)) - np.searchsorted(part[order], part[order])
     return programs.take(order[rank < count // _PARTS])
@@ -210,7 +210,7 @@ def _drawn(rng: np.random.Generator, ranges: dict[str, Any], count: int) -> Boos
 def _flown(programs: BoostPrograms, ranges: dict[str, Any]) -> tuple[Instants, Instants, FloatArray, BoolArray]:
     """Return instants, ends of stages, ranges (n,) m and which boosts come down within the limits.
 
-    Midpoint rule; the height changes by 1 % with half the step.
+    Midpoint rule, with what the thrust gains in each step: half of the ranges are within 2 %. The kernel has 30 %.
     """
     starts, burn = programs.starts_s, programs.burn_s
     ends_s = starts + burn
@@ -220,16 +220,17 @@ def _flown(programs: BoostPrograms, ranges: dict[str, Any]) -> tuple[Instants, I
     state = np.zeros((4, count))
     state[1] = EARTH_EQUATORIAL_RADIUS_M
     grid = np.empty((steps + 1, 4, count))
-    sizes = np.empty((steps + 1, count))
-    for step in range(steps + 1):
-        now = np.full(count, step * STEP_S)
-        grid[step] = state
-        sizes[step] = acceleration(programs, now)[0]
-        half = state + 0.5 * STEP_S * _rates(programs, state, now)
-        state = state + STEP_S * _rates(programs, half, now + 0.5 * STEP_S)
     times: FloatArray = np.arange(steps + 1, dtype=np.float64) * STEP_S
-    row = np.minimum((over_s / STEP_S).astype(np.int64), steps - 1)
-    last = _between(grid, over_s, np.arange(count), row)
+    gains = np.array([gained(programs, np.full(count, time)) for time in times])
+    grid[0] = state
+    for step, now in enumerate(times[:-1].tolist()):
+        middle = gained(programs, np.full(count, now + 0.5 * STEP_S))
+        sizes = (middle - gains[step]) / (0.5 * STEP_S), (gains[step + 1] - gains[step]) / STEP_S
+        half = state + 0.5 * STEP_S * _rates(programs, state, np.full(count, now), sizes[0])
+        state = state + STEP_S * _rates(programs, half, np.full(count, now + 0.5 * STEP_S), sizes[1])
+        grid[step + 1] = state
+    # In free flight, some time after the burn.
+    last = grid[np.minimum(np.ceil(over_s / STEP_S).astype(np.int64), steps), :, np.arange(count)].T
     range_m, apex_m = _ranges(last)
     low_m = np.min(np.where(times[:, None] <= over_s, np.hypot(grid[:, 0], grid[:, 1]), np.inf), axis=0)
     (least_m, most_m), highest_m = 1e3 * np.array(ranges["ranges_km"]), 1e3 * ranges["highest_km"]
@@ -242,16 +243,29 @@ def _flown(programs: BoostPrograms, ranges: dict[str, Any]) -> tuple[Instants, I
     instants = Instants(boost, times[at], stage[at, mine], _features(grid[at, :, boost].T, along))
     one, which = np.nonzero((burn > 0.0) & good[:, None])
     when = ends_s[one, which]
-    there = _between(grid, when, one, np.minimum((when / STEP_S).astype(np.int64), steps - 1))
+    there = _between(programs.take(one), grid[:, :, one], gains[:, one], when)
     final = programs.acceleration_m_s2[one, which] / (1.0 - programs.growth_per_s[one, which] * burn[one, which])
     return instants, Instants(one, when, which, _features(there, final)), range_m, good
 
 
-def _between(grid: FloatArray, time_s: FloatArray, boost: IntArray, row: IntArray) -> FloatArray:
-    """Return states (4, m) between two steps of the grid."""
+def _between(programs: BoostPrograms, grid: FloatArray, gains: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return states (4, m) of boosts at times (m,) between steps of the grid; velocities by what the thrust gained."""
+    each = np.arange(len(time_s))
+    row = np.minimum((time_s / STEP_S).astype(np.int64), len(grid) - 2)
     share = time_s / STEP_S - row
-    mean: FloatArray = ((1.0 - share)[:, None] * grid[row, :, boost] + share[:, None] * grid[row + 1, :, boost]).T
-    return mean
+    before, after = gains[row, each], gains[row + 1, each]
+    burnt = (gained(programs, time_s) - before) / np.maximum(after - before, 1e-9)
+    shares = np.stack([share, share, burnt, burnt])
+    states: FloatArray = (1.0 - shares) * grid[row, :, each].T + shares * grid[row + 1, :, each].T
+    return states
+
+
+def gained(programs: BoostPrograms, time_s: FloatArray) -> FloatArray:
+    """Return the speed (n,), m/s, that the thrust has gained by times (n,) since ignition: A ln(1/(1 - c t)) / c."""
+    burnt = np.clip(time_s[:, None] - programs.starts_s, 0.0, programs.burn_s)
+    growth = np.maximum(programs.growth_per_s, 1e-9)
+    total: FloatArray = np.sum(programs.acceleration_m_s2 * -np.log1p(-growth * burnt) / growth, axis=1)
+    return total
 
 
 def acceleration(programs: BoostPrograms, time_s: FloatArray) -> tuple[FloatArray, IntArray]:
@@ -268,12 +282,14 @@ def acceleration(programs: BoostPrograms, time_s: FloatArray) -> tuple[FloatArra
     return size, stage
 
 
-def _rates(programs: BoostPrograms, state: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return the rates (4, n) of states: horizontal and vertical position from the centre, and velocity."""
+def _rates(programs: BoostPrograms, state: FloatArray, time_s: FloatArray, size: FloatArray) -> FloatArray:
+    """Return the rates (4, n) of states: horizontal and vertical position from the centre, and velocity.
+
+    `size` (n,) is the acceleration by the thrust.
+    """
     x, y, u, v = state
     square = x * x + y * y
     pull = -MU_M3_S2 / (square * np.sqrt(square))
-    size, _ = acceleration(programs, time_s)
     speed = np.hypot(u, v)
     rising = (time_s < programs.rise_s) | (speed < 1.0)
     ahead, up = np.where(rising, 0.0, u / np.maximum(speed, 1.0)), np.where(rising, 1.0, v / np.maximum(speed, 1.0))
@@ -310,4 +326,6 @@ def _ranges(state: FloatArray) -> tuple[FloatArray, FloatArray]:
         cosine = (parameter / EARTH_EQUATORIAL_RADIUS_M - 1.0) / excentricity
         down = 2.0 * np.pi - np.arccos(np.where(np.abs(cosine) <= 1.0, cosine, np.nan))
         swept = np.where((energy < 0.0) & (radius >= EARTH_EQUATORIAL_RADIUS_M), down - now, np.nan)
-    return EARTH_EQUATORIAL_RADIUS_M * (np.arctan2(x, y) + swept), apex - EARTH_EQUATORIAL_RADIUS_M
+    # A steep boost may have been turned back.
+    forward = np.arctan2(x, y) - np.copysign(swept, momentum)
+    return EARTH_EQUATORIAL_RADIUS_M * forward, apex - EARTH_EQUATORIAL_RADIUS_M

@@ -1,0 +1,82 @@
+"""Highest-density regions: areas of normal laws, shares of fresh points, several peaks, and places on the globe."""
+
+import numpy as np
+import pytest
+from opir_trackers.forecast.regions import centre_of, projected, regions, unprojected
+
+RADIUS_M = 6378137.0
+
+
+def points_about(place: tuple[float, float], plane_m: np.ndarray) -> np.ndarray:
+    """Return latitudes and longitudes of points (n, 2), m east and north of a place."""
+    return unprojected(plane_m, centre_of(np.array([place]), np.ones(1)))
+
+
+def normal(count: int, sigmas_m: tuple[float, float], seed: int = 1) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(count, 2)) * sigmas_m
+
+
+@pytest.mark.parametrize("sigmas_m", [(1e3, 1e3), (2e5, 1e4)])
+def test_areas_of_a_normal_law_are_those_of_its_ellipses(sigmas_m: tuple[float, float]) -> None:
+    points = points_about((0.5, 1.0), normal(4000, sigmas_m))
+    for region, square in zip(regions(points, np.full(4000, 1 / 4000)), (1.386, 4.605, 5.991), strict=True):
+        # Kernels of 4000 points are a quarter of the standard deviation wide: variances larger by a sixteenth.
+        assert region.area_km2 == pytest.approx(np.pi * square * sigmas_m[0] * sigmas_m[1] * 1e-6, rel=0.15)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (0.3, np.pi), (1.57, 0.5), (-1.2, -3.0)])
+def test_fresh_points_are_inside_in_the_stated_shares_everywhere(place: tuple[float, float]) -> None:
+    given = regions(points_about(place, normal(2000, (3e5, 1e5))), np.full(2000, 1 / 2000))
+    fresh = points_about(place, normal(2000, (3e5, 1e5), seed=2))
+    for region in given:
+        inside = sum(region.contains(*point) for point in fresh.tolist())
+        # Five standard deviations of a count, and what the kernels widen.
+        slack = 5.0 * np.sqrt(2000 * region.containment * (1 - region.containment))
+        assert abs(inside - 2000 * region.containment) < slack + 0.03 * 2000
+
+
+def test_weights_count_like_repeated_points() -> None:
+    plane = normal(300, (1e4, 1e4))
+    weight = np.repeat([3.0, 1.0], 150) / 600.0
+    thrice = np.concatenate([plane[:150]] * 3 + [plane[150:]])
+    one, other = (
+        regions(points_about((0.2, 0.2), each), share)
+        for each, share in ((plane, weight), (thrice, np.full(600, 1 / 600)))
+    )
+    # The kernels differ: four hundred and eighty points count as many as these weights.
+    for each, same in zip(one, other, strict=True):
+        assert each.area_km2 == pytest.approx(same.area_km2, rel=0.1)
+
+
+def test_two_peaks_are_two_polygons() -> None:
+    far = np.array([4e5, 0.0])
+    plane = np.concatenate([normal(500, (1e4, 1e4)), normal(500, (1e4, 1e4), seed=3) + far])
+    half = regions(points_about((0.1, -1.0), plane), np.full(1000, 1e-3))[0]
+    assert len(half.polygons) == 2
+    assert half.contains(*points_about((0.1, -1.0), np.array([[4e5, 0.0]]))[0])
+    assert not half.contains(*points_about((0.1, -1.0), np.array([[2e5, 0.0]]))[0])
+
+
+def test_regions_are_nested_and_rings_closed() -> None:
+    rng = np.random.default_rng(5)
+    plane = normal(256, (1e5, 2e4)) * np.exp(rng.normal(size=(256, 1)))
+    found = regions(points_about((-0.7, 2.0), plane), np.full(256, 1 / 256))
+    assert [region.containment for region in found] == [0.5, 0.9, 0.95]
+    assert found[0].area_km2 < found[1].area_km2 < found[2].area_km2
+    for region in found:
+        for ring in (ring for polygon in region.polygons for ring in polygon):
+            assert np.array_equal(ring[0], ring[-1])
+            assert np.all(np.abs(ring[:, 0]) <= np.pi / 2)
+
+
+def test_points_at_one_place_have_regions_without_size() -> None:
+    found = regions(np.repeat([[0.4, 0.9]], 50, axis=0), np.full(50, 0.02))
+    assert [region.containment for region in found] == [0.5, 0.9, 0.95]
+    assert all(region.area_km2 < 1e-3 for region in found)
+
+
+def test_distances_and_directions_from_the_centre_are_kept() -> None:
+    centre = centre_of(np.array([[0.3, 0.4]]), np.ones(1))
+    north = projected(np.array([[0.3 + 0.2, 0.4]]), centre)
+    assert north[0] == pytest.approx([0.0, 0.2 * RADIUS_M], abs=1e-6)
+    assert unprojected(north, centre)[0] == pytest.approx([0.5, 0.4], abs=1e-14)
