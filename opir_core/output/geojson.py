@@ -127,15 +127,14 @@ def _refined(ring: FloatArray) -> FloatArray:
         return degrees
     flat = np.cos(ring[:, 0])
     unit = np.stack([flat * np.cos(ring[:, 1]), flat * np.sin(ring[:, 1]), np.sin(ring[:, 0])], axis=1)
-    pieces = [degrees[:1]]
-    for edge, count in enumerate(parts.tolist()):
-        if count > 1:
-            share = np.arange(1, count)[:, np.newaxis] / count
-            chord = (1.0 - share) * unit[edge] + share * unit[edge + 1]
-            height = np.arctan2(chord[:, 2], np.hypot(chord[:, 0], chord[:, 1]))
-            pieces.append(np.degrees(np.stack([np.arctan2(chord[:, 1], chord[:, 0]), height], axis=1)))
-        pieces.append(degrees[edge + 1 : edge + 2])
-    return np.concatenate(pieces)
+    edge = np.repeat(np.arange(len(parts)), parts)
+    corner = np.cumsum(parts) - parts
+    share = ((np.arange(len(edge)) - corner[edge]) / parts[edge])[:, np.newaxis]
+    chord = (1.0 - share) * unit[edge] + share * unit[edge + 1]
+    height = np.arctan2(chord[:, 2], np.hypot(chord[:, 0], chord[:, 1]))
+    points: FloatArray = np.degrees(np.stack([np.arctan2(chord[:, 1], chord[:, 0]), height], axis=1))
+    points[corner] = degrees[:-1]
+    return np.concatenate([points, degrees[-1:]])
 
 
 def _cut(rings: Rings) -> list[list[list[list[float]]]]:
@@ -176,7 +175,8 @@ def _chains(ring: FloatArray, here: BoolArray, edge_deg: float) -> Rings:
         length = int(np.argmin(np.roll(here, -start)))
         part = np.take(ring, range(start, start + length), axis=0, mode="wrap")
         before, after = ring[start - 1], ring[(start + length) % len(ring)]
-        chains.append(np.stack([_crossing(before, part[0], edge_deg), *part, _crossing(part[-1], after, edge_deg)]))
+        ends = _crossing(before, part[0], edge_deg), _crossing(part[-1], after, edge_deg)
+        chains.append(np.concatenate([ends[:1], part, ends[1:]]))
     return chains
 
 

@@ -59,6 +59,8 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
         impact_sigmas=np.array([0.75, 1.5, 2.75]),
         impact_regions=[stub_regions(22.9, 11.5)],
         probability_burning=0.25,
+        burnout=np.array([6.5e6, 0.0, 0.0, 0.0, 0.0, 0.0, 45.0]),
+        burnout_covariance=np.eye(7),
         state_sigmas=np.array([1.5, 3.0, 4.25]),
     )
     (track,) = json.loads(msgspec.json.encode(TrackDocuments(0).take(told)))["tracks"]
@@ -66,6 +68,8 @@ def test_radii_that_a_tracker_tells_are_those_of_a_track_s_impact_ellipses() -> 
     assert axes == [1500.0, 3000.0, 5500.0]
     assert track["launch_point"]["ellipse_50"]["semi_major_m"] == 2354.82
     assert track["state"]["ellipsoid_sigmas"] == [1.5, 3.0, 4.25]
+    assert track["burnout"]["timestamp"] == "1970-01-01T00:00:45.000000Z"
+    assert len(track["burnout"]["covariance_ecef"]) == 28
     assert (track["probability_burning"], track["probability_relights"]) == (0.25, None)
     assert [region["containment"] for region in track["impact_regions"]] == [0.5, 0.9, 0.95]
     assert {region["geometry"]["type"] for region in track["impact_regions"]} == {"Polygon"}

@@ -237,10 +237,18 @@ def test_scores_of_a_run_are_those_of_its_files(tmp_path: Any, monkeypatch: pyte
     assert np.all(np.diff(memory.time_s) >= 0.0)
     for name in ("sensor", "track", "target"):
         assert np.array_equal(getattr(files, name), getattr(memory, name)), name
-    assert differing(files.tracks, memory.tracks) <= {"launch", "impact"}  # degrees and back
-    for name in ("launch", "impact"):
+    rounded = {"launch", "impact", "launch_covariance", "impact_covariance", "impact_regions"}
+    assert differing(files.tracks, memory.tracks) <= rounded
+    for name in ("launch", "impact"):  # degrees and back; the covariance with time is written once
         points = getattr(files.tracks, name), getattr(memory.tracks, name)
         assert np.allclose(*points, rtol=4e-16, atol=0.0, equal_nan=True)
+        one, other = (getattr(each.tracks, f"{name}_covariance") for each in (files, memory))
+        sigma = np.sqrt(np.diagonal(other, axis1=1, axis2=2))
+        assert not np.any(np.abs(one - other) > 1e-14 * sigma[:, :, None] * sigma[:, None, :])
+        assert np.array_equal(np.isnan(one), np.isnan(other))
+    for one, other in zip(files.tracks.impact_regions, memory.tracks.impact_regions, strict=True):
+        assert [each.containment for each in one] == [each.containment for each in other]
+        assert [each.area_km2 for each in one] == pytest.approx([each.area_km2 for each in other], abs=1e-3)
 
 
 def opir_json(value: Any) -> str:
