@@ -15,19 +15,20 @@ burn on: {least:.0f} to {most:.0f} % of {flights} flights a line, at every mark,
 
 ![Share of impacts in the 50 % and 95 % regions, and median area, by time](tracker_honesty.svg)
 
-| flights | state in 95 %: least | impact in 95 %: least | 50 %: mean | velocity at 95 %, m/s | 95 % area at half, at +20 s, km² |
+| flights | state in 95 % | impact in 95 % | in 50 % | velocity, m/s | 95 % area at half, at +20 s, km² |
 |---|---|---|---|---|---|
 {rows}
 
-All figures with their 95 % intervals: [tracker_honesty.csv](tracker_honesty.csv).
+State and impact in the 95 % regions: the least share of the marks; in the 50 % region the mean. Velocity: RMSE at 95 %
+of the burn. All figures with their 95 % intervals: [tracker_honesty.csv](tracker_honesty.csv).
 
 **Flights.** Gravity turns of one to three stages, integrated by SciPy (`benchmarks/foreign_flights.py`), and class
 profiles of `ballistic`. Ranges are 150 to 12 000 km. The tracker's prior (`boost_priors.json`) knows neither. Seeds
 were not used while building. Each flight is a scene of its own, seen by two SBIRS-GEO, or one; default settings.
 
 **Marks.** 25, 50, 75 and 95 % of the time from ignition to the last burnout, and 5 and 20 s after it. The tracker does
-not know how much of a burn is over. So the 50 % region cannot hold half of the impacts at each mark: late in a burn the
-next seconds are what matters least to the tracker and most to the impact. Over all marks together it holds {half:.0f} %.
+not know how much of a burn is over. So its 50 % region cannot hold half of the impacts at each mark: an impact at 95 %
+of a burn is that of a burn which is nearly over. Over all marks together it holds {half:.0f} %.
 
 **Wide regions.** An area is that of all burnouts that the motion so far allows. It falls a hundredfold within 20 s of
 the burnout, once no further stage can be expected.
@@ -40,7 +41,7 @@ def main() -> None:
     """Write the page and the plot beside the CSV."""
     folder = Path(sys.argv[1])
     with (folder / "tracker_honesty.csv").open(encoding="utf-8") as text:
-        head, *rows = list(csv.reader(text))
+        _, *rows = list(csv.reader(text))
     names = list(dict.fromkeys(row[0] for row in rows))
     lines = {name: [[float(cell) for cell in row[2:]] for row in rows if row[0] == name] for name in names}
     # Columns: flown, tracked, state (3), half (3), most (3), velocity, areas (2).

@@ -13,12 +13,16 @@ class ImpactRegion:
     """A highest-density region of an impact: the smallest area that contains it with probability `containment`.
 
     `polygons` are tuples of closed rings: the outer one, then holes. A ring is an array (k, 2) of latitude_rad and
-    longitude_rad, the last point equal to the first; edges are great circles. A region may have several polygons.
+    longitude_rad, the last point equal to the first. A region may have several polygons.
+
+    Edges are straight in the azimuthal equidistant projection about `centre`, latitude_rad and longitude_rad; by
+    default about the mean of the corners. It matters to regions as wide as continents.
     """
 
     containment: float
     area_km2: float
     polygons: tuple[tuple[FloatArray, ...], ...]
+    centre: tuple[float, float] | None = None
 
     def __eq__(self, other: object) -> bool:
         """Return whether another region has the same figures and the same rings, point by point."""
@@ -41,8 +45,11 @@ class ImpactRegion:
         if not rings:
             return False
         units = [_unit_vectors(ring[:, 0], ring[:, 1]) for ring in rings]
-        centre = np.add.reduce([unit.mean(axis=0) for unit in units])
-        east, north, up = _axes(centre / np.linalg.norm(centre))
+        if self.centre is None:
+            middle = np.add.reduce([unit.mean(axis=0) for unit in units])
+        else:
+            middle = _unit_vectors(*(np.array([angle]) for angle in self.centre))[0]
+        east, north, up = _axes(middle / np.linalg.norm(middle))
         x, y = _projected(_unit_vectors(np.array([latitude_rad]), np.array([longitude_rad])), east, north, up)[
             0
         ].tolist()

@@ -171,7 +171,11 @@ def _dark(
     if dark_s > longest_gap_s() and silent_s < dark_s:
         # Seen in free flight for so long, it needs no prior.
         return _ballistic(state, side, count), 0.0
-    parts = matching.parts_of(state, side, lambda states: _moved_back(states, dark_s))
+
+    def burnt_out(states: FloatArray) -> FloatArray:
+        return _moved_back(states, dark_s)
+
+    parts = matching.parts_of(state, side, burnt_out)
     gap = prior.programs.gap_s[ends.boost, ends.stage]
     final = (ends.stage == STAGES - 1) | (
         prior.programs.burn_s[ends.boost, np.minimum(ends.stage + 1, STAGES - 1)] == 0.0
@@ -184,7 +188,8 @@ def _dark(
     picked = _picked(matches.probability, count)
     row = matches.row[picked]
     normal = _normal()[PARTICLES - count :, : len(state) + 3]
-    states = matching.drawn_states(parts, matches.part[picked], ends.features[row, :3], normal, matches.width)
+    chosen = ends.features[row, :3]
+    states = matching.drawn_states(parts, matches.part[picked], chosen, normal, matches.width, burnt_out)
     relights = float(np.sum(matches.probability[~final[matches.row]]))
     return _Particles(states, ends.boost[row], ends.time_s[row] + dark_s, np.ones(count)), relights
 

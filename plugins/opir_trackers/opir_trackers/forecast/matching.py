@@ -31,6 +31,9 @@ TIME_GATE = 3.0
 #: deviation, up to this many deviations away.
 LINEAR_M, NARROW, REACH = 5e3, 0.5, 3.0
 
+#: Gauss-Newton steps of a draw, and the shift for their slopes, standard deviations.
+ITERATIONS, SHIFT = 3, 0.1
+
 #: The kernel is widened, twice each time, until this many boosts share the probability.
 LEAST_BOOSTS, WIDEST = 25.0, 16.0
 
@@ -172,21 +175,52 @@ def _fit(part: Part, features: FloatArray, width: float) -> FloatArray:
 
 
 def drawn_states(
-    parts: Sequence[Part], part: IntArray, chosen: FloatArray, normal: FloatArray, width: float
+    parts: Sequence[Part],
+    part: IntArray,
+    chosen: FloatArray,
+    normal: FloatArray,
+    width: float,
+    moved: Callable[[FloatArray], FloatArray] | None = None,
 ) -> FloatArray:
     """Return states (p, d), each drawn from a part (p,) given features (p, used) of a chosen boost.
 
-    `normal` (p, d + used) are standard normal numbers. The gain is that of a linear measurement of the features.
+    `normal` (p, d + used) are standard normal numbers. A draw of the prior, moved by its own innovation, is a draw of
+    the posterior if features are linear. Where they are not (several parts), the most probable state for the draw's own
+    prior and features is sought by Gauss-Newton steps (Oliver, He and Reynolds, "Conditioning permeability fields to
+    pressure data", ECMOR V, 1996: randomized maximum likelihood). `moved` is as in `parts_of`.
     """
     used = chosen.shape[1]
     states = np.empty((len(part), len(parts[0].state)))
     for number in np.unique(part).tolist():
         mine, one = np.flatnonzero(part == number), parts[number]
         changes = one.changes[:, :used]
-        noise = width * np.sqrt(kernel_variance(one.features, used))
-        gain = np.linalg.solve(changes.T @ changes + np.diag(noise * noise), changes.T)
+        variance = width * width * kernel_variance(one.features, used)
         free = normal[mine, : len(one.state)]
-        # A draw of the prior, moved by its own innovation, is a draw of the posterior.
-        innovation = chosen[mine] + normal[mine, -used:] * noise - (one.features[:used] + free @ changes)
-        states[mine] = one.state + (free + innovation @ gain) @ one.side.T
+        goal = chosen[mine] + normal[mine, -used:] * np.sqrt(variance)
+        gain = np.linalg.solve(changes.T @ changes + np.diag(variance), changes.T)
+        whitened = free + (goal - one.features[:used] - free @ changes) @ gain
+        for _ in range(ITERATIONS if len(parts) > 1 else 0):
+            whitened = _closer(one, free, whitened, goal, variance, moved)
+        states[mine] = one.state + whitened @ one.side.T
     return states
+
+
+def _closer(
+    part: Part,
+    free: FloatArray,
+    whitened: FloatArray,
+    goal: FloatArray,
+    variance: FloatArray,
+    moved: Callable[[FloatArray], FloatArray] | None,
+) -> FloatArray:
+    """Return whitened states (p, d) after a Gauss-Newton step from `whitened`, with priors about `free`."""
+    used, size = goal.shape[1], free.shape[1]
+    shifts = SHIFT * np.concatenate([np.eye(size), -np.eye(size), np.zeros((1, size))])
+    points = part.state + (whitened[:, None] + shifts) @ part.side.T
+    found = features_of(points if moved is None else moved(points.reshape(-1, points.shape[2])).reshape(points.shape))
+    found = found[:, :, :used]
+    slopes = (found[:, :size] - found[:, size:-1]) / (2.0 * SHIFT)
+    spread = slopes.transpose(0, 2, 1) @ slopes + np.diag(variance)
+    off = goal - found[:, -1] - np.einsum("pdu,pd->pu", slopes, free - whitened)
+    closer: FloatArray = free + np.einsum("pdu,pu->pd", slopes, np.linalg.solve(spread, off[:, :, None])[:, :, 0])
+    return closer

@@ -49,11 +49,12 @@ def regions(place: FloatArray, weight: FloatArray) -> tuple[ImpactRegion, ...]:
     levels = [float(at[order[min(int(np.searchsorted(held, share)), len(order) - 1)]]) for share in TRACK_CONTAINMENTS]
     generator = contour_generator(x, y, density.T, fill_type=FillType.OuterOffset)
     found = []
+    latitude, longitude = unprojected(np.zeros((1, 2)), centre)[0].tolist()
     for share, level in zip(TRACK_CONTAINMENTS, levels, strict=True):
         polygons = [[mean + (ring * scale) @ axes.T for ring in rings] for rings in _filled(generator, level)]
         area_m2 = sum(_area(rings[0]) - sum(map(_area, rings[1:])) for rings in polygons)
         places = tuple(tuple(unprojected(ring, centre) for ring in rings) for rings in polygons)
-        found.append(ImpactRegion(share, 1e-6 * area_m2, places))
+        found.append(ImpactRegion(share, 1e-6 * area_m2, places, (latitude, longitude)))
     return tuple(found)
 
 

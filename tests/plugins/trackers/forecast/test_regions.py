@@ -69,6 +69,17 @@ def test_regions_are_nested_and_rings_closed() -> None:
             assert np.all(np.abs(ring[:, 0]) <= np.pi / 2)
 
 
+def test_regions_wider_than_a_hemisphere_are_nested() -> None:
+    rng = np.random.default_rng(7)
+    far = rng.uniform(0.0, 1.2e7, 400)
+    angle = rng.uniform(0.0, 2.0 * np.pi, 400)
+    place = points_about((0.3, 0.5), np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1))
+    half, most, nearly_all = regions(place, np.full(400, 1 / 400))
+    for point in place.tolist():
+        assert most.contains(*point) >= half.contains(*point)
+        assert nearly_all.contains(*point) >= most.contains(*point)
+
+
 def test_points_at_one_place_have_regions_without_size() -> None:
     found = regions(np.repeat([[0.4, 0.9]], 50, axis=0), np.full(50, 0.02))
     assert [region.containment for region in found] == [0.5, 0.9, 0.95]
