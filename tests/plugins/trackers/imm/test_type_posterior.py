@@ -1,10 +1,12 @@
-"""Type probabilities from the reports of sensors."""
+"""Type probabilities: from the reports of sensors, and from the forecast where there is one."""
 
 import numpy as np
 import pytest
+from drawn_flights import flown
 from opir_trackers.imm.report import type_log_likelihoods, type_posterior
+from tracked_flights import last_told, usual
 
-from opir_core.scene.scene import REPORTED_TYPES
+from opir_core.scene.scene import REPORTED_TYPES, TARGET_TYPES, UNKNOWN_TYPE
 from opir_core.testing.doubles import stub_sensor
 
 
@@ -22,3 +24,10 @@ def test_each_sensor_counts_once_for_the_type() -> None:
     assert told[0] == pytest.approx(np.array([0.8, 0.12, 0.03, 0.0]) / 0.95)
     assert told[1] == pytest.approx(np.array([0.64, 0.0144, 0.0009, 0.0]) / 0.6553)
     assert told[2].tolist() == [0.0, 0.0, 0.0, 1.0]
+
+
+def test_targets_of_which_no_type_is_reported_have_that_of_their_range() -> None:
+    told = last_told(flown("SRBM", 4, 5, "staged"), usual("SRBM"), 5, 6.0)
+    assert (told.type_probability[:, UNKNOWN_TYPE] == 0.0).all()
+    assert told.type_probability.sum(axis=1) == pytest.approx(np.ones(4))
+    assert (np.argmax(told.type_probability, axis=1) == TARGET_TYPES.index("SRBM")).all()
