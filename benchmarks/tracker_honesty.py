@@ -45,13 +45,13 @@ class Line(NamedTuple):
 LINES = (
     Line("1 stage", 1),
     Line("2 stages", 2),
-    Line("2 stages, dark between", 2, True),
-    Line("3 stages, dark between", 3, True),
+    Line("2 stages with gaps", 2, True),
+    Line("3 stages with gaps", 3, True),
     Line("class profiles", 0),
-    Line("1 stage, one sensor", 1, sensors=1),
-    Line("2 stages, dark between, one sensor", 2, True, sensors=1),
-    Line("2 stages, P_d 0.1", 2, detection_probability=0.1),
-    Line("2 stages, biases of 3σ", 2, bias_urad=60.0),
+    Line("1 stage: one sensor", 1, sensors=1),
+    Line("2 stages with gaps: one sensor", 2, True, sensors=1),
+    Line("2 stages: P_d 0.1", 2, detection_probability=0.1),
+    Line("2 stages: biases of 3σ", 2, bias_urad=60.0),
 )
 
 
