@@ -9,8 +9,13 @@ MOTIONS = ("boost-coast", "boost", "coast")
 BOOST_MODELS = ("thrust", "jerk")
 
 
-def _needed_scans() -> int:
-    scans: int = number(default=4, minimum=2, maximum=100, help="M of M-of-N track initiation: scans with a detection")
+def _needed_scans() -> int | None:
+    scans: int | None = number(
+        default=None,
+        minimum=2,
+        maximum=100,
+        help="M of M-of-N track initiation: scans with a detection; by default 4, or 2 where 4 scans take over 4 s",
+    )
     return scans
 
 
@@ -19,8 +24,8 @@ def _recent_scans() -> int:
     return scans
 
 
-def _check_scans(needed: int, recent: int) -> None:
-    if recent < needed:
+def _check_scans(needed: int | None, recent: int) -> None:
+    if needed is not None and recent < needed:
         raise ValueError(f"recent_scans is {recent}, less than needed_scans, {needed}")
 
 
@@ -106,7 +111,7 @@ class ImmConfig:
         maximum=1e9,
         help="clutter density: expected false alarms per scan and solid angle",
     )
-    needed_scans: int = _needed_scans()
+    needed_scans: int | None = _needed_scans()
     recent_scans: int = _recent_scans()
     motion: str = text(
         default="boost-coast", choices=MOTIONS, help="motion modes: boost, coast (free flight), or both (IMM)"
@@ -177,7 +182,7 @@ class KeplerArcConfig:
         choices=ASSOCIATIONS,
         help="data association of `imm`; the arc uses the likeliest assignment",
     )
-    needed_scans: int = _needed_scans()
+    needed_scans: int | None = _needed_scans()
     recent_scans: int = _recent_scans()
     memory_s: float | None = number(
         default=None,
