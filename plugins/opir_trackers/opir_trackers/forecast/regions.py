@@ -14,7 +14,7 @@ import numpy as np
 from contourpy import FillType, contour_generator
 
 from opir_core.arrays import FloatArray
-from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M
+from opir_core.constants import EARTH_EQUATORIAL_RADIUS_M as _RADIUS_M
 from opir_core.interfaces.impact_regions import ImpactRegion
 from opir_core.interfaces.records import TRACK_CONTAINMENTS
 
@@ -84,8 +84,15 @@ def _filled(generator: Any, level: float) -> list[list[FloatArray]]:
 
 
 def _area(ring: FloatArray) -> float:
+    """Return the area, m², on the sphere of a closed ring (k, 2) of points as `projected`.
+
+    Each triangle of the origin and an edge counts as a sector of the sphere counts beside one of the plane.
+    """
     x, y = ring.T
-    return abs(0.5 * float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])))
+    square = np.minimum(0.5 * (x[:-1] ** 2 + y[:-1] ** 2 + x[1:] ** 2 + y[1:] ** 2), (np.pi * _RADIUS_M) ** 2)
+    angle = np.sqrt(square) / _RADIUS_M
+    share = np.square(np.sinc(0.5 * angle / np.pi))
+    return abs(0.5 * float(np.sum((x[:-1] * y[1:] - x[1:] * y[:-1]) * share)))
 
 
 def centre_of(place: FloatArray, weight: FloatArray) -> FloatArray:
@@ -106,16 +113,14 @@ def projected(place: FloatArray, centre: FloatArray) -> FloatArray:
     level = unit @ centre[:2].T
     sine = np.sqrt(np.sum(level * level, axis=1))
     angle = np.arctan2(sine, unit @ centre[2])
-    plane: FloatArray = (
-        level * (EARTH_EQUATORIAL_RADIUS_M * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0))[:, None]
-    )
+    plane: FloatArray = level * (_RADIUS_M * np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 1.0))[:, None]
     return plane
 
 
 def unprojected(plane: FloatArray, centre: FloatArray) -> FloatArray:
     """Return latitudes and longitudes (n, 2), rad, of points of `projected`."""
     far = np.sqrt(np.sum(plane * plane, axis=1))
-    angle = far / EARTH_EQUATORIAL_RADIUS_M
-    share = np.where(far > 1e-6, np.sin(angle) / np.maximum(far, 1e-300), 1.0 / EARTH_EQUATORIAL_RADIUS_M)
+    angle = far / _RADIUS_M
+    share = np.where(far > 1e-6, np.sin(angle) / np.maximum(far, 1e-300), 1.0 / _RADIUS_M)
     unit = (plane * share[:, None]) @ centre[:2] + np.cos(angle)[:, None] * centre[2]
     return np.stack([np.arcsin(np.clip(unit[:, 2], -1.0, 1.0)), np.arctan2(unit[:, 1], unit[:, 0])], axis=1)

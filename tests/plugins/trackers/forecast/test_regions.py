@@ -80,6 +80,17 @@ def test_regions_wider_than_a_hemisphere_are_nested() -> None:
         assert nearly_all.contains(*point) >= most.contains(*point)
 
 
+def test_areas_of_wide_regions_are_those_of_caps() -> None:
+    """Points spread evenly over a cap of 80°: the region of nearly all has its area, 2 π R² (1 - cos 80°)."""
+    rng = np.random.default_rng(9)
+    far = RADIUS_M * np.arccos(1.0 - rng.uniform(0.0, 1.0, 3000) * (1.0 - np.cos(np.radians(80.0))))
+    angle = rng.uniform(0.0, 2.0 * np.pi, 3000)
+    place = points_about((0.3, 0.5), np.stack([far * np.cos(angle), far * np.sin(angle)], axis=1))
+    nearly_all = regions(place, np.full(3000, 1 / 3000))[2]
+    cap_km2 = 2.0 * np.pi * RADIUS_M**2 * (1.0 - np.cos(np.radians(80.0))) * 1e-6
+    assert nearly_all.area_km2 == pytest.approx(cap_km2, rel=0.15)
+
+
 def test_points_at_one_place_have_regions_without_size() -> None:
     found = regions(np.repeat([[0.4, 0.9]], 50, axis=0), np.full(50, 0.02))
     assert [region.containment for region in found] == [0.5, 0.9, 0.95]
