@@ -13,7 +13,7 @@ from kafka_broker import dead_address, messages
 from repository import EXAMPLES
 
 SCENE = str(EXAMPLES / "pacific_test_range.yaml")
-SIZE = "1500k"
+SIZE = "4000k"
 
 #: In a name space of its own: a disk of that size, the command, and what is left on the disk copied out.
 ON_A_SMALL_DISK = (
