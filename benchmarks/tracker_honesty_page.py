@@ -15,7 +15,7 @@ burn on: {least:.0f} to {most:.0f} % of {flights} flights a line, at every mark,
 
 ![Share of impacts in the 50 % and 95 % regions, and median area, by time](tracker_honesty.svg)
 
-| flights | state in 95 % | impact in 95 % | in 50 % | velocity, m/s | 95 % area at half, at +20 s, km² |
+| flights | state in 95 % | impact in 95 % | in 50 % | velocity, m/s | 95 % area, half and +20 s, 10³ km² |
 |---|---|---|---|---|---|
 {rows}
 
@@ -30,8 +30,8 @@ were not used while building. Each flight is a scene of its own, seen by two SBI
 not know how much of a burn is over. So its 50 % region cannot hold half of the impacts at each mark: an impact at 95 %
 of a burn is that of a burn which is nearly over. Over all marks together it holds {half:.0f} %.
 
-**Wide regions.** An area is that of all burnouts that the motion so far allows. It falls a hundredfold within 20 s of
-the burnout, once no further stage can be expected.
+**Wide regions.** An area is that of all burnouts that the motion so far allows. It falls about thirtyfold
+from half of the burn to 20 s after it, once no further stage can be expected; less for one sensor.
 
 `python benchmarks/tracker_honesty.py --write docs/benchmarks`, then `tracker_honesty_page.py`.
 """
@@ -48,7 +48,7 @@ def main() -> None:
     table = [
         f"| {name} | {min(mark[2] for mark in marks):.0f} % | {min(mark[8] for mark in marks):.0f} %"
         f" | {sum(mark[5] for mark in marks) / len(marks):.0f} % | {marks[3][11]:.0f}"
-        f" | {marks[1][13]:,.0f}, {marks[5][13]:,.0f} |"
+        f" | {1e-3 * marks[1][13]:.0f}, {1e-3 * marks[5][13]:.0f} |"
         for name, marks in lines.items()
     ]
     every = [mark for marks in lines.values() for mark in marks]

@@ -226,7 +226,8 @@ def _spread_text(point: Mapping[str, Any]) -> str:
         return f" (sigma {point['sigma_km']:.1f} km)"
     if point.get("region_95_km2") is not None:
         area_km2 = point["region_95_km2"]
-        return f" (95 % in {grouped(round(area_km2)) if area_km2 >= _WHOLE_KM2 else f'{area_km2:.2g}'} km2)"
+        short = float(f"{area_km2:.2g}")
+        return f" (95 % in {grouped(round(short)) if short >= _WHOLE_KM2 else f'{short:g}'} km2)"
     return "" if point["semi_major_95_km"] is None else f" ({point['semi_major_95_km']:.1f} km)"
 
 
