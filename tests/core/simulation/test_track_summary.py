@@ -37,7 +37,7 @@ def test_an_impact_has_an_axis_until_there_are_regions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("area_km2", "words"), [(12345.6, "95 % in 12 346 km2"), (10.2, "95 % in 10 km2"), (0.314, "95 % in 0.31 km2")]
+    ("area_km2", "words"), [(12345.6, "95 % in 12 000 km2"), (10.2, "95 % in 10 km2"), (0.314, "95 % in 0.31 km2")]
 )
 def test_the_area_of_the_95_percent_region_is_printed(area_km2: float, words: str) -> None:
     half, most, outer = stub_regions(9.0, 167.7)
