@@ -141,7 +141,8 @@ def _nearest_to_zero(samples: _Brackets) -> _Brackets:
     single = samples.take(outer[one_sign[outer]])
     left = np.delete(np.arange(len(size)), last)
     right = left + 1
-    lowest = (next_size[left] <= size[left]) & (next_size[left] <= next_size[right])
+    # Of two equal samples beside a dip only one is its nearest.
+    lowest = (next_size[left] <= size[left]) & (next_size[left] < next_size[right])
     near = next_size[left] <= np.maximum(rise[left], rise[right])
     both = left[one_sign[left] & one_sign[right] & lowest & near]
     double = _Brackets(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from opir_core.geometry.zero_crossings import intervals_below, zero_crossings
@@ -27,6 +27,7 @@ def test_rows_have_functions_and_ends_of_their_own():
     assert found.time_s == pytest.approx([3.0, 5.0], abs=1e-6)
 
 
+@example(25.0, 1.0, "parabola", False)
 @given(st.floats(0.05, 99.95), st.floats(3e-3, 3.0), st.sampled_from(["parabola", "corner"]), st.booleans())
 def test_a_dip_between_two_samples_is_found(centre_s, half_s, shape, is_negated):
     """A dip of any width, below zero within half_s of its centre, and samples 10 s apart."""

@@ -168,7 +168,8 @@ def updated(
         if np.max(np.abs(moved.state - trial.state), initial=0.0) < _SETTLED:
             break
     last_s, seen = arcs.last_s.copy(), arcs.seen.copy()
-    np.maximum.at(last_s, owner, left_s)
+    # An arc that diverged has no emission times.
+    np.fmax.at(last_s, owner, left_s)
     seen[owner, lines.sensor] = True
     looks = arcs.looks + np.bincount(owner, minlength=len(arcs))
     return evolve(added, state=moved.state, last_s=last_s, seen=seen, looks=looks)

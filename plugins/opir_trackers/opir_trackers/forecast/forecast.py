@@ -312,6 +312,7 @@ def _moments(place: FloatArray, when_s: FloatArray, weight: FloatArray) -> tuple
     mean = weight @ plane
     columns = np.column_stack([plane - mean, when_s - weight @ when_s])
     covariance = (weight[:, None] * columns).T @ columns + np.diag([1.0, 1.0, 1e-6])
+    covariance = 0.5 * (covariance + covariance.T)
     distance = np.sqrt(np.sum(columns[:, :2] * np.linalg.solve(covariance[:2, :2], columns[:, :2].T).T, axis=1))
     order = np.argsort(distance)
     radii = np.interp(TRACK_CONTAINMENTS, np.cumsum(weight[order]), distance[order])
