@@ -122,6 +122,8 @@ def test_points_are_inside_the_geometry_if_they_are_in_the_region(data: st.DataO
         north, east = ring[round(bearing / (2.0 * np.pi) * (len(ring) - 1))]
         is_inside = region.contains(north, east)
         point = float(np.degrees(east)), float(np.degrees(north))
+        if 180.0 - abs(point[0]) < 1e-6:  # on the cut, the edge of both parts
+            continue
         windings = [winding(ring, point) for rings in polygons_of(geometry) for ring in rings]
         assert is_inside == (distance < 1.0) == (sum(windings) == 1) == back.contains(north, east)
 
