@@ -1,0 +1,60 @@
+"""Broken components, each with one fault that the contract of its kind is to find."""
+
+from collections.abc import Iterable
+
+# Each module offers its components as it is imported.
+from broken_components import confidence_and_classifiers, detection, outputs, sensors, targets, trackers  # noqa: F401
+from broken_components.offers import CAUGHT_BY, SOUND, offered
+from opir_core.plugin import (
+    ClassifierModel,
+    ConfidenceModel,
+    DetectionModel,
+    EventEncoder,
+    SensorModel,
+    SinkModel,
+    TargetModel,
+    TrackerModel,
+    hookimpl,
+)
+
+__all__ = ["CAUGHT_BY", "SOUND"]
+
+
+@hookimpl
+def opir_sensor_models() -> Iterable[SensorModel]:
+    return offered("opir_sensor_models")
+
+
+@hookimpl
+def opir_detection_models() -> Iterable[DetectionModel]:
+    return offered("opir_detection_models")
+
+
+@hookimpl
+def opir_confidence_models() -> Iterable[ConfidenceModel]:
+    return offered("opir_confidence_models")
+
+
+@hookimpl
+def opir_classifiers() -> Iterable[ClassifierModel]:
+    return offered("opir_classifiers")
+
+
+@hookimpl
+def opir_trackers() -> Iterable[TrackerModel]:
+    return offered("opir_trackers")
+
+
+@hookimpl
+def opir_target_models() -> Iterable[TargetModel]:
+    return offered("opir_target_models")
+
+
+@hookimpl
+def opir_event_encoders() -> Iterable[EventEncoder]:
+    return offered("opir_event_encoders")
+
+
+@hookimpl
+def opir_sinks() -> Iterable[SinkModel]:
+    return offered("opir_sinks")

@@ -1,0 +1,33 @@
+"""What the broken components offer to the plugin host, and the contract test that is to find each."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+#: The contract test that is to find each mutant: (kind, name) to the test's name.
+CAUGHT_BY: dict[tuple[str, str], str] = {}
+
+#: What the mutants of trackers and detection models are made of; nothing is to be found in these.
+SOUND = {
+    ("opir_trackers", "sound-tracker"),
+    ("opir_trackers", "sound-regions"),
+    ("opir_detection_models", "sound-detection"),
+}
+
+_MADE: dict[str, list[Any]] = {}
+
+
+def mutant(kind: type[Any], name: str, caught_by: str, config: type | None = None) -> Callable[[Any], Any]:
+    """Offer what is decorated as `build` of a component, which a test is to catch."""
+
+    def offered(build: Any) -> Any:
+        CAUGHT_BY[kind.hook, name] = caught_by
+        settings = {} if config is None else {"config": config}
+        _MADE.setdefault(kind.hook, []).append(kind(name=name, summary=f"mutant: {name}", build=build, **settings))
+        return build
+
+    return offered
+
+
+def offered(hook: str) -> Iterable[Any]:
+    """Return the components of a kind, by the name of its hook."""
+    return _MADE.get(hook, [])

@@ -1,0 +1,136 @@
+"""Broken encoders and sinks."""
+
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from broken_components.offers import mutant
+from opir_core.interfaces.protocols import Delivery
+from opir_core.interfaces.records import Window
+from opir_core.output.events.forge import ForgeEncoder
+from opir_core.plugin import EventEncoder, SinkModel
+
+
+class OwnEncoder(ForgeEncoder):
+    """The built-in encoder, changed."""
+
+
+def encoder_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+    """Offer an encoder of a class of its own."""
+
+    def offered(made: Any) -> Any:
+        mutant(EventEncoder, name, caught_by)(lambda _config, context: made(context))
+        return made
+
+    return offered
+
+
+@encoder_mutant("forgets-the-last", "test_each_detection_is_one_line")
+class ForgetsTheLast(OwnEncoder):
+    def encode(self, window: Window) -> bytes:
+        return b"\n".join(super().encode(window).splitlines()[:-1])
+
+
+@encoder_mutant("numbers-lines", "test_windows_encode_alone_as_together")
+class NumbersLines(OwnEncoder):
+    content_type = "text/plain"
+
+    def encode(self, window: Window) -> bytes:
+        return b"".join(b"%d\n" % number for number in range(len(window.detections)))
+
+
+@encoder_mutant("tells-the-truth", "test_no_truth_is_written")
+class TellsTheTruth(OwnEncoder):
+    content_type = "text/plain"
+
+    def encode(self, window: Window) -> bytes:
+        return b"".join(b"%r\n" % range_m for range_m in window.truth.range_m.tolist())
+
+
+@encoder_mutant("nan-in-json", "test_json_follows_the_schema")
+class NanInJson(OwnEncoder):
+    def encode(self, window: Window) -> bytes:
+        return b"".join(json.dumps({"snr": snr}).encode() + b"\n" for snr in window.detections.snr.tolist())
+
+
+@encoder_mutant("unsaid", "test_media_type_and_schema_version_are_stated")
+class Unsaid(OwnEncoder):
+    content_type = ""
+
+
+@encoder_mutant("stamps", "test_clock_network_and_global_random_state_are_not_used")
+class Stamps(OwnEncoder):
+    def encode(self, window: Window) -> bytes:
+        time.time_ns()
+        return super().encode(window)
+
+
+class Counts:
+    """A sink that counts, wrongly by `wrong`."""
+
+    wrong = 0
+
+    def __init__(self) -> None:
+        self.taken = self.wrong
+
+    def write(self, window: Window) -> None:
+        self.taken += len(window.detections)
+
+    def close(self) -> Delivery:
+        return Delivery(delivered=self.taken)
+
+
+def sink_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+    """Offer a sink of a class of its own."""
+
+    def offered(made: Any) -> Any:
+        mutant(SinkModel, name, caught_by)(lambda _config, _context: made())
+        return made
+
+    return offered
+
+
+@sink_mutant("one-too-many", "test_a_sink_without_windows_delivers_nothing")
+class OneTooMany(Counts):
+    wrong = 1
+
+
+@sink_mutant("loses-some", "test_every_event_is_accounted_for")
+class LosesSome(Counts):
+    def write(self, window: Window) -> None:
+        self.taken += len(window.detections) - (len(window.detections) > 20)
+
+
+@sink_mutant("trips-over-nothing", "test_windows_without_events_are_accepted")
+class TripsOverNothing(Counts):
+    def write(self, window: Window) -> None:
+        self.taken += 1 + int(np.argmax(window.detections.time_ns)) if len(window.detections) == 3 else 0
+        window.detections.time_ns[0]
+
+
+@sink_mutant("scribbles", "test_windows_are_not_modified")
+class Scribbles(Counts):
+    def write(self, window: Window) -> None:
+        super().write(window)
+        window.detections.confidence.flags.writeable = True
+        window.detections.confidence[:] = 0.0
+
+
+@sink_mutant("knows-no-tracks", "test_edge_case_windows_are_accepted")
+class KnowsNoTracks(Counts):
+    def write(self, window: Window) -> None:
+        self.taken += int(np.sum(window.detections.track < 0))
+
+
+@sink_mutant("runs-ahead", "test_every_event_is_accounted_for")
+class RunsAhead(Counts):
+    def delivery_so_far(self) -> Delivery:
+        return Delivery(delivered=self.taken + 1)
+
+
+@sink_mutant("half-buffered", "test_optional_abilities_are_complete")
+class HalfBuffered(Counts):
+    waits = 0

@@ -1,0 +1,140 @@
+"""Broken sensor models."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from attrs import evolve, frozen
+
+from broken_components.offers import mutant
+from opir_core.arrays import FloatArray
+from opir_core.builtin.scanner import ScannerConfig
+from opir_core.interfaces.protocols import Band
+from opir_core.plugin import SensorModel, scanning_sensor
+
+
+def sensor_mutant(name: str, caught_by: str, config: type = ScannerConfig) -> Callable[[Any], Any]:
+    """Offer a sensor made of the bench's by a change to it."""
+
+    def offered(change: Callable[[Any], Any]) -> Any:
+        def build(settings: Any, context: Any) -> Any:
+            return change(scanning_sensor(settings, context, type="MUTANT"))
+
+        return mutant(SensorModel, name, caught_by, config)(build)
+
+    return offered
+
+
+@frozen
+class OwnScan:
+    """The bench's scan with another phase."""
+
+    scan: Any
+    change: Callable[[Any, int], Any]
+
+    @property
+    def period_ns(self) -> int:
+        return int(self.scan.period_ns)
+
+    def phase_ns(self, sensor_ecef_m: FloatArray, target_ecef_m: FloatArray, uniform: float) -> Any:
+        return self.change(self.scan.phase_ns(sensor_ecef_m, target_ecef_m, uniform), self.scan.period_ns)
+
+
+def beyond(phase: Any, period_ns: int) -> Any:
+    return phase + period_ns
+
+
+def by_rank(phase: Any, period_ns: int) -> Any:
+    return (phase + np.arange(len(phase))) % period_ns
+
+
+@sensor_mutant("phase-beyond-period", "test_phases_lie_in_the_period")
+def _phase_beyond(sensor: Any) -> Any:
+    return evolve(sensor, scan=OwnScan(sensor.scan, beyond))
+
+
+@sensor_mutant("phase-by-rank", "test_phases_are_independent")
+def _phase_by_rank(sensor: Any) -> Any:
+    return evolve(sensor, scan=OwnScan(sensor.scan, by_rank))
+
+
+@frozen
+class FractionalScan:
+    """A period that is no whole number."""
+
+    scan: Any
+    period_ns: float = 5e8
+
+    def phase_ns(self, *where: Any) -> Any:
+        return self.scan.phase_ns(*where)
+
+
+@sensor_mutant("period-of-fractions", "test_looks_are_whole_periods_apart")
+def _period_of_fractions(sensor: Any) -> Any:
+    return evolve(sensor, scan=FractionalScan(sensor.scan))
+
+
+@frozen
+class OwnOrbit:
+    """An orbit made of another by a change to its positions."""
+
+    orbit: Any
+    change: Callable[[FloatArray, FloatArray], FloatArray]
+    is_stationary: bool
+
+    def position_ecef_m(self, time_s: FloatArray) -> FloatArray:
+        return self.change(self.orbit.position_ecef_m(time_s), time_s)
+
+
+def in_km(place: FloatArray, _time_s: FloatArray) -> FloatArray:
+    return place / 1000.0
+
+
+def drifting(place: FloatArray, time_s: FloatArray) -> FloatArray:
+    return place + time_s[:, None]
+
+
+def centred(place: FloatArray, time_s: FloatArray) -> FloatArray:
+    return place + (time_s - np.sum(time_s) / max(len(time_s), 1))[:, None]
+
+
+@sensor_mutant("orbit-in-km", "test_orbit_is_above_the_ground_and_smooth")
+def _orbit_in_km(sensor: Any) -> Any:
+    return evolve(sensor, orbit=OwnOrbit(sensor.orbit, in_km, True))
+
+
+@sensor_mutant("stationary-that-drifts", "test_a_stationary_orbit_does_not_move")
+def _stationary_that_drifts(sensor: Any) -> Any:
+    return evolve(sensor, orbit=OwnOrbit(sensor.orbit, drifting, True))
+
+
+@sensor_mutant("orbit-by-batch", "test_positions_are_independent")
+def _orbit_by_batch(sensor: Any) -> Any:
+    return evolve(sensor, orbit=OwnOrbit(sensor.orbit, centred, False))
+
+
+@sensor_mutant("bands-upside-down", "test_fields_are_valid")
+def _bands_upside_down(sensor: Any) -> Any:
+    return evolve(sensor, bands=(Band("SWIR", 2.9, 2.5),))
+
+
+@sensor_mutant("settings-of-arrays", "test_settings_are_plain_values")
+def _settings_of_arrays(sensor: Any) -> Any:
+    return evolve(sensor, settings={"edges": np.zeros(2)})
+
+
+@sensor_mutant("sensor-of-lambdas", "test_a_built_sensor_pickles")
+def _sensor_of_lambdas(sensor: Any) -> Any:
+    return evolve(sensor, scan=OwnScan(sensor.scan, lambda phase, period_ns: phase))
+
+
+@frozen(kw_only=True)
+class MuteConfig(ScannerConfig):
+    """A configuration with a field that says nothing of itself."""
+
+    gain: float = 1.0
+
+
+@sensor_mutant("mute-setting", "test_every_setting_is_documented", MuteConfig)
+def _mute_setting(sensor: Any) -> Any:
+    return sensor

@@ -1,0 +1,86 @@
+"""Broken target models."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from attrs import frozen
+
+from broken_components.offers import mutant
+from opir_core.arrays import FloatArray
+from opir_core.builtin.configs import BallisticConfig
+from opir_core.builtin.targets import ballistic_targets
+from opir_core.plugin import TargetModel
+
+
+@frozen(eq=False)
+class OwnTargets:
+    """The built-in targets with other positions."""
+
+    made: Any
+    change: Callable[[Any, FloatArray, Any, FloatArray], FloatArray]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.__getattribute__("made"), name)
+
+    def __reduce__(self) -> Any:
+        return (OwnTargets, (self.made, self.change))
+
+    def position_ecef_m(self, target: Any, time_s: FloatArray) -> FloatArray:
+        return self.change(self.made, self.made.position_ecef_m(target, time_s), target, time_s)
+
+    def truth(self) -> Any:
+        return self.made.truth()
+
+
+def target_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+    """Offer a target model made of the built-in one."""
+
+    def offered(change: Any) -> Any:
+        def build(configs: Any, context: Any) -> Any:
+            return OwnTargets(ballistic_targets(configs, context), change)
+
+        mutant(TargetModel, name, caught_by, BallisticConfig)(build)
+        return change
+
+    return offered
+
+
+@target_mutant("burns-for-ever", "test_positions_are_finite_during_the_burn_only")
+def burns_for_ever(made: Any, _place: Any, target: Any, time_s: FloatArray) -> FloatArray:
+    return made.position_ecef_m(target, np.clip(time_s, made.ignition_s[target], made.burnout_s[target]))
+
+
+@target_mutant("jumps", "test_paths_are_above_the_ground_and_smooth")
+def jumps(made: Any, place: Any, target: Any, time_s: FloatArray) -> FloatArray:
+    return place + np.where(time_s - made.ignition_s[target] > 30.0, 5e4, 0.0)[:, None]
+
+
+@target_mutant("led-astray", "test_free_flight_extends_to_end_s_and_burns_do_not_change")
+def led_astray(made: Any, place: Any, _target: Any, _time_s: FloatArray) -> FloatArray:
+    return place if made.coast is None else place + 1.0
+
+
+@target_mutant("swarm", "test_positions_are_independent")
+def swarm(_made: Any, place: Any, _target: Any, _time_s: FloatArray) -> FloatArray:
+    return place + 1e-3 * (place - np.nanmean(place, axis=0)) if len(place) else place
+
+
+@target_mutant("flies-by-number", "test_targets_are_independent")
+def flies_by_number(_made: Any, place: Any, target: Any, _time_s: FloatArray) -> FloatArray:
+    return place + 10.0 * target[:, None]
+
+
+@frozen(eq=False)
+class BurnsTwice(OwnTargets):
+    """Targets with a second burn that ends after burnout."""
+
+    @property
+    def burns_s(self) -> FloatArray:
+        one = np.stack([self.ignition_s, self.burnout_s], axis=-1)
+        return np.stack([one, one + 1e3], axis=1)
+
+
+@mutant(TargetModel, "burns-twice", "test_burns_are_in_order_from_ignition_to_burnout", BallisticConfig)
+def burns_twice(configs: Any, context: Any) -> Any:
+    return BurnsTwice(ballistic_targets(configs, context), lambda _made, place, _target, _time_s: place)

@@ -1,0 +1,248 @@
+"""Broken trackers."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from attrs import evolve
+
+from broken_components.offers import mutant
+from opir_core.interfaces.records import Detections, Tracks
+from opir_core.plugin import TrackerModel
+from opir_core.testing.doubles import stub_regions
+
+
+class OneTrack:
+    """One track a sensor, at a fixed place: lawful, if of little use."""
+
+    def __init__(self, cadence_s: float | None = 5.0) -> None:
+        self.cadence_s = cadence_s
+        self.seen: set[int] = set()
+        self.count = 0
+
+    def associate(self, detections: Detections) -> Any:
+        known = np.array(sorted(self.seen), dtype=np.int64)
+        return np.where(np.isin(detections.sensor, known), detections.sensor, -1).astype(np.int64)
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        self.seen |= set(detections.sensor.tolist())
+        self.count += len(detections)
+        return self.tracks(tick_s, np.array(sorted(self.seen), dtype=np.int64))
+
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        count = len(number)
+        return Tracks(
+            tick_s=np.full(count, tick_s),
+            track=number,
+            state=np.tile([6.5e6, float(self.count), 0.0, 0.0, 0.0, 0.0], (count, 1)),
+            state_covariance=np.tile(np.diag([1e6, 1e6, 1e6, 1e2, 1e2, 1e2]), (count, 1, 1)),
+            launch=np.full((count, 3), np.nan),
+            launch_covariance=np.full((count, 3, 3), np.nan),
+            impact=np.full((count, 3), np.nan),
+            impact_covariance=np.full((count, 3, 3), np.nan),
+            type_probability=np.full((count, 4), 0.25),
+        )
+
+
+def tracker_mutant(name: str, caught_by: str) -> Callable[[Any], Any]:
+    """Offer a tracker of a class of its own."""
+
+    def offered(made: Any) -> Any:
+        mutant(TrackerModel, name, caught_by)(lambda _config, _context: made())
+        return made
+
+    return offered
+
+
+tracker_mutant("sound-tracker", "")(OneTrack)
+
+
+@tracker_mutant("foresees", "test_associations_are_to_existing_tracks")
+class Foresees(OneTrack):
+    def associate(self, detections: Detections) -> Any:
+        return detections.sensor.astype(np.int64)
+
+
+@tracker_mutant("learns-while-asked", "test_associate_has_no_side_effects")
+class LearnsWhileAsked(OneTrack):
+    def associate(self, detections: Detections) -> Any:
+        answer = super().associate(detections)
+        self.seen |= set(detections.sensor.tolist())
+        return answer
+
+
+@tracker_mutant("first-come", "test_associations_are_independent")
+class FirstCome(OneTrack):
+    def associate(self, detections: Detections) -> Any:
+        answer = super().associate(detections)
+        answer[1:] = -1
+        return answer
+
+
+@tracker_mutant("reads-counts", "test_only_measured_columns_are_used")
+class ReadsCounts(OneTrack):
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        self.count += int(detections.detection_count.sum())
+        return super().step(tick_s, detections)
+
+
+@tracker_mutant("unsorted", "test_tracks_of_a_tick_are_sorted")
+class Unsorted(OneTrack):
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        return super().step(tick_s, detections).take(slice(None, None, -1))
+
+
+@tracker_mutant("lopsided", "test_covariances_are_symmetric_and_positive_definite")
+class Lopsided(OneTrack):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.state_covariance[:, 0, 1] = 1e3
+        return tracks
+
+
+@tracker_mutant("overconfident", "test_covariances_are_symmetric_and_positive_definite")
+class Overconfident(OneTrack):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.state_covariance[:, 0, 1] = tracks.state_covariance[:, 1, 0] = 1.1e6
+        return tracks
+
+
+@tracker_mutant("in-degrees", "test_shapes_and_positions_are_valid")
+class InDegrees(OneTrack):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.launch[:] = [34.7, -120.6, 0.0]
+        return tracks
+
+
+@tracker_mutant("sure-of-all", "test_shapes_and_positions_are_valid")
+class SureOfAll(OneTrack):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.type_probability[:] = 1.0
+        return tracks
+
+
+@tracker_mutant("holds-less-farther-out", "test_shapes_and_positions_are_valid")
+class HoldsLessFartherOut(OneTrack):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.state_sigmas[:] = [2.3, 3.6, 3.3]
+        return tracks
+
+
+@tracker_mutant("burns-for-sure", "test_shapes_and_positions_are_valid")
+class BurnsForSure(OneTrack):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.probability_burning[:] = 1.5
+        return tracks
+
+
+class WithRegions(OneTrack):
+    """One track with valid regions, which `changed` spoils."""
+
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.impact[:] = [0.1, 0.2, 900.0]
+        for row in range(len(tracks)):
+            tracks.impact_regions[row] = self.changed(list(stub_regions(5.7, 11.5)))
+        return tracks
+
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return tuple(regions)
+
+
+tracker_mutant("sound-regions", "")(WithRegions)
+
+
+@tracker_mutant("regions-shrink", "test_impact_regions_are_nested_and_closed")
+class RegionsShrink(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return evolve(regions[0], area_km2=1e6), *regions[1:]
+
+
+@tracker_mutant("regions-twice", "test_impact_regions_are_nested_and_closed")
+class RegionsTwice(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return regions[0], *regions
+
+
+@tracker_mutant("regions-open", "test_impact_regions_are_nested_and_closed")
+class RegionsOpen(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return (evolve(regions[0], polygons=((regions[0].polygons[0][0][:-1],),)),)
+
+
+@tracker_mutant("regions-in-degrees", "test_impact_regions_are_nested_and_closed")
+class RegionsInDegrees(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return (evolve(regions[0], polygons=((np.degrees(regions[0].polygons[0][0]),),)),)
+
+
+@tracker_mutant("regions-without-impact", "test_impact_regions_are_nested_and_closed")
+class RegionsWithoutImpact(WithRegions):
+    def tracks(self, tick_s: float, number: Any) -> Tracks:
+        tracks = super().tracks(tick_s, number)
+        tracks.impact[:] = np.nan
+        return tracks
+
+
+@tracker_mutant("regions-without-rings", "test_impact_regions_are_nested_and_closed")
+class RegionsWithoutRings(WithRegions):
+    def changed(self, regions: list[Any]) -> tuple[Any, ...]:
+        return (evolve(regions[0], polygons=()),)
+
+
+@tracker_mutant("remembers-all", "test_work_grows_linearly_with_detections")
+class RemembersAll(OneTrack):
+    def __init__(self) -> None:
+        super().__init__(1.0)
+        self.times: list[int] = []
+
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        self.times += detections.time_ns.tolist()
+        [abs(time_ns - other_ns) for time_ns in self.times for other_ns in self.times[-4:]]
+        return super().step(tick_s, detections)
+
+
+@tracker_mutant("shared-memory", "test_the_same_seed_gives_the_same_bytes")
+class SharedMemory(OneTrack):
+    everywhere: set[int] = set()  # noqa: RUF012 - the fault
+
+    def __init__(self) -> None:
+        super().__init__(5.0)
+        self.seen = SharedMemory.everywhere
+
+
+@tracker_mutant("sees-ghosts", "test_ticks_without_detections_are_accepted")
+class SeesGhosts(OneTrack):
+    def step(self, tick_s: float, detections: Detections) -> Tracks:
+        self.seen.add(0)
+        return super().step(tick_s, detections)
+
+
+@tracker_mutant("stands-still", "test_cadence_is_a_positive_time_or_none")
+class StandsStill(OneTrack):
+    def __init__(self) -> None:
+        super().__init__(-1.0)
+
+
+@tracker_mutant("loses-its-state", "test_a_tracker_pickles_between_ticks")
+class LosesItsState(OneTrack):
+    def __reduce__(self) -> Any:
+        return (LosesItsState, ())
+
+
+@tracker_mutant("meddles", "test_associate_has_no_side_effects")
+class Meddles(OneTrack):
+    def associate(self, detections: Detections) -> Any:
+        self.seen ^= {0}
+        return super().associate(detections)
+
+
+@tracker_mutant("starts-over", "test_unchanged_sensors_change_nothing")
+class StartsOver(OneTrack):
+    def set_sensors(self, _sensors: Any) -> None:
+        self.count = 0
