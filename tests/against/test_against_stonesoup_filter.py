@@ -67,7 +67,7 @@ def look_across() -> Any:
             return full
 
         def inverse_function(self, detection: Any, **_: Any) -> Any:
-            raise NotImplementedError
+            raise AssertionError("an extended Kalman update needs the measurement function, not its inverse")
 
     return Across
 

@@ -81,7 +81,7 @@ class Contract:
     @classmethod
     def scene(cls, **changes: Any) -> dict[str, Any]:
         """Return the test scene with the component; `changes` replace keys."""
-        raise NotImplementedError
+        raise undefined(cls, "scene(**changes)", "the test scene with the component, as a dict")
 
     @classmethod
     @cache
@@ -93,6 +93,14 @@ class Contract:
     def run_of(cls, scene: Mapping[str, Any], **options: Any) -> BenchRun:
         """Return the run of a scene."""
         return bench_run(scene, cls.host(), **options)
+
+
+def undefined(contract: type[Contract], method: str, returned: str) -> NotImplementedError:
+    """Return the error of a contract that lacks a method: which class must define what, returning what."""
+    return NotImplementedError(
+        f"{contract.__name__} must define {method}, which returns {returned}."
+        " The contract of each kind of component defines it: inherit that of your kind from opir_core.testing."
+    )
 
 
 def read_config(component: Any, settings: Mapping[str, Any]) -> Any:

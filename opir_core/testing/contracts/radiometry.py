@@ -32,6 +32,7 @@ from opir_core.testing.contracts.contract import (
     require_no_outside_inputs,
     require_pickling,
     require_rows,
+    undefined,
 )
 
 _EPOCH_US = 1_775_044_800_000_000
@@ -54,7 +55,7 @@ class RadiometricContract(Contract):
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return the values of the model for some rows."""
-        raise NotImplementedError
+        raise undefined(type(self), "values(band, rows)", "the model's values (n,) for rows (n,) in a band")
 
     def test_rows_are_computed_as_arrays(self) -> None:
         """The number of Python steps does not grow with the rows: computations are on arrays."""
@@ -72,7 +73,7 @@ class EmitterContract(RadiometricContract):
     @classmethod
     def signatures(cls) -> Signatures:
         """Return the built signatures."""
-        raise NotImplementedError
+        raise undefined(cls, "signatures()", "the built signatures or sources")
 
     def values(self, band: int, rows: Any) -> FloatArray:
         """Return radiant intensities of some rows: each emitter at many times, heights and aspect angles."""
@@ -200,7 +201,7 @@ class EnvironmentContract(RadiometricContract):
     @classmethod
     def model(cls) -> Any:
         """Return the built model."""
-        raise NotImplementedError
+        raise undefined(cls, "model()", "the built model")
 
     def test_rows_are_independent(self) -> None:
         """The values of a row do not depend on the other rows of the call."""
