@@ -20,10 +20,10 @@ def test_states_of_boosts_unlike_any_model_are_as_sure_as_they_say(course, kind)
     assert nees(error[:, 3:], told.state_covariance[:, 3:, 3:]).mean() / 3.0 < 1.36
 
 
-class Told(NamedTuple):
-    """What is told of flights (n,) at ticks (t,): areas of regions and whether they hold the impact, (t, n, 3).
+class ReportedRegions(NamedTuple):
+    """Reported impact regions by tick (t,) and flight (n,): areas and whether the impact is inside, (t, n, 3).
 
-    And the probability of burning (t, n), nan without a track.
+    The regions are of 50 %, 90 % and 95 %, in this order. And the probability of burning (t, n), nan without a track.
     """
 
     tick_s: np.ndarray
@@ -51,7 +51,7 @@ def told(request):
                 held[flight] = [region.contains(*impact[flight, :2]) for region in regions]
                 burning[flight] = tick.told.probability_burning[row]
         ticks.append((tick.time_s, area, held, burning))
-    return truth, Told(*map(np.array, zip(*ticks, strict=True)))
+    return truth, ReportedRegions(*map(np.array, zip(*ticks, strict=True)))
 
 
 def test_regions_are_reported_from_the_first_track_on_and_are_nested(told):
