@@ -1,5 +1,7 @@
 """`opir completion`: scripts that complete commands, options and choices in bash, zsh and fish."""
 
+import os
+import re
 import shutil
 import subprocess
 from contextlib import redirect_stdout
@@ -8,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from opir_core.cli.main import COMMANDS, main
+
+pytestmark = pytest.mark.shells
 
 #: Words typed so far, and what completes the last of them.
 TYPED = [
@@ -22,6 +26,27 @@ TYPED = [
 BASH = """
 source {script}
 COMP_WORDS=(opir {words}); COMP_CWORD=$(( ${{#COMP_WORDS[@]}} - 1 )); _opir; printf '%s\\n' "${{COMPREPLY[@]}}"
+"""
+
+FISH = "source {script}; complete -C 'opir {words}'"
+
+#: zsh completes only what is typed at a terminal, and `zpty` is one: the tab key is sent once zsh reads a line.
+ZSH = """
+zmodload zsh/zpty
+zpty terminal 'TERM=dumb ZDOTDIR={folder} zsh -d -i'
+zpty -r terminal shown '*ready*'
+zpty -w -n terminal 'opir {words}'$'\\t'
+zpty -r terminal shown '*finished*'
+print -r -- "$shown"
+"""
+
+#: What that zsh starts with. Each word that a completion adds is printed in brackets too.
+ZSHRC = """
+autoload -Uz compinit && compinit -u -D
+source {script}
+compadd() {{ local -a hits; builtin compadd -O hits "$@"; print -rl -- "<"${{^hits}}">" }}
+zle-line-init() {{ print -r -- ready }}; zle -N zle-line-init
+finish() {{ print -r -- finished; exit }}; comppostfuncs=(finish)
 """
 
 
@@ -41,23 +66,34 @@ def test_every_command_is_in_the_script(script: tuple[str, Path]) -> None:
 
 def test_the_shell_accepts_the_script(script: tuple[str, Path]) -> None:
     shell, path = script
-    if shutil.which(shell) is None:
-        pytest.skip(f"{shell} is not installed")
-    setup = "autoload -Uz compinit && compinit -u; " if shell == "zsh" else ""
-    done = subprocess.run([shell, "-c", f"{setup}source {path}"], capture_output=True, text=True, check=False)
+    setup = "autoload -Uz compinit && compinit -u -D; " if shell == "zsh" else ""
+    done = run_in(shell, f"{setup}source {path}", path.parent)
     assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(("words", "completed"), TYPED, ids=[" ".join(words) for words, _ in TYPED])
 def test_words_are_completed(script: tuple[str, Path], words: list[str], completed: list[str]) -> None:
     shell, path = script
-    if shell == "zsh" or shutil.which(shell) is None:
-        pytest.skip(f"{shell} cannot be asked without a terminal, or is not installed")
-    if shell == "bash":
-        code = BASH.format(script=path, words=" ".join(words))
-    else:
-        code = f"source {path}; complete -C 'opir {' '.join(words)}'"
-    done = subprocess.run([shell, "-c", code], capture_output=True, text=True, check=True)
-    lines = [line.partition("\t")[0] for line in done.stdout.splitlines()]
-    assert set(completed) <= set(lines)
-    assert all(line.startswith(words[-1]) for line in lines)
+    offered = offered_words(shell, path, " ".join(words))
+    assert set(completed) <= set(offered)
+    assert all(word.startswith(words[-1]) for word in offered)
+
+
+def offered_words(shell: str, script: Path, words: str) -> list[str]:
+    """Return the words that a shell offers for the last of those typed after `opir`."""
+    (script.parent / ".zshrc").write_text(ZSHRC.format(script=script), encoding="utf-8")
+    code = {"bash": BASH, "zsh": ZSH, "fish": FISH}[shell].format(script=script, folder=script.parent, words=words)
+    done = run_in(shell, code, script.parent)
+    done.check_returncode()
+    if shell == "zsh":
+        return re.findall("<([^<>\r\n]+)>", done.stdout)
+    return [line.partition("\t")[0] for line in done.stdout.splitlines()]
+
+
+def run_in(shell: str, code: str, home: Path) -> "subprocess.CompletedProcess[str]":
+    """Run code in a shell without the user's settings; without the shell, skip the test unless it is required."""
+    if shutil.which(shell) is None and os.environ.get("OPIR_SHELLS") != "required":
+        pytest.skip(f"{shell} is not installed")
+    given = {name: value for name, value in os.environ.items() if not name.startswith(("XDG_", "ZDOTDIR"))}
+    given["HOME"] = str(home)
+    return subprocess.run([shell, "-c", code], capture_output=True, text=True, check=False, timeout=60, env=given)
