@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from opir_core.errors import ModelError, OpirError, PluginError, Problem, SceneError, SinkError
     from opir_core.interfaces.impact_regions import ImpactRegion
     from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+    from opir_core.output.saved_runs import load_run
     from opir_core.planning.plan import Plan, compile_plan
     from opir_core.plugin.host import Host
     from opir_core.scene.reading import load_scene, scene_from_mapping
@@ -25,6 +26,7 @@ _HOMES = {
     "errors": "ModelError OpirError PluginError Problem SceneError SinkError",
     "interfaces.impact_regions": "ImpactRegion",
     "interfaces.records": "DetectionTruth Detections Tracks Window",
+    "output.saved_runs": "load_run",
     "planning.plan": "Plan compile_plan",
     "plugin.host": "Host",
     "scene.reading": "load_scene scene_from_mapping",
@@ -52,6 +54,7 @@ __all__ = [
     "Window",
     "__version__",
     "compile_plan",
+    "load_run",
     "load_scene",
     "plan_windows",
     "run_of_plan",

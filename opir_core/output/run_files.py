@@ -6,7 +6,7 @@ hot source, a `detection` per event with its `detection_id`; `target_id` is null
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from types import TracebackType
@@ -138,12 +138,12 @@ def require_tracks_of_run(tracks: Path, manifest: Mapping[str, Any]) -> None:
 
 
 def require_events_of_run(
-    events: Path, ids: Sequence[str], targets: Mapping[str, int], manifest: Mapping[str, Any]
+    events: Path, ids: Sequence[str], truths: Collection[str], manifest: Mapping[str, Any]
 ) -> None:
-    """Raise `SceneError` if the ids of events are not those of the truth (target by id) or of the manifest's count."""
+    """Raise `SceneError` if the ids of events are not those of the truth or of the manifest's count."""
     unique = set(ids)
-    unknown = next((each for each in ids if each not in targets), None)
-    lacking = next((each for each in targets if each not in unique), None)
+    unknown = next((each for each in ids if each not in truths), None)
+    lacking = next((each for each in truths if each not in unique), None)
     made = manifest.get("counts", {}).get("detections", len(ids))
     if unknown is not None:
         raise invalid_file(events, "", f"detection {unknown} is not in the truth: {_RERUN}")

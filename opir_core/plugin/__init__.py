@@ -16,6 +16,9 @@ from opir_core.plugin.components import (
     Constellation,
     DetectionModel,
     EventEncoder,
+    ExecutorModel,
+    ExporterModel,
+    MetricModel,
     NoConfig,
     SensorModel,
     SignatureModel,
@@ -96,6 +99,14 @@ if TYPE_CHECKING:
         Views,
     )
     from opir_core.interfaces.records import Batch, ClassifierInputs, Detections, Exposures, Tracks, Window
+    from opir_core.interfaces.results import (
+        Executor,
+        ExecutorContext,
+        Exporter,
+        ExporterContext,
+        Metric,
+        MetricContext,
+    )
     from opir_core.plugin.host import Host
 
 #: The module of each name that is imported on first use.
@@ -118,6 +129,7 @@ _HOMES = {
             "WithClasses"
         ),
         "interfaces.contexts": "EncoderContext ModelContext SensorContext SinkContext TargetContext TrackerContext",
+        "interfaces.results": "Executor ExecutorContext Exporter ExporterContext Metric MetricContext",
         "plugin.host": "Host",
     }.items()
     for name in names.split()
@@ -129,8 +141,10 @@ __all__ = [  # noqa: RUF022
     "Band", "Batch", "BoostProfile", "BufferingSink", "Classifier", "ClassifierInputs", "ClassifierModel",
     "Component", "Confidence", "ConfidenceModel", "Constellation", "DeadlineSink", "Delivery", "DetectionModel",
     "DetectionProbability", "Detections", "EMITTER_TYPES", "Encoder", "EncoderContext", "EquilibriumGlide",
-    "EventEncoder", "Exposures", "FalseAlarmModel", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
-    "Host", "ImpactRegion", "Measured", "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion",
+    "EventEncoder", "Executor", "ExecutorContext", "ExecutorModel", "Exporter", "ExporterContext", "ExporterModel",
+    "Exposures", "FalseAlarmModel", "FieldInfo", "FocalPlaneConfig", "FreeFlight", "FromFiles",
+    "Host", "ImpactRegion", "Measured",
+    "Metric", "MetricContext", "MetricModel", "ModelContext", "MonitoredSink", "NoConfig", "Orbit", "OrbitInsertion",
     "PartialEncoder", "Paths", "Plume", "PosteriorClassifier", "REPORTED_TYPES", "RandomDraws", "ReconfigurableTracker",
     "ReportingConfig", "ReportingStage", "ReportingStageConfig", "Response", "ScanPattern", "ScanningSensorConfig",
     "Sensor", "SensorContext", "SensorModel", "SignalModel",

@@ -172,6 +172,30 @@ class SinkModel(Component):
 
 
 @frozen(kw_only=True)
+class MetricModel(Component):
+    """`build(config, context) -> Metric`: figures of a finished run, for studies."""
+
+    hook = "opir_metrics"
+    kind = "metric"
+
+
+@frozen(kw_only=True)
+class ExecutorModel(Component):
+    """`build(config, context) -> Executor`: runs the tasks of a study."""
+
+    hook = "opir_executors"
+    kind = "executor"
+
+
+@frozen(kw_only=True)
+class ExporterModel(Component):
+    """`build(config, context) -> Exporter`: writes a finished run in a format of other programs."""
+
+    hook = "opir_exporters"
+    kind = "exporter"
+
+
+@frozen(kw_only=True)
 class Constellation:
     """A named constellation: the sensor model of its satellites, and the settings (with an `id`) of each satellite."""
 
@@ -210,5 +234,8 @@ CATALOGUE: Mapping[str, type[Component] | type[Constellation] | type[TargetClass
         BackgroundModel,
         EventEncoder,
         SinkModel,
+        MetricModel,
+        ExecutorModel,
+        ExporterModel,
     )
 }

@@ -96,6 +96,18 @@ class CatalogueHooks:
     def opir_sinks(self) -> Iterable[c.SinkModel]:  # type: ignore[empty-body]
         """Yield sinks: where events go. Chosen with `- NAME: {...}` under `outputs`."""
 
+    @hookspec
+    def opir_metrics(self) -> Iterable[c.MetricModel]:  # type: ignore[empty-body]
+        """Yield metrics: figures of finished runs. A study chooses them by name under `metrics`."""
+
+    @hookspec
+    def opir_executors(self) -> Iterable[c.ExecutorModel]:  # type: ignore[empty-body]
+        """Yield executors: where the runs of a study are made. A study chooses one with `executor: NAME`."""
+
+    @hookspec
+    def opir_exporters(self) -> Iterable[c.ExporterModel]:  # type: ignore[empty-body]
+        """Yield exporters: formats of other programs. `opir export RUN --to NAME` chooses one."""
+
 
 class ExtensionHooks:
     """Hooks that add to the command line."""

@@ -4,7 +4,7 @@ Each stream (a sensor and a target of a run) has a key of 128 bits. An id is the
 number, so the ids of one target have no visible pattern.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from hashlib import blake2b
 
 import numpy as np
@@ -71,6 +71,17 @@ def uuid_text(words: WordArray) -> list[str]:
     """Return ids (n, 2) as text of 36 characters, in lower case (RFC 9562, section 4)."""
     text = uuid_characters(words).tobytes().decode("ascii")
     return [text[start : start + _TEXT_LENGTH] for start in range(0, len(text), _TEXT_LENGTH)]
+
+
+def uuid_words(texts: Sequence[str]) -> WordArray:
+    """Return ids (n, 2) from their texts, the inverse of `uuid_text`; `ValueError` if one is no UUID."""
+    words = np.empty((len(texts), 2), dtype=np.uint64)
+    for row, text in enumerate(texts):
+        digits = text.replace("-", "")
+        if len(digits) != 32:
+            raise ValueError(f"{text!r} is not a UUID")
+        words[row] = int(digits[:16], 16), int(digits[16:], 16)
+    return words
 
 
 def uuid_characters(words: WordArray) -> NDArray[np.uint8]:

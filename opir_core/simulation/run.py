@@ -4,10 +4,11 @@ Windows are sized by their number of looks, so that memory does not grow with a 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from importlib import import_module
+from typing import Any, cast
 
 import numpy as np
-from attrs import frozen
+from attrs import field, frozen
 
 from opir_core.errors import Problem, SceneError
 from opir_core.interfaces.protocols import Sensor
@@ -22,9 +23,13 @@ from opir_core.simulation.report_order import ReportOrder, joined_detections
 from opir_core.simulation.summary import Tally
 
 
-@frozen(eq=False)
+@frozen(eq=False, repr=False)
 class Run:
-    """A finished run: its columns, its summary and its manifest."""
+    """A finished run: its columns, its plan, its summary and its manifest.
+
+    `detections` and `truth` have a row per detection, `tracks` a row per track and tick, `estimates` those to which
+    `detections.estimate` refers.
+    """
 
     detections: Detections
     truth: DetectionTruth
@@ -36,6 +41,41 @@ class Run:
     manifest: Mapping[str, Any]
     #: The names of the detections' reported types, by code.
     reported_types: Sequence[str] = REPORTED_TYPES
+    plan: Plan = field(kw_only=True)
+
+    def __repr__(self) -> str:
+        """Return the scene with the counts, in one line."""
+        counts, scene = self.summary["counts"], self.plan.scene
+        return (
+            f"<Run of {scene.name}: {counts['detections']} detections of {counts['targets']} targets"
+            f" by {counts['sensors']} sensors, {counts['tracks']} tracks, {scene.duration_s:g} s, seed {scene.seed}>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a table of the targets for a notebook, with the run's map if opir-report is installed."""
+        return str(_views().run_html(self))
+
+    @property
+    def plot(self) -> Any:
+        """Return the plots of opir-report, `run.plot.map()` for instance."""
+        return _views().provided("opir_report", "RunPlots", "run.plot")(self)
+
+    def tables(self) -> Mapping[str, Any]:
+        """Return the run as Arrow tables by name, with opir-export."""
+        return cast("Mapping[str, Any]", _views().provided("opir_export", "tables", "run.tables()")(self))
+
+    def to_pandas(self) -> Mapping[str, Any]:
+        """Return the tables as data frames of pandas by name, with opir-export."""
+        return cast("Mapping[str, Any]", _views().provided("opir_export", "to_pandas", "run.to_pandas()")(self))
+
+    def to_polars(self) -> Mapping[str, Any]:
+        """Return the tables as data frames of polars by name, with opir-export."""
+        return cast("Mapping[str, Any]", _views().provided("opir_export", "to_polars", "run.to_polars()")(self))
+
+
+def _views() -> Any:
+    """Return the module of views, which a run by the command line does not need."""
+    return import_module("opir_core.simulation.run_views")
 
 
 #: Target number of looks per window; a column of them takes 2 MiB.
@@ -113,4 +153,5 @@ def _collected(plan: Plan, tally: Tally, parts: Sequence[Window]) -> Run:
         summary=tally.summary(),
         manifest=run_manifest(plan, tally.counts()),
         reported_types=plan.reported_types,
+        plan=plan,
     )

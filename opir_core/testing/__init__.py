@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         SignatureContract,
         SourceContract,
     )
+    from opir_core.testing.contracts.results import ExecutorContract, ExporterContract, MetricContract
     from opir_core.testing.contracts.scenes import SceneContract
     from opir_core.testing.contracts.sensors import ConstellationContract, SensorContract
     from opir_core.testing.contracts.target_classes import TargetClassContract
@@ -44,6 +45,7 @@ _HOMES = {
     "contracts.detection": "DetectionContract",
     "contracts.outputs": "EncoderContract SinkContract",
     "contracts.radiometry": "AtmosphereContract BackgroundContract SignatureContract SourceContract",
+    "contracts.results": "ExecutorContract ExporterContract MetricContract",
     "contracts.scenes": "SceneContract",
     "contracts.sensors": "ConstellationContract SensorContract",
     "contracts.target_classes": "TargetClassContract",
@@ -67,7 +69,10 @@ __all__ = [
     "CountingTracker",
     "DetectionContract",
     "EncoderContract",
+    "ExecutorContract",
+    "ExporterContract",
     "FullConfidence",
+    "MetricContract",
     "SceneContract",
     "SensorContract",
     "SignatureContract",

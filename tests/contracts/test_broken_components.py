@@ -27,6 +27,9 @@ def test_there_are_many() -> None:
         "opir_target_models",
         "opir_event_encoders",
         "opir_sinks",
+        "opir_metrics",
+        "opir_executors",
+        "opir_exporters",
     }
 
 
@@ -41,6 +44,7 @@ def test_a_mutant_is_caught_by_the_named_test(mutant: tuple[str, str], test: str
 #: Mutants whose fault raises of itself, before the contract can judge.
 RAISING = {
     "afraid-of-the-empty",
+    "closes-once",
     "trips-over-nothing",
     "writes-to-its-input",
 }

@@ -26,6 +26,9 @@ HOMES: Mapping[str, tuple[str, str]] = {
     "opir_background_models": ("radiometry", "BackgroundContract"),
     "opir_event_encoders": ("outputs", "EncoderContract"),
     "opir_sinks": ("outputs", "SinkContract"),
+    "opir_metrics": ("results", "MetricContract"),
+    "opir_executors": ("results", "ExecutorContract"),
+    "opir_exporters": ("results", "ExporterContract"),
 }
 
 

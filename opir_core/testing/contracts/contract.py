@@ -10,10 +10,12 @@ from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
+from attrs import fields
 
 from opir_core.arrays import FloatArray
 from opir_core.plugin.components import Component
 from opir_core.plugin.host import Host
+from opir_core.scene.fields import info_of
 from opir_core.scene.reading.nodes import InvalidNode, Node
 from opir_core.scene.reading.plain_data import node_of_data
 from opir_core.scene.reading.structuring import class_reader
@@ -118,6 +120,17 @@ def read_config(component: Any, settings: Mapping[str, Any]) -> Any:
             f"{component.kind} {component.name} rejects its settings: {problems}",
             "Give the contract settings = {...} (opir check: --set key=value), or the fields valid defaults.",
         ) from refused
+
+
+def require_documented(component: Any) -> None:
+    """Require a help text for each setting of a component."""
+    config = component.config
+    bare = [attribute.name for attribute in fields(config) if not info_of(attribute).help]
+    require(
+        not bare,
+        f"{config.__name__} has fields without help: {', '.join(bare)}",
+        "Make each field with number, text, flag or nested of opir_core.plugin, with help=, unit= and a range.",
+    )
 
 
 def test_names(contract: type[Contract]) -> list[str]:

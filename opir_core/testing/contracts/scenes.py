@@ -7,16 +7,15 @@ from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
-from attrs import fields
 
 from opir_core.output.events import detection_schema
 from opir_core.planning.plan import Plan
-from opir_core.scene.fields import info_of
 from opir_core.testing.bench import NEIGHBOUR_SENSOR, NEIGHBOUR_TARGET, BenchRun, LookTable, bench_scene, planned
 from opir_core.testing.contracts.contract import (
     ConformanceError,
     Contract,
     require,
+    require_documented,
     require_no_outside_inputs,
     require_same_events,
 )
@@ -53,13 +52,7 @@ class SceneContract(Contract):
 
     def test_every_setting_is_documented(self) -> None:
         """Every setting has a help text, and the defaults are valid."""
-        config = self.component().config
-        bare = [attribute.name for attribute in fields(config) if not info_of(attribute).help]
-        require(
-            not bare,
-            f"{config.__name__} has fields without help: {', '.join(bare)}",
-            "Make each field with number, text, flag or nested of opir_core.plugin, with help=, unit= and a range.",
-        )
+        require_documented(self.component())
         self.config()
 
     def test_the_same_seed_gives_the_same_bytes(self) -> None:

@@ -3,13 +3,16 @@
 from collections.abc import Iterable
 
 # Each module offers its components as it is imported.
-from broken_components import confidence_and_classifiers, detection, outputs, sensors, targets, trackers  # noqa: F401
+from broken_components import confidence_and_classifiers, detection, outputs, results, sensors, targets, trackers  # noqa: F401
 from broken_components.offers import CAUGHT_BY, SOUND, offered
 from opir_core.plugin import (
     ClassifierModel,
     ConfidenceModel,
     DetectionModel,
     EventEncoder,
+    ExecutorModel,
+    ExporterModel,
+    MetricModel,
     SensorModel,
     SinkModel,
     TargetModel,
@@ -58,3 +61,18 @@ def opir_event_encoders() -> Iterable[EventEncoder]:
 @hookimpl
 def opir_sinks() -> Iterable[SinkModel]:
     return offered("opir_sinks")
+
+
+@hookimpl
+def opir_metrics() -> Iterable[MetricModel]:
+    return offered("opir_metrics")
+
+
+@hookimpl
+def opir_executors() -> Iterable[ExecutorModel]:
+    return offered("opir_executors")
+
+
+@hookimpl
+def opir_exporters() -> Iterable[ExporterModel]:
+    return offered("opir_exporters")

@@ -1,0 +1,75 @@
+"""The protocols of components that work on finished runs: metrics, exporters, and the executors of studies.
+
+A run is an `opir_core.Run`; a metric or an exporter changes nothing of it.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from attrs import frozen
+
+
+@frozen(kw_only=True)
+class MetricContext:
+    """The context of a metric; it has no fields."""
+
+
+@frozen(kw_only=True)
+class ExporterContext:
+    """The context of an exporter; it has no fields."""
+
+
+@frozen(kw_only=True)
+class ExecutorContext:
+    """The context of an executor.
+
+    `workers` is the number of workers that the user asks for, None for the executor's default.
+    """
+
+    workers: int | None = None
+
+
+@runtime_checkable
+class Metric(Protocol):
+    """Figures of a run, one number each; a study averages them over the runs of each design."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Return the names of the figures with their units, "" for none."""
+
+    def values(self, run: Any) -> Mapping[str, float]:
+        """Return the figures of an `opir_core.Run`, with the keys of `units`; nan for what the run does not have.
+
+        The figures depend on the run alone.
+        """
+
+
+@runtime_checkable
+class Executor(Protocol):
+    """Runs a function over many tasks, in one process or in many."""
+
+    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        """Yield the index and the result of each task once, in any order, as they end.
+
+        Function, tasks and results can be pickled. An exception of the function is raised here. A task whose worker
+        dies is run again.
+        """
+
+    def close(self) -> None:
+        """End the workers; allowed several times."""
+
+
+@runtime_checkable
+class Exporter(Protocol):
+    """Writes a run in a format of other programs."""
+
+    @property
+    def suffix(self) -> str:
+        """Return the usual ending of the file, `.kml` for instance; "" for a folder."""
+
+    def write(self, run: Any, path: Path) -> Sequence[Path]:
+        """Write an `opir_core.Run` to a file, or to a new folder; return the files written.
+
+        The same run gives the same bytes.
+        """

@@ -1,0 +1,307 @@
+"""A run read back from its files: events (forge and its kin), truth, tracks and manifest.
+
+Files round: times are to a microsecond, angles to 1e-9 degree, sensor positions to a millimetre.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from attrs import evolve, frozen
+from numpy.typing import NDArray
+
+from opir_core.arrays import FloatArray, IndexArray, IntArray, WordArray
+from opir_core.errors import reason_of
+from opir_core.geometry import line_of_sight
+from opir_core.interfaces.protocols import Sensor
+from opir_core.interfaces.records import Detections, DetectionTruth, Tracks, Window
+from opir_core.output.run_files import (
+    invalid_file,
+    read_manifest,
+    require_events_of_run,
+    require_launches_of_run,
+    require_tracks_of_run,
+)
+from opir_core.output.tracks_file import read_tracks
+from opir_core.planning.plan import Plan, compile_plan
+from opir_core.plugin.host import Host
+from opir_core.random_streams.detection_ids import uuid_words
+from opir_core.scene.reading import scene_from_mapping
+from opir_core.simulation.run import Run
+from opir_core.simulation.summary import Tally
+
+_MANIFEST, _TRUTH, _TRACKS = ".manifest.json", ".truth.jsonl", ".tracks.jsonl"
+_BESIDE = (_MANIFEST, _TRUTH, _TRACKS)
+_NS_PER_US = 1_000
+
+
+class _TruthLine(msgspec.Struct):
+    """A line of the truth; records other than detections have other keys."""
+
+    record: str
+    detection_id: str = ""
+    target_id: str | None = None
+    ignition_s: float | None = None
+    burnout_s: float | None = None
+    burnout: dict[str, Any] | None = None
+    launch: dict[str, Any] | None = None
+    impact: dict[str, Any] | None = None
+    emission_s: float | None = None
+    range_m: float | None = None
+    target_elevation_rad: float | None = None
+    probability: float | None = None
+
+
+class _Event(msgspec.Struct):
+    detection_id: str
+    timestamp: str
+    sensor_id: str
+    line_of_sight_sigma_urad: float
+    azimuth_deg: float
+    elevation_deg: float
+    sensor_position_ecef_m: tuple[float, float, float]
+    target_type: str = "UNKNOWN"
+    confidence: float | None = None
+    reported_at: str | None = None
+    bands: tuple[str, ...] = ()
+    snr: float | None = None
+    track_id: int | None = None
+    band_irradiance_w_m2: dict[str, float | None] | None = None
+    type_probability: dict[str, float | None] | None = None
+
+
+def load_run(path: str | Path, host: Host | None = None) -> Run:
+    """Return a run from the files that `opir run` wrote.
+
+    `path` is the folder of one run, its events, or any file beside them. A column that files do not have is empty or
+    unknown: `scan` and `estimate` are -1, irradiances and type probabilities are those of encoders that write them.
+    Raises `SceneError` with the file and line that is missing, invalid or of another run.
+    """
+    return read_run(_events_at(Path(path)), host=host)
+
+
+def read_run(
+    events: Path,
+    *,
+    truth: Path | None = None,
+    tracks: Path | None = None,
+    manifest: Path | None = None,
+    host: Host | None = None,
+) -> Run:
+    """Return a run from its events and from the truth, tracks and manifest beside them, or from elsewhere.
+
+    Tracks from elsewhere may be those of another tracker from the same events. Raises `SceneError` as `load_run` does.
+    """
+    manifest_path = _existing(manifest or events.with_suffix(_MANIFEST), "manifest")
+    contents = read_manifest(manifest_path)
+    plan = compile_plan(scene_from_mapping(contents["scene"], source=f"the scene in {manifest_path}", host=host), host)
+    estimates = _tracks_of(events, tracks, contents, plan)
+    truths = _truth_lines(_existing(truth or events.with_suffix(_TRUTH), "truth"), plan)
+    rows = list(_lines(_existing(events, "events"), _Event, "an event of the encoder forge"))
+    require_events_of_run(events, [row.detection_id for row in rows], truths, contents)
+    detection_truth = _truth_columns([truths[row.detection_id] for row in rows], plan)
+    detections = _Columns(rows, plan, events).detections(detection_truth.target)
+    return Run(
+        detections=detections.freeze(),
+        truth=detection_truth.freeze(),
+        tracks=estimates,
+        estimates=Tracks.empty(),
+        sensors=plan.sensors,
+        target_ids=plan.targets.ids,
+        summary=_summary(plan, detections, detection_truth, estimates, contents),
+        manifest=contents,
+        reported_types=plan.reported_types,
+        plan=plan,
+    )
+
+
+def _events_at(path: Path) -> Path:
+    """Return the events of the run at a path."""
+    if path.is_dir():
+        found = sorted(path.glob(f"*{_MANIFEST}"))
+        if len(found) != 1:
+            count = ", ".join(each.name for each in found) or "none"
+            words = f"is no folder of one run (manifests in it: {count}); give the events that `opir run` wrote"
+            raise invalid_file(path, "", words)
+        path = found[0]
+    if not path.name:
+        raise invalid_file(path, "", "is not a file of events; give the path of the events that `opir run` wrote")
+    ending = next((each for each in _BESIDE if path.name.endswith(each)), None)
+    if ending is None:
+        return path
+    stem = path.name.removesuffix(ending)
+    beside = sorted(path.parent.glob(f"{stem}.*")) if path.parent.is_dir() else []
+    others = [each for each in beside if not each.name.endswith(_BESIDE) and each.stem == stem]
+    return others[0] if len(others) == 1 else path.parent / f"{stem}.jsonl"
+
+
+def _tracks_of(events: Path, tracks: Path | None, manifest: Mapping[str, Any], plan: Plan) -> Tracks:
+    """Return the run's tracks, or those from elsewhere; none if the scene's tracker makes none."""
+    place = tracks or events.with_suffix(_TRACKS)
+    if tracks is None and not place.exists() and plan.make_tracker().cadence_s is None:
+        return Tracks.empty()
+    estimates = read_tracks(_existing(place, "tracks"))
+    if tracks is None:
+        require_tracks_of_run(place, manifest)
+    return estimates
+
+
+def _truth_lines(path: Path, plan: Plan) -> Mapping[str, _TruthLine]:
+    """Return the truth of each detection by its id."""
+    truths: dict[str, _TruthLine] = {}
+    launches = []
+    for row in _lines(path, _TruthLine, "a line of opir's truth"):
+        if row.record == "target":
+            launches.append(msgspec.structs.asdict(row))
+        elif row.record == "detection":
+            truths[row.detection_id] = row
+    require_launches_of_run(path, launches, plan)
+    return truths
+
+
+def _truth_columns(rows: Sequence[_TruthLine], plan: Plan) -> DetectionTruth:
+    number = {id_: place for place, id_ in enumerate(plan.targets.ids)}
+    return DetectionTruth(
+        target=np.array([number.get(row.target_id or "", -1) for row in rows], dtype=np.int32),
+        emission_time_s=_numbers([row.emission_s for row in rows]),
+        range_m=_numbers([row.range_m for row in rows]),
+        target_elevation_sine=np.sin(_numbers([row.target_elevation_rad for row in rows])),
+        probability=_numbers([row.probability for row in rows]),
+    )
+
+
+@frozen
+class _Columns:
+    """The columns of a file's events, in the order of the file: that of the reports."""
+
+    rows: Sequence[_Event]
+    plan: Plan
+    path: Path
+
+    def detections(self, target: IndexArray) -> Detections:
+        rows, sensors = self.rows, self.plan.sensors
+        sensor = self._sensors()
+        origin = np.array([row.sensor_position_ecef_m for row in rows], dtype=np.float64).reshape(-1, 3)
+        angles = np.radians([[row.azimuth_deg, row.elevation_deg] for row in rows]).reshape(-1, 2)
+        detections = Detections(
+            time_ns=self._times_ns([row.timestamp for row in rows]),
+            sensor=sensor,
+            scan=np.full(len(rows), -1, dtype=np.int64),
+            detection_id=self._ids(),
+            reported_type=self._types(),
+            bands=np.array(
+                [_mask(sensors[place], row.bands) for place, row in zip(sensor.tolist(), rows, strict=True)],
+                dtype=np.uint8,
+            ),
+            detection_count=_running_counts(sensor, target),
+            confidence=_numbers([row.confidence for row in rows]),
+            line_of_sight_ecef=line_of_sight(origin, angles[:, 0], angles[:, 1]),
+            sensor_ecef_m=origin,
+            snr=_numbers([row.snr for row in rows]),
+            track=np.array([-1 if row.track_id is None else row.track_id for row in rows], dtype=np.int64),
+            estimate=np.full(len(rows), -1, dtype=np.int64),
+            line_of_sight_sigma_rad=np.array([row.line_of_sight_sigma_urad for row in rows]) * 1e-6,
+            band_irradiance_w_m2=self._irradiances(sensor),
+            type_log_probability=self._type_probabilities(),
+        )
+        if all(row.reported_at in (None, row.timestamp) for row in rows):
+            return detections
+        return evolve(detections, reported_ns=self._times_ns([row.reported_at or row.timestamp for row in rows]))
+
+    def _ids(self) -> WordArray:
+        try:
+            return uuid_words([row.detection_id for row in self.rows])
+        except ValueError as error:
+            raise invalid_file(self.path, "detection_id", str(error)) from error
+
+    def _sensors(self) -> IndexArray:
+        number = {sensor.id: place for place, sensor in enumerate(self.plan.sensors)}
+        unknown = next((row.sensor_id for row in self.rows if row.sensor_id not in number), None)
+        if unknown is not None:
+            words = f"the manifest's scene has no sensor {unknown}: the files are of different runs"
+            raise invalid_file(self.path, "", words)
+        return np.array([number[row.sensor_id] for row in self.rows], dtype=np.int32)
+
+    def _types(self) -> NDArray[np.uint8]:
+        codes = {name: code for code, name in enumerate(self.plan.reported_types)}
+        unknown = next((row.target_type for row in self.rows if row.target_type not in codes), None)
+        if unknown is not None:
+            raise invalid_file(self.path, "target_type", f"{unknown} is no type that the manifest's scene reports")
+        return np.array([codes[row.target_type] for row in self.rows], dtype=np.uint8)
+
+    def _times_ns(self, texts: Sequence[str]) -> IntArray:
+        try:
+            stamps = np.array([text.removesuffix("Z") for text in texts], dtype="datetime64[us]")
+        except ValueError as error:
+            raise invalid_file(self.path, "timestamp", f"is not a timestamp of opir: {error}") from error
+        return (stamps.astype(np.int64) - self.plan.scene.epoch_us) * _NS_PER_US
+
+    def _irradiances(self, sensor: IndexArray) -> FloatArray:
+        if not any(row.band_irradiance_w_m2 for row in self.rows):
+            return np.empty((len(self.rows), 0))
+        names = [[band.name for band in each.bands] for each in self.plan.sensors]
+        values = np.full((len(self.rows), max(map(len, names))), np.nan)
+        for place, row in enumerate(self.rows):
+            own = names[sensor[place]]
+            values[place, : len(own)] = _numbers([(row.band_irradiance_w_m2 or {}).get(name) for name in own])
+        return values
+
+    def _type_probabilities(self) -> FloatArray:
+        if not any(row.type_probability for row in self.rows):
+            return np.empty((len(self.rows), 0))
+        names = next(list(row.type_probability) for row in self.rows if row.type_probability)
+        chances = [_numbers([(row.type_probability or {}).get(name) for name in names]) for row in self.rows]
+        with np.errstate(divide="ignore"):
+            return np.log(np.array(chances))
+
+
+def _mask(sensor: Sensor, bands: Sequence[str]) -> int:
+    return sum(1 << place for place, band in enumerate(sensor.bands) if band.name in bands)
+
+
+def _running_counts(sensor: IndexArray, target: IndexArray) -> IndexArray:
+    """Return the count of detections of each row's target by its sensor up to the row; 1 for false alarms."""
+    counts = np.ones(len(target), dtype=np.int32)
+    pair = sensor.astype(np.int64) << 32 | target.astype(np.int64) & 0xFFFFFFFF
+    order = np.argsort(pair, kind="stable")
+    first = np.flatnonzero(np.diff(pair[order], prepend=-1) != 0)
+    lengths = np.diff(np.append(first, len(order)))
+    counts[order] = np.arange(len(order)) - np.repeat(first, lengths) + 1
+    return np.where(target < 0, 1, counts).astype(np.int32)
+
+
+def _numbers(values: Sequence[float | None]) -> FloatArray:
+    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+
+def _summary(
+    plan: Plan, detections: Detections, truth: DetectionTruth, tracks: Tracks, manifest: Mapping[str, Any]
+) -> Mapping[str, Any]:
+    """Return the summary of the whole run, counted as one window."""
+    tally = Tally(plan.sensors, plan.targets, plan.pairs, plan.reported_types)
+    looks = int(manifest.get("counts", {}).get("looks", 0))
+    tally.count(Window(0.0, plan.end_ns * 1e-9, looks, detections, truth, tracks, Tracks.empty()))
+    return tally.summary()
+
+
+def _lines(path: Path, kind: Any, due: str) -> Iterator[Any]:
+    decoder = msgspec.json.Decoder(kind)
+    try:
+        lines = path.open("rb")
+    except OSError as error:
+        raise invalid_file(path, "", f"cannot be read: {reason_of(error)}") from error
+    with lines:
+        for number, line in enumerate(lines, start=1):
+            try:
+                yield decoder.decode(line)
+            except (msgspec.DecodeError, UnicodeDecodeError) as error:
+                raise invalid_file(path, f"line {number}", f"is not {due}: {error}") from error
+
+
+def _existing(path: Path, what: str) -> Path:
+    if path.is_file():
+        return path
+    words = f"there is no {what} file; `opir run` writes events, truth, tracks and manifest side by side"
+    raise invalid_file(path, "", words)

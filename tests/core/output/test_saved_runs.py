@@ -1,0 +1,107 @@
+"""A run read back from its files is the run in memory, as far as files round."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import opir_core
+from opir_core.cli.main import main
+from opir_core.errors import PluginError, SceneError
+from opir_core.output.saved_runs import read_run
+
+SCENE = Path(__file__).parents[3] / "examples" / "pacific_test_range.yaml"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("saved")
+    assert main(["run", str(SCENE), "--set", "duration_s=120", "--out", str(made / "events.jsonl"), "--quiet"]) == 0
+    return made
+
+
+@pytest.fixture(scope="module")
+def memory() -> opir_core.Run:
+    return opir_core.simulate(opir_core.load_scene(SCENE, overrides=["duration_s=120"]))
+
+
+@pytest.fixture(scope="module")
+def saved(folder: Path) -> opir_core.Run:
+    return opir_core.load_run(folder)
+
+
+def test_columns_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
+    mine, theirs = saved.detections, memory.detections
+    for name in ("sensor", "detection_id", "reported_type", "bands", "detection_count", "track"):
+        assert np.array_equal(getattr(mine, name), getattr(theirs, name)), name
+    assert np.abs(mine.time_ns - theirs.time_ns).max() <= 1_000
+    assert np.abs(mine.sensor_ecef_m - theirs.sensor_ecef_m).max() <= 1e-3
+    assert np.abs(mine.line_of_sight_ecef - theirs.line_of_sight_ecef).max() < 1e-10
+    assert np.allclose(mine.confidence, theirs.confidence, atol=1e-6)
+    assert np.allclose(mine.snr, theirs.snr, atol=1e-6, equal_nan=True)
+    assert (mine.scan == -1).all()
+
+
+def test_truth_and_tracks_are_those_of_the_run(saved: opir_core.Run, memory: opir_core.Run) -> None:
+    assert np.array_equal(saved.truth.target, memory.truth.target)
+    for name in ("emission_time_s", "range_m", "target_elevation_sine", "probability"):
+        assert np.allclose(getattr(saved.truth, name), getattr(memory.truth, name), rtol=1e-12, equal_nan=True), name
+    assert len(saved.tracks) == len(memory.tracks) > 0
+    assert np.array_equal(saved.tracks.state, memory.tracks.state)
+
+
+def test_the_summary_is_counted_anew(saved: opir_core.Run, memory: opir_core.Run) -> None:
+    assert saved.summary["counts"] == memory.summary["counts"]
+    mine, theirs = saved.summary["targets"], memory.summary["targets"]
+    assert [row["first_sensor_id"] for row in mine] == [row["first_sensor_id"] for row in theirs]
+    assert [row["latency_s"] for row in mine] == pytest.approx([row["latency_s"] for row in theirs], abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["events.jsonl", "events.manifest.json", "events.truth.jsonl", "events.tracks.jsonl"])
+def test_any_file_of_the_run_will_do(folder: Path, saved: opir_core.Run, name: str) -> None:
+    assert repr(opir_core.load_run(folder / name)) == repr(saved)
+
+
+def test_a_run_shows_itself_in_a_line(memory: opir_core.Run) -> None:
+    assert len(repr(memory)) < 200
+    assert memory.plan.scene.name in repr(memory)
+    assert "<table>" in memory._repr_html_()
+
+
+@pytest.mark.parametrize("encoder", ["forge-bands", "forge-tracks", "forge"])
+def test_events_of_each_kin_of_forge_are_read(tmp_path: Path, encoder: str) -> None:
+    settings = ["detection=snr", "classification=spectral", "duration_s=120"]
+    output = f"outputs=[{{jsonl: {{path: {tmp_path}/e.jsonl, encoder: {encoder}}}}}]"
+    given = [word for each in (output, *settings) for word in ("--set", each)]
+    assert main(["run", str(SCENE), *given, "--quiet"]) == 0
+    run = opir_core.load_run(tmp_path / "e.jsonl")
+    memory = opir_core.simulate(opir_core.load_scene(SCENE, overrides=settings))
+    assert len(run.detections) == len(memory.detections) > 0
+    assert np.allclose(run.detections.type_probability, memory.detections.type_probability, atol=1e-6)
+    if encoder == "forge-bands":
+        theirs = memory.detections.band_irradiance_w_m2
+        assert np.allclose(run.detections.band_irradiance_w_m2, theirs, rtol=1e-5, equal_nan=True)
+
+
+def test_a_folder_without_one_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"is no folder of one run \(manifests in it: none\)"):
+        opir_core.load_run(tmp_path)
+
+
+def test_an_id_that_is_none_is_refused(folder: Path, tmp_path: Path) -> None:
+    for path in folder.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    for name in ("events.jsonl", "events.truth.jsonl"):
+        text = (tmp_path / name).read_text()
+        first = json.loads((folder / "events.jsonl").read_text().splitlines()[0])["detection_id"]
+        (tmp_path / name).write_text(text.replace(first, "never"))
+    with pytest.raises(SceneError, match="detection_id: 'never' is not a UUID"):
+        read_run(tmp_path / "events.jsonl")
+
+
+def test_what_another_package_adds_is_named(memory: opir_core.Run) -> None:
+    from opir_core.simulation.run_views import provided
+
+    with pytest.raises(PluginError, match=r"(?s)run.x is not available.*pip install opir-nowhere"):
+        provided("opir_nowhere", "x", "run.x")

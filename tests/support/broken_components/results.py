@@ -1,0 +1,155 @@
+"""Broken metrics, exporters and executors, and sound ones that they are made of."""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from broken_components.offers import SOUND, mutant
+from opir_core import Run
+from opir_core.plugin import ExecutorModel, ExporterModel, MetricModel
+
+
+def made_of(kind: Any, name: str, caught_by: str) -> Callable[[Any], Any]:
+    """Offer an object of the decorated class."""
+
+    def offered(made: Any) -> Any:
+        mutant(kind, name, caught_by)(lambda _config, _context: made())
+        return made
+
+    return offered
+
+
+def sound(kind: Any, name: str) -> Callable[[Any], Any]:
+    """Offer an object of the decorated class in which no test is to find a fault."""
+    SOUND.add((kind.hook, name))
+    return made_of(kind, name, "none")
+
+
+@sound(MetricModel, "sound-metric")
+class DetectionCount:
+    units: Mapping[str, str] = {"detections": "", "tracks": ""}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        return {"detections": float(len(run.detections)), "tracks": float(len(run.tracks)) or math.nan}
+
+
+@made_of(MetricModel, "nameless", "test_figures_have_names_and_units")
+class Nameless(DetectionCount):
+    units: Mapping[str, str] = {}
+
+    def values(self, run: Run) -> Mapping[str, float]:
+        return {}
+
+
+@made_of(MetricModel, "forgetful", "test_every_run_has_every_figure")
+class Forgetful(DetectionCount):
+    def values(self, run: Run) -> Mapping[str, float]:
+        return {name: value for name, value in super().values(run).items() if value == value}
+
+
+@made_of(MetricModel, "endless", "test_figures_are_finite_or_nan")
+class Endless(DetectionCount):
+    def values(self, run: Run) -> Mapping[str, float]:
+        return {name: -math.inf if value == 0.0 else value for name, value in super().values(run).items()}
+
+
+@made_of(MetricModel, "timed", "test_figures_depend_on_the_run_alone")
+class Timed(DetectionCount):
+    def values(self, run: Run) -> Mapping[str, float]:
+        return {**super().values(run), "tracks": float(time.time_ns() % 2)}
+
+
+@made_of(MetricModel, "unpicklable", "test_a_built_metric_pickles")
+class Unpicklable(DetectionCount):
+    def __init__(self) -> None:
+        self.held = lambda: None
+
+
+@sound(ExporterModel, "sound-exporter")
+class Lines:
+    suffix = ".txt"
+
+    def write(self, run: Run, path: Path) -> Sequence[Path]:
+        path.write_text(f"{run!r}\n")
+        return [path]
+
+
+@made_of(ExporterModel, "without-a-dot", "test_the_ending_is_stated")
+class WithoutADot(Lines):
+    suffix = "txt"
+
+
+@made_of(ExporterModel, "silent", "test_every_run_can_be_written")
+class Silent(Lines):
+    def write(self, run: Run, path: Path) -> Sequence[Path]:
+        return super().write(run, path) if len(run.detections) else []
+
+
+@made_of(ExporterModel, "leaves-things", "test_every_run_can_be_written")
+class LeavesThings(Lines):
+    def write(self, run: Run, path: Path) -> Sequence[Path]:
+        path.with_suffix(".tmp").write_text("half")
+        return super().write(run, path)
+
+
+@made_of(ExporterModel, "hollow", "test_files_have_content")
+class Hollow(Lines):
+    def write(self, run: Run, path: Path) -> Sequence[Path]:
+        path.touch()
+        return [path]
+
+
+@made_of(ExporterModel, "dated", "test_the_same_run_gives_the_same_bytes")
+class Dated(Lines):
+    def write(self, run: Run, path: Path) -> Sequence[Path]:
+        path.write_text(str(time.time_ns()))
+        return [path]
+
+
+@made_of(ExporterModel, "held-open", "test_a_built_exporter_pickles")
+class HeldOpen(Lines):
+    def __init__(self) -> None:
+        self.held = lambda: None
+
+
+@sound(ExecutorModel, "sound-executor")
+class InTurn:
+    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        for index, task in enumerate(tasks):
+            yield index, function(task)
+
+    def close(self) -> None:
+        return
+
+
+@made_of(ExecutorModel, "skips-the-last", "test_every_task_is_run_once")
+class SkipsTheLast(InTurn):
+    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        return super().results(function, tasks[:-1])
+
+
+@made_of(ExecutorModel, "invents-one", "test_no_task_is_no_result")
+class InventsOne(InTurn):
+    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        return super().results(function, tasks) if tasks else iter([(0, None)])
+
+
+@made_of(ExecutorModel, "keeps-quiet", "test_errors_arrive")
+class KeepsQuiet(InTurn):
+    def results(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> Iterator[tuple[int, Any]]:
+        try:
+            yield from super().results(function, tasks)
+        except ZeroDivisionError:
+            return
+
+
+@made_of(ExecutorModel, "closes-once", "test_closing_twice_is_allowed")
+class ClosesOnce(InTurn):
+    is_open = True
+
+    def close(self) -> None:
+        if not self.is_open:
+            raise RuntimeError("closed")
+        self.is_open = False
